@@ -1,0 +1,189 @@
+// portmetd check: loads everything a run would load and says what is there.
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "app/command.h"
+#include "app/setup.h"
+#include "net/channel.h"
+#include "sim/subsystem.h"
+
+// Builds what every node would build; `rounds` receives the number of flux exchanges per step.
+static pm_status build_all(const pm_setup *setup, int *rounds) {
+    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
+        pm_subsystem *subsystem;
+        PM_TRY(pm_subsystem_open(&subsystem, setup->system, i));
+        *rounds = pm_subsystem_rounds(subsystem);
+        pm_subsystem_close(subsystem);
+    }
+    return PM_OK;
+}
+
+static void print_header(const pm_setup *setup, int rounds) {
+    const pm_scene *scene = setup->scene;
+    printf("scene %s (%s)\n", scene->name, scene->path);
+    printf("  time       %d steps of %g s, %s, %d substeps: %d flux exchanges per step\n",
+           scene->steps, scene->dt, scene->integrator, scene->substeps, rounds);
+    printf("  LCM        %s, %d granted at once, patience %g s\n", scene->url, scene->window,
+           scene->patience);
+    printf("  tolerance  energy %g, entropy %g (relative residuals on hard components)\n",
+           scene->energy_tolerance, scene->entropy_tolerance);
+    if (setup->reference != NULL) {
+        printf("  reference  %s, trajectory %d of %d, %d states of %g s\n", scene->reference,
+               scene->reference_trajectory, setup->reference->ntrajectory, setup->reference->ntime,
+               setup->reference->dt);
+    }
+    printf("  digest     %016" PRIx64 "\n", setup->system->digest);
+}
+
+static const char *form_name(pm_form form) {
+    return form == PM_HARD ? "hard" : "soft";
+}
+
+static void print_weights(const pm_params *params, const pm_provenance *provenance) {
+    printf("  weights    %s: %zu numbers, digest %016" PRIx64 "\n", provenance->path,
+           pm_params_trained(params), provenance->digest);
+    printf("             made by: %s\n", provenance->command);
+    printf("             data %s, seed %" PRIu64 ", loss %.3g, trained for %.0f s\n",
+           provenance->data, provenance->seed, provenance->loss, provenance->seconds);
+}
+
+static void print_group(const pm_scene *scene, const pm_scene_subsystem *subsystem, int group_id) {
+    const pm_group *group = &subsystem->layout.group[group_id];
+    printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
+    if (subsystem->column != NULL) {
+        printf(" columns");
+        for (int i = 0; i < group->size; ++i) {
+            printf(" %s", subsystem->column[group->first + i]);
+        }
+    }
+    const int base = subsystem->relative_subsystem[group_id];
+    if (base >= 0) {
+        const pm_scene_subsystem *other = &scene->subsystem[base];
+        printf(", measured from %s.%s", other->name,
+               other->layout.group[subsystem->relative_group[group_id]].name);
+    }
+    printf("\n");
+}
+
+static void print_subsystem(const pm_setup *setup, int i) {
+    const pm_scene_subsystem *subsystem = &setup->scene->subsystem[i];
+    const pm_part *part = &setup->system->part[i];
+    printf("\nsubsystem %s (%s): %d variables\n", subsystem->name, form_name(part->spec.form),
+           subsystem->layout.nz);
+    for (int group = 0; group < subsystem->layout.ngroup; ++group) {
+        print_group(setup->scene, subsystem, group);
+    }
+    print_weights(&part->params, &setup->system->part_provenance[i]);
+}
+
+static void print_port(const pm_setup *setup, int i) {
+    const pm_scene_port *port = &setup->scene->port[i];
+    const pm_port_model *model = &setup->system->port[i];
+    printf("\nport %s (%s, %s)\n", port->name, port->law, form_name(model->spec.form));
+    for (int end = 0; end < 2; ++end) {
+        printf("  end %c      %s exposes", 'a' + end,
+               setup->scene->subsystem[port->subsystem[end]].name);
+        for (int group = 0; group < port->layout[end].ngroup; ++group) {
+            printf(" %s", port->layout[end].group[group].name);
+        }
+        printf("\n");
+    }
+    print_weights(&model->params, &setup->system->port_provenance[i]);
+}
+
+static bool operator_is_empty(const pm_operator_spec *spec) {
+    return spec->ngiven == 0 && !spec->learned;
+}
+
+static void print_skipped(const pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    printf("\nskipped\n");
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_part *part = &setup->system->part[i];
+        const char *name = scene->subsystem[i].name;
+        if (!pm_part_has_entropy(part)) {
+            printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
+        }
+        if (operator_is_empty(&part->spec.reversible)) {
+            printf("  %s: reversible bulk: none\n", name);
+        }
+        if (operator_is_empty(&part->spec.irreversible)) {
+            printf("  %s: irreversible bulk: none\n", name);
+        }
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        const pm_port_spec *spec = &setup->system->port[i].spec;
+        if (operator_is_empty(&spec->reversible)) {
+            printf("  %s: reversible exchange: none\n", scene->port[i].name);
+        }
+        if (operator_is_empty(&spec->irreversible)) {
+            printf("  %s: irreversible exchange: none\n", scene->port[i].name);
+        }
+    }
+    if (setup->reference == NULL) {
+        printf("  no reference: no error table, and no state messages unless --record asks\n");
+    }
+    printf("  no recorder unless --record names a file\n");
+}
+
+static pm_status print_channels(const pm_scene *scene) {
+    static const char *const words[] = {"TICK", "COMMAND", "REQUEST", "LEDGER"};
+    char channel[PM_CHANNEL_SIZE];
+    printf("\nchannels that a spy sees\n");
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
+        PM_TRY(pm_channel_scene(channel, scene, words[i]));
+        printf("  %s\n", channel);
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            PM_TRY(pm_channel_flux(channel, scene, i, (pm_end)end));
+            printf("  %s\n", channel);
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY(pm_channel_subsystem(channel, scene, "REPORT", i));
+        printf("  %s\n", channel);
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY(pm_channel_subsystem(channel, scene, "STATE", i));
+        printf("  %s (if recorded or compared)\n", channel);
+    }
+    return PM_OK;
+}
+
+static pm_status describe(const pm_setup *setup) {
+    int rounds = 0;
+    PM_TRY(build_all(setup, &rounds));
+    print_header(setup, rounds);
+    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
+        print_subsystem(setup, i);
+    }
+    for (int i = 0; i < setup->scene->nport; ++i) {
+        print_port(setup, i);
+    }
+    print_skipped(setup);
+    return print_channels(setup->scene);
+}
+
+static pm_status execute(const pm_options *options) {
+    pm_setup setup;
+    pm_status status;
+    PM_TRY_DONE(pm_setup_load(&setup, options, true));
+    status = describe(&setup);
+done:
+    pm_setup_free(&setup);
+    return status;
+}
+
+const pm_command pm_command_check = {
+    .name = "check",
+    .arguments = "SCENE",
+    .summary = "validate a scene and describe it",
+    .help =
+        "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
+        "hold: time stepping, subsystems with their variables, units and dataset columns, ports,\n"
+        "the provenance of the weights, what a run will not compute, and the LCM channels.\n"
+        "Anything wrong ends it with one line and the exit code of its class.\n",
+    .accepts = PM_OPTION_WEIGHTS,
+    .execute = execute,
+};

@@ -1,0 +1,65 @@
+// portmetd node: one subsystem in this process.
+#include <stdio.h>
+
+#include "app/command.h"
+#include "app/setup.h"
+#include "app/stop.h"
+#include "net/lockstep.h"
+
+static pm_status serve(const pm_setup *setup, const pm_options *options, int subsystem_id) {
+    pm_transport *transport = NULL;
+    pm_lockstep_node *node = NULL;
+    const pm_lockstep_node_options node_options = {
+        .z = setup->initial + setup->scene->subsystem[subsystem_id].first,
+        .session = options->session,
+    };
+    pm_status status;
+    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(
+        pm_lockstep_node_open(&node, setup->system, subsystem_id, transport, &node_options));
+    status = pm_lockstep_run_node(node, &pm_stop_requested);
+done:
+    pm_lockstep_node_close(node);
+    pm_transport_close(transport);
+    return status;
+}
+
+static pm_status fail_name(const pm_scene *scene, const char *name) {
+    char list[256] = "";
+    size_t used = 0;
+    for (int i = 0; i < scene->nsubsystem && used < sizeof list; ++i) {
+        const int length = snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : ", ",
+                                    scene->subsystem[i].name);
+        used += length < 0 ? 0 : (size_t)length;
+    }
+    return pm_fail(PM_EUSAGE, "%s: no subsystem called \"%s\"; there are: %s", scene->path, name,
+                   list);
+}
+
+static pm_status execute(const pm_options *options) {
+    pm_setup setup;
+    pm_status status;
+    PM_TRY_DONE(pm_setup_load(&setup, options, false));
+    const int subsystem_id = pm_scene_find_subsystem(setup.scene, options->name);
+    status = subsystem_id < 0 ? fail_name(setup.scene, options->name)
+                              : serve(&setup, options, subsystem_id);
+done:
+    pm_setup_free(&setup);
+    return status;
+}
+
+const pm_command pm_command_node = {
+    .name = "node",
+    .arguments = "SCENE NAME",
+    .summary = "serve one subsystem of a scene",
+    .help =
+        "Serves the subsystem NAME: publishes its energy and entropy flux through its ports,\n"
+        "listens to its neighbours, and steps when the coordinator grants it. Ends when the run\n"
+        "does. Scene, weights and initial state must be the same on every host; a node that\n"
+        "differs is refused. By hand, one in each terminal or on each host, in any order:\n\n"
+        "  portmetd node SCENE NAME1\n"
+        "  portmetd node SCENE NAME2\n"
+        "  portmetd coordinator SCENE\n",
+    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION,
+    .execute = execute,
+};

@@ -1,0 +1,48 @@
+// The samples' way from the coordinator to the terminal and to a file.
+#include "app/observer.h"
+
+#include <stddef.h>
+
+pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
+                           const pm_options *options) {
+    *observer = (pm_observer){.options = options, .started = pm_clock()};
+    PM_TRY(pm_report_open(&observer->report, setup));
+    if (options->record != NULL) {
+        PM_TRY(pm_recording_open(&observer->recording, options->record, setup->scene));
+    }
+    return PM_OK;
+}
+
+static pm_status observe(void *context, const pm_sample *sample) {
+    pm_observer *observer = context;
+    pm_report_add(observer->report, sample);
+    pm_progress_update(&observer->progress, sample->step, NULL);
+    return observer->recording == NULL ? PM_OK : pm_recording_append(observer->recording, sample);
+}
+
+pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup) {
+    pm_progress_init(&observer->progress, setup->scene->name, setup->scene->steps);
+    observer->progress.enabled = observer->progress.enabled && !observer->options->quiet;
+    return (pm_lockstep_coordinator_options){
+        .steps = setup->scene->steps,
+        .session = observer->options->session,
+        .want_state = observer->recording != NULL || setup->reference != NULL,
+        .observer = {observer, observe},
+    };
+}
+
+pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
+                             const char *how) {
+    pm_progress_finish(&observer->progress);
+    const pm_status closed = pm_recording_close(observer->recording);
+    observer->recording = NULL;
+    if (!observer->options->quiet && ledger->steps > 0) {
+        pm_report_print(observer->report, ledger, how, pm_clock() - observer->started);
+    }
+    return status != PM_OK ? status : closed;
+}
+
+void pm_observer_close(pm_observer *observer) {
+    pm_recording_close(observer->recording);
+    pm_report_close(observer->report);
+}

@@ -1,0 +1,195 @@
+// The tables of a run.
+#include "app/report.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/progress.h"
+#include "sim/score.h"
+
+typedef struct energy_entropy {
+    double energy, entropy; // sums over the steps, W and W/K
+} energy_entropy;
+
+struct pm_report {
+    const pm_setup *setup;
+    pm_arena arena;
+    long steps;                // taken in, besides the initial state
+    double first, last;        // s, clock of the first and the last sample
+    energy_entropy *bulk;      // [nsubsystem]
+    energy_entropy (*flux)[2]; // [nport][end]
+    long evaluated, skipped;   // terms, up to the last sample
+    int capacity, ncompared;   // states that the run and the reference share; reached so far
+    double *predicted;         // [capacity][ncolumn]
+    double *error;             // [columns.ngroup] scratch of the table
+};
+
+static pm_status allocate(pm_report *report) {
+    const pm_setup *setup = report->setup;
+    const pm_scene *scene = setup->scene;
+    pm_arena *arena = &report->arena;
+    report->bulk = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof report->bulk[0]);
+    report->flux = pm_arena_array(arena, (size_t)scene->nport, sizeof report->flux[0]);
+    if (setup->reference != NULL) {
+        const int reachable = scene->steps / setup->stride + 1;
+        const int ntime = setup->reference->ntime;
+        report->capacity = reachable < ntime ? reachable : ntime;
+        report->predicted = pm_arena_array(
+            arena, (size_t)report->capacity * (size_t)setup->reference->ncolumn, sizeof(double));
+        report->error = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof(double));
+    }
+    const bool complete =
+        report->bulk != NULL && report->flux != NULL &&
+        (setup->reference == NULL || (report->predicted != NULL && report->error != NULL));
+    return complete ? PM_OK : pm_fail(PM_ENOMEM, "report: out of memory");
+}
+
+pm_status pm_report_open(pm_report **report, const pm_setup *setup) {
+    pm_report *opened = calloc(1, sizeof *opened);
+    if (opened == NULL) {
+        return pm_fail(PM_ENOMEM, "report: out of memory");
+    }
+    opened->setup = setup;
+    const pm_status status = allocate(opened);
+    if (status != PM_OK) {
+        pm_report_close(opened);
+        return status;
+    }
+    *report = opened;
+    return PM_OK;
+}
+
+void pm_report_close(pm_report *report) {
+    if (report != NULL) {
+        pm_arena_free(&report->arena);
+        free(report);
+    }
+}
+
+static void keep_prediction(pm_report *report, const pm_sample *sample) {
+    const pm_setup *setup = report->setup;
+    if (setup->reference == NULL || sample->step % setup->stride != 0) {
+        return;
+    }
+    const long row = sample->step / setup->stride;
+    if (row < report->capacity) {
+        report->ncompared = (int)row + 1;
+        pm_columns_to_row(&setup->columns, sample->z,
+                          report->predicted + row * setup->reference->ncolumn);
+    }
+}
+
+void pm_report_add(pm_report *report, const pm_sample *sample) {
+    const pm_scene *scene = report->setup->scene;
+    report->last = pm_clock();
+    keep_prediction(report, sample);
+    if (sample->step == 0) {
+        report->first = report->last;
+        return;
+    }
+    report->steps = sample->step;
+    report->evaluated = report->skipped = 0;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        report->bulk[i].energy += sample->bulk_energy[i];
+        report->bulk[i].entropy += sample->bulk_entropy[i];
+        report->evaluated += sample->evaluated[i];
+        report->skipped += sample->skipped[i];
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            report->flux[i][end].energy += sample->flux[i][end].energy;
+            report->flux[i][end].entropy += sample->flux[i][end].entropy;
+        }
+    }
+}
+
+static void print_flux(const pm_report *report, int subsystem, const char *through,
+                       energy_entropy sum) {
+    const pm_setup *setup = report->setup;
+    const double steps = report->steps > 0 ? (double)report->steps : 1;
+    printf("  %-16s %-16s %+15.6e", setup->scene->subsystem[subsystem].name, through,
+           sum.energy / steps);
+    if (pm_part_has_entropy(&setup->system->part[subsystem])) {
+        printf(" %+15.6e\n", sum.entropy / steps);
+    } else {
+        printf(" %15s\n", "no entropy");
+    }
+}
+
+static void print_fluxes(const pm_report *report) {
+    const pm_scene *scene = report->setup->scene;
+    printf("\n%-18s %-16s %15s %15s\n", "Mean flux into", "through", "energy, W", "entropy, W/K");
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        for (int p = 0; p < scene->nport; ++p) {
+            for (int end = 0; end < 2; ++end) {
+                if (scene->port[p].subsystem[end] == i) {
+                    print_flux(report, i, scene->port[p].name, report->flux[p][end]);
+                }
+            }
+        }
+        print_flux(report, i, "(its own bulk)", report->bulk[i]);
+    }
+}
+
+static void print_errors(const pm_report *report) {
+    const pm_setup *setup = report->setup;
+    if (setup->reference == NULL) {
+        return;
+    }
+    pm_score(&setup->columns, report->ncompared, setup->reference->ncolumn, report->predicted,
+             pm_setup_truth(setup, 0), report->error, NULL);
+    printf("\nRelative L2 error over %d states of %s, trajectory %d\n", report->ncompared,
+           setup->scene->reference, setup->scene->reference_trajectory);
+    for (int i = 0; i < setup->columns.ngroup; ++i) {
+        printf("  %-16s %8.3f %%\n", setup->columns.group_name[i], 100 * report->error[i]);
+    }
+}
+
+static void print_total(const char *what, double start, double end) {
+    printf("  %-16s %15.9g %15.9g %+15.3e\n", what, start, end, end - start);
+}
+
+static void print_worst(const char *what, double residual, double tolerance, const char *at,
+                        long step) {
+    printf("  %-16s %15.2e %15.0e", what, residual, tolerance);
+    if (at == NULL) {
+        printf("\n");
+    } else {
+        printf("   step %ld, %s\n", step, at);
+    }
+}
+
+static void print_laws(const pm_report *report, const pm_ledger *ledger) {
+    const pm_scene *scene = report->setup->scene;
+    printf("\n%-18s %15s %15s %15s\n", "Both laws", "start", "end", "change");
+    print_total("energy, J", ledger->first_energy, ledger->energy);
+    print_total("entropy, J/K", ledger->first_entropy, ledger->entropy);
+    printf("\n%-18s %15s %15s   %s\n", "Worst residual", "relative", "tolerance", "where");
+    print_worst("energy", ledger->worst_energy, scene->energy_tolerance, ledger->worst_energy_at,
+                ledger->worst_energy_step);
+    print_worst("entropy", ledger->worst_entropy, scene->entropy_tolerance,
+                ledger->worst_entropy_at, ledger->worst_entropy_step);
+    printf("  steps in violation: %ld; largest fall of the total entropy over a step: %.2e J/K\n",
+           ledger->violations, ledger->worst_entropy_fall);
+}
+
+static const char *plural(int count) {
+    return count == 1 ? "" : "s";
+}
+
+void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,
+                     double seconds) {
+    const pm_scene *scene = report->setup->scene;
+    printf("%s: %ld steps of %g s, %s with %d substep%s; %d subsystem%s, %d port%s; %s\n",
+           scene->name, report->steps, scene->dt, scene->integrator, scene->substeps,
+           plural(scene->substeps), scene->nsubsystem, plural(scene->nsubsystem), scene->nport,
+           plural(scene->nport), how);
+    print_fluxes(report);
+    print_errors(report);
+    print_laws(report, ledger);
+    const double stepping = report->last - report->first;
+    printf("\nSpeed: %.0f steps/s in %.3f s of stepping, %.3f s in all; terms evaluated %ld, "
+           "skipped %ld\n",
+           stepping > 0 ? (double)report->steps / stepping : 0.0, stepping, seconds,
+           report->evaluated, report->skipped);
+}

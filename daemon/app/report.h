@@ -1,0 +1,23 @@
+// What a run prints when it is over: mean fluxes, errors against the reference, both laws, speed.
+#ifndef PM_APP_REPORT_H
+#define PM_APP_REPORT_H
+
+#include "app/setup.h"
+#include "sim/ledger.h"
+#include "store/recording.h"
+
+typedef struct pm_report pm_report;
+
+// `setup` must outlive it. PM_ENOMEM.
+pm_status pm_report_open(pm_report **report, const pm_setup *setup);
+void pm_report_close(pm_report *report); // NULL is allowed
+
+// Takes in one sample, step 0 first.
+void pm_report_add(pm_report *report, const pm_sample *sample);
+
+// Prints the tables to standard output. `how` names the transport; `seconds` is the wall time from
+// the program's start.
+void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,
+                     double seconds);
+
+#endif

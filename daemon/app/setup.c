@@ -1,0 +1,100 @@
+// Loading a scene with all that a run of it needs.
+#include "app/setup.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/digest.h"
+
+// Relative difference of two time steps that are meant to be equal: rounding of decimal fractions.
+#define TIME_TOLERANCE 1e-9
+
+static bool needs_reference(const pm_scene *scene) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (scene->subsystem[i].initial == NULL) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static pm_status load_reference(pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    PM_TRY(pm_dataset_load(&setup->reference, scene->reference));
+    const pm_dataset *reference = setup->reference;
+    if (scene->reference_trajectory < 0 || scene->reference_trajectory >= reference->ntrajectory) {
+        return pm_fail(PM_ECONFIG, "%s: trajectory %d of the reference: %s holds %d, from 0",
+                       scene->path, scene->reference_trajectory, scene->reference,
+                       reference->ntrajectory);
+    }
+    PM_TRY(pm_columns_bind(&setup->columns, scene, reference, &setup->arena));
+    const double stride = round(reference->dt / scene->dt);
+    if (stride < 1 || fabs(reference->dt - stride * scene->dt) > TIME_TOLERANCE * reference->dt) {
+        return pm_fail(PM_EDATA, "%s: dt %g s: expected a whole multiple of the scene's dt %g s",
+                       scene->reference, reference->dt, scene->dt);
+    }
+    setup->stride = (int)stride;
+    return PM_OK;
+}
+
+static pm_status find_initial(pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    setup->initial = pm_arena_array(&setup->arena, (size_t)scene->nz, sizeof(double));
+    if (setup->initial == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", scene->path);
+    }
+    if (setup->reference != NULL) {
+        pm_columns_to_state(&setup->columns, pm_setup_truth(setup, 0), setup->initial);
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        if (subsystem->initial != NULL) {
+            memcpy(setup->initial + subsystem->first, subsystem->initial,
+                   (size_t)subsystem->layout.nz * sizeof(double));
+        }
+    }
+    return PM_OK;
+}
+
+static void override(pm_scene *scene, const pm_options *options) {
+    if (options->url != NULL) {
+        scene->url = options->url;
+    }
+    if (options->steps != 0) {
+        scene->steps = (int)options->steps;
+    }
+}
+
+pm_status pm_setup_load(pm_setup *setup, const pm_options *options, bool compare) {
+    *setup = (pm_setup){0};
+    PM_TRY(pm_scene_load(&setup->scene, options->scene));
+    const pm_scene *scene = setup->scene;
+    PM_TRY(pm_system_load(&setup->system, scene, options->weights));
+    // After the digest is made: hosts may reach the network differently, and only one counts steps.
+    override(setup->scene, options);
+    const bool needed = needs_reference(scene);
+    if (needed && scene->reference == NULL) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: no state to start from: expected `initial` in every subsystem, or a "
+                       "`reference` trajectory",
+                       scene->path);
+    }
+    if (scene->reference != NULL && (needed || compare)) {
+        PM_TRY(load_reference(setup));
+    }
+    PM_TRY(find_initial(setup));
+    setup->system->digest =
+        pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->nz);
+    return PM_OK;
+}
+
+void pm_setup_free(pm_setup *setup) {
+    pm_dataset_free(setup->reference);
+    pm_system_free(setup->system);
+    pm_scene_free(setup->scene);
+    pm_arena_free(&setup->arena);
+}
+
+const double *pm_setup_truth(const pm_setup *setup, int time_id) {
+    return pm_dataset_state(setup->reference, setup->scene->reference_trajectory, time_id);
+}

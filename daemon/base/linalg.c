@@ -1,0 +1,80 @@
+// Matrix products: small ones by plain loops that the compiler vectorises, the rest by CBLAS.
+#include "base/linalg.h"
+
+#include <cblas.h>
+#include <stddef.h>
+#include <string.h>
+
+#include "base/simd.h"
+
+// Below this many multiply-adds the call of a BLAS costs more than the product.
+#define SMALL_PRODUCT 4096
+// Partial sums of an inner product: one vector register of the widest instruction set.
+#define LANES 8
+
+void pm_linalg_init(void) {
+    openblas_set_num_threads(1);
+}
+
+// c = a b, summing rank-one updates: vectorises along the rows of b.
+PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdiff_t a_row,
+                                    ptrdiff_t a_col, const double *restrict b, double *restrict c) {
+    for (int i = 0; i < m; ++i) {
+        double *restrict row = c + (ptrdiff_t)i * n;
+        memset(row, 0, (size_t)n * sizeof *row);
+        for (int l = 0; l < k; ++l) {
+            const double factor = a[i * a_row + l * a_col];
+            const double *restrict b_row = b + (ptrdiff_t)l * n;
+            for (int j = 0; j < n; ++j) {
+                row[j] += factor * b_row[j];
+            }
+        }
+    }
+}
+
+// Inner product with LANES partial sums in a fixed order.
+static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
+                           const double *restrict y) {
+    double lane[LANES] = {0};
+    int l = 0;
+    for (; l + LANES <= k; l += LANES) {
+        for (int i = 0; i < LANES; ++i) {
+            lane[i] += x[(l + i) * stride] * y[l + i];
+        }
+    }
+    for (int i = 0; l < k; ++l, ++i) {
+        lane[i] += x[l * stride] * y[l];
+    }
+    return ((lane[0] + lane[4]) + (lane[1] + lane[5])) +
+           ((lane[2] + lane[6]) + (lane[3] + lane[7]));
+}
+
+// c = a b^T, an inner product per entry.
+PM_SIMD_CLONES static void small_nt(int m, int n, int k, const double *a, ptrdiff_t a_row,
+                                    ptrdiff_t a_col, const double *b, double *c) {
+    for (int i = 0; i < m; ++i) {
+        for (int j = 0; j < n; ++j) {
+            const double *b_row = b + (ptrdiff_t)j * k;
+            // The unit stride is spelled out so that it compiles to vector loads.
+            c[(ptrdiff_t)i * n + j] = a_col == 1 ? inner(k, a + i * a_row, 1, b_row)
+                                                 : inner(k, a + i * a_row, a_col, b_row);
+        }
+    }
+}
+
+void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const double *a,
+             const double *b, double *c) {
+    if ((long)m * n * k > SMALL_PRODUCT) {
+        cblas_dgemm(CblasRowMajor, transpose_a ? CblasTrans : CblasNoTrans,
+                    transpose_b ? CblasTrans : CblasNoTrans, m, n, k, 1.0, a, transpose_a ? m : k,
+                    b, transpose_b ? k : n, 0.0, c, n);
+        return;
+    }
+    const ptrdiff_t a_row = transpose_a ? 1 : k;
+    const ptrdiff_t a_col = transpose_a ? m : 1;
+    if (transpose_b) {
+        small_nt(m, n, k, a, a_row, a_col, b, c);
+    } else {
+        small_nn(m, n, k, a, a_row, a_col, b, c);
+    }
+}

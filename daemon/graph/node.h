@@ -1,0 +1,104 @@
+// Inside the graph folder: what a node is, and the table of operations.
+#ifndef PM_GRAPH_NODE_H
+#define PM_GRAPH_NODE_H
+
+#include <stddef.h>
+
+#include "graph/graph.h"
+
+typedef enum pm_op {
+    PM_OP_INPUT,
+    PM_OP_PARAM,
+    PM_OP_CONSTANT,
+    PM_OP_ADD,
+    PM_OP_SUB,
+    PM_OP_MUL,
+    PM_OP_DIV,
+    PM_OP_SCALE,
+    PM_OP_OFFSET,
+    PM_OP_TANH,
+    PM_OP_SIGMOID,
+    PM_OP_SOFTPLUS,
+    PM_OP_EXP,
+    PM_OP_LOG,
+    PM_OP_SQRT,
+    PM_OP_SUM_TO,
+    PM_OP_BROADCAST_TO,
+    PM_OP_DOT,
+    PM_OP_MATMUL,
+    PM_OP_MATMUL_SUM,
+    PM_OP_RESHAPE,
+    PM_OP_SLICE,
+    PM_OP_PLACE,
+    PM_OP_CONCAT,
+    PM_OP_GATHER_ROWS,
+    PM_OP_SCATTER_ADD_ROWS,
+    PM_OP_COUNT
+} pm_op;
+
+// One operation of the graph. Operands have smaller handles than their results, so the order of
+// handles is an order of evaluation.
+typedef struct pm_graph_node {
+    pm_op op;
+    pm_shape shape;
+    int noperand;
+    const pm_node *operand; // [noperand]
+    double number;          // scale, offset, constant
+    int first;              // slice, place; matmul: bit 0 transposes a, bit 1 transposes b
+    int nindex;
+    const int *index;    // gather, scatter [nindex]
+    const double *value; // param
+} pm_graph_node;
+
+const pm_graph_node *pm_graph_node_at(const pm_graph *g, pm_node x);
+bool pm_graph_exhausted(const pm_graph *g); // out of memory while building
+void pm_graph_exhaust(pm_graph *g);
+
+// One operation to run, its operands resolved to memory. batch x rows x cols is the result's shape;
+// strides are in numbers, 0 along a broadcast dimension.
+typedef struct pm_stride {
+    ptrdiff_t item, row, col;
+} pm_stride;
+
+typedef struct pm_instruction pm_instruction;
+typedef void pm_kernel(const pm_instruction *instruction, int batch);
+
+struct pm_instruction {
+    pm_kernel *run;
+    const pm_graph_node *node;
+    pm_shape shape, shape_a, shape_b;
+    pm_stride stride_a, stride_b; // against the result's shape (for sum_to: the result against a's)
+    double *out;
+    const double *a, *b;
+    const double *const *part; // concat: all operands
+    const int *part_cols;
+    double number;
+    int first, nindex;
+    const int *index;
+};
+
+// The derivative rule of an operation: given the handle of its result and of the result's adjoint,
+// the adjoint of operand i (in the operand's shape), or PM_NO_NODE.
+typedef pm_node pm_adjoint(pm_graph *g, pm_node result, pm_node adjoint, int operand);
+
+typedef struct pm_operation {
+    const char *name;
+    pm_kernel *run;      // NULL: nothing to compute (leaves, views)
+    pm_adjoint *adjoint; // NULL: no operands
+    bool in_place;       // the result may overwrite an operand of the same shape
+} pm_operation;
+
+extern const pm_operation pm_operations[PM_OP_COUNT];
+
+// Kernels (kernel.c) and adjoints (adjoint.c), one per operation, listed in operation.c.
+pm_kernel pm_run_add, pm_run_sub, pm_run_mul, pm_run_div, pm_run_scale, pm_run_offset, pm_run_tanh,
+    pm_run_sigmoid, pm_run_softplus, pm_run_exp, pm_run_log, pm_run_sqrt, pm_run_sum_to,
+    pm_run_broadcast_to, pm_run_dot, pm_run_matmul, pm_run_matmul_sum, pm_run_slice, pm_run_place,
+    pm_run_concat, pm_run_gather_rows, pm_run_scatter_add_rows;
+pm_adjoint pm_adjoint_add, pm_adjoint_sub, pm_adjoint_mul, pm_adjoint_div, pm_adjoint_scale,
+    pm_adjoint_offset, pm_adjoint_tanh, pm_adjoint_sigmoid, pm_adjoint_softplus, pm_adjoint_exp,
+    pm_adjoint_log, pm_adjoint_sqrt, pm_adjoint_sum_to, pm_adjoint_broadcast_to, pm_adjoint_dot,
+    pm_adjoint_matmul, pm_adjoint_matmul_sum, pm_adjoint_reshape, pm_adjoint_slice,
+    pm_adjoint_place, pm_adjoint_concat, pm_adjoint_gather_rows, pm_adjoint_scatter_add_rows;
+
+#endif

@@ -1,0 +1,407 @@
+// Planning: which nodes are needed, in which order, and where their numbers live. Memory is reused
+// as soon as its last reader has run; views share the memory of what they view.
+#include "graph/program.h"
+
+#include <assert.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/arena.h"
+#include "graph/node.h"
+
+#define ALIGNMENT ((size_t)8) // numbers: one cache line
+
+struct pm_program {
+    pm_arena arena;
+    double *memory;
+    size_t memory_size; // numbers
+    int ninstruction;
+    pm_instruction *instruction;
+    int nnode;
+    double **value; // [nnode] where a node's numbers live; NULL if it is not part of the program
+    int capacity;
+};
+
+// --- a free list of memory intervals ---
+
+typedef struct interval {
+    size_t first, size;
+} interval;
+
+typedef struct memory_pool {
+    interval *space; // sorted, never adjacent
+    int count, capacity;
+    size_t end; // of memory handed out so far
+} memory_pool;
+
+static size_t pool_take(memory_pool *pool, size_t size) {
+    int best = -1;
+    for (int i = 0; i < pool->count; ++i) {
+        if (pool->space[i].size >= size &&
+            (best < 0 || pool->space[i].size < pool->space[best].size)) {
+            best = i;
+        }
+    }
+    if (best < 0) {
+        const size_t first = pool->end;
+        pool->end += size;
+        return first;
+    }
+    interval *space = &pool->space[best];
+    const size_t first = space->first;
+    space->first += size;
+    space->size -= size;
+    if (space->size == 0) {
+        memmove(space, space + 1, (size_t)(pool->count - best - 1) * sizeof *space);
+        --pool->count;
+    }
+    return first;
+}
+
+static bool pool_give(memory_pool *pool, size_t first, size_t size) {
+    if (pool->count == pool->capacity) {
+        const int capacity = pool->capacity == 0 ? 64 : 2 * pool->capacity;
+        interval *space = realloc(pool->space, (size_t)capacity * sizeof *space);
+        if (space == NULL) {
+            return false;
+        }
+        pool->space = space;
+        pool->capacity = capacity;
+    }
+    int i = 0;
+    while (i < pool->count && pool->space[i].first < first) {
+        ++i;
+    }
+    memmove(&pool->space[i + 1], &pool->space[i], (size_t)(pool->count - i) * sizeof(interval));
+    pool->space[i] = (interval){first, size};
+    ++pool->count;
+    // Join with the neighbours.
+    for (int j = i > 0 ? i - 1 : 0; j < i + 1 && j + 1 < pool->count;) {
+        interval *a = &pool->space[j], *b = a + 1;
+        if (a->first + a->size != b->first) {
+            ++j;
+            continue;
+        }
+        a->size += b->size;
+        memmove(b, b + 1, (size_t)(pool->count - j - 2) * sizeof *b);
+        --pool->count;
+        --i;
+    }
+    return true;
+}
+
+// --- planning ---
+
+// What planning knows of a node. `root` is the node whose memory it uses.
+typedef struct placement {
+    bool needed, pinned;
+    pm_node root;
+    int last_use;
+    size_t offset, size;
+} placement;
+
+typedef struct memory_plan {
+    const pm_graph *g;
+    int nnode, capacity;
+    placement *place;
+    memory_pool pool;
+} memory_plan;
+
+static size_t memory_of(const memory_plan *plan, pm_shape shape) {
+    const size_t size =
+        (size_t)shape.rows * (size_t)shape.cols * (size_t)(shape.batched ? plan->capacity : 1);
+    return (size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+}
+
+static bool is_leaf(pm_op op) {
+    return op == PM_OP_INPUT || op == PM_OP_PARAM || op == PM_OP_CONSTANT;
+}
+
+// A view has its operand's numbers at an offset and needs no instruction.
+static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
+    if (node->op == PM_OP_RESHAPE) {
+        return true;
+    }
+    const bool one_row = node->shape.rows == 1 && (!node->shape.batched || plan->capacity == 1);
+    return node->op == PM_OP_SLICE && one_row;
+}
+
+// Everything the outputs reach, from the last node down; and the last reader of each.
+static void find_needed(memory_plan *plan, int count, const pm_node *output) {
+    for (int i = 0; i < count; ++i) {
+        plan->place[output[i]].needed = true;
+        plan->place[output[i]].pinned = true;
+    }
+    for (pm_node x = plan->nnode - 1; x >= 0; --x) {
+        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+        for (int i = 0; plan->place[x].needed && i < node->noperand; ++i) {
+            plan->place[node->operand[i]].needed = true;
+        }
+    }
+    for (pm_node x = 0; x < plan->nnode; ++x) {
+        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+        placement *place = &plan->place[x];
+        place->root = is_view(plan, node) ? plan->place[node->operand[0]].root : x;
+        place->last_use = x;
+        // Leaves keep their memory: callers write inputs before a run, constants are filled once.
+        place->pinned = place->pinned || is_leaf(node->op);
+        placement *root = &plan->place[place->root];
+        root->pinned = root->pinned || (place->needed && place->pinned);
+        for (int i = 0; place->needed && i < node->noperand; ++i) {
+            plan->place[plan->place[node->operand[i]].root].last_use = x;
+        }
+    }
+}
+
+static bool dies_at(const memory_plan *plan, pm_node root, pm_node x) {
+    return plan->place[root].last_use == x && !plan->place[root].pinned;
+}
+
+// Whether an operand of x other than `operand` itself reads the same memory through a view.
+static bool is_viewed_too(const memory_plan *plan, pm_node x, pm_node operand) {
+    const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+    for (int i = 0; i < node->noperand; ++i) {
+        if (node->operand[i] != operand && plan->place[node->operand[i]].root == operand) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// The operand whose memory x may take over, or PM_NO_NODE.
+static pm_node reusable_operand(const memory_plan *plan, pm_node x) {
+    const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+    for (int i = 0; pm_operations[node->op].in_place && i < node->noperand; ++i) {
+        const pm_node root = plan->place[node->operand[i]].root;
+        const pm_shape shape = pm_graph_node_at(plan->g, node->operand[i])->shape;
+        if (root == node->operand[i] && dies_at(plan, root, x) && !is_viewed_too(plan, x, root) &&
+            shape.batched == node->shape.batched && shape.rows == node->shape.rows &&
+            shape.cols == node->shape.cols) {
+            return root;
+        }
+    }
+    return PM_NO_NODE;
+}
+
+static bool release_operands(memory_plan *plan, pm_node x) {
+    const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+    for (int i = 0; i < node->noperand; ++i) {
+        const pm_node root = plan->place[node->operand[i]].root;
+        placement *place = &plan->place[root];
+        if (dies_at(plan, root, x) && place->size > 0) {
+            if (!pool_give(&plan->pool, place->offset, place->size)) {
+                return false;
+            }
+            place->size = 0; // an operand named twice is given back once
+        }
+    }
+    return true;
+}
+
+static void place_own(memory_plan *plan, pm_node x) {
+    placement *place = &plan->place[x];
+    const pm_node kept = reusable_operand(plan, x);
+    place->size = memory_of(plan, pm_graph_node_at(plan->g, x)->shape);
+    place->offset =
+        kept != PM_NO_NODE ? plan->place[kept].offset : pool_take(&plan->pool, place->size);
+    if (kept != PM_NO_NODE) {
+        plan->place[kept].size = 0; // taken over, not to be given back
+    }
+}
+
+static bool place_nodes(memory_plan *plan) {
+    // Leaves first: their numbers are written before a run, so they share memory with nothing.
+    for (pm_node x = 0; x < plan->nnode; ++x) {
+        const pm_op op = pm_graph_node_at(plan->g, x)->op;
+        if (op == PM_OP_INPUT || (op == PM_OP_CONSTANT && plan->place[x].needed)) {
+            place_own(plan, x);
+        }
+    }
+    for (pm_node x = 0; x < plan->nnode; ++x) {
+        if (!plan->place[x].needed || is_leaf(pm_graph_node_at(plan->g, x)->op)) {
+            continue;
+        }
+        if (plan->place[x].root == x) {
+            place_own(plan, x);
+        }
+        if (!release_operands(plan, x)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+// --- instructions ---
+
+static pm_stride stride_against(pm_shape operand, pm_shape result) {
+    return (pm_stride){
+        operand.batched && result.batched ? (ptrdiff_t)operand.rows * operand.cols : 0,
+        operand.rows == 1 && result.rows != 1 ? 0 : operand.cols,
+        operand.cols == 1 && result.cols != 1 ? 0 : 1,
+    };
+}
+
+static bool same_shape(pm_shape a, pm_shape b) {
+    return a.batched == b.batched && a.rows == b.rows && a.cols == b.cols;
+}
+
+static pm_status resolve_parts(pm_program *p, const pm_graph *g, pm_instruction *x) {
+    const int count = x->node->noperand;
+    const double **part = pm_arena_array(&p->arena, (size_t)count, sizeof *part);
+    int *cols = pm_arena_array(&p->arena, (size_t)count, sizeof *cols);
+    if (part == NULL || cols == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a program");
+    }
+    for (int i = 0; i < count; ++i) {
+        part[i] = p->value[x->node->operand[i]];
+        cols[i] = pm_graph_node_at(g, x->node->operand[i])->shape.cols;
+    }
+    x->part = part;
+    x->part_cols = cols;
+    return PM_OK;
+}
+
+static pm_status emit(pm_program *p, const pm_graph *g, pm_node handle) {
+    pm_instruction *x = &p->instruction[p->ninstruction++];
+    const pm_graph_node *node = pm_graph_node_at(g, handle);
+    pm_graph_node *copy = pm_arena_alloc(&p->arena, sizeof *copy);
+    int *index = pm_arena_array(&p->arena, (size_t)node->nindex, sizeof *index);
+    if (copy == NULL || index == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a program");
+    }
+    *copy = *node;
+    if (node->nindex > 0) {
+        memcpy(index, node->index, (size_t)node->nindex * sizeof *index);
+    }
+    *x = (pm_instruction){.run = pm_operations[node->op].run,
+                          .node = copy,
+                          .shape = node->shape,
+                          .out = p->value[handle],
+                          .number = node->number,
+                          .first = node->first,
+                          .nindex = node->nindex,
+                          .index = index};
+    x->a = p->value[node->operand[0]];
+    x->shape_a = pm_graph_node_at(g, node->operand[0])->shape;
+    x->stride_a = node->op == PM_OP_SUM_TO ? stride_against(node->shape, x->shape_a)
+                                           : stride_against(x->shape_a, node->shape);
+    if (node->noperand >= 2) {
+        x->b = p->value[node->operand[1]];
+        x->shape_b = pm_graph_node_at(g, node->operand[1])->shape;
+        x->stride_b = stride_against(x->shape_b, node->shape);
+    }
+    if (node->op == PM_OP_DOT) {
+        // Against the longer row of the two operands, which is summed away.
+        x->stride_a.col = x->stride_b.col = 1;
+    }
+    if (node->op >= PM_OP_ADD && node->op <= PM_OP_DIV) {
+        // The kernel takes one long row where nothing is broadcast.
+        x->first = same_shape(x->shape_a, node->shape) && same_shape(x->shape_b, node->shape);
+    }
+    return node->op == PM_OP_CONCAT ? resolve_parts(p, g, x) : PM_OK;
+}
+
+static void resolve_values(pm_program *p, const memory_plan *plan) {
+    for (pm_node x = 0; x < plan->nnode; ++x) {
+        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+        const placement *place = &plan->place[x];
+        if (node->op == PM_OP_PARAM) {
+            // Read only: nothing in a program writes to a leaf.
+            p->value[x] = (double *)(uintptr_t)node->value;
+        } else if (place->root != x) {
+            const int first = node->op == PM_OP_SLICE ? node->first : 0;
+            double *of = p->value[node->operand[0]];
+            p->value[x] = of == NULL ? NULL : of + first;
+        } else if (place->needed || node->op == PM_OP_INPUT) {
+            p->value[x] = p->memory + place->offset;
+        }
+        if (node->op == PM_OP_CONSTANT && place->needed) {
+            for (int i = 0; i < node->shape.rows * node->shape.cols; ++i) {
+                p->value[x][i] = node->number;
+            }
+        }
+    }
+}
+
+static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_node *output) {
+    const size_t nnode = (size_t)plan->nnode;
+    plan->place = calloc(nnode, sizeof *plan->place);
+    p->value = calloc(nnode, sizeof *p->value);
+    p->instruction = calloc(nnode, sizeof *p->instruction);
+    if (plan->place == NULL || p->value == NULL || p->instruction == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a program of %d nodes", plan->nnode);
+    }
+    find_needed(plan, count, output);
+    if (!place_nodes(plan)) {
+        return pm_fail(PM_ENOMEM, "out of memory for planning %d nodes", plan->nnode);
+    }
+    p->memory_size = plan->pool.end > 0 ? plan->pool.end : ALIGNMENT;
+    p->memory = aligned_alloc(ALIGNMENT * sizeof(double), p->memory_size * sizeof(double));
+    if (p->memory == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for %zu numbers of a program", p->memory_size);
+    }
+    memset(p->memory, 0, p->memory_size * sizeof(double));
+    resolve_values(p, plan);
+    for (pm_node x = 0; x < plan->nnode; ++x) {
+        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+        if (plan->place[x].needed && !is_leaf(node->op) && !is_view(plan, node)) {
+            PM_TRY(emit(p, plan->g, x));
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count,
+                          const pm_node *output, int capacity) {
+    if (pm_graph_exhausted(graph)) {
+        return pm_fail(PM_ENOMEM, "out of memory while building a graph");
+    }
+    pm_program *p = calloc(1, sizeof *p);
+    if (p == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a program");
+    }
+    p->nnode = pm_graph_size(graph);
+    p->capacity = capacity;
+    memory_plan plan = {.g = graph, .nnode = p->nnode, .capacity = capacity};
+    const pm_status status = build(p, &plan, count, output);
+    free(plan.place);
+    free(plan.pool.space);
+    if (status != PM_OK) {
+        pm_program_close(p);
+        return status;
+    }
+    *program = p;
+    return PM_OK;
+}
+
+void pm_program_close(pm_program *program) {
+    if (program != NULL) {
+        pm_arena_free(&program->arena);
+        free(program->memory);
+        free(program->instruction);
+        free(program->value);
+        free(program);
+    }
+}
+
+double *pm_program_value(pm_program *program, pm_node x) {
+    assert(x >= 0 && x < program->nnode && program->value[x] != NULL);
+    return program->value[x];
+}
+
+void pm_program_run(pm_program *program, int batch) {
+    assert(batch > 0 && batch <= program->capacity);
+    for (int i = 0; i < program->ninstruction; ++i) {
+        const pm_instruction *x = &program->instruction[i];
+        x->run(x, batch);
+    }
+}
+
+int pm_program_operations(const pm_program *program) {
+    return program->ninstruction;
+}
+
+size_t pm_program_bytes(const pm_program *program) {
+    return program->memory_size * sizeof(double);
+}

@@ -1,0 +1,47 @@
+// Features: expressions over named vectors, the inputs of networks and the vectors of frames.
+//   x          the components of x themselves
+//   |x|  ln|x|  |x|^2  <x,y>    invariants under rotation: one number
+//   x/|x|  x/|x|^2              vectors along x
+// Names are those of groups, with a prefix where there are two ends ("a.q"), or of co-energies
+// ("dE.s", "a.dE.s"). To add an expression: one line in the table of feature.c.
+#ifndef PM_MODEL_FEATURE_H
+#define PM_MODEL_FEATURE_H
+
+#include "graph/graph.h"
+#include "model/spec.h"
+
+#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS)
+#define PM_MAX_NAME 64
+
+// The named vectors [1][size] an expression may use. `node` is PM_NO_NODE while a spec is only
+// being checked.
+typedef struct pm_symbol {
+    char name[PM_MAX_NAME];
+    int size;
+    pm_node node;
+} pm_symbol;
+
+typedef struct pm_symbols {
+    int count;
+    pm_symbol symbol[PM_MAX_SYMBOLS];
+} pm_symbols;
+
+// Adds every group of `layout` as "<prefix><group>", a slice of `vector` [1][layout->nz] (or
+// PM_NO_NODE; then nothing is added if g is given, as what does not exist cannot be used).
+void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, const char *prefix,
+                    pm_node vector);
+
+// The number of components of an expression. PM_ECONFIG: unknown form or name (the error lists what
+// there is).
+pm_status pm_feature_size(const char *expression, const pm_symbols *symbols, int *size);
+
+// The expression's value [1][size]; it must have passed pm_feature_size.
+pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *symbols);
+
+// Sizes and values of a list, side by side: [1][sum of sizes].
+pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,
+                           int *size);
+pm_node pm_features_build(pm_graph *g, int count, const char *const *expression,
+                          const pm_symbols *symbols);
+
+#endif

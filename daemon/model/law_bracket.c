@@ -1,0 +1,84 @@
+// The port law `bracket`, equation (3): one reversible and one irreversible operator over the
+// exposed groups of both ends together. Both ends evaluate it on the same numbers and take their
+// own part; in the hard form the energy fluxes cancel and the entropy fluxes sum to a production >=
+// 0.
+#include "model/operator.h"
+#include "model/port.h"
+#include "model/potential.h"
+
+static const char *const prefix[2][3] = {{"a.", "a.dE.", "a.dS."}, {"b.", "b.dE.", "b.dS."}};
+
+static pm_site site_of(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2]) {
+    pm_site site = {0};
+    for (int i = 0; i < 2; ++i) {
+        const pm_layout *layout = &port->layout[i];
+        pm_site_add(&site, layout, prefix[i][0]);
+        pm_symbols_add(&site.symbols, g, layout, prefix[i][0], end[i].y);
+        pm_symbols_add(&site.symbols, g, layout, prefix[i][1], end[i].e);
+        pm_symbols_add(&site.symbols, g, layout, prefix[i][2], end[i].eta);
+    }
+    return site;
+}
+
+static pm_operator reversible(const pm_port_model *port) {
+    return (pm_operator){&port->spec.reversible, PM_REVERSIBLE, port->spec.form, "reversible"};
+}
+
+static pm_operator irreversible(const pm_port_model *port) {
+    return (pm_operator){&port->spec.irreversible, PM_IRREVERSIBLE, port->spec.form,
+                         "irreversible"};
+}
+
+static pm_status declare(pm_port_model *port) {
+    if (pm_potential_exists(&port->spec.energy) || pm_potential_exists(&port->spec.entropy)) {
+        return pm_fail(PM_ECONFIG, "a bracket port stores no energy: energy and entropy belong to "
+                                   "law exchange, or into the subsystems");
+    }
+    static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
+                                          {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
+    const pm_site site = site_of(port, NULL, none);
+    const pm_operator L = reversible(port), M = irreversible(port);
+    PM_TRY(pm_operator_declare(&L, &site, &port->params));
+    return pm_operator_declare(&M, &site, &port->params);
+}
+
+// A co-vector of both ends side by side; an end without entropy counts as zero.
+static pm_node both_ends(pm_graph *g, const pm_port_model *port, pm_node a, pm_node b) {
+    if (a == PM_NO_NODE && b == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    const pm_node part[2] = {
+        a != PM_NO_NODE ? a : pm_constant(g, 0, 1, port->layout[0].nz),
+        b != PM_NO_NODE ? b : pm_constant(g, 0, 1, port->layout[1].nz),
+    };
+    return pm_concat(g, 2, part);
+}
+
+static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
+                    pm_node *degeneracy) {
+    const pm_site site = site_of(port, g, end);
+    const pm_node e = both_ends(g, port, end[0].e, end[1].e);
+    const pm_node eta = both_ends(g, port, end[0].eta, end[1].eta);
+    const pm_operator L = reversible(port), M = irreversible(port);
+    pm_node residual = PM_NO_NODE;
+    const pm_node sum =
+        pm_add_or(g, pm_operator_build(g, &L, &site, &port->params, e, eta, &residual),
+                  pm_operator_build(g, &M, &site, &port->params, eta, e, &residual));
+    // The penalty is the port's, not an end's: counted once.
+    if (own == PM_END_A) {
+        *degeneracy = pm_add_or(g, *degeneracy, residual);
+    }
+    return sum == PM_NO_NODE
+               ? PM_NO_NODE
+               : pm_slice(g, sum, own == PM_END_A ? 0 : port->layout[0].nz, port->layout[own].nz);
+}
+
+static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],
+                       pm_normaliser_visit *visitor, void *context) {
+    const pm_site site = site_of(port, g, end);
+    const pm_operator L = reversible(port), M = irreversible(port);
+    PM_TRY(pm_operator_visit(&L, &site, visitor, context));
+    return pm_operator_visit(&M, &site, visitor, context);
+}
+
+const pm_port_law pm_law_bracket = {"bracket", true, declare, rate, visit};

@@ -1,0 +1,89 @@
+// The port law `exchange`, the boundary terms of equation (1): each end has potentials and
+// operators of its own over its exposed groups ("own.q"), whose networks also see what the
+// neighbour shows
+// ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun).
+// Nothing makes the two ends' fluxes cancel: the ledger measures how well they do.
+#include "model/operator.h"
+#include "model/port.h"
+#include "model/potential.h"
+
+// One end's boundary term: names of its parameters, and where it acts.
+typedef struct boundary {
+    const char *energy, *entropy;
+    pm_operator L, M;
+} boundary;
+
+static boundary boundary_of(const pm_port_model *port, pm_end own) {
+    const bool a = own == PM_END_A;
+    const pm_port_spec *spec = &port->spec;
+    return (boundary){
+        a ? "a.energy" : "b.energy",
+        a ? "a.entropy" : "b.entropy",
+        {&spec->reversible, PM_REVERSIBLE, PM_SOFT, a ? "a.reversible" : "b.reversible"},
+        {&spec->irreversible, PM_IRREVERSIBLE, PM_SOFT, a ? "a.irreversible" : "b.irreversible"},
+    };
+}
+
+static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
+                       const pm_port_nodes end[2]) {
+    const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
+    const pm_layout *mine = &port->layout[own], *theirs = &port->layout[other];
+    pm_site site = {0};
+    pm_site_add(&site, mine, "own.");
+    pm_symbols_add(&site.symbols, g, mine, "own.", end[own].y);
+    pm_symbols_add(&site.symbols, g, theirs, "other.", end[other].y);
+    pm_symbols_add(&site.symbols, g, theirs, "other.dE.", end[other].e);
+    pm_symbols_add(&site.symbols, g, theirs, "other.dS.", end[other].eta);
+    return site;
+}
+
+static pm_status declare(pm_port_model *port) {
+    if (port->spec.form == PM_HARD) {
+        return pm_fail(PM_ECONFIG, "law exchange cannot be hard: nothing in it makes the two ends' "
+                                   "fluxes cancel; use law bracket, or form: soft");
+    }
+    static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
+                                          {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
+    for (int own = 0; own < 2; ++own) {
+        const boundary b = boundary_of(port, (pm_end)own);
+        const pm_site site = site_of(port, NULL, (pm_end)own, none);
+        PM_TRY(pm_potential_declare(&port->spec.energy, &site.symbols, &port->params, b.energy));
+        PM_TRY(pm_potential_declare(&port->spec.entropy, &site.symbols, &port->params, b.entropy));
+        PM_TRY(pm_operator_declare(&b.L, &site, &port->params));
+        PM_TRY(pm_operator_declare(&b.M, &site, &port->params));
+    }
+    return PM_OK;
+}
+
+static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
+                    pm_node *degeneracy) {
+    const boundary b = boundary_of(port, own);
+    const pm_site site = site_of(port, g, own, end);
+    const pm_params *params = &port->params;
+    const pm_node E = pm_potential_build(g, &port->spec.energy, &site.symbols, params, b.energy);
+    const pm_node S = pm_potential_build(g, &port->spec.entropy, &site.symbols, params, b.entropy);
+    pm_node dE = PM_NO_NODE, dS = PM_NO_NODE;
+    pm_gradient(g, E, PM_NO_NODE, 1, &end[own].y, &dE);
+    pm_gradient(g, S, PM_NO_NODE, 1, &end[own].y, &dS);
+    // Boundary operators need no degeneracy, so they have no normal.
+    const pm_node sum =
+        pm_add_or(g, pm_operator_build(g, &b.L, &site, params, dE, PM_NO_NODE, degeneracy),
+                  pm_operator_build(g, &b.M, &site, params, dS, PM_NO_NODE, degeneracy));
+    return sum == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, sum, -1);
+}
+
+static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],
+                       pm_normaliser_visit *visitor, void *context) {
+    for (int own = 0; own < 2; ++own) {
+        const boundary b = boundary_of(port, (pm_end)own);
+        const pm_site site = site_of(port, g, (pm_end)own, end);
+        const pm_symbols *symbols = &site.symbols;
+        PM_TRY(pm_potential_visit(&port->spec.energy, symbols, b.energy, visitor, context));
+        PM_TRY(pm_potential_visit(&port->spec.entropy, symbols, b.entropy, visitor, context));
+        PM_TRY(pm_operator_visit(&b.L, &site, visitor, context));
+        PM_TRY(pm_operator_visit(&b.M, &site, visitor, context));
+    }
+    return PM_OK;
+}
+
+const pm_port_law pm_law_exchange = {"exchange", false, declare, rate, visit};

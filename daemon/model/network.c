@@ -1,0 +1,134 @@
+// Multi-layer networks as graph expressions.
+#include "model/network.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+// Spread of the initial values: biases put the kinks of the hidden layers where the data are, small
+// output weights let training start near the skip alone.
+#define BIAS_SPREAD 0.5
+#define OUTPUT_SPREAD 0.1
+#define SKIP_SPREAD 0.01
+
+typedef char parameter_name[160];
+
+static const char *join(parameter_name buffer, const char *prefix, const char *name) {
+    snprintf(buffer, sizeof(parameter_name), "%s.%s", prefix, name);
+    return buffer;
+}
+
+// --- declaration ---
+
+typedef struct declaration {
+    pm_params *params;
+    const char *prefix;
+} declaration;
+
+static pm_status declare(const declaration *d, const char *name, int rows, int cols, bool trained,
+                         double spread, double start) {
+    parameter_name full;
+    const pm_param_entry *entry =
+        pm_params_add(d->params, join(full, d->prefix, name), rows, cols, trained, spread, start);
+    return entry == NULL ? PM_ENOMEM : PM_OK;
+}
+
+static pm_status declare_layer(const declaration *d, int layer, int nin, int nout) {
+    char name[64];
+    snprintf(name, sizeof name, "layer%d.weight", layer);
+    PM_TRY(declare(d, name, nin, nout, true, 1 / sqrt(nin), 0));
+    snprintf(name, sizeof name, "layer%d.bias", layer);
+    return declare(d, name, 1, nout, true, BIAS_SPREAD, 0);
+}
+
+pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
+                             double start, pm_params *params, const char *prefix) {
+    const declaration d = {params, prefix};
+    if (spec->nfeature == 0) {
+        return declare(&d, "constant", 1, nout, true, SKIP_SPREAD, start);
+    }
+    int nfeature = 0;
+    PM_TRY(pm_features_size(spec->nfeature, spec->feature, symbols, &nfeature));
+    PM_TRY(declare(&d, "mean", 1, nfeature, false, 0, 0));
+    PM_TRY(declare(&d, "deviation", 1, nfeature, false, 0, 1));
+    int width = nfeature;
+    for (int i = 0; i < spec->nhidden; ++i) {
+        PM_TRY(declare_layer(&d, i, width, spec->hidden[i]));
+        width = spec->hidden[i];
+    }
+    if (spec->nhidden > 0) {
+        PM_TRY(declare(&d, "output.weight", width, nout, true, OUTPUT_SPREAD / sqrt(width), 0));
+    }
+    PM_TRY(declare(&d, "output.bias", 1, nout, true, 0, start));
+    if (spec->skip != PM_SKIP_NONE) {
+        PM_TRY(declare(&d, "linear", nfeature, nout, true, SKIP_SPREAD, 0));
+    }
+    if (spec->skip == PM_SKIP_QUADRATIC) {
+        PM_TRY(declare(&d, "quadratic", nfeature * nfeature, nout, true, SKIP_SPREAD, 0));
+    }
+    return PM_OK;
+}
+
+// --- building ---
+
+pm_node pm_network_param(pm_graph *g, const pm_params *params, const char *prefix,
+                         const char *name) {
+    parameter_name full;
+    const pm_param_entry *entry = pm_params_find(params, join(full, prefix, name));
+    assert(entry != NULL);
+    return pm_param(g, entry->value, entry->rows, entry->cols);
+}
+
+static pm_node activate(pm_graph *g, pm_activation activation, pm_node x) {
+    switch (activation) {
+    case PM_TANH:
+        return pm_tanh(g, x);
+    case PM_SOFTPLUS:
+        return pm_softplus(g, x);
+    case PM_SILU:
+        break;
+    }
+    return pm_silu(g, x);
+}
+
+static pm_node build_hidden(pm_graph *g, const pm_network_spec *spec, pm_node x,
+                            const pm_params *params, const char *prefix) {
+    for (int i = 0; i < spec->nhidden; ++i) {
+        char name[64];
+        snprintf(name, sizeof name, "layer%d.weight", i);
+        x = pm_matmul(g, x, false, pm_network_param(g, params, prefix, name), false);
+        snprintf(name, sizeof name, "layer%d.bias", i);
+        x = pm_add(g, x, pm_network_param(g, params, prefix, name));
+        x = activate(g, spec->activation, x);
+    }
+    return pm_matmul(g, x, false, pm_network_param(g, params, prefix, "output.weight"), false);
+}
+
+pm_node pm_network_build(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,
+                         int nout, const pm_params *params, const char *prefix) {
+    if (spec->nfeature == 0) {
+        return pm_network_param(g, params, prefix, "constant");
+    }
+    pm_node x = pm_features_build(g, spec->nfeature, spec->feature, symbols);
+    x = pm_div(g, pm_sub(g, x, pm_network_param(g, params, prefix, "mean")),
+               pm_network_param(g, params, prefix, "deviation"));
+    const int n = pm_graph_shape(g, x).cols;
+    pm_node out = PM_NO_NODE;
+    if (spec->nhidden > 0) {
+        out = build_hidden(g, spec, x, params, prefix);
+    }
+    if (spec->skip != PM_SKIP_NONE) {
+        const pm_node weight = pm_network_param(g, params, prefix, "linear");
+        out = pm_add_or(g, out, pm_matmul(g, x, false, weight, false));
+    }
+    if (spec->skip == PM_SKIP_QUADRATIC) {
+        const pm_node products = pm_reshape(g, pm_matmul(g, x, true, x, false), 1, n * n);
+        const pm_node weight = pm_network_param(g, params, prefix, "quadratic");
+        out = pm_add_or(g, out, pm_matmul(g, products, false, weight, false));
+    }
+    const pm_node bias = pm_network_param(g, params, prefix, "output.bias");
+    // Without layers and skip only the bias is left: a constant all the same.
+    return out == PM_NO_NODE ? pm_broadcast_to(g, bias, (pm_shape){true, 1, nout})
+                             : pm_add(g, out, bias);
+}

@@ -1,0 +1,366 @@
+// L and M: the frame, the matrix in it, and the projection that makes the laws hold.
+#include "model/operator.h"
+
+#include <assert.h>
+#include <stdio.h>
+#include <string.h>
+
+// Keeps the projection finite where the normal vanishes: then there is nothing to project out.
+#define SMALLEST_NORMAL 1e-300
+// Where a learned M starts: small, but not at zero, where its factor would have no gradient.
+#define FACTOR_START 0.3
+
+// --- the groups an operator touches ---
+
+// The site's groups that the operator touches, in the site's order, side by side.
+typedef struct support {
+    int ngroup;
+    const pm_site_group *group[2 * PM_MAX_GROUPS];
+    bool learned[2 * PM_MAX_GROUPS]; // in acts_on
+    int first[2 * PM_MAX_GROUPS];    // in the support
+    int n;
+} support;
+
+void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix) {
+    for (int i = 0; i < layout->ngroup; ++i) {
+        pm_site_group *group = &site->group[site->ngroup++];
+        snprintf(group->name, sizeof group->name, "%s%s", prefix, layout->group[i].name);
+        group->first = site->n;
+        group->size = layout->group[i].size;
+        site->n += group->size;
+    }
+}
+
+bool pm_operator_exists(const pm_operator_spec *spec) {
+    return spec->ngiven > 0 || spec->learned;
+}
+
+static bool is_listed(int count, const char *const *list, const char *name) {
+    for (int i = 0; i < count; ++i) {
+        if (strcmp(list[i], name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool is_given(const pm_operator_spec *spec, const char *name) {
+    for (int i = 0; i < spec->ngiven; ++i) {
+        if (strcmp(spec->given[i].row, name) == 0 || strcmp(spec->given[i].col, name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static support support_of(const pm_operator_spec *spec, const pm_site *site) {
+    support s = {0};
+    for (int i = 0; i < site->ngroup; ++i) {
+        const pm_site_group *group = &site->group[i];
+        const bool learned = spec->learned && is_listed(spec->nacts, spec->acts_on, group->name);
+        if (learned || is_given(spec, group->name)) {
+            s.group[s.ngroup] = group;
+            s.learned[s.ngroup] = learned;
+            s.first[s.ngroup++] = s.n;
+            s.n += group->size;
+        }
+    }
+    return s;
+}
+
+static int position(const support *s, const char *name) {
+    int i = 0;
+    while (i < s->ngroup && strcmp(s->group[i]->name, name) != 0) {
+        ++i;
+    }
+    return i;
+}
+
+// With a frame, a vector group (size > 1) counts one row per vector of `along`.
+static int frame_rows(const pm_operator_spec *spec, int group_size) {
+    return spec->nalong > 0 && group_size > 1 ? spec->nalong : group_size;
+}
+
+static int frame_size(const pm_operator_spec *spec, const support *s) {
+    int rows = 0;
+    for (int i = 0; i < s->ngroup; ++i) {
+        rows += s->learned[i] ? frame_rows(spec, s->group[i]->size) : 0;
+    }
+    return rows;
+}
+
+static int network_outputs(const pm_operator *operator, int rows) {
+    return rows * (operator->kind == PM_REVERSIBLE ? rows : operator->spec->rank);
+}
+
+// --- declaration ---
+
+static pm_status check_groups(const pm_operator *operator, const pm_site * site) {
+    const pm_operator_spec *spec = operator->spec;
+    const support s = support_of(spec, site);
+    for (int i = 0; i < spec->nacts; ++i) {
+        if (position(&s, spec->acts_on[i]) == s.ngroup) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: acts_on names \"%s\", which is not a group here", operator->prefix,
+                           spec->acts_on[i]);
+        }
+    }
+    for (int i = 0; i < spec->ngiven; ++i) {
+        const pm_given_pair *pair = &spec->given[i];
+        const int row = position(&s, pair->row), col = position(&s, pair->col);
+        if (row == s.ngroup || col == s.ngroup || row == col ||
+            s.group[row]->size != s.group[col]->size) {
+            return pm_fail(
+                PM_ECONFIG,
+                "%s: given pair [%s, %s] must name two groups here of equal size", operator->prefix,
+                pair->row, pair->col);
+        }
+    }
+    if (operator->kind == PM_IRREVERSIBLE && spec->ngiven> 0) {
+        return pm_fail(PM_ECONFIG, "%s: a given pair is reversible", operator->prefix);
+    }
+    return PM_OK;
+}
+
+static pm_status check_along(const pm_operator *operator, const pm_site * site, const support *s) {
+    const pm_operator_spec *spec = operator->spec;
+    for (int k = 0; k < spec->nalong; ++k) {
+        int size = 0;
+        PM_TRY(pm_feature_size(spec->along[k], &site->symbols, &size));
+        for (int i = 0; i < s->ngroup; ++i) {
+            if (s->learned[i] && s->group[i]->size > 1 && s->group[i]->size != size) {
+                return pm_fail(PM_ECONFIG,
+                               "%s: \"%s\" has %d components, %s has %d", operator->prefix,
+                               spec->along[k], size, s->group[i]->name, s->group[i]->size);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+typedef char operator_name[96];
+
+static const char *join(operator_name buffer, const char *prefix, const char *name) {
+    snprintf(buffer, sizeof(operator_name), "%s.%s", prefix, name);
+    return buffer;
+}
+
+pm_status pm_operator_declare(const pm_operator *operator, const pm_site * site,
+                              pm_params *params) {
+    const pm_operator_spec *spec = operator->spec;
+    if (!pm_operator_exists(spec)) {
+        return PM_OK;
+    }
+    PM_TRY(check_groups(operator, site));
+    const support s = support_of(spec, site);
+    PM_TRY(check_along(operator, site, &s));
+    operator_name name;
+    if (pm_params_add(params, join(name, operator->prefix, "scale"), 1, s.n, false, 0, 1) == NULL ||
+        (spec->nalong > 0 && pm_params_add(params, join(name, operator->prefix, "along"), 1,
+                                           spec->nalong, false, 0, 1) == NULL)) {
+        return PM_ENOMEM;
+    }
+    if (!spec->learned) {
+        return PM_OK;
+    }
+    const double start = operator->kind == PM_REVERSIBLE ? 0 : FACTOR_START;
+    return pm_network_declare(&spec->network, &site->symbols,
+                              network_outputs(operator, frame_size(spec, &s)), start, params,
+                              join(name, operator->prefix, "matrix"));
+}
+
+pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
+                            pm_normaliser_visit *visit, void *context) {
+    const pm_operator_spec *spec = operator->spec;
+    if (!pm_operator_exists(spec)) {
+        return PM_OK;
+    }
+    const support s = support_of(spec, site);
+    const char *group[2 * PM_MAX_GROUPS];
+    for (int i = 0; i < s.ngroup; ++i) {
+        group[i] = s.group[i]->name;
+    }
+    const pm_normaliser scale = {PM_NORMALISE_SCALE, operator->prefix, s.ngroup, group,
+                                 &site->symbols};
+    PM_TRY(visit(context, &scale));
+    if (spec->nalong > 0) {
+        const pm_normaliser along = {PM_NORMALISE_ALONG, operator->prefix, spec->nalong,
+                                     spec->along, &site->symbols};
+        PM_TRY(visit(context, &along));
+    }
+    if (spec->learned && spec->network.nfeature > 0) {
+        operator_name name;
+        const pm_normaliser features = {
+            PM_NORMALISE_FEATURES, join(name, operator->prefix, "matrix"), spec->network.nfeature,
+            spec->network.feature, &site->symbols};
+        PM_TRY(visit(context, &features));
+    }
+    return PM_OK;
+}
+
+// --- building ---
+
+// Everything about one operator while its expression is built.
+typedef struct construction {
+    pm_graph *g;
+    const pm_operator *operator;
+    support support;
+    pm_node scale;  // [1][support.n]
+    pm_node matrix; // C [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
+    pm_node along;  // [nalong][size]; PM_NO_NODE: the frame is the identity
+} construction;
+
+static pm_node part_of(const construction *c, pm_node x, int i) {
+    return pm_slice(c->g, x, c->support.first[i], c->support.group[i]->size);
+}
+
+// The vectors of the frame as rows, each divided by its typical length.
+static pm_node build_along(pm_graph *g, const pm_operator *operator, const pm_site * site,
+                           const pm_params *params) {
+    const pm_operator_spec *spec = operator->spec;
+    if (spec->nalong == 0) {
+        return PM_NO_NODE;
+    }
+    const pm_node side_by_side = pm_features_build(g, spec->nalong, spec->along, &site->symbols);
+    const int size = pm_graph_shape(g, side_by_side).cols / spec->nalong;
+    const pm_node length = pm_network_param(g, params, operator->prefix, "along");
+    return pm_div(g, pm_reshape(g, side_by_side, spec->nalong, size),
+                  pm_reshape(g, length, spec->nalong, 1));
+}
+
+static pm_node build_matrix(pm_graph *g, const pm_operator *operator, const pm_site * site,
+                            const support *s, const pm_params *params) {
+    if (!operator->spec->learned) {
+        return PM_NO_NODE;
+    }
+    operator_name name;
+    const int rows = frame_size(operator->spec, s);
+    const int nout = network_outputs(operator, rows);
+    const pm_node entries = pm_network_build(g, &operator->spec->network, &site->symbols, nout,
+                                             params, join(name, operator->prefix, "matrix"));
+    return pm_reshape(g, entries, rows, nout / rows);
+}
+
+// U: components of the support, in scaled coordinates -> rows of the frame.
+static pm_node to_frame(const construction *c, pm_node scaled) {
+    pm_node part[2 * PM_MAX_GROUPS];
+    int count = 0;
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        if (c->support.learned[i]) {
+            const pm_node x = part_of(c, scaled, i);
+            part[count++] = c->along != PM_NO_NODE && c->support.group[i]->size > 1
+                                ? pm_matmul(c->g, x, false, c->along, true)
+                                : x;
+        }
+    }
+    return pm_concat(c->g, count, part);
+}
+
+// U^T: rows of the frame -> components of the support; zero in groups that are only given.
+static pm_node from_frame(const construction *c, pm_node rows) {
+    pm_node part[2 * PM_MAX_GROUPS];
+    int first = 0;
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        const int size = c->support.group[i]->size;
+        if (!c->support.learned[i]) {
+            part[i] = pm_constant(c->g, 0, 1, size);
+            continue;
+        }
+        const int nrow = frame_rows(c->operator->spec, size);
+        const pm_node x = pm_slice(c->g, rows, first, nrow);
+        part[i] =
+            c->along != PM_NO_NODE && size > 1 ? pm_matmul(c->g, x, false, c->along, false) : x;
+        first += nrow;
+    }
+    return pm_concat(c->g, c->support.ngroup, part);
+}
+
+// (C - C^T) x or G G^T x, for a row x.
+static pm_node apply_matrix(const construction *c, pm_node x) {
+    pm_graph *g = c->g;
+    if (c->operator->kind == PM_REVERSIBLE) {
+        return pm_sub(g, pm_matmul(g, x, false, c->matrix, true),
+                      pm_matmul(g, x, false, c->matrix, false));
+    }
+    return pm_matmul(g, pm_matmul(g, x, false, c->matrix, false), false, c->matrix, true);
+}
+
+// The given pairs: rate_row += c d_col, rate_col -= c d_row.
+static pm_node apply_given(const construction *c, pm_node d) {
+    const pm_operator_spec *spec = c->operator->spec;
+    pm_node rate = PM_NO_NODE;
+    for (int k = 0; k < spec->ngiven; ++k) {
+        const pm_given_pair *pair = &spec->given[k];
+        const int row = position(&c->support, pair->row), col = position(&c->support, pair->col);
+        const pm_node into_row = pm_scale(c->g, part_of(c, d, col), pair->coefficient);
+        const pm_node into_col = pm_scale(c->g, part_of(c, d, row), -pair->coefficient);
+        const int n = c->support.n;
+        rate = pm_add_or(c->g, rate, pm_place(c->g, into_row, c->support.first[row], n));
+        rate = pm_add_or(c->g, rate, pm_place(c->g, into_col, c->support.first[col], n));
+    }
+    return rate;
+}
+
+// K d over the support.
+static pm_node apply(const construction *c, pm_node d) {
+    pm_node rate = apply_given(c, d);
+    if (c->matrix != PM_NO_NODE) {
+        const pm_node rows = apply_matrix(c, to_frame(c, pm_mul(c->g, d, c->scale)));
+        rate = pm_add_or(c->g, rate, pm_mul(c->g, from_frame(c, rows), c->scale));
+    }
+    return rate;
+}
+
+// P^T K P d: nothing of the rate is left along the normal.
+static pm_node apply_projected(const construction *c, pm_node d, pm_node normal) {
+    pm_graph *g = c->g;
+    const pm_node weighted = pm_mul(g, normal, pm_square(g, c->scale)); // W n
+    const pm_node square = pm_offset(g, pm_dot(g, normal, weighted), SMALLEST_NORMAL);
+    const pm_node along = pm_div(g, pm_dot(g, d, weighted), square);
+    const pm_node rate = apply(c, pm_sub(g, d, pm_mul(g, along, normal)));
+    const pm_node excess = pm_div(g, pm_dot(g, rate, normal), square);
+    return pm_sub(g, rate, pm_mul(g, excess, weighted));
+}
+
+// [1][site->n] -> [1][support.n] and back.
+static pm_node restrict_to(const construction *c, pm_node x) {
+    pm_node part[2 * PM_MAX_GROUPS];
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        const pm_site_group *group = c->support.group[i];
+        part[i] = pm_slice(c->g, x, group->first, group->size);
+    }
+    return pm_concat(c->g, c->support.ngroup, part);
+}
+
+static pm_node extend(const construction *c, const pm_site *site, pm_node rate) {
+    pm_node part[2 * PM_MAX_GROUPS];
+    for (int i = 0; i < site->ngroup; ++i) {
+        const int k = position(&c->support, site->group[i].name);
+        part[i] = k < c->support.ngroup ? part_of(c, rate, k)
+                                        : pm_constant(c->g, 0, 1, site->group[i].size);
+    }
+    return pm_concat(c->g, site->ngroup, part);
+}
+
+pm_node pm_operator_build(pm_graph *g, const pm_operator *operator, const pm_site * site,
+                          const pm_params *params, pm_node driving, pm_node normal,
+                          pm_node *degeneracy) {
+    if (!pm_operator_exists(operator->spec) || driving == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    construction c = {.g = g, .operator= operator, .support = support_of(operator->spec, site)};
+    c.scale = pm_network_param(g, params, operator->prefix, "scale");
+    c.along = build_along(g, operator, site, params);
+    c.matrix = build_matrix(g, operator, site, &c.support, params);
+    const pm_node d = restrict_to(&c, driving);
+    if (normal == PM_NO_NODE) {
+        return extend(&c, site, apply(&c, d));
+    }
+    const pm_node n = restrict_to(&c, normal);
+    if (operator->form == PM_HARD) {
+        return extend(&c, site, apply_projected(&c, d, n));
+    }
+    const pm_node residual = pm_div(g, apply(&c, n), c.scale);
+    *degeneracy = pm_add_or(g, *degeneracy, pm_dot(g, residual, residual));
+    return extend(&c, site, apply(&c, d));
+}

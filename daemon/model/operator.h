@@ -1,0 +1,58 @@
+// The two operators of GENERIC, L (reversible, skew) and M (irreversible, positive semi-definite),
+// and how the degeneracies are enforced. THE SECOND LAW IS ENFORCED HERE, in pm_operator_build.
+//
+// With the driving co-energy d and the normal n (L: d = dE, n = dS; M: d = dS, n = dE), both over
+// the groups the operator touches, and the metric W = diag(scale^2) that makes their units
+// comparable:
+//     hard:  rate = P^T K P d,   P = 1 - n (W n)^T / (n . W n),   so n . rate = 0 for any weights
+//     soft:  rate = K d,         and |K n|^2 is the penalty
+// where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
+// frame). P is equation (2) of the hard form, a projection orthogonal in scaled coordinates.
+#ifndef PM_MODEL_OPERATOR_H
+#define PM_MODEL_OPERATOR_H
+
+#include "model/network.h"
+
+typedef enum pm_operator_kind { PM_REVERSIBLE, PM_IRREVERSIBLE } pm_operator_kind;
+
+// Where an operator acts: the groups of one state, or of both ends of a port side by side, and the
+// symbols its features may use.
+typedef struct pm_site_group {
+    char name[PM_MAX_NAME];
+    int first, size;
+} pm_site_group;
+
+typedef struct pm_site {
+    int ngroup;
+    pm_site_group group[2 * PM_MAX_GROUPS];
+    int n; // components in all
+    pm_symbols symbols;
+} pm_site;
+
+// Appends the groups of `layout` as "<prefix><group>".
+void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix);
+
+// One operator of a component.
+typedef struct pm_operator {
+    const pm_operator_spec *spec;
+    pm_operator_kind kind;
+    pm_form form;
+    const char *prefix; // of its parameters: ".scale", ".along", ".matrix.<network>"
+} pm_operator;
+
+bool pm_operator_exists(const pm_operator_spec *spec);
+
+// Checks the spec against the site and declares the parameters. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_operator_declare(const pm_operator *operator, const pm_site * site, pm_params *params);
+
+// The rate [1][site->n] it causes. driving, normal: [1][site->n]. A missing normal (PM_NO_NODE)
+// asks for no degeneracy. PM_NO_NODE if there is no operator or nothing drives it. In the soft form
+// *degeneracy gains |K n|^2 in scaled coordinates (it may start as PM_NO_NODE).
+pm_node pm_operator_build(pm_graph *g, const pm_operator *operator, const pm_site * site,
+                          const pm_params *params, pm_node driving, pm_node normal,
+                          pm_node *degeneracy);
+
+pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
+                            pm_normaliser_visit *visit, void *context);
+
+#endif

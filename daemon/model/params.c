@@ -1,0 +1,110 @@
+// A list of named matrices, each in its own memory so that graphs may keep pointers to the values.
+#include "model/params.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static size_t entry_size(const pm_param_entry *entry) {
+    return (size_t)entry->rows * (size_t)entry->cols;
+}
+
+void pm_params_free(pm_params *params) {
+    for (int i = 0; i < params->count; ++i) {
+        free(params->entry[i].name);
+        free(params->entry[i].value);
+    }
+    free(params->entry);
+    *params = (pm_params){0};
+}
+
+pm_param_entry *pm_params_find(const pm_params *params, const char *name) {
+    for (int i = 0; i < params->count; ++i) {
+        if (strcmp(params->entry[i].name, name) == 0) {
+            return &params->entry[i];
+        }
+    }
+    return NULL;
+}
+
+static pm_param_entry *append(pm_params *params, const char *name, size_t size) {
+    pm_param_entry *entry =
+        realloc(params->entry, ((size_t)params->count + 1) * sizeof *params->entry);
+    if (entry == NULL) {
+        return NULL;
+    }
+    params->entry = entry;
+    char *copy = strdup(name);
+    double *value = calloc(size, sizeof *value);
+    if (copy == NULL || value == NULL) {
+        free(copy);
+        free(value);
+        return NULL;
+    }
+    entry += params->count++;
+    *entry = (pm_param_entry){.name = copy, .value = value};
+    return entry;
+}
+
+pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
+                              double init_std, double init_value) {
+    pm_param_entry *entry = pm_params_find(params, name);
+    if (entry != NULL) {
+        if (entry->rows != rows || entry->cols != cols) {
+            pm_fail(PM_ECONFIG, "parameter %s is %d x %d, expected %d x %d", name, entry->rows,
+                    entry->cols, rows, cols);
+            return NULL;
+        }
+        return entry;
+    }
+    entry = append(params, name, (size_t)rows * (size_t)cols);
+    if (entry == NULL) {
+        pm_fail(PM_ENOMEM, "out of memory for parameter %s (%d x %d)", name, rows, cols);
+        return NULL;
+    }
+    entry->rows = rows;
+    entry->cols = cols;
+    entry->trained = trained;
+    entry->init_std = init_std;
+    entry->init_value = init_value;
+    for (size_t i = 0; i < entry_size(entry); ++i) {
+        entry->value[i] = init_value;
+    }
+    return entry;
+}
+
+void pm_params_randomise(pm_params *params, pm_rng *rng) {
+    for (int i = 0; i < params->count; ++i) {
+        pm_param_entry *entry = &params->entry[i];
+        for (size_t j = 0; entry->trained && j < entry_size(entry); ++j) {
+            entry->value[j] = entry->init_value + entry->init_std * pm_rng_normal(rng);
+        }
+    }
+}
+
+size_t pm_params_trained(const pm_params *params) {
+    size_t count = 0;
+    for (int i = 0; i < params->count; ++i) {
+        count += params->entry[i].trained ? entry_size(&params->entry[i]) : 0;
+    }
+    return count;
+}
+
+void pm_params_gather(const pm_params *params, double *theta) {
+    for (int i = 0; i < params->count; ++i) {
+        const pm_param_entry *entry = &params->entry[i];
+        if (entry->trained) {
+            memcpy(theta, entry->value, entry_size(entry) * sizeof *theta);
+            theta += entry_size(entry);
+        }
+    }
+}
+
+void pm_params_scatter(pm_params *params, const double *theta) {
+    for (int i = 0; i < params->count; ++i) {
+        pm_param_entry *entry = &params->entry[i];
+        if (entry->trained) {
+            memcpy(entry->value, theta, entry_size(entry) * sizeof *theta);
+            theta += entry_size(entry);
+        }
+    }
+}

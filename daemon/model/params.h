@@ -1,0 +1,48 @@
+// The numbers a component carries: weights that training changes, and constants that it fixes from
+// the data before (normalisation, the region seen). Builders of networks name what they need; the
+// trainer or a weights file supplies the values.
+#ifndef PM_MODEL_PARAMS_H
+#define PM_MODEL_PARAMS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "base/rng.h"
+#include "base/status.h"
+
+typedef struct pm_param_entry {
+    char *name; // e.g. "energy.1.layer0.weight"
+    int rows, cols;
+    bool trained;    // false: fixed from the data, not by the optimiser
+    double init_std; // standard deviation of the initial normal values; 0: starts at init_value
+    double init_value;
+    double *value; // [rows][cols], stays where it is until pm_params_free
+} pm_param_entry;
+
+// Storage the caller owns; zero-initialise.
+typedef struct pm_params {
+    int count;
+    pm_param_entry *entry;
+} pm_params;
+
+void pm_params_free(pm_params *params);
+
+// The entry called `name`, or NULL.
+pm_param_entry *pm_params_find(const pm_params *params, const char *name);
+
+// Returns the entry called `name`, made if it is not there yet with every value `init_value`.
+// NULL: out of memory, or an entry of another shape has this name (pm_error tells).
+pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
+                              double init_std, double init_value);
+
+// Draws the initial values of all trained entries, in order.
+void pm_params_randomise(pm_params *params, pm_rng *rng);
+
+// Number of trained values in all.
+size_t pm_params_trained(const pm_params *params);
+
+// Copies all trained values, in order of entries, to or from a flat vector.
+void pm_params_gather(const pm_params *params, double *theta);
+void pm_params_scatter(pm_params *params, const double *theta);
+
+#endif

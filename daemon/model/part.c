@@ -1,0 +1,83 @@
+// A subsystem's E, S and bulk term.
+#include "model/part.h"
+
+#include "model/operator.h"
+#include "model/potential.h"
+
+// The state's groups by name, and its co-energies "dE.<group>", "dS.<group>".
+static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS) {
+    pm_site site = {0};
+    pm_site_add(&site, &part->layout, "");
+    pm_symbols_add(&site.symbols, g, &part->layout, "", z);
+    pm_symbols_add(&site.symbols, g, &part->layout, "dE.", dE);
+    pm_symbols_add(&site.symbols, g, &part->layout, "dS.", dS);
+    return site;
+}
+
+static pm_symbols state_symbols(const pm_part *part, pm_graph *g, pm_node z) {
+    pm_symbols symbols = {0};
+    pm_symbols_add(&symbols, g, &part->layout, "", z);
+    return symbols;
+}
+
+static pm_operator reversible(const pm_part *part) {
+    return (pm_operator){&part->spec.reversible, PM_REVERSIBLE, part->spec.form, "reversible"};
+}
+
+static pm_operator irreversible(const pm_part *part) {
+    return (pm_operator){&part->spec.irreversible, PM_IRREVERSIBLE, part->spec.form,
+                         "irreversible"};
+}
+
+pm_status pm_part_declare(pm_part *part) {
+    if (!pm_potential_exists(&part->spec.energy)) {
+        return pm_fail(PM_ECONFIG, "a subsystem needs an energy");
+    }
+    if (pm_operator_exists(&part->spec.irreversible) && !pm_part_has_entropy(part)) {
+        return pm_fail(PM_ECONFIG, "an irreversible operator needs an entropy");
+    }
+    const pm_symbols symbols = state_symbols(part, NULL, PM_NO_NODE);
+    PM_TRY(pm_potential_declare(&part->spec.energy, &symbols, &part->params, "energy"));
+    PM_TRY(pm_potential_declare(&part->spec.entropy, &symbols, &part->params, "entropy"));
+    const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
+    const pm_operator L = reversible(part), M = irreversible(part);
+    PM_TRY(pm_operator_declare(&L, &site, &part->params));
+    return pm_operator_declare(&M, &site, &part->params);
+}
+
+void pm_part_free(pm_part *part) {
+    pm_params_free(&part->params);
+}
+
+bool pm_part_has_entropy(const pm_part *part) {
+    return pm_potential_exists(&part->spec.entropy);
+}
+
+pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z) {
+    const pm_symbols symbols = state_symbols(part, g, z);
+    return pm_potential_build(g, &part->spec.energy, &symbols, &part->params, "energy");
+}
+
+pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
+    const pm_symbols symbols = state_symbols(part, g, z);
+    return pm_potential_build(g, &part->spec.entropy, &symbols, &part->params, "entropy");
+}
+
+pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
+                     pm_node *degeneracy) {
+    const pm_site site = site_of(part, g, z, dE, dS);
+    const pm_operator L = reversible(part), M = irreversible(part);
+    const pm_node from_energy = pm_operator_build(g, &L, &site, &part->params, dE, dS, degeneracy);
+    const pm_node from_entropy = pm_operator_build(g, &M, &site, &part->params, dS, dE, degeneracy);
+    return pm_add_or(g, from_energy, from_entropy);
+}
+
+pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS,
+                        pm_normaliser_visit *visit, void *context) {
+    const pm_site site = site_of(part, g, z, dE, dS);
+    const pm_operator L = reversible(part), M = irreversible(part);
+    PM_TRY(pm_potential_visit(&part->spec.energy, &site.symbols, "energy", visit, context));
+    PM_TRY(pm_potential_visit(&part->spec.entropy, &site.symbols, "entropy", visit, context));
+    PM_TRY(pm_operator_visit(&L, &site, visit, context));
+    return pm_operator_visit(&M, &site, visit, context);
+}

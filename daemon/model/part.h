@@ -1,0 +1,41 @@
+// A learned subsystem: its layout, its model and its numbers; and the graph expressions of E, S and
+// the bulk term of equation (1): zdot = L dE + M dS.
+// Method: Hernandez, Badias, Chinesta, Cueto, Comput. Mech. 72 (2023) 553; hard form: operator.h.
+#ifndef PM_MODEL_PART_H
+#define PM_MODEL_PART_H
+
+#include "graph/graph.h"
+#include "model/network.h"
+#include "model/params.h"
+#include "model/spec.h"
+
+typedef struct pm_part {
+    pm_layout layout;
+    pm_part_spec spec; // points into the arena of whoever made it
+    pm_params params;
+} pm_part;
+
+// Checks the spec against the layout (unknown groups, bad feature expressions, sizes) and declares
+// every parameter in part->params with its initial value. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_part_declare(pm_part *part);
+void pm_part_free(pm_part *part); // the parameters
+
+// True if the subsystem has an entropy at all; otherwise S, M and eta are nowhere evaluated.
+bool pm_part_has_entropy(const pm_part *part);
+
+// E [1][1] and S [1][1] per batch item, for z [1][nz] batched. S is PM_NO_NODE without entropy.
+pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z);
+pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
+
+// The bulk term [1][nz] (PM_NO_NODE if nothing acts), and the squared degeneracy residual
+// |L dS|^2 + |M dE|^2 [1][1] in scaled coordinates (PM_NO_NODE where the form makes it zero).
+// dS may be PM_NO_NODE.
+pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
+                     pm_node *degeneracy);
+
+// Calls `visit` for every set of constants that training fixes from the data first, with the
+// symbols to compute them from as nodes of g.
+pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS,
+                        pm_normaliser_visit *visit, void *context);
+
+#endif

@@ -1,0 +1,113 @@
+// What a learned component is made of, as plain data: the layout of a state and the choice of
+// potentials, operators and networks. Read from the `model:` block of a training file and from a
+// weights file (store/model_yaml.h writes and reads the same text in both); turned into graphs by
+// part.h and port.h. Everything lives in an arena the reader of the block owns.
+#ifndef PM_MODEL_SPEC_H
+#define PM_MODEL_SPEC_H
+
+#include <stdbool.h>
+
+// --- layout of a state ---
+
+#define PM_MAX_GROUPS 16
+#define PM_MAX_FEATURES 32
+
+// A named group of components that belong together: a vector (position, momentum) or a scalar.
+typedef struct pm_group {
+    const char *name; // identifier, e.g. "q"
+    const char *unit; // e.g. "kg m/s"
+    int size;         // components
+    int first;        // of its first component in the state
+} pm_group;
+
+typedef struct pm_layout {
+    int ngroup;
+    pm_group group[PM_MAX_GROUPS];
+    int nz; // components in all
+} pm_layout;
+
+// The group called `name`, or NULL.
+const pm_group *pm_layout_find(const pm_layout *layout, const char *name);
+// Same groups, names, units and sizes in the same order.
+bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
+
+// --- networks ---
+
+typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU } pm_activation;
+
+// What is added to the hidden layers' output: nothing, a linear form of the normalised features, or
+// a quadratic one. A good skip lets the hidden layers learn only what is left, and extrapolates.
+typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC } pm_skip;
+
+// A network from features to numbers. Features are expressions over named groups (feature.h):
+// "q", "|q|", "ln|q|", "|p|^2", "<q,p>". No features: the network is a learned constant.
+typedef struct pm_network_spec {
+    int nfeature;
+    const char *const *feature;
+    int nhidden; // hidden layers; 0: the skip alone
+    const int *hidden;
+    pm_activation activation;
+    pm_skip skip;
+} pm_network_spec;
+
+// --- potentials and operators ---
+
+// E or S: absent (ngiven == nterm == 0), or a known linear form (an entropy variable as S, a
+// reference temperature times an entropy in E) plus the outputs of its networks.
+typedef struct pm_potential_spec {
+    int ngiven;
+    const char *const *given;        // groups; the sum of each one's components ...
+    const double *given_coefficient; // ... times this [ngiven]; NULL: all 1
+    int nterm;
+    const pm_network_spec *term;
+} pm_potential_spec;
+
+// The known skew coupling xdot_row += c e_col, xdot_col -= c e_row between two groups of equal
+// size.
+typedef struct pm_given_pair {
+    const char *row, *col;
+    double coefficient;
+} pm_given_pair;
+
+// A skew operator (reversible: L) or a positive semi-definite one (irreversible: M), acting on the
+// groups `acts_on`. Its matrix is U^T (C - C^T) U or U^T G G^T U in scaled coordinates, where a
+// network gives C or G (of `rank` columns) and the frame U is
+//   - without `along`: the identity, so C is a plain matrix (of any features);
+//   - with `along`: for each vector group in acts_on one row per vector of `along` (expressions:
+//     "q", "q/|q|", "q/|q|^2"), for each scalar group one row. With invariant features, rotating
+//     the state then rotates the result.
+typedef struct pm_operator_spec {
+    int ngiven; // reversible operators only
+    const pm_given_pair *given;
+    bool learned;
+    pm_network_spec network;
+    int nacts;
+    const char *const *acts_on;
+    int nalong;
+    const char *const *along;
+    int rank; // irreversible operators; columns of the factor G
+} pm_operator_spec;
+
+// hard: degeneracy by projection, both laws hold whatever the weights. soft: degeneracy is a
+// penalty.
+typedef enum pm_form { PM_HARD, PM_SOFT } pm_form;
+
+// A subsystem: zdot_bulk = L dE + M dS.
+typedef struct pm_part_spec {
+    pm_form form;
+    pm_potential_spec energy, entropy;
+    pm_operator_spec reversible, irreversible;
+} pm_part_spec;
+
+// A port between ends a and b; groups are named "a.q", "b.s", co-energies "a.dE.s".
+// bracket: reversible and irreversible act on the exposed groups of both ends.
+// exchange (soft only): the same block describes each end's own boundary term, with its own
+// weights: potentials and operators over own groups "own.q" and the neighbour's "other.q".
+typedef struct pm_port_spec {
+    const char *law;
+    pm_form form;
+    pm_potential_spec energy, entropy; // exchange only
+    pm_operator_spec reversible, irreversible;
+} pm_port_spec;
+
+#endif

@@ -1,0 +1,60 @@
+// The coordinator of a distributed run: a state machine driven by messages and time. It gathers the
+// nodes, grants steps, assembles every step's reports into a sample, books it in the ledger and
+// hands it to an observer. Nothing in here blocks; lockstep.h has the loops that drive it.
+//
+// Life: open a session and gather all initial reports -> grant `window` steps beyond the last
+// complete one, until the last -> END, or ABORT on any failure -> finished when all nodes said BYE
+// or a short time has passed. Nodes with another digest are refused by name.
+#ifndef PM_NET_LOCKSTEP_COORDINATOR_H
+#define PM_NET_LOCKSTEP_COORDINATOR_H
+
+#include <stdbool.h>
+
+#include "net/drops.h"
+#include "net/transport.h"
+#include "sim/ledger.h"
+
+typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
+
+// Called once per completed step in order, from step 0 (the initial state). The sample is valid
+// during the call; its z only with want_state. A failure ends the run.
+typedef struct pm_lockstep_observer {
+    void *context;
+    pm_status (*step)(void *context, const pm_sample *sample);
+} pm_lockstep_observer;
+
+typedef struct pm_lockstep_coordinator_options {
+    long steps;                    // of the run; 0: as the scene says
+    int64_t session;               // > 0; 0: drawn from time and process id (pm_lockstep_session)
+    bool want_state;               // the observer needs z
+    pm_lockstep_observer observer; // step may be NULL
+} pm_lockstep_coordinator_options;
+
+// A number for a new session: 63 bits that two runs hardly share.
+int64_t pm_lockstep_session(void);
+
+// Subscribes; says nothing before the first poll. `system` and `transport` must outlive it.
+// `options` may be NULL. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
+                                       const pm_system *system, pm_transport *transport,
+                                       const pm_lockstep_coordinator_options *options);
+void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
+
+// As pm_lockstep_node_poll and its companions.
+double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double now);
+void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
+                                  const char *message);
+bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator);
+
+// PM_OK after the last step; else the failure, with pm_error() set to its description. PM_ETIMEOUT:
+// nodes stayed silent, named; PM_ENET: a node was refused; PM_ELAW; a node's own code when it
+// failed; what the observer returned.
+pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
+
+long pm_lockstep_coordinator_step(
+    const pm_lockstep_coordinator *coordinator); // completed; -1: none
+const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
+pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
+const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);
+
+#endif

@@ -1,0 +1,539 @@
+// A node: says HELLO, then computes rounds as far as ticks and neighbours' fluxes allow. Message
+// handlers only store and answer; pm_lockstep_node_poll computes.
+#include "net/lockstep_node.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "net/channel.h"
+#include "net/flux_link.h"
+#include "net/reporter.h"
+#include "net/waiting.h"
+
+#define HELLO_INTERVAL 0.1   // s
+#define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
+#define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
+#define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the end
+
+// Steps beyond this are refused, so that round numbers cannot overflow.
+#define MAX_STEPS (INT64_C(1) << 40)
+
+typedef enum phase { HELLO, RUNNING, FAILING, LEAVING, FINISHED } phase;
+
+struct pm_lockstep_node {
+    pm_arena arena;
+    const pm_system *system;
+    const char *name;
+    pm_subsystem *subsystem;
+    pm_transport *transport;
+    int64_t wanted_session; // 0: any
+
+    phase phase;
+    pm_status status;
+    char message[PM_TEXT_MAX + 1];
+    double now, next, until; // s: last poll; next repetition; end of the phase (LEAVING, FAILING)
+
+    // Of the run, from the coordinator's ticks.
+    int64_t session, steps, granted;
+    double t0;
+    bool want_state;
+    bool coordinator_alive;
+    double coordinator_heard;
+
+    int rounds;   // per step
+    int64_t step; // being computed, or next
+    int round;
+    bool exposed;    // the round has begun
+    int coupled;     // ports whose neighbour's flux has been used in this round
+    bool progressed; // since the last poll; a new wait begins
+    pm_waiting waiting;
+
+    int nlink;
+    pm_flux_link *link; // [nlink], in the scene's order of ports
+    pm_reporter reporter;
+    char tick_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
+    char request_channel[PM_CHANNEL_SIZE];
+    pm_drops drops;
+};
+
+// --- the end ---
+
+// The phase's clock starts at the next poll, as handlers do not know the time.
+static void enter(pm_lockstep_node *node, phase next) {
+    node->phase = next;
+    node->until = node->next = 0;
+}
+
+static void end_with(pm_lockstep_node *node, pm_status status, const char *message) {
+    node->status = status;
+    snprintf(node->message, sizeof node->message, "%s", message);
+}
+
+void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *message) {
+    if (node->phase == HELLO || node->phase == RUNNING) {
+        end_with(node, code, message);
+        enter(node, FAILING);
+    }
+}
+
+// Handlers cannot return a failure; they leave it here.
+static void check(pm_lockstep_node *node, pm_status status) {
+    if (status != PM_OK) {
+        pm_lockstep_node_fail(node, status, pm_error());
+    }
+}
+
+// --- a step ---
+
+static double time_of(const pm_lockstep_node *node, int64_t step) {
+    return node->t0 + (double)step * node->system->scene->dt;
+}
+
+// The present round, counted from the start of the run.
+static int64_t round_key(const pm_lockstep_node *node) {
+    return node->step * node->rounds + node->round;
+}
+
+static pm_status report(pm_lockstep_node *node) {
+    const pm_books books = pm_subsystem_books(node->subsystem);
+    return pm_reporter_done(&node->reporter, node->session, node->step, time_of(node, node->step),
+                            &books, node->want_state ? pm_subsystem_state(node->subsystem) : NULL);
+}
+
+static pm_status start_round(pm_lockstep_node *node) {
+    pm_subsystem_expose(node->subsystem);
+    const pm_books books = pm_subsystem_books(node->subsystem);
+    portmet_flux_t head = {
+        .session = node->session,
+        .step = node->step,
+        .round = node->round,
+        .time = time_of(node, node->step),
+    };
+    for (int i = 0; i < node->nlink; ++i) {
+        head.energy_flux = books.flux[i].energy;
+        head.entropy_flux = books.flux[i].entropy;
+        PM_TRY(pm_flux_link_send(&node->link[i], node->transport, round_key(node), &head,
+                                 pm_subsystem_values(node->subsystem, i)));
+    }
+    // While the neighbours' fluxes travel.
+    pm_subsystem_bulk(node->subsystem);
+    node->exposed = true;
+    node->coupled = 0;
+    return PM_OK;
+}
+
+// Uses what the neighbours have sent, in the order of ports.
+static void couple_arrived(pm_lockstep_node *node) {
+    pm_port_values neighbour;
+    while (node->coupled < node->nlink &&
+           pm_flux_link_take(&node->link[node->coupled], round_key(node), &neighbour)) {
+        pm_subsystem_couple(node->subsystem, node->coupled, &neighbour);
+        node->coupled += 1;
+        node->progressed = true;
+    }
+}
+
+static pm_status finish_round(pm_lockstep_node *node) {
+    pm_subsystem_advance(node->subsystem);
+    node->exposed = false;
+    node->round += 1;
+    if (node->round < node->rounds) {
+        return PM_OK;
+    }
+    PM_TRY(pm_subsystem_end_step(node->subsystem));
+    node->step += 1;
+    node->round = 0;
+    return report(node);
+}
+
+static pm_status run_rounds(pm_lockstep_node *node) {
+    while (node->exposed || node->step < node->granted) {
+        if (!node->exposed) {
+            PM_TRY(start_round(node));
+            node->progressed = true;
+        }
+        couple_arrived(node);
+        if (node->coupled < node->nlink) {
+            return PM_OK;
+        }
+        PM_TRY(finish_round(node));
+    }
+    return PM_OK;
+}
+
+// --- waiting ---
+
+// Asks again for what is missing, and gives up on a silent peer. Sets when to look again.
+static pm_status await(pm_lockstep_node *node) {
+    if (node->progressed) {
+        pm_waiting_start(&node->waiting, node->now);
+        node->progressed = false;
+    }
+    const pm_flux_link *l = node->exposed ? &node->link[node->coupled] : NULL;
+    const double heard = l != NULL ? l->heard : node->coordinator_heard;
+    const double patience = node->system->scene->patience;
+    if (pm_waiting_over(&node->waiting, heard, patience, node->now)) {
+        return pm_fail(PM_ETIMEOUT, "%s: no word from %s for %.3g s, in round %d of step %lld",
+                       node->name, l != NULL ? l->neighbour : "the coordinator",
+                       node->now - node->waiting.since, node->round, (long long)node->step);
+    }
+    if (pm_waiting_ask(&node->waiting, node->now) && node->step < node->steps) {
+        PM_TRY(pm_waiting_request(node->transport, node->request_channel, node->session, node->name,
+                                  l != NULL ? l->channel : node->tick_channel, node->step,
+                                  node->round));
+    }
+    node->next = node->waiting.next;
+    return PM_OK;
+}
+
+static pm_status greet(pm_lockstep_node *node) {
+    const pm_scene *scene = node->system->scene;
+    if (node->now >= node->until) {
+        return pm_fail(PM_ETIMEOUT,
+                       "%s: no coordinator of scene %s with the same models answered within %.3g s",
+                       node->name, scene->name, scene->patience);
+    }
+    if (node->now >= node->next) {
+        node->next = node->now + HELLO_INTERVAL;
+        PM_TRY(pm_reporter_say(&node->reporter, node->wanted_session, PORTMET_REPORT_T_HELLO, PM_OK,
+                               ""));
+    }
+    return PM_OK;
+}
+
+// A failed node tells why until the coordinator answers or enough time has passed.
+static void repeat_failure(pm_lockstep_node *node) {
+    if (node->now >= node->until) {
+        node->phase = FINISHED;
+    } else if (node->now >= node->next) {
+        node->next = node->now + FAILED_INTERVAL;
+        // The first failure counts, not that telling it failed too.
+        const int64_t session = node->session != 0 ? node->session : node->wanted_session;
+        (void)pm_reporter_say(&node->reporter, session, PORTMET_REPORT_T_FAILED, node->status,
+                              node->message);
+    }
+}
+
+static void note_life(pm_lockstep_node *node) {
+    if (node->coordinator_alive) {
+        node->coordinator_heard = node->now;
+        node->coordinator_alive = false;
+    }
+    for (int i = 0; i < node->nlink; ++i) {
+        if (node->link[i].alive) {
+            node->link[i].heard = node->now;
+            node->link[i].alive = false;
+        }
+    }
+}
+
+// How long a phase may last, s.
+static double duration(const pm_lockstep_node *node) {
+    switch (node->phase) {
+    case HELLO:
+        return node->system->scene->patience;
+    case FAILING:
+        return FAILED_LINGER;
+    case LEAVING:
+        return LEAVE_LINGER;
+    default:
+        return INFINITY;
+    }
+}
+
+static void start_clock(pm_lockstep_node *node) {
+    if (node->until == 0) {
+        node->until = node->now + duration(node);
+        node->next = node->now;
+    }
+}
+
+double pm_lockstep_node_poll(pm_lockstep_node *node, double now) {
+    node->now = now;
+    note_life(node);
+    start_clock(node);
+    if (node->phase == HELLO) {
+        check(node, greet(node));
+    }
+    if (node->phase == RUNNING) {
+        check(node, run_rounds(node));
+    }
+    if (node->phase == RUNNING) {
+        check(node, await(node));
+    }
+    start_clock(node);
+    if (node->phase == FAILING) {
+        repeat_failure(node);
+    }
+    if (node->phase == LEAVING) {
+        node->next = node->until;
+        node->phase = now >= node->until ? FINISHED : LEAVING;
+    }
+    return node->phase == FINISHED ? INFINITY : node->next;
+}
+
+// --- receiving ---
+
+static bool keep(pm_lockstep_node *node, pm_drop drop) {
+    node->drops.count[drop] += 1;
+    return drop == PM_KEEP;
+}
+
+static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    const double dt = node->system->scene->dt;
+    const bool wanted = node->wanted_session == 0 || tick->session == node->wanted_session;
+    if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->system->digest) {
+        return PM_DROP_SESSION;
+    }
+    if (tick->steps < 0 || tick->steps > MAX_STEPS) {
+        return PM_DROP_RANGE;
+    }
+    node->session = tick->session;
+    node->steps = tick->steps;
+    node->t0 = tick->t0;
+    node->want_state = tick->want_state != 0;
+    node->progressed = true;
+    enter(node, RUNNING);
+    check(node, tick->dt == dt ? report(node)
+                               : pm_fail(PM_ENET,
+                                         "the coordinator's scene steps by %.17g s, this "
+                                         "node's by %.17g s",
+                                         tick->dt, dt));
+    return PM_KEEP;
+}
+
+static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    if (node->phase == HELLO) {
+        const pm_drop drop = join(node, tick);
+        if (drop != PM_KEEP) {
+            return drop;
+        }
+    }
+    if (tick->session != node->session) {
+        return PM_DROP_SESSION;
+    }
+    node->coordinator_alive = true;
+    if (tick->granted > node->steps || tick->granted < 0) {
+        return PM_DROP_RANGE;
+    }
+    if (tick->granted < node->granted) {
+        return PM_DROP_REPEATED;
+    }
+    node->granted = tick->granted;
+    return PM_KEEP;
+}
+
+static void on_tick(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_node *node = context;
+    portmet_tick_t tick;
+    pm_drop drop = pm_tick_decode(&tick, data, size);
+    if (drop == PM_KEEP) {
+        drop = accept_tick(node, &tick);
+    }
+    keep(node, drop);
+}
+
+// May this command, of this session or (in HELLO) of one that can be joined, end the node?
+static bool concerns(const pm_lockstep_node *node, const portmet_command_t *command) {
+    if (node->phase == HELLO) {
+        return node->wanted_session == 0 || node->wanted_session == command->session;
+    }
+    return command->session == node->session;
+}
+
+static pm_drop accept_command(pm_lockstep_node *node, const portmet_command_t *command) {
+    const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
+    const bool end = command->kind == PORTMET_COMMAND_T_END;
+    const bool complete = node->phase == RUNNING && node->step == node->steps;
+    if (!concerns(node, command)) {
+        return PM_DROP_SESSION;
+    }
+    if (!pm_lockstep_node_leaving(node)) {
+        if (!abort && !(end && complete)) {
+            return PM_DROP_RANGE;
+        }
+        if (abort && node->phase != FAILING) {
+            const bool known = command->code >= PM_EUSAGE && command->code <= PM_EINTERRUPTED;
+            end_with(node, known ? (pm_status)command->code : PM_ENET, command->reason);
+        }
+        node->session = command->session;
+        enter(node, LEAVING);
+    }
+    // Repeated commands too: the coordinator repeats them until it has heard everybody's BYE.
+    check(node, pm_reporter_say(&node->reporter, node->session, PORTMET_REPORT_T_BYE, PM_OK, ""));
+    return PM_KEEP;
+}
+
+static void on_command(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_node *node = context;
+    portmet_command_t command;
+    pm_drop drop = pm_command_decode(&command, data, size);
+    if (drop == PM_KEEP) {
+        drop = accept_command(node, &command);
+    }
+    keep(node, drop);
+}
+
+static void note_sender(pm_lockstep_node *node, const char *sender) {
+    if (sender[0] == 0) {
+        node->coordinator_alive = true;
+    }
+    for (int i = 0; i < node->nlink; ++i) {
+        if (strcmp(node->link[i].neighbour, sender) == 0) {
+            node->link[i].alive = true;
+        }
+    }
+}
+
+static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) {
+    if (request->session != node->session || node->session == 0) {
+        return PM_DROP_SESSION;
+    }
+    const bool sane = request->step >= 0 && request->step <= MAX_STEPS && request->round >= 0 &&
+                      request->round < node->rounds;
+    if (!sane) {
+        return PM_DROP_RANGE;
+    }
+    note_sender(node, request->sender);
+    check(node, pm_reporter_repeat(&node->reporter, request));
+    for (int i = 0; i < node->nlink; ++i) {
+        if (strcmp(request->channel, node->link[i].sent.channel) == 0) {
+            const int64_t key = request->step * node->rounds + request->round;
+            check(node, pm_outbox_repeat(&node->link[i].sent, node->transport, key));
+        }
+    }
+    return PM_KEEP;
+}
+
+static void on_request(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_node *node = context;
+    portmet_request_t request;
+    pm_drop drop = pm_request_decode(&request, data, size);
+    if (drop == PM_KEEP) {
+        drop = answer(node, &request);
+    }
+    keep(node, drop);
+}
+
+static pm_drop accept_flux(pm_flux_link *link) {
+    const pm_lockstep_node *node = link->node;
+    const portmet_flux_t *flux = &link->scratch;
+    if (node->phase != RUNNING || flux->session != node->session) {
+        return PM_DROP_SESSION;
+    }
+    link->alive = true;
+    if (flux->round < 0 || flux->round >= node->rounds || flux->step < 0 ||
+        flux->step > node->steps) {
+        return PM_DROP_RANGE;
+    }
+    return pm_flux_link_keep(link, flux->step * node->rounds + flux->round, round_key(node));
+}
+
+static void on_flux(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_flux_link *link = context;
+    pm_drop drop = pm_flux_decode(&link->scratch, data, size);
+    if (drop == PM_KEEP) {
+        drop = accept_flux(link);
+    }
+    keep(link->node, drop);
+}
+
+// --- opening ---
+
+static pm_status open_link(pm_lockstep_node *node, int port) {
+    pm_flux_link *link = &node->link[port];
+    link->node = node;
+    PM_TRY(pm_flux_link_init(link, &node->arena, node->system->scene,
+                             pm_subsystem_port_id(node->subsystem, port),
+                             pm_subsystem_end(node->subsystem, port)));
+    return pm_transport_subscribe(node->transport, link->channel, on_flux, link);
+}
+
+static pm_status subscribe(pm_lockstep_node *node) {
+    const pm_scene *scene = node->system->scene;
+    PM_TRY(pm_channel_scene(node->tick_channel, scene, "TICK"));
+    PM_TRY(pm_channel_scene(node->command_channel, scene, "COMMAND"));
+    PM_TRY(pm_channel_scene(node->request_channel, scene, "REQUEST"));
+    PM_TRY(pm_transport_subscribe(node->transport, node->tick_channel, on_tick, node));
+    PM_TRY(pm_transport_subscribe(node->transport, node->command_channel, on_command, node));
+    return pm_transport_subscribe(node->transport, node->request_channel, on_request, node);
+}
+
+static pm_status prepare(pm_lockstep_node *node, int subsystem_id, const double *z) {
+    PM_TRY(pm_subsystem_open(&node->subsystem, node->system, subsystem_id));
+    if (z != NULL) {
+        pm_subsystem_set_state(node->subsystem, z);
+    }
+    node->rounds = pm_subsystem_rounds(node->subsystem);
+    node->nlink = pm_subsystem_nport(node->subsystem);
+    node->link = pm_arena_array(&node->arena, (size_t)node->nlink, sizeof *node->link);
+    if (node->link == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
+    }
+    for (int i = 0; i < node->nlink; ++i) {
+        PM_TRY(open_link(node, i));
+    }
+    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, subsystem_id, node->nlink,
+                            node->transport));
+    return subscribe(node);
+}
+
+pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int subsystem_id,
+                                pm_transport *transport, const pm_lockstep_node_options *options) {
+    const pm_scene_subsystem *own = &system->scene->subsystem[subsystem_id];
+    pm_lockstep_node *made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", own->name);
+    }
+    made->system = system;
+    made->name = own->name;
+    made->transport = transport;
+    made->wanted_session = options == NULL ? 0 : options->session;
+    const pm_status status = prepare(made, subsystem_id, options == NULL ? NULL : options->z);
+    if (status != PM_OK) {
+        pm_lockstep_node_close(made);
+        return status;
+    }
+    *node = made;
+    return PM_OK;
+}
+
+void pm_lockstep_node_close(pm_lockstep_node *node) {
+    if (node != NULL) {
+        pm_subsystem_close(node->subsystem);
+        pm_arena_free(&node->arena);
+        free(node);
+    }
+}
+
+// --- asking ---
+
+bool pm_lockstep_node_finished(const pm_lockstep_node *node) {
+    return node->phase == FINISHED;
+}
+
+bool pm_lockstep_node_leaving(const pm_lockstep_node *node) {
+    return node->phase == FINISHED || node->phase == LEAVING;
+}
+
+pm_status pm_lockstep_node_result(const pm_lockstep_node *node) {
+    return node->status == PM_OK ? PM_OK : pm_fail(node->status, "%s", node->message);
+}
+
+long pm_lockstep_node_step(const pm_lockstep_node *node) {
+    return (long)node->step;
+}
+
+pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node) {
+    return node->transport;
+}
+
+const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node) {
+    return &node->drops;
+}

@@ -1,0 +1,51 @@
+// One subsystem of a distributed run: a state machine driven by messages and time. It computes the
+// steps that the coordinator grants, exchanges one flux per port and round with its neighbours, and
+// reports every step. Nothing in here blocks; lockstep.h has the loops that drive it.
+//
+// Life: HELLO until a tick opens a session -> report of the initial state -> rounds and reports ->
+// END: linger to answer requests -> finished. Whatever it waits for longer than a few milliseconds
+// it requests again, and gives up when the peer stays silent for scene->patience.
+#ifndef PM_NET_LOCKSTEP_NODE_H
+#define PM_NET_LOCKSTEP_NODE_H
+
+#include <stdbool.h>
+
+#include "net/drops.h"
+#include "net/transport.h"
+#include "sim/subsystem.h"
+
+typedef struct pm_lockstep_node pm_lockstep_node;
+
+typedef struct pm_lockstep_node_options {
+    const double *z; // [nz] of the subsystem: where it starts; NULL: at the scene's initial state
+    int64_t session; // joins only this one; 0: whichever coordinator has the same digest
+} pm_lockstep_node_options;
+
+// Subscribes and gets ready; says nothing before the first poll. `system` and `transport` must
+// outlive it. `options` may be NULL. PM_ECONFIG (a channel's name is too long or means two things),
+// PM_ENET, PM_ENOMEM, and what pm_subsystem_open returns.
+pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int subsystem_id,
+                                pm_transport *transport, const pm_lockstep_node_options *options);
+void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
+
+// Does what the messages handed out so far (pm_transport_wait) and the time `now` (s, monotonic)
+// allow. Returns the time at which to poll again if no message comes before.
+double pm_lockstep_node_poll(pm_lockstep_node *node, double now);
+
+// Ends as soon as possible with `code` and `message`; the coordinator is told and ends all others.
+void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *message);
+
+// The run is over for this node: nothing more to do, or only lingering for others' requests.
+bool pm_lockstep_node_finished(const pm_lockstep_node *node);
+bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
+
+// PM_OK after END; else the failure, with pm_error() set to its description. PM_ETIMEOUT: a peer
+// stayed silent, named; PM_ENUMERIC: the state became non-finite; the coordinator's code after
+// ABORT.
+pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
+
+long pm_lockstep_node_step(const pm_lockstep_node *node); // steps completed
+pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node);
+const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node);
+
+#endif

@@ -1,0 +1,90 @@
+// Checks an LCM address and the way to its multicast group.
+#include "net/multicast.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+// LCM's own, where the URL leaves it out.
+#define DEFAULT_GROUP "239.255.76.67"
+
+// On one host a datagram takes microseconds; a busy machine may take its time to wake us.
+#define ECHO_TIMEOUT 500 // ms
+
+// Reads the group; checks that a port, if given, is one.
+static pm_status parse(const char *url, struct in_addr *group) {
+    const char *address = strstr(url, "://") + 3;
+    const size_t host_size = strcspn(address, ":?");
+    char host[INET_ADDRSTRLEN] = DEFAULT_GROUP;
+    if (host_size >= sizeof host) {
+        return pm_fail(PM_ECONFIG, "transport \"%s\": expected an IPv4 multicast group", url);
+    }
+    if (host_size > 0) {
+        memcpy(host, address, host_size);
+        host[host_size] = 0;
+    }
+    if (inet_pton(AF_INET, host, group) != 1 || !IN_MULTICAST(ntohl(group->s_addr))) {
+        return pm_fail(PM_ECONFIG,
+                       "transport \"%s\": \"%s\" is not a multicast group, expected 224.0.0.0 to "
+                       "239.255.255.255",
+                       url, host);
+    }
+    if (address[host_size] == ':') {
+        const char *text = address + host_size + 1;
+        char *end;
+        const long port = strtol(text, &end, 10);
+        if (end == text || (*end != 0 && *end != '?') || port < 1 || port > 65535) {
+            return pm_fail(PM_ECONFIG, "transport \"%s\": expected a port from 1 to 65535", url);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status no_way(const char *url, const char *what, const char *why) {
+    return pm_fail(PM_ENET, "transport \"%s\": %s: %s; for this host only, " PM_MULTICAST_REMEDY,
+                   url, what, why);
+}
+
+// Sends one datagram to the group at a port of our own, and reads it back.
+static pm_status echo(int file, const char *url, struct in_addr group) {
+    struct sockaddr_in here = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_ANY)}};
+    socklen_t size = sizeof here;
+    if (bind(file, (const struct sockaddr *)&here, size) != 0 ||
+        getsockname(file, (struct sockaddr *)&here, &size) != 0) {
+        return pm_fail(PM_ENET, "transport \"%s\": no socket: %s", url, strerror(errno));
+    }
+    const struct ip_mreq membership = {.imr_multiaddr = group, .imr_interface = {INADDR_ANY}};
+    if (setsockopt(file, IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) != 0) {
+        return no_way(url, "cannot join the multicast group", strerror(errno));
+    }
+    const unsigned char ttl = 0;
+    setsockopt(file, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
+    const struct sockaddr_in there = {AF_INET, here.sin_port, group, {0}};
+    if (sendto(file, "", 1, 0, (const struct sockaddr *)&there, sizeof there) != 1) {
+        return no_way(url, "cannot send to the multicast group", strerror(errno));
+    }
+    struct pollfd readable = {file, POLLIN, 0};
+    if (poll(&readable, 1, ECHO_TIMEOUT) != 1) {
+        return no_way(url, "multicast messages do not come back",
+                      "a firewall, or an interface without multicast");
+    }
+    return PM_OK;
+}
+
+pm_status pm_multicast_check(const char *url) {
+    struct in_addr group;
+    PM_TRY(parse(url, &group));
+    const int file = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (file < 0) {
+        return pm_fail(PM_ENET, "transport \"%s\": no socket: %s", url, strerror(errno));
+    }
+    const pm_status status = echo(file, url, group);
+    close(file);
+    return status;
+}

@@ -1,0 +1,63 @@
+// Carries messages, as bytes, between processes or within one. The URL's beginning chooses how:
+//   udpm://, mpudpm://, ...  liblcm, best effort over UDP multicast (transport_lcm.c)
+//   memory://                between endpoints of one hub in this thread (transport_memory.c)
+// A transport is a table of functions (transport_table.h) and one line in transport.c.
+#ifndef PM_NET_TRANSPORT_H
+#define PM_NET_TRANSPORT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/status.h"
+
+// Longest channel name with its terminator (LCM's limit).
+#define PM_CHANNEL_SIZE 64
+
+typedef struct pm_transport pm_transport;
+
+// Called for each message during pm_transport_wait. `data` [size] and `channel` are valid until it
+// returns. It may publish; it must not wait, subscribe or close.
+typedef void pm_message_handler(void *context, const char *channel, const void *data, size_t size);
+
+// --- the memory transport's meeting place ---
+
+// Endpoints opened on the same hub hear each other, each through its own first-in first-out queue.
+typedef struct pm_hub pm_hub;
+
+// What a hub does to messages on purpose, for tests; all zero: nothing. Drawn per message and
+// receiver from the seed. A delayed message waits for 1 to `max_delay` of the receiver's calls of
+// pm_transport_wait, so that later ones overtake it.
+typedef struct pm_hub_faults {
+    uint64_t seed;
+    double drop, duplicate, delay; // probabilities
+    int max_delay;
+} pm_hub_faults;
+
+pm_status pm_hub_open(pm_hub **hub, const pm_hub_faults *faults); // faults may be NULL
+void pm_hub_close(pm_hub *hub); // after its endpoints; NULL is allowed
+
+// --- any transport ---
+
+// `hub` is needed for "memory://" and ignored otherwise. PM_ECONFIG: unknown scheme or malformed
+// address. PM_ENET: no socket or no way for multicast; then the error names the commands that mend
+// it. PM_ENOMEM.
+pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub);
+void pm_transport_close(pm_transport *transport); // NULL is allowed
+
+// Messages on `channel`, exactly, go to `handler`. One's own messages count. PM_ENET, PM_ENOMEM.
+pm_status pm_transport_subscribe(pm_transport *transport, const char *channel,
+                                 pm_message_handler *handler, void *context);
+
+// Sends without waiting. PM_ENET, PM_ENOMEM.
+pm_status pm_transport_publish(pm_transport *transport, const char *channel, const void *data,
+                               size_t size);
+
+// Waits up to `seconds` (0: not at all) for a message, then hands out all that have arrived.
+// `handled` (may be NULL) receives their number; 0 also when a signal cut the wait short. The
+// memory transport never waits: while its thread is in here nobody could send. PM_ENET.
+pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handled);
+
+// Becomes readable when a message arrives, for use with poll(); -1 if there is none.
+int pm_transport_file(const pm_transport *transport);
+
+#endif

@@ -1,0 +1,42 @@
+// Back-off, patience and requests.
+#include "net/waiting.h"
+
+#include "net/codec.h"
+
+void pm_waiting_start(pm_waiting *waiting, double now) {
+    waiting->since = now;
+    waiting->interval = PM_WAITING_FIRST;
+    waiting->next = now + PM_WAITING_FIRST;
+}
+
+bool pm_waiting_ask(pm_waiting *waiting, double now) {
+    if (now < waiting->next) {
+        return false;
+    }
+    waiting->interval *= 2;
+    if (waiting->interval > PM_WAITING_LAST) {
+        waiting->interval = PM_WAITING_LAST;
+    }
+    waiting->next = now + waiting->interval;
+    return true;
+}
+
+bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now) {
+    const double waited = now - waiting->since;
+    return (waited > patience && now - heard > patience) || waited > PM_WAITING_ALIVE * patience;
+}
+
+pm_status pm_waiting_request(pm_transport *transport, const char *request_channel, int64_t session,
+                             const char *sender, const char *channel, int64_t step, int round) {
+    const portmet_request_t message = {
+        .session = session,
+        .sender = (char *)sender,
+        .channel = (char *)channel,
+        .step = step,
+        .round = round,
+    };
+    // Names of subsystems are shorter than the channels that contain them.
+    unsigned char data[64 + 2 * PM_CHANNEL_SIZE];
+    const size_t size = pm_request_encode(&message, data, sizeof data);
+    return pm_transport_publish(transport, request_channel, data, size);
+}

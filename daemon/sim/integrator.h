@@ -1,0 +1,20 @@
+// Explicit Runge-Kutta methods as Butcher tableaux. One flux exchange per stage.
+#ifndef PM_SIM_INTEGRATOR_H
+#define PM_SIM_INTEGRATOR_H
+
+#define PM_MAX_STAGES 16
+
+// k_i = f(z + h sum_j a[i][j] k_j), z' = z + h sum_i b[i] k_i.
+typedef struct pm_integrator {
+    const char *name;
+    int nstage;
+    int order; // of convergence
+    double a[PM_MAX_STAGES][PM_MAX_STAGES];
+    double b[PM_MAX_STAGES]; // all >= 0, so that booked entropy production keeps its sign
+} pm_integrator;
+
+// The method called `name`, or NULL. _names lists all, separated by ", ".
+const pm_integrator *pm_integrator_find(const char *name);
+const char *pm_integrator_names(void);
+
+#endif

@@ -1,0 +1,105 @@
+// Residuals of both laws, step by step.
+#include "sim/ledger.h"
+
+#include <math.h>
+
+#include "model/port.h"
+
+void pm_ledger_init(pm_ledger *ledger, const pm_system *system) {
+    *ledger = (pm_ledger){.system = system};
+}
+
+// What one balance of a step came to, relative to its gross flux.
+typedef struct balance {
+    double energy, entropy;
+    bool hard; // holds by construction: a violation is an error
+    const char *name;
+} balance;
+
+static double relative(double value, double gross) {
+    return gross > 0 ? value / gross : 0;
+}
+
+static balance balance_of_port(const pm_ledger *ledger, const pm_sample *sample, int i) {
+    const pm_flux *a = &sample->flux[i][0], *b = &sample->flux[i][1];
+    const pm_port_model *model = &ledger->system->port[i];
+    return (balance){
+        relative(fabs(a->energy + b->energy), fmax(a->energy_gross, b->energy_gross)),
+        relative(a->entropy + b->entropy, fmax(a->entropy_gross, b->entropy_gross)),
+        model->law->conservative && model->spec.form == PM_HARD,
+        ledger->system->scene->port[i].name,
+    };
+}
+
+static balance balance_of_bulk(const pm_ledger *ledger, const pm_sample *sample, int i) {
+    const double *gross = &sample->bulk_gross[2 * i];
+    return (balance){
+        relative(fabs(sample->bulk_energy[i]), gross[0]),
+        relative(sample->bulk_entropy[i], gross[1]),
+        ledger->system->part[i].spec.form == PM_HARD,
+        ledger->system->scene->subsystem[i].name,
+    };
+}
+
+// Books one balance; true if it is beyond the tolerances.
+static bool book_balance(pm_ledger *ledger, pm_sample *sample, const balance *b) {
+    sample->energy_residual = fmax(sample->energy_residual, b->energy);
+    sample->entropy_residual = fmin(sample->entropy_residual, b->entropy);
+    if (b->energy > ledger->worst_energy) {
+        ledger->worst_energy = b->energy;
+        ledger->worst_energy_step = sample->step;
+        ledger->worst_energy_at = b->name;
+    }
+    if (b->entropy < ledger->worst_entropy) {
+        ledger->worst_entropy = b->entropy;
+        ledger->worst_entropy_step = sample->step;
+        ledger->worst_entropy_at = b->name;
+    }
+    const pm_scene *scene = ledger->system->scene;
+    return b->energy > scene->energy_tolerance || b->entropy < -scene->entropy_tolerance;
+}
+
+static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const balance *b) {
+    return pm_fail(PM_ELAW,
+                   "step %ld, %s: energy residual %.3g (allowed %.3g), entropy residual %.3g "
+                   "(allowed %.3g) in a component that keeps both laws by construction",
+                   sample->step, b->name, b->energy, ledger->system->scene->energy_tolerance,
+                   b->entropy, -ledger->system->scene->entropy_tolerance);
+}
+
+static void book_totals(pm_ledger *ledger, const pm_sample *sample) {
+    double energy = 0, entropy = 0;
+    for (int i = 0; i < ledger->system->scene->nsubsystem; ++i) {
+        energy += sample->energy[i];
+        entropy += sample->entropy[i];
+    }
+    if (sample->step == 0) {
+        ledger->first_energy = energy;
+        ledger->first_entropy = entropy;
+    } else {
+        ledger->worst_entropy_fall = fmax(ledger->worst_entropy_fall, ledger->entropy - entropy);
+    }
+    ledger->energy = energy;
+    ledger->entropy = entropy;
+    ledger->steps = sample->step;
+}
+
+pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
+    const pm_scene *scene = ledger->system->scene;
+    sample->energy_residual = sample->entropy_residual = 0;
+    book_totals(ledger, sample);
+    bool violated = false;
+    pm_status status = PM_OK;
+    for (int i = 0; i < scene->nport + scene->nsubsystem; ++i) {
+        const balance b = i < scene->nport ? balance_of_port(ledger, sample, i)
+                                           : balance_of_bulk(ledger, sample, i - scene->nport);
+        if (book_balance(ledger, sample, &b)) {
+            violated = true;
+            if (b.hard && status == PM_OK) {
+                status = fail(ledger, sample, &b);
+            }
+        }
+    }
+    ledger->violations += violated ? 1 : 0;
+    return status;
+}

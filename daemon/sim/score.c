@@ -1,0 +1,74 @@
+// Relative errors of predicted trajectories, and the numbers of a box plot.
+#include "sim/score.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+
+// Relative error of one group over the rows [first, last).
+static double group_error(const pm_columns *columns, int group, int ncolumn, int first, int last,
+                          const double *predicted, const double *truth) {
+    double error = 0, norm = 0;
+    for (int j = first; j < last; ++j) {
+        const size_t row = (size_t)j * (size_t)ncolumn;
+        for (int i = 0; i < columns->nz; ++i) {
+            if (columns->group[i] == group) {
+                const size_t k = row + (size_t)columns->column[i];
+                const double difference = predicted[k] - truth[k];
+                error += difference * difference;
+                norm += truth[k] * truth[k];
+            }
+        }
+    }
+    return sqrt(error) / (norm > 0 ? sqrt(norm) : 1);
+}
+
+void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
+              const double *truth, double *trajectory, double *snapshot) {
+    const int ngroup = columns->ngroup;
+    for (int g = 0; g < ngroup; ++g) {
+        trajectory[g] = group_error(columns, g, ncolumn, 0, ntime, predicted, truth);
+        for (int j = 0; snapshot != NULL && j < ntime; ++j) {
+            snapshot[(size_t)j * (size_t)ngroup + (size_t)g] =
+                group_error(columns, g, ncolumn, j, j + 1, predicted, truth);
+        }
+    }
+}
+
+// Ascending; NaN, the score of a failed rollout, counts as the largest.
+static int compare(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    if (isnan(a) || isnan(b)) {
+        return isnan(a) - isnan(b);
+    }
+    return (a > b) - (a < b);
+}
+
+// The value below which the fraction p of n sorted values lies.
+static double quantile(int n, const double *value, double p) {
+    const double position = p * (n - 1);
+    const int i = (int)position;
+    const double weight = position - i;
+    return weight > 0 ? (1 - weight) * value[i] + weight * value[i + 1] : value[i];
+}
+
+pm_box pm_box_of(int n, double *value) {
+    assert(n > 0);
+    qsort(value, (size_t)n, sizeof *value, compare);
+    pm_box box = {.first_quartile = quantile(n, value, 0.25),
+                  .median = quantile(n, value, 0.5),
+                  .third_quartile = quantile(n, value, 0.75)};
+    const double reach = 1.5 * (box.third_quartile - box.first_quartile);
+    box.low = box.first_quartile;
+    box.high = box.third_quartile;
+    for (int i = 0; i < n; ++i) {
+        box.mean += value[i] / n;
+        if (value[i] < box.low && value[i] >= box.first_quartile - reach) {
+            box.low = value[i];
+        }
+        if (value[i] > box.high && value[i] <= box.third_quartile + reach) {
+            box.high = value[i];
+        }
+    }
+    return box;
+}

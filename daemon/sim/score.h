@@ -1,0 +1,21 @@
+// Errors of a predicted trajectory against a true one, in the dataset's own columns, per group of
+// columns (groups of the same name in several subsystems are pooled).
+#ifndef PM_SIM_SCORE_H
+#define PM_SIM_SCORE_H
+
+#include "store/columns.h"
+
+// Relative L2 error of each group over a whole trajectory, ||predicted - true|| / ||true||, and of
+// each snapshot. predicted, truth: [ntime][ncolumn]; trajectory: [ngroup]; snapshot:
+// [ntime][ngroup] or NULL. A group that is identically zero in truth scores the absolute norm.
+void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
+              const double *truth, double *trajectory, double *snapshot);
+
+// Whiskers, quartiles and median of n > 0 values, by linear interpolation; sorts them in place, NaN
+// last. Whiskers are the furthest values within 1.5 interquartile ranges of the box.
+typedef struct pm_box {
+    double low, first_quartile, median, third_quartile, high, mean;
+} pm_box;
+pm_box pm_box_of(int n, double *value);
+
+#endif

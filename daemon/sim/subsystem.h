@@ -1,0 +1,63 @@
+// One subsystem in time: its state, the graphs of one stage, and what it books. No I/O: whoever
+// drives it (assembly.h in one process, net/lockstep in many) carries the neighbours' values.
+//
+// A step is `substeps` x stages rounds. A round is
+//     pm_subsystem_expose   stage state -> dE, dS and the values every port shows
+//     pm_subsystem_bulk     L dE + M dS, while the neighbours' values travel
+//     pm_subsystem_couple   once per port, in order of ports: the port law's term, and its fluxes
+//     pm_subsystem_advance  the Runge-Kutta combination; ends the substep after its last stage
+// The order of sums is fixed, so the same calls give the same bits in one process or in many.
+#ifndef PM_SIM_SUBSYSTEM_H
+#define PM_SIM_SUBSYSTEM_H
+
+#include "sim/integrator.h"
+#include "store/recording.h"
+#include "store/system.h"
+
+typedef struct pm_subsystem pm_subsystem;
+
+// What one end of a port shows at a stage. Arrays of ny numbers.
+typedef struct pm_port_values {
+    int ny;
+    const double *y, *e, *eta; // state, dE/dy, dS/dy; eta is all zero without entropy
+} pm_port_values;
+
+// Builds the graphs of subsystem `subsystem_id` and starts it at its initial state (zero if the
+// scene has none; pm_subsystem_set_state). `system` must outlive it. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_subsystem_open(pm_subsystem **subsystem, const pm_system *system, int subsystem_id);
+void pm_subsystem_close(pm_subsystem *subsystem); // NULL is allowed
+
+// Its ports, in the scene's order: how many, and for each the scene's port and which end it is.
+int pm_subsystem_nport(const pm_subsystem *s);
+int pm_subsystem_port_id(const pm_subsystem *s, int port);
+pm_end pm_subsystem_end(const pm_subsystem *s, int port);
+
+int pm_subsystem_rounds(const pm_subsystem *s); // per step
+
+// Sets z [nz] and zeroes what was booked.
+void pm_subsystem_set_state(pm_subsystem *s, const double *z);
+const double *pm_subsystem_state(const pm_subsystem *s); // after the last full substep
+
+void pm_subsystem_expose(pm_subsystem *s);
+const pm_port_values *pm_subsystem_values(const pm_subsystem *s, int port);
+void pm_subsystem_bulk(pm_subsystem *s);
+void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour);
+void pm_subsystem_advance(pm_subsystem *s);
+
+// After the last round of a step: checks that the new state is finite (PM_ENUMERIC: subsystem,
+// component, value), evaluates E and S there (this is also the next step's first exposure), and
+// closes the step's books. On failure the state stays at the last finite step's.
+pm_status pm_subsystem_end_step(pm_subsystem *s);
+
+// What the last step left, to be copied into a pm_sample.
+typedef struct pm_books {
+    double energy, entropy; // at the state
+    double bulk_energy, bulk_entropy, bulk_gross[2];
+    long evaluated, skipped;
+    const pm_flux *flux; // [nport], into this subsystem
+} pm_books;
+pm_books pm_subsystem_books(const pm_subsystem *s);
+// E and S at the present state, before any step. Same as books after a step.
+void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
+
+#endif

@@ -1,0 +1,32 @@
+#!/bin/sh
+# spy.sh [--url URL]: starts lcm-spy, LCM's window on all channels, with portmet's types decoded.
+# Debian's own lcm-spy script asks Java for an option that no longer exists and misses its chart
+# library, so Java is called directly. Needs a display.
+set -eu
+cd "$(dirname "$0")/.."
+. daemon/setup.sh
+
+usage="usage: sh daemon/spy.sh [--url URL]"
+while [ $# -gt 0 ]; do
+    case $1 in
+    --url)
+        [ $# -ge 2 ] || { echo "spy.sh: --url: a URL must follow" >&2; exit 2; }
+        export LCM_DEFAULT_URL="$2"
+        shift 2
+        ;;
+    --help) echo "$usage"; exit 0 ;;
+    *) echo "spy.sh: does not know $1; $usage" >&2; exit 2 ;;
+    esac
+done
+
+need_packages liblcm-bin liblcm-java default-jdk libjchart2d-java
+
+java=/usr/share/java
+types=build/spy
+mkdir -p $types
+lcm-gen -j --jpath $types lcmtypes/portmet.lcm
+javac -nowarn -cp $java/lcm.jar -d $types/classes $types/portmet/*.java
+jar cf $types/types.jar -C $types/classes .
+
+exec java -Djava.net.preferIPv4Stack=true -Xmx128m \
+    -cp $java/lcm.jar:$java/jchart2d.jar:$types/types.jar lcm.spy.Spy

@@ -1,0 +1,278 @@
+// Datasets of trajectories: memory, notes, and the HDF5 layout described in dataset.h.
+#include "store/dataset.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "store/hdf5_io.h"
+
+#define LAYOUT "state_layout"
+
+// How far a stored time may lie from t0 + j dt, in dt: files made elsewhere print few digits.
+#define TIME_TOLERANCE 1e-3
+
+// --- memory ---
+
+static pm_status fail_memory(void) {
+    return pm_fail(PM_ENOMEM, "dataset: out of memory");
+}
+
+// One without columns' names yet.
+static pm_status dataset_alloc(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn) {
+    assert(ntrajectory > 0 && ntime > 0 && ncolumn > 0);
+    const size_t nstate = (size_t)ntrajectory * (size_t)ntime;
+    pm_dataset *d = calloc(1, sizeof *d);
+    if (d == NULL) {
+        return fail_memory();
+    }
+    d->ntrajectory = ntrajectory;
+    d->ntime = ntime;
+    d->ncolumn = ncolumn;
+    d->t = pm_arena_array(&d->arena, (size_t)ntime, sizeof *d->t);
+    d->z = pm_arena_array(&d->arena, nstate, (size_t)ncolumn * sizeof *d->z);
+    if (d->t == NULL || d->z == NULL) {
+        pm_dataset_free(d);
+        return fail_memory();
+    }
+    *dataset = d;
+    return PM_OK;
+}
+
+pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn, double dt,
+                         const char *const *column) {
+    pm_dataset *d;
+    PM_TRY(dataset_alloc(&d, ntrajectory, ntime, ncolumn));
+    d->dt = dt;
+    for (int j = 0; j < ntime; ++j) {
+        d->t[j] = j * dt;
+    }
+    const char **name = pm_arena_array(&d->arena, (size_t)ncolumn, sizeof *name);
+    for (int i = 0; name != NULL && i < ncolumn; ++i) {
+        name[i] = pm_arena_strdup(&d->arena, column[i]);
+        name = name[i] == NULL ? NULL : name;
+    }
+    if (name == NULL) {
+        pm_dataset_free(d);
+        return fail_memory();
+    }
+    d->column = name;
+    *dataset = d;
+    return PM_OK;
+}
+
+void pm_dataset_free(pm_dataset *dataset) {
+    if (dataset != NULL) {
+        pm_arena_free(&dataset->arena);
+        free(dataset);
+    }
+}
+
+// --- notes ---
+
+// Keeps a note whose text is in the arena already.
+static pm_status note_keep(pm_dataset *d, const char *name, const char *text) {
+    pm_note *note = pm_arena_array(&d->arena, (size_t)d->nnote + 1, sizeof *note);
+    if (note == NULL) {
+        return fail_memory();
+    }
+    int i = 0;
+    while (i < d->nnote && strcmp(d->note[i].name, name) != 0) {
+        ++i;
+    }
+    if (d->nnote > 0) {
+        memcpy(note, d->note, (size_t)d->nnote * sizeof *note);
+    }
+    const char *key = i < d->nnote ? note[i].name : pm_arena_strdup(&d->arena, name);
+    if (key == NULL) {
+        return fail_memory();
+    }
+    note[i] = (pm_note){.name = key, .text = text};
+    d->nnote += i == d->nnote;
+    d->note = note;
+    return PM_OK;
+}
+
+pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *format, ...) {
+    assert(strcmp(name, LAYOUT) != 0);
+    char *text = NULL;
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = vasprintf(&text, format, arguments);
+    va_end(arguments);
+    if (length < 0) {
+        return fail_memory();
+    }
+    const char *copy = pm_arena_strdup(&dataset->arena, text);
+    free(text);
+    return copy == NULL ? fail_memory() : note_keep(dataset, name, copy);
+}
+
+// --- checks ---
+
+static pm_status check_time(const pm_dataset *d, const char *path) {
+    if (!isfinite(d->dt) || d->dt <= 0) {
+        return pm_fail(PM_EDATA, "%s: dt is %g, expected a number > 0", path, d->dt);
+    }
+    for (int j = 0; j < d->ntime; ++j) {
+        const double expected = d->t[0] + j * d->dt;
+        if (!(fabs(d->t[j] - expected) <= TIME_TOLERANCE * d->dt)) {
+            return pm_fail(PM_EDATA, "%s: t[%d] is %.9g, expected t[0] + %d dt = %.9g", path, j,
+                           d->t[j], j, expected);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_columns(const pm_dataset *d, const char *path) {
+    for (int i = 0; i < d->ncolumn; ++i) {
+        for (int k = 0; k < i; ++k) {
+            if (strcmp(d->column[i], d->column[k]) == 0) {
+                return pm_fail(PM_EDATA, "%s: " LAYOUT " names column \"%s\" twice", path,
+                               d->column[i]);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_values(const pm_dataset *d, const char *path) {
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            const double *state = pm_dataset_state(d, i, j);
+            for (int k = 0; k < d->ncolumn; ++k) {
+                if (!isfinite(state[k])) {
+                    return pm_fail(PM_EDATA,
+                                   "%s: z of trajectory %d, time %d, column \"%s\" is %g, "
+                                   "expected a finite number (indices from 0)",
+                                   path, i, j, d->column[k], state[k]);
+                }
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check(const pm_dataset *d, const char *path) {
+    PM_TRY(check_time(d, path));
+    PM_TRY(check_columns(d, path));
+    return check_values(d, path);
+}
+
+// --- loading ---
+
+// Splits the text of state_layout into the columns' names.
+static pm_status split_columns(pm_dataset *d, const char *text, const char *path) {
+    char *rest = pm_arena_strdup(&d->arena, text);
+    const char **name = pm_arena_array(&d->arena, (size_t)d->ncolumn, sizeof *name);
+    if (rest == NULL || name == NULL) {
+        return fail_memory();
+    }
+    int count = 0;
+    char *state = NULL;
+    for (char *word = strtok_r(rest, " \t\n", &state); word != NULL;
+         word = strtok_r(NULL, " \t\n", &state)) {
+        if (count < d->ncolumn) {
+            name[count] = word;
+        }
+        ++count;
+    }
+    if (count != d->ncolumn) {
+        return pm_fail(PM_EDATA, "%s: " LAYOUT " names %d columns, z has %d", path, count,
+                       d->ncolumn);
+    }
+    d->column = name;
+    return PM_OK;
+}
+
+static pm_status read_notes(pm_dataset *d, const pm_hdf5 *file) {
+    int count;
+    const char **name;
+    PM_TRY(pm_hdf5_attributes(file, "/", &d->arena, &count, &name));
+    for (int i = 0; i < count; ++i) {
+        if (strcmp(name[i], LAYOUT) != 0 && pm_hdf5_is_text(file, "/", name[i])) {
+            const char *text;
+            PM_TRY(pm_hdf5_read_text(file, "/", name[i], &d->arena, &text));
+            PM_TRY(note_keep(d, name[i], text));
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status read_content(pm_dataset *d, const pm_hdf5 *file, const char *path) {
+    const int shape[3] = {d->ntrajectory, d->ntime, d->ncolumn};
+    const char *layout;
+    PM_TRY(pm_hdf5_read_text(file, "/", LAYOUT, &d->arena, &layout));
+    PM_TRY(split_columns(d, layout, path));
+    PM_TRY(pm_hdf5_read(file, "/dt", 0, NULL, &d->dt));
+    PM_TRY(pm_hdf5_read(file, "/t", 1, &shape[1], d->t));
+    PM_TRY(pm_hdf5_read(file, "/z", 3, shape, d->z));
+    PM_TRY(read_notes(d, file));
+    return check(d, path);
+}
+
+pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
+    pm_hdf5 *file = NULL;
+    pm_dataset *d = NULL;
+    int shape[3];
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_EDATA));
+    PM_TRY_DONE(pm_hdf5_shape(file, "/z", 3, shape));
+    PM_TRY_DONE(dataset_alloc(&d, shape[0], shape[1], shape[2]));
+    PM_TRY_DONE(read_content(d, file, path));
+    *dataset = d;
+    d = NULL;
+done:
+    pm_dataset_free(d);
+    pm_hdf5_close(file);
+    return status;
+}
+
+// --- saving ---
+
+// The columns' names separated by blanks; the caller frees. NULL: out of memory.
+static char *join_columns(const pm_dataset *d) {
+    size_t size = 1;
+    for (int i = 0; i < d->ncolumn; ++i) {
+        size += strlen(d->column[i]) + 1;
+    }
+    char *text = calloc(1, size), *end = text;
+    for (int i = 0; text != NULL && i < d->ncolumn; ++i) {
+        end = stpcpy(stpcpy(end, i == 0 ? "" : " "), d->column[i]);
+    }
+    return text;
+}
+
+static pm_status write_content(const pm_dataset *d, pm_hdf5 *file, const char *layout) {
+    const int shape[3] = {d->ntrajectory, d->ntime, d->ncolumn};
+    PM_TRY(pm_hdf5_write_text(file, "/", LAYOUT, layout));
+    for (int i = 0; i < d->nnote; ++i) {
+        PM_TRY(pm_hdf5_write_text(file, "/", d->note[i].name, d->note[i].text));
+    }
+    PM_TRY(pm_hdf5_write(file, "/dt", 0, NULL, &d->dt));
+    PM_TRY(pm_hdf5_write_text(file, "/dt", "units", "s"));
+    PM_TRY(pm_hdf5_write(file, "/t", 1, &shape[1], d->t));
+    PM_TRY(pm_hdf5_write_text(file, "/t", "units", "s"));
+    PM_TRY(pm_hdf5_write(file, "/z", 3, shape, d->z));
+    return pm_hdf5_write_text(file, "/z", "description", "[trajectory][time][column]");
+}
+
+pm_status pm_dataset_save(const pm_dataset *dataset, const char *path) {
+    PM_TRY(check(dataset, path));
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    char *layout = join_columns(dataset);
+    if (layout == NULL) {
+        return fail_memory();
+    }
+    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
+    PM_TRY_DONE(write_content(dataset, file, layout));
+    status = pm_hdf5_commit(file);
+done:
+    pm_hdf5_close(file);
+    free(layout);
+    return status;
+}

@@ -1,0 +1,165 @@
+// Groups, datasets and growing series in HDF5 files.
+#include "store/hdf5_handle.h"
+
+// What a dataset may ask us to hold: 2 GiB.
+#define MAX_VALUES ((hsize_t)1 << 28)
+
+// --- groups and datasets ---
+
+// Link creation that makes missing parents.
+static hid_t with_parents(void) {
+    const hid_t list = H5Pcreate(H5P_LINK_CREATE);
+    if (list >= 0) {
+        H5Pset_create_intermediate_group(list, 1);
+    }
+    return list;
+}
+
+pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name) {
+    const hid_t list = with_parents();
+    const hid_t id = H5Gcreate2(file->file, name, list, H5P_DEFAULT, H5P_DEFAULT);
+    const pm_status status = id < 0 ? pm_hdf5_fail_write(file, name) : PM_OK;
+    pm_hdf5_release(id);
+    pm_hdf5_release(list);
+    return status;
+}
+
+// True if the numbers lie in this very file, as floats of 4 or 8 bytes.
+static bool storage_is_plain(hid_t id) {
+    const hid_t type = H5Dget_type(id);
+    const hid_t list = H5Dget_create_plist(id);
+    const size_t size = type < 0 ? 0 : H5Tget_size(type);
+    const bool plain = type >= 0 && list >= 0 && H5Tget_class(type) == H5T_FLOAT &&
+                       (size == 4 || size == 8) && H5Pget_external_count(list) == 0 &&
+                       H5Pget_layout(list) != H5D_VIRTUAL;
+    pm_hdf5_release(list);
+    pm_hdf5_release(type);
+    return plain;
+}
+
+// The extents of an open dataset; false if there are not `rank`, or one is out of bounds.
+static bool bounded_extents(hid_t id, int rank, int *extent) {
+    hsize_t size[PM_HDF5_MAX_RANK] = {0}, total = 1;
+    const hid_t space = H5Dget_space(id);
+    bool good = space >= 0 && H5Sget_simple_extent_type(space) != H5S_NULL &&
+                H5Sget_simple_extent_ndims(space) == rank &&
+                H5Sget_simple_extent_dims(space, size, NULL) >= 0;
+    for (int i = 0; good && i < rank; ++i) {
+        good = size[i] >= 1 && size[i] <= MAX_VALUES / total;
+        total *= good ? size[i] : 1;
+        extent[i] = good ? (int)size[i] : 0;
+    }
+    pm_hdf5_release(space);
+    return good;
+}
+
+static pm_status dataset_open(const pm_hdf5 *file, const char *name, int rank, int *extent,
+                              hid_t *dataset) {
+    const hid_t id = H5Oopen(file->file, name, file->access);
+    if (id < 0 || H5Iget_type(id) != H5I_DATASET) {
+        pm_hdf5_release(id);
+        return pm_fail(file->content, "%s: dataset %s is missing", file->path, name);
+    }
+    if (!storage_is_plain(id)) {
+        pm_hdf5_release(id);
+        return pm_fail(file->content, "%s: dataset %s: expected float64 or float32 numbers",
+                       file->path, name);
+    }
+    if (!bounded_extents(id, rank, extent)) {
+        pm_hdf5_release(id);
+        return pm_fail(file->content,
+                       "%s: dataset %s: expected %d dimensions, none of them empty, and at most "
+                       "%llu values",
+                       file->path, name, rank, (unsigned long long)MAX_VALUES);
+    }
+    *dataset = id;
+    return PM_OK;
+}
+
+pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *extent) {
+    hid_t id;
+    PM_TRY(dataset_open(file, name, rank, extent, &id));
+    pm_hdf5_release(id);
+    return PM_OK;
+}
+
+pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,
+                       double *value) {
+    int found[PM_HDF5_MAX_RANK];
+    hid_t id;
+    PM_TRY(dataset_open(file, name, rank, found, &id));
+    pm_status status = PM_OK;
+    for (int i = 0; i < rank && status == PM_OK; ++i) {
+        if (found[i] != extent[i]) {
+            status = pm_fail(file->content, "%s: dataset %s: dimension %d is %d, expected %d",
+                             file->path, name, i + 1, found[i], extent[i]);
+        }
+    }
+    if (status == PM_OK &&
+        H5Dread(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) < 0) {
+        status = pm_hdf5_fail(file->content, file->path, "read", name);
+    }
+    pm_hdf5_release(id);
+    return status;
+}
+
+pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *extent,
+                        const double *value) {
+    hsize_t size[PM_HDF5_MAX_RANK];
+    for (int i = 0; i < rank; ++i) {
+        size[i] = (hsize_t)extent[i];
+    }
+    const hid_t list = with_parents();
+    const hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple(rank, size, NULL);
+    const hid_t id =
+        H5Dcreate2(file->file, name, H5T_IEEE_F64LE, space, list, H5P_DEFAULT, H5P_DEFAULT);
+    const bool written =
+        id >= 0 && H5Dwrite(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0;
+    const pm_status status = written ? PM_OK : pm_hdf5_fail_write(file, name);
+    pm_hdf5_release(id);
+    pm_hdf5_release(space);
+    pm_hdf5_release(list);
+    return status;
+}
+
+// --- series ---
+
+pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
+                                int chunk, bool integer) {
+    const int rank = width == 0 ? 1 : 2;
+    const hsize_t size[2] = {0, (hsize_t)width}, limit[2] = {H5S_UNLIMITED, (hsize_t)width};
+    const hsize_t piece[2] = {(hsize_t)chunk, (hsize_t)width};
+    const hid_t parents = with_parents();
+    const hid_t space = H5Screate_simple(rank, size, limit);
+    const hid_t list = H5Pcreate(H5P_DATASET_CREATE);
+    H5Pset_chunk(list, rank, piece);
+    const hid_t id = H5Dcreate2(file->file, name, integer ? H5T_STD_I64LE : H5T_IEEE_F64LE, space,
+                                parents, list, H5P_DEFAULT);
+    const pm_status status = id < 0 ? pm_hdf5_fail_write(file, name) : PM_OK;
+    pm_hdf5_release(list);
+    pm_hdf5_release(space);
+    pm_hdf5_release(parents);
+    *series = (pm_hdf5_series){.file = file, .id = id, .width = width};
+    return status;
+}
+
+pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value) {
+    const int rank = series->width == 0 ? 1 : 2;
+    const hsize_t start[2] = {(hsize_t)series->count, 0};
+    const hsize_t block[2] = {(hsize_t)count, (hsize_t)series->width};
+    const hsize_t size[2] = {start[0] + block[0], block[1]};
+    hid_t space = H5I_INVALID_HID;
+    const hid_t memory = H5Screate_simple(rank, block, NULL);
+    bool written = memory >= 0 && H5Dset_extent(series->id, size) >= 0;
+    if (written) {
+        space = H5Dget_space(series->id);
+        written = space >= 0 &&
+                  H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, block, NULL) >= 0 &&
+                  H5Dwrite(series->id, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, value) >= 0;
+    }
+    const pm_status status = written ? PM_OK : pm_hdf5_fail_write(series->file, "samples");
+    pm_hdf5_release(space);
+    pm_hdf5_release(memory);
+    series->count += written ? count : 0;
+    return status;
+}

@@ -1,0 +1,30 @@
+// What the HDF5 files of this folder share: the handle, and failures with the library's own cause.
+#ifndef PM_STORE_HDF5_HANDLE_H
+#define PM_STORE_HDF5_HANDLE_H
+
+#include <hdf5.h>
+
+#include "store/hdf5_io.h"
+
+struct pm_hdf5 {
+    hid_t file;   // negative once closed
+    hid_t access; // how links are followed: never into other files
+    pm_status content;
+    char *path;
+    char *temporary; // what is written until commit; NULL if that is `path`, or on reading
+};
+
+#define PM_HDF5_MAX_NAMES \
+    65536 // attributes of an object, members of a group, texts of an attribute
+#define PM_HDF5_NAME_SIZE 256
+
+// Closes any kind of identifier; a negative one is ignored.
+void pm_hdf5_release(hid_t id);
+
+// Fails with what HDF5 gives as the innermost cause: "PATH: cannot WHAT OBJECT (cause)".
+pm_status pm_hdf5_fail(pm_status code, const char *path, const char *what, const char *object);
+// The same for writing: PM_EFILE.
+pm_status pm_hdf5_fail_write(const pm_hdf5 *file, const char *object);
+pm_status pm_hdf5_fail_memory(const char *path);
+
+#endif

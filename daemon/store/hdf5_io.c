@@ -1,0 +1,247 @@
+// Files of HDF5: opening, creating, committing, and the names of what is in them. Every identifier
+// is closed where it was opened; closing a file closes what is left of it (H5F_CLOSE_STRONG).
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "store/hdf5_handle.h"
+
+#define CAUSE_SIZE 1024 // of HDF5's text, which holds paths
+
+void pm_hdf5_release(hid_t id) {
+    if (id >= 0) {
+        H5Idec_ref(id);
+    }
+}
+
+// --- failures ---
+
+static herr_t take_first(unsigned n, const H5E_error2_t *error, void *cause) {
+    if (n == 0 && error->desc != NULL) {
+        snprintf(cause, CAUSE_SIZE, "%s", error->desc);
+    }
+    return 0;
+}
+
+// Where the system refused, HDF5's text runs over lines; only the system's word is kept of it.
+static const char *shorten_cause(char *cause) {
+    static const char opening[] = "error message = '";
+    char *word = strstr(cause, opening);
+    if (word != NULL) {
+        cause = word + strlen(opening);
+        cause[strcspn(cause, "'")] = '\0';
+    }
+    cause[strcspn(cause, "\n")] = '\0';
+    return cause;
+}
+
+pm_status pm_hdf5_fail(pm_status code, const char *path, const char *what, const char *object) {
+    char cause[CAUSE_SIZE] = "cause unknown";
+    H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, take_first, cause);
+    return pm_fail(code, "%s: cannot %s %s (%s)", path, what, object, shorten_cause(cause));
+}
+
+pm_status pm_hdf5_fail_write(const pm_hdf5 *file, const char *object) {
+    return pm_hdf5_fail(PM_EFILE, file->path, "write", object);
+}
+
+pm_status pm_hdf5_fail_memory(const char *path) {
+    return pm_fail(PM_ENOMEM, "%s: out of memory", path);
+}
+
+// --- files ---
+
+static herr_t refuse_link(const char *parent_file, const char *parent_group, const char *file,
+                          const char *object, unsigned *flags, hid_t access, void *data) {
+    (void)parent_file, (void)parent_group, (void)file, (void)object, (void)flags, (void)access;
+    (void)data;
+    return -1;
+}
+
+// A handle without a file yet. Also turns off the library's own printing of errors.
+static pm_hdf5 *handle_new(const char *path, pm_status content) {
+    H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+    pm_hdf5 *file = calloc(1, sizeof *file);
+    if (file == NULL) {
+        return NULL;
+    }
+    file->file = H5I_INVALID_HID;
+    file->content = content;
+    file->path = strdup(path);
+    file->access = H5Pcreate(H5P_LINK_ACCESS);
+    if (file->path == NULL || file->access < 0 ||
+        H5Pset_elink_cb(file->access, refuse_link, NULL) < 0) {
+        pm_hdf5_close(file);
+        return NULL;
+    }
+    return file;
+}
+
+// File access: the earliest format, which a killed writer leaves readable; strong close.
+static hid_t file_access(void) {
+    const hid_t list = H5Pcreate(H5P_FILE_ACCESS);
+    if (list >= 0) {
+        H5Pset_fclose_degree(list, H5F_CLOSE_STRONG);
+        H5Pset_libver_bounds(list, H5F_LIBVER_EARLIEST, H5F_LIBVER_LATEST);
+    }
+    return list;
+}
+
+pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content) {
+    struct stat facts;
+    if (stat(path, &facts) != 0) {
+        return pm_fail(PM_EFILE, "%s: cannot be opened: %s", path, strerror(errno));
+    }
+    if (!S_ISREG(facts.st_mode)) {
+        return pm_fail(PM_EFILE, "%s: %s, expected an HDF5 file", path,
+                       S_ISDIR(facts.st_mode) ? "a directory" : "not a regular file");
+    }
+    if (access(path, R_OK) != 0) {
+        return pm_fail(PM_EFILE, "%s: cannot be read: %s", path, strerror(errno));
+    }
+    pm_hdf5 *opened = handle_new(path, content);
+    if (opened == NULL) {
+        return pm_hdf5_fail_memory(path);
+    }
+    if (H5Fis_hdf5(path) <= 0) {
+        pm_hdf5_close(opened);
+        return pm_fail(PM_EFILE, "%s: not an HDF5 file", path);
+    }
+    const hid_t list = file_access();
+    opened->file = H5Fopen(path, H5F_ACC_RDONLY, list);
+    const pm_status status =
+        opened->file < 0 ? pm_hdf5_fail(PM_EFILE, path, "open", "it as HDF5") : PM_OK;
+    pm_hdf5_release(list);
+    if (status != PM_OK) {
+        pm_hdf5_close(opened);
+        return status;
+    }
+    *file = opened;
+    return PM_OK;
+}
+
+pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
+    pm_hdf5 *created = handle_new(path, PM_EFILE);
+    if (created == NULL) {
+        return pm_hdf5_fail_memory(path);
+    }
+    unsigned flags = H5F_ACC_TRUNC;
+    const char *name = path;
+    if (mode == PM_HDF5_ATOMIC) {
+        if (asprintf(&created->temporary, "%s.%ld.tmp", path, (long)getpid()) < 0) {
+            created->temporary = NULL;
+            pm_hdf5_close(created);
+            return pm_hdf5_fail_memory(path);
+        }
+        // Exclusive: nobody else's file or link of this name is written to.
+        name = created->temporary;
+        flags = H5F_ACC_EXCL;
+        unlink(name);
+    }
+    const hid_t list = file_access();
+    created->file = H5Fcreate(name, flags, H5P_DEFAULT, list);
+    const pm_status status =
+        created->file < 0 ? pm_hdf5_fail(PM_EFILE, path, "create", "the file") : PM_OK;
+    pm_hdf5_release(list);
+    if (status != PM_OK) {
+        pm_hdf5_close(created);
+        return status;
+    }
+    *file = created;
+    return PM_OK;
+}
+
+pm_status pm_hdf5_flush(pm_hdf5 *file) {
+    return H5Fflush(file->file, H5F_SCOPE_LOCAL) < 0 ? pm_hdf5_fail_write(file, "/") : PM_OK;
+}
+
+static pm_status sync_file(const char *name, const char *path) {
+    const int descriptor = open(name, O_RDONLY | O_CLOEXEC);
+    const int failed = descriptor < 0 || fsync(descriptor) != 0;
+    const int cause = errno;
+    if (descriptor >= 0) {
+        close(descriptor);
+    }
+    return failed ? pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(cause)) : PM_OK;
+}
+
+pm_status pm_hdf5_commit(pm_hdf5 *file) {
+    const herr_t closed = H5Fclose(file->file);
+    file->file = H5I_INVALID_HID;
+    if (closed < 0) {
+        return pm_hdf5_fail_write(file, "/");
+    }
+    if (file->temporary != NULL) {
+        PM_TRY(sync_file(file->temporary, file->path));
+        if (rename(file->temporary, file->path) != 0) {
+            return pm_fail(PM_EFILE, "%s: cannot be written: %s", file->path, strerror(errno));
+        }
+        free(file->temporary);
+        file->temporary = NULL;
+    }
+    return PM_OK;
+}
+
+void pm_hdf5_close(pm_hdf5 *file) {
+    if (file == NULL) {
+        return;
+    }
+    if (file->file >= 0) {
+        H5Fclose(file->file);
+    }
+    pm_hdf5_release(file->access);
+    if (file->temporary != NULL) {
+        unlink(file->temporary);
+        free(file->temporary);
+    }
+    free(file->path);
+    free(file);
+}
+
+// --- names ---
+
+static ssize_t name_at(const pm_hdf5 *file, const char *object, bool attribute, hsize_t i,
+                       char *name) {
+    return attribute ? H5Aget_name_by_idx(file->file, object, H5_INDEX_NAME, H5_ITER_INC, i, name,
+                                          PM_HDF5_NAME_SIZE, file->access)
+                     : H5Lget_name_by_idx(file->file, object, H5_INDEX_NAME, H5_ITER_INC, i, name,
+                                          PM_HDF5_NAME_SIZE, file->access);
+}
+
+static pm_status list_names(const pm_hdf5 *file, const char *object, bool attribute,
+                            pm_arena *arena, int *count, const char ***name) {
+    char text[PM_HDF5_NAME_SIZE];
+    int n = 0;
+    while (n < PM_HDF5_MAX_NAMES && name_at(file, object, attribute, (hsize_t)n, text) >= 0) {
+        ++n;
+    }
+    if (n == PM_HDF5_MAX_NAMES) {
+        return pm_fail(file->content, "%s: %s has more than %d entries", file->path, object, n - 1);
+    }
+    const char **list = pm_arena_array(arena, (size_t)n, sizeof *list);
+    for (int i = 0; list != NULL && i < n; ++i) {
+        name_at(file, object, attribute, (hsize_t)i, text);
+        list[i] = pm_arena_strdup(arena, text);
+        list = list[i] == NULL ? NULL : list;
+    }
+    if (list == NULL) {
+        return pm_hdf5_fail_memory(file->path);
+    }
+    *count = n;
+    *name = list;
+    return PM_OK;
+}
+
+pm_status pm_hdf5_attributes(const pm_hdf5 *file, const char *object, pm_arena *arena, int *count,
+                             const char ***name) {
+    return list_names(file, object, true, arena, count, name);
+}
+
+pm_status pm_hdf5_members(const pm_hdf5 *file, const char *group, pm_arena *arena, int *count,
+                          const char ***name) {
+    return list_names(file, group, false, arena, count, name);
+}

@@ -1,0 +1,381 @@
+// The `model:` block: from YAML to the plain data of model/spec.h, and back to text that reads
+// equal.
+#include "store/model_yaml.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "model/port.h"
+
+#define MAX_LAYERS 16
+#define MAX_WIDTH 4096 // of a hidden layer
+#define MAX_RANK 64
+
+static const char *const form_names[] = {[PM_HARD] = "hard", [PM_SOFT] = "soft", NULL};
+static const char *const activation_names[] = {
+    [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", NULL};
+static const char *const skip_names[] = {
+    [PM_SKIP_NONE] = "none", [PM_SKIP_LINEAR] = "linear", [PM_SKIP_QUADRATIC] = "quadratic", NULL};
+
+#define NETWORK_KEYS "features", "hidden", "activation", "skip"
+#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible"
+
+// --- reading ---
+
+// Absent, or spelled "none".
+static bool is_none(pm_yaml value) {
+    return !pm_yaml_exists(value) || pm_yaml_is_text(value, "none");
+}
+
+// The position of an optional choice; the first name where it is absent.
+static pm_status read_choice(pm_yaml block, const char *key, const char *const *names,
+                             int *result) {
+    const pm_yaml value = pm_yaml_get(block, key);
+    *result = 0;
+    return pm_yaml_exists(value) ? pm_yaml_choice(value, names, result) : PM_OK;
+}
+
+// An optional list of names; none where it is absent.
+static pm_status read_names(pm_yaml block, const char *key, pm_arena *arena, int *count,
+                            const char *const **result) {
+    const pm_yaml value = pm_yaml_get(block, key);
+    const char **names = NULL;
+    *count = 0;
+    if (pm_yaml_exists(value)) {
+        PM_TRY(pm_yaml_texts(value, arena, count, &names));
+    }
+    *result = names;
+    return PM_OK;
+}
+
+// The keys of a network; its block may hold others, which the caller has checked.
+static pm_status read_network(pm_yaml block, pm_arena *arena, pm_network_spec *network) {
+    int activation, skip;
+    *network = (pm_network_spec){0};
+    PM_TRY(read_names(block, "features", arena, &network->nfeature, &network->feature));
+    PM_TRY(read_choice(block, "activation", activation_names, &activation));
+    PM_TRY(read_choice(block, "skip", skip_names, &skip));
+    network->activation = (pm_activation)activation;
+    network->skip = (pm_skip)skip;
+    const pm_yaml hidden = pm_yaml_get(block, "hidden");
+    if (pm_yaml_exists(hidden)) {
+        int *width;
+        PM_TRY(pm_yaml_ints(hidden, 1, MAX_WIDTH, arena, &network->nhidden, &width));
+        network->hidden = width;
+        if (network->nhidden > MAX_LAYERS) {
+            return pm_yaml_fail(hidden, "%d layers, at most %d are possible", network->nhidden,
+                                MAX_LAYERS);
+        }
+    }
+    return PM_OK;
+}
+
+// Entry i of a linear form: a group's name, or "group: coefficient".
+static pm_status read_given_entry(pm_yaml given, int i, pm_arena *arena, const char **group,
+                                  double *coefficient) {
+    *coefficient = 1;
+    if (!pm_yaml_is_map(given)) {
+        return pm_yaml_text(pm_yaml_is_list(given) ? pm_yaml_item(given, i) : given, arena, group);
+    }
+    pm_yaml key, value;
+    pm_yaml_entry(given, i, &key, &value);
+    PM_TRY(pm_yaml_text(key, arena, group));
+    return pm_yaml_double(value, -INFINITY, INFINITY, coefficient);
+}
+
+// Adds a linear form to a potential: a group, a list of groups, or a mapping to coefficients.
+static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *potential) {
+    const int before = potential->ngiven;
+    const bool one = !pm_yaml_is_map(given) && !pm_yaml_is_list(given);
+    const int total = before + (one ? 1 : pm_yaml_count(given));
+    const char **group = pm_arena_array(arena, (size_t)total, sizeof *group);
+    double *coefficient = pm_arena_array(arena, (size_t)total, sizeof *coefficient);
+    if (group == NULL || coefficient == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    for (int i = 0; i < total; ++i) {
+        if (i < before) {
+            group[i] = potential->given[i];
+            coefficient[i] = potential->given_coefficient[i];
+        } else {
+            PM_TRY(read_given_entry(given, i - before, arena, &group[i], &coefficient[i]));
+        }
+    }
+    potential->given = group;
+    potential->given_coefficient = coefficient;
+    potential->ngiven = total;
+    return PM_OK;
+}
+
+// Adds one summand to a potential; `terms` has room for it.
+static pm_status read_summand(pm_yaml item, pm_arena *arena, pm_potential_spec *potential,
+                              pm_network_spec *terms) {
+    static const char *const network_keys[] = {NETWORK_KEYS, NULL};
+    static const char *const given_keys[] = {"given", NULL};
+    if (!pm_yaml_exists(pm_yaml_get(item, "given"))) {
+        PM_TRY(pm_yaml_allow(item, network_keys));
+        return read_network(item, arena, &terms[potential->nterm++]);
+    }
+    PM_TRY(pm_yaml_allow(item, given_keys));
+    return read_given(pm_yaml_get(item, "given"), arena, potential);
+}
+
+static pm_status read_potential(pm_yaml value, pm_arena *arena, pm_potential_spec *potential) {
+    *potential = (pm_potential_spec){0};
+    if (is_none(value)) {
+        return PM_OK;
+    }
+    const int count = pm_yaml_is_list(value) ? pm_yaml_count(value) : 1;
+    pm_network_spec *terms = pm_arena_array(arena, (size_t)count, sizeof *terms);
+    if (terms == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    potential->term = terms;
+    for (int i = 0; i < count; ++i) {
+        PM_TRY(read_summand(pm_yaml_is_list(value) ? pm_yaml_item(value, i) : value, arena,
+                            potential, terms));
+    }
+    return PM_OK;
+}
+
+static pm_status read_pairs(pm_yaml list, pm_arena *arena, pm_operator_spec *op) {
+    if (!pm_yaml_is_list(list)) {
+        return pm_yaml_fail(list, "expected a list of pairs such as [[q, p, 1.0]]");
+    }
+    const int count = pm_yaml_count(list);
+    pm_given_pair *pair = pm_arena_array(arena, (size_t)count, sizeof *pair);
+    if (pair == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    for (int i = 0; i < count; ++i) {
+        const pm_yaml item = pm_yaml_item(list, i);
+        if (!pm_yaml_is_list(item) || pm_yaml_count(item) != 3) {
+            return pm_yaml_fail(item, "expected a pair such as [q, p, 1.0]: row, column, "
+                                      "coefficient");
+        }
+        PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), arena, &pair[i].row));
+        PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), arena, &pair[i].col));
+        PM_TRY(pm_yaml_double(pm_yaml_item(item, 2), -INFINITY, INFINITY, &pair[i].coefficient));
+    }
+    op->given = pair;
+    op->ngiven = count;
+    return PM_OK;
+}
+
+static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
+                              pm_operator_spec *op) {
+    static const char *const reversible_keys[] = {"acts_on", "along", NETWORK_KEYS, NULL};
+    static const char *const irreversible_keys[] = {"acts_on", "along", "rank", NETWORK_KEYS, NULL};
+    pm_yaml acts;
+    PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
+    PM_TRY(pm_yaml_require(block, "acts_on", &acts));
+    PM_TRY(read_names(block, "acts_on", arena, &op->nacts, &op->acts_on));
+    if (op->nacts == 0) {
+        return pm_yaml_fail(acts, "expected at least one group");
+    }
+    PM_TRY(read_names(block, "along", arena, &op->nalong, &op->along));
+    op->rank = reversible ? 0 : 1;
+    const pm_yaml rank = pm_yaml_get(block, "rank");
+    if (pm_yaml_exists(rank)) {
+        PM_TRY(pm_yaml_int(rank, 1, MAX_RANK, &op->rank));
+    }
+    op->learned = true;
+    return read_network(block, arena, &op->network);
+}
+
+static pm_status read_operator(pm_yaml block, pm_arena *arena, bool reversible,
+                               pm_operator_spec *op) {
+    static const char *const reversible_keys[] = {"given", "learned", NULL};
+    static const char *const irreversible_keys[] = {"learned", NULL};
+    *op = (pm_operator_spec){0};
+    if (is_none(block)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
+    const pm_yaml given = pm_yaml_get(block, "given");
+    if (pm_yaml_exists(given)) {
+        PM_TRY(read_pairs(given, arena, op));
+    }
+    const pm_yaml learned = pm_yaml_get(block, "learned");
+    return is_none(learned) ? PM_OK : read_learned(learned, arena, reversible, op);
+}
+
+// What both blocks have in common.
+static pm_status read_model(pm_yaml block, pm_arena *arena, pm_form *form,
+                            pm_potential_spec *energy, pm_potential_spec *entropy,
+                            pm_operator_spec *reversible, pm_operator_spec *irreversible) {
+    int choice;
+    PM_TRY(read_choice(block, "form", form_names, &choice));
+    *form = (pm_form)choice;
+    PM_TRY(read_potential(pm_yaml_get(block, "energy"), arena, energy));
+    PM_TRY(read_potential(pm_yaml_get(block, "entropy"), arena, entropy));
+    PM_TRY(read_operator(pm_yaml_get(block, "reversible"), arena, true, reversible));
+    return read_operator(pm_yaml_get(block, "irreversible"), arena, false, irreversible);
+}
+
+pm_status pm_part_spec_read(pm_yaml block, pm_arena *arena, pm_part_spec *spec) {
+    static const char *const keys[] = {MODEL_KEYS, NULL};
+    pm_part_spec read;
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
+                      &read.irreversible));
+    *spec = read;
+    return PM_OK;
+}
+
+pm_status pm_port_spec_read(pm_yaml block, pm_arena *arena, pm_port_spec *spec) {
+    static const char *const keys[] = {"law", MODEL_KEYS, NULL};
+    pm_port_spec read;
+    pm_yaml law;
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(pm_yaml_require(block, "law", &law));
+    PM_TRY(pm_yaml_text(law, arena, &read.law));
+    if (pm_port_law_find(read.law) == NULL) {
+        return pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
+                            read.law);
+    }
+    PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
+                      &read.irreversible));
+    *spec = read;
+    return PM_OK;
+}
+
+// --- writing ---
+
+// Names stand as they are, everything else between quotes.
+static void write_text(FILE *file, const char *text) {
+    static const char plain[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.";
+    if (text[0] != '\0' && text[strspn(text, plain)] == '\0') {
+        fputs(text, file);
+        return;
+    }
+    fputc('"', file);
+    for (const char *c = text; *c != '\0'; ++c) {
+        if (*c == '"' || *c == '\\') {
+            fputc('\\', file);
+        }
+        fputc(*c, file);
+    }
+    fputc('"', file);
+}
+
+static void write_names(FILE *file, const char *key, int count, const char *const *names) {
+    fprintf(file, "%s: [", key);
+    for (int i = 0; i < count; ++i) {
+        fputs(i == 0 ? "" : ", ", file);
+        write_text(file, names[i]);
+    }
+    fputc(']', file);
+}
+
+static void write_network(FILE *file, const pm_network_spec *network) {
+    write_names(file, "features", network->nfeature, network->feature);
+    fputs(", hidden: [", file);
+    for (int i = 0; i < network->nhidden; ++i) {
+        fprintf(file, "%s%d", i == 0 ? "" : ", ", network->hidden[i]);
+    }
+    fprintf(file, "], activation: %s, skip: %s", activation_names[network->activation],
+            skip_names[network->skip]);
+}
+
+static void write_potential(FILE *file, const char *key, const pm_potential_spec *potential) {
+    if (potential->ngiven == 0 && potential->nterm == 0) {
+        return;
+    }
+    fprintf(file, "%s:\n", key);
+    if (potential->ngiven > 0) {
+        fputs("  - {given: {", file);
+        for (int i = 0; i < potential->ngiven; ++i) {
+            const double *coefficient = potential->given_coefficient;
+            fputs(i == 0 ? "" : ", ", file);
+            write_text(file, potential->given[i]);
+            fprintf(file, ": %.17g", coefficient == NULL ? 1 : coefficient[i]);
+        }
+        fputs("}}\n", file);
+    }
+    for (int i = 0; i < potential->nterm; ++i) {
+        fputs("  - {", file);
+        write_network(file, &potential->term[i]);
+        fputs("}\n", file);
+    }
+}
+
+static void write_operator(FILE *file, const char *key, bool reversible,
+                           const pm_operator_spec *op) {
+    if (op->ngiven == 0 && !op->learned) {
+        return;
+    }
+    fprintf(file, "%s:\n", key);
+    if (op->ngiven > 0) {
+        fputs("  given: [", file);
+        for (int i = 0; i < op->ngiven; ++i) {
+            fputs(i == 0 ? "[" : ", [", file);
+            write_text(file, op->given[i].row);
+            fputs(", ", file);
+            write_text(file, op->given[i].col);
+            fprintf(file, ", %.17g]", op->given[i].coefficient);
+        }
+        fputs("]\n", file);
+    }
+    if (op->learned) {
+        fputs("  learned: {", file);
+        write_names(file, "acts_on", op->nacts, op->acts_on);
+        fputs(", ", file);
+        write_names(file, "along", op->nalong, op->along);
+        if (!reversible) {
+            fprintf(file, ", rank: %d", op->rank);
+        }
+        fputs(", ", file);
+        write_network(file, &op->network);
+        fputs("}\n", file);
+    }
+}
+
+// The parts common to both blocks.
+static void write_model(FILE *file, pm_form form, const pm_potential_spec *energy,
+                        const pm_potential_spec *entropy, const pm_operator_spec *reversible,
+                        const pm_operator_spec *irreversible) {
+    fprintf(file, "form: %s\n", form_names[form]);
+    write_potential(file, "energy", energy);
+    write_potential(file, "entropy", entropy);
+    write_operator(file, "reversible", true, reversible);
+    write_operator(file, "irreversible", false, irreversible);
+}
+
+// Closes a memory stream and moves its text to the arena; NULL if anything failed.
+static const char *take_text(FILE *file, char **text, pm_arena *arena) {
+    const bool failed = ferror(file) != 0;
+    const bool closed = fclose(file) == 0;
+    const char *copy = closed && !failed ? pm_arena_strdup(arena, *text) : NULL;
+    free(*text);
+    return copy;
+}
+
+const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
+    char *text = NULL;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    if (file == NULL) {
+        return NULL;
+    }
+    write_model(file, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+                &spec->irreversible);
+    return take_text(file, &text, arena);
+}
+
+const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
+    char *text = NULL;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    if (file == NULL) {
+        return NULL;
+    }
+    fputs("law: ", file);
+    write_text(file, spec->law);
+    fputc('\n', file);
+    write_model(file, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+                &spec->irreversible);
+    return take_text(file, &text, arena);
+}

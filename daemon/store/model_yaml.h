@@ -1,0 +1,36 @@
+// The `model:` block, the same text in a training file and in a weights file's attribute:
+//
+//   form: hard                      # default; or soft
+//   energy:                         # a network, {given: groups}, or a list of them, summed; or
+//   none
+//     - {features: ["|p|^2"], skip: linear}
+//     - {features: ["ln|q|", s], hidden: [16, 16], activation: tanh, skip: quadratic}
+//   entropy: {given: s}
+//   reversible:                     # given pairs [row, column, coefficient], a learned operator,
+//   or
+//     given: [[q, p, 1.0]]          # both; or none
+//     learned: {acts_on: [p, s], along: ["q/|q|^2"], features: ["ln|q|"], hidden: [8]}
+//   irreversible:
+//     learned: {acts_on: s, rank: 1, features: [s], hidden: [8], activation: softplus}
+//
+// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu), skip
+// none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
+// groups "a.q", co-energies "a.dE.s" (model/spec.h).
+#ifndef PM_STORE_MODEL_YAML_H
+#define PM_STORE_MODEL_YAML_H
+
+#include "base/arena.h"
+#include "model/spec.h"
+#include "store/yaml.h"
+
+// Reads a block into plain data; everything it points to is in the arena. PM_ECONFIG, PM_ENOMEM.
+// Names of groups and features are checked later, against the layout (pm_part_declare).
+pm_status pm_part_spec_read(pm_yaml block, pm_arena *arena, pm_part_spec *spec);
+pm_status pm_port_spec_read(pm_yaml block, pm_arena *arena, pm_port_spec *spec);
+
+// The block as YAML text in the arena, such that reading it gives the same spec. NULL: out of
+// memory.
+const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena);
+const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena);
+
+#endif

@@ -1,0 +1,276 @@
+// Samples of a run and their HDF5 recording. Every quantity is a series of its own, with a buffer
+// that is written when a block is full or a second has passed, so that a step pays for a copy only.
+#include "store/recording.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/progress.h"
+#include "store/hdf5_io.h"
+
+#define BLOCK 256         // samples buffered, and per chunk in the file
+#define FLUSH_SECONDS 1.0 // what a killed run may lose
+
+// --- samples ---
+
+// The next `count` elements of 8-byte aligned memory.
+static void *carve(char **memory, size_t count, size_t size) {
+    void *piece = *memory;
+    *memory += (count * size + 7) / 8 * 8;
+    return piece;
+}
+
+pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
+    const size_t nz = (size_t)scene->nz, n = (size_t)scene->nsubsystem;
+    const size_t nport = (size_t)scene->nport;
+    const size_t size = sizeof(pm_sample) + (nz + 5 * n) * sizeof(double) +
+                        2 * (n + 1) * sizeof(long) + nport * sizeof(pm_flux[2]) + 16;
+    pm_sample *s = calloc(1, size);
+    if (s == NULL) {
+        return pm_fail(PM_ENOMEM, "sample: out of memory");
+    }
+    char *memory = (char *)(s + 1);
+    s->z = carve(&memory, nz, sizeof *s->z);
+    s->energy = carve(&memory, n, sizeof *s->energy);
+    s->entropy = carve(&memory, n, sizeof *s->entropy);
+    s->bulk_energy = carve(&memory, n, sizeof *s->bulk_energy);
+    s->bulk_entropy = carve(&memory, n, sizeof *s->bulk_entropy);
+    s->bulk_gross = carve(&memory, 2 * n, sizeof *s->bulk_gross);
+    s->flux = carve(&memory, nport, sizeof *s->flux);
+    s->evaluated = carve(&memory, n, sizeof *s->evaluated);
+    s->skipped = carve(&memory, n, sizeof *s->skipped);
+    *sample = s;
+    return PM_OK;
+}
+
+void pm_sample_free(pm_sample *sample) {
+    free(sample);
+}
+
+// --- the recording ---
+
+typedef struct column {
+    pm_hdf5_series series;
+    double *buffer; // [BLOCK][width or 1]
+    int count;      // numbers per sample
+} column;
+
+struct pm_recording {
+    pm_arena arena;
+    pm_hdf5 *file;
+    const pm_scene *scene;
+    int ncolumn;
+    column *column; // in the order in which put_sample fills them
+    int buffered;   // samples
+    double flushed; // s, pm_clock
+};
+
+#define SCENE_COLUMNS 6
+#define SUBSYSTEM_COLUMNS 5
+#define PORT_COLUMNS 4
+
+static pm_status fail_memory(void) {
+    return pm_fail(PM_ENOMEM, "recording: out of memory");
+}
+
+// Adds the series /`folder`/`name`; width 0: one number per sample. unit NULL: none is written.
+static pm_status add(pm_recording *r, const char *folder, const char *name, int width,
+                     const char *unit) {
+    const char *path = pm_arena_printf(&r->arena, "%s/%s", folder, name);
+    column *c = &r->column[r->ncolumn];
+    c->count = width == 0 ? 1 : width;
+    c->buffer = pm_arena_array(&r->arena, (size_t)c->count * BLOCK, sizeof *c->buffer);
+    if (path == NULL || c->buffer == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(
+        pm_hdf5_series_create(&c->series, r->file, path, width, BLOCK, strcmp(path, "/step") == 0));
+    ++r->ncolumn;
+    return unit == NULL ? PM_OK : pm_hdf5_write_text(r->file, path, "units", unit);
+}
+
+// Names and units of the components of z: "s", or "q[0]" in a group of several.
+static pm_status describe_state(pm_recording *r, const char *path,
+                                const pm_scene_subsystem *subsystem) {
+    const size_t nz = (size_t)subsystem->layout.nz;
+    const char **name = pm_arena_array(&r->arena, nz, sizeof *name);
+    const char **unit = pm_arena_array(&r->arena, nz, sizeof *unit);
+    if (name == NULL || unit == NULL) {
+        return fail_memory();
+    }
+    for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+        const pm_group *group = &subsystem->layout.group[g];
+        for (int i = 0; i < group->size; ++i) {
+            const char *component = group->size == 1
+                                        ? group->name
+                                        : pm_arena_printf(&r->arena, "%s[%d]", group->name, i);
+            if (component == NULL) {
+                return fail_memory();
+            }
+            name[group->first + i] = component;
+            unit[group->first + i] = group->unit;
+        }
+    }
+    PM_TRY(pm_hdf5_write_texts(r->file, path, "variables", (int)nz, name));
+    return pm_hdf5_write_texts(r->file, path, "units", (int)nz, unit);
+}
+
+static pm_status add_subsystem(pm_recording *r, const pm_scene_subsystem *subsystem) {
+    const char *folder = pm_arena_printf(&r->arena, "/subsystems/%s", subsystem->name);
+    const char *state = pm_arena_printf(&r->arena, "/subsystems/%s/z", subsystem->name);
+    if (folder == NULL || state == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(add(r, folder, "z", subsystem->layout.nz, NULL));
+    PM_TRY(describe_state(r, state, subsystem));
+    PM_TRY(add(r, folder, "E", 0, "J"));
+    PM_TRY(add(r, folder, "S", 0, "J/K"));
+    PM_TRY(add(r, folder, "bulk_energy", 0, "W"));
+    return add(r, folder, "bulk_entropy", 0, "W/K");
+}
+
+static pm_status add_port(pm_recording *r, const pm_scene_port *port) {
+    const char *folder = pm_arena_printf(&r->arena, "/ports/%s", port->name);
+    if (folder == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(add(r, folder, "energy_flux_a", 0, "W"));
+    PM_TRY(add(r, folder, "energy_flux_b", 0, "W"));
+    PM_TRY(add(r, folder, "entropy_flux_a", 0, "W/K"));
+    PM_TRY(add(r, folder, "entropy_flux_b", 0, "W/K"));
+    const char *const ends[2] = {r->scene->subsystem[port->subsystem[0]].name,
+                                 r->scene->subsystem[port->subsystem[1]].name};
+    return pm_hdf5_write_texts(r->file, folder, "ends", 2, ends);
+}
+
+static pm_status add_all(pm_recording *r) {
+    const pm_scene *scene = r->scene;
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 1));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
+    PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
+    PM_TRY(add(r, "", "time", 0, "s"));
+    PM_TRY(add(r, "", "step", 0, NULL));
+    PM_TRY(add(r, "/ledger", "energy", 0, "J"));
+    PM_TRY(add(r, "/ledger", "entropy", 0, "J/K"));
+    PM_TRY(add(r, "/ledger", "energy_residual", 0, "1"));
+    PM_TRY(add(r, "/ledger", "entropy_residual", 0, "1"));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY(add_subsystem(r, &scene->subsystem[i]));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY(add_port(r, &scene->port[i]));
+    }
+    return pm_hdf5_flush(r->file);
+}
+
+pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene) {
+    pm_recording *r = calloc(1, sizeof *r);
+    if (r == NULL) {
+        return fail_memory();
+    }
+    pm_status status;
+    const int ncolumn =
+        SCENE_COLUMNS + SUBSYSTEM_COLUMNS * scene->nsubsystem + PORT_COLUMNS * scene->nport;
+    r->scene = scene;
+    r->column = pm_arena_array(&r->arena, (size_t)ncolumn, sizeof *r->column);
+    if (r->column == NULL) {
+        status = fail_memory();
+        goto done;
+    }
+    PM_TRY_DONE(pm_hdf5_create(&r->file, path, PM_HDF5_IN_PLACE));
+    PM_TRY_DONE(add_all(r));
+    r->flushed = pm_clock();
+    *recording = r;
+    return PM_OK;
+done:
+    pm_hdf5_close(r->file);
+    pm_arena_free(&r->arena);
+    free(r);
+    return status;
+}
+
+// --- appending ---
+
+// Copies the next column's numbers of this sample into its buffer.
+static void put(const pm_recording *r, int *next, const double *value) {
+    const column *c = &r->column[(*next)++];
+    const size_t count = (size_t)c->count;
+    memcpy(c->buffer + (size_t)r->buffered * count, value, count * sizeof *value);
+}
+
+static void put_one(const pm_recording *r, int *next, double value) {
+    put(r, next, &value);
+}
+
+static double total(int n, const double *value) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += value[i];
+    }
+    return sum;
+}
+
+static void put_sample(const pm_recording *r, const pm_sample *s) {
+    const pm_scene *scene = r->scene;
+    int next = 0;
+    put_one(r, &next, s->time);
+    put_one(r, &next, (double)s->step);
+    put_one(r, &next, total(scene->nsubsystem, s->energy));
+    put_one(r, &next, total(scene->nsubsystem, s->entropy));
+    put_one(r, &next, s->energy_residual);
+    put_one(r, &next, s->entropy_residual);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        put(r, &next, s->z + scene->subsystem[i].first);
+        put_one(r, &next, s->energy[i]);
+        put_one(r, &next, s->entropy[i]);
+        put_one(r, &next, s->bulk_energy[i]);
+        put_one(r, &next, s->bulk_entropy[i]);
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        put_one(r, &next, s->flux[i][0].energy);
+        put_one(r, &next, s->flux[i][1].energy);
+        put_one(r, &next, s->flux[i][0].entropy);
+        put_one(r, &next, s->flux[i][1].entropy);
+    }
+}
+
+static pm_status write_buffers(pm_recording *r) {
+    const int count = r->buffered;
+    r->buffered = 0;
+    for (int i = 0; count > 0 && i < r->ncolumn; ++i) {
+        PM_TRY(pm_hdf5_series_append(&r->column[i].series, count, r->column[i].buffer));
+    }
+    return PM_OK;
+}
+
+pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample) {
+    put_sample(recording, sample);
+    ++recording->buffered;
+    const double now = pm_clock();
+    const bool flush = now - recording->flushed >= FLUSH_SECONDS;
+    if (flush || recording->buffered == BLOCK) {
+        PM_TRY(write_buffers(recording));
+    }
+    if (flush) {
+        recording->flushed = now;
+        PM_TRY(pm_hdf5_flush(recording->file));
+    }
+    return PM_OK;
+}
+
+pm_status pm_recording_close(pm_recording *recording) {
+    if (recording == NULL) {
+        return PM_OK;
+    }
+    pm_status status;
+    PM_TRY_DONE(write_buffers(recording));
+    status = pm_hdf5_commit(recording->file);
+done:
+    pm_hdf5_close(recording->file);
+    pm_arena_free(&recording->arena);
+    free(recording);
+    return status;
+}

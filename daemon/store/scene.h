@@ -1,0 +1,69 @@
+// A scene: which subsystems there are, how ports join them, and how time is stepped. Topology only;
+// the models come from weights files (system.h). configs/double_pendulum.yaml shows the file
+// format.
+#ifndef PM_STORE_SCENE_H
+#define PM_STORE_SCENE_H
+
+#include <stdbool.h>
+
+#include "base/arena.h"
+#include "base/status.h"
+#include "model/spec.h"
+
+typedef struct pm_scene_subsystem {
+    const char *name;
+    const char *weights; // path, resolved against the scene's folder
+    pm_layout layout;
+    // [nz] dataset column of each component, e.g. "q1x"; NULL if the scene maps no columns.
+    const char *const *column;
+    // [ngroup] a position measured from another subsystem's group: that subsystem (-1: none) and
+    // group. The dataset's column then holds own + (that group's own column value).
+    int relative_subsystem[PM_MAX_GROUPS];
+    int relative_group[PM_MAX_GROUPS];
+    const double *initial; // [nz] or NULL
+    int first;             // of its first component in the concatenated state of the scene
+} pm_scene_subsystem;
+
+typedef struct pm_scene_port {
+    const char *name;
+    const char *law;
+    const char *weights;
+    int subsystem[2];        // ends a and b
+    pm_layout layout[2];     // exposed groups of each end
+    const int *component[2]; // [layout.nz] position of each exposed component in the end's state
+} pm_scene_port;
+
+typedef struct pm_scene {
+    pm_arena arena;   // owns all that follows
+    const char *path; // as given
+    const char *name; // prefix of the channels: letters, digits, '_' only
+    const char *url;  // LCM provider
+    double dt;        // s
+    int steps;
+    const char *integrator;    // looked up later, by the layer that has the table
+    const char *integrator_at; // "file:line:column" where the scene names it
+    int substeps;              // per step
+    int window;                // steps granted at once
+    double patience;           // s to wait for a silent peer before giving up
+    const char *reference;     // dataset to compare with, or NULL
+    int reference_trajectory;
+    double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
+    int nsubsystem;
+    pm_scene_subsystem *subsystem;
+    int nport;
+    pm_scene_port *port;
+    int nz; // components of all subsystems
+} pm_scene;
+
+// Reads and checks a scene: keys, types, names, neighbours, units, ports. The caller frees it.
+// PM_EFILE, PM_ECONFIG, PM_ENOMEM. Neither weights nor the reference need to exist.
+pm_status pm_scene_load(pm_scene **scene, const char *path);
+// The same from text, as if it stood in the file `path`.
+pm_status pm_scene_parse(pm_scene **scene, const char *text, const char *path);
+void pm_scene_free(pm_scene *scene); // NULL is allowed
+
+// The position of a subsystem or port, or -1.
+int pm_scene_find_subsystem(const pm_scene *scene, const char *name);
+int pm_scene_find_port(const pm_scene *scene, const char *name);
+
+#endif

@@ -1,0 +1,167 @@
+// Reading the ports of a scene: which law joins which groups of which two subsystems; and the check
+// of the channels that all names make together.
+#include "store/scene_reader.h"
+
+#include <string.h>
+
+#include "model/port.h"
+
+#define MAX_CHANNEL 63 // characters of an LCM channel
+
+// --- ports ---
+
+static pm_status read_law(pm_scene_reader *r, pm_scene_port *port, pm_yaml block) {
+    pm_yaml law;
+    PM_TRY(pm_yaml_require(block, "law", &law));
+    PM_TRY(pm_yaml_text(law, r->arena, &port->law));
+    return pm_port_law_find(port->law) != NULL
+               ? PM_OK
+               : pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
+                              port->law);
+}
+
+static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml block) {
+    pm_yaml between;
+    int count;
+    const char **name;
+    PM_TRY(pm_yaml_require(block, "between", &between));
+    PM_TRY(pm_yaml_texts(between, r->arena, &count, &name));
+    if (count != 2) {
+        return pm_yaml_fail(between, "expected two subsystems [a, b], found %d", count);
+    }
+    for (int end = 0; end < 2; ++end) {
+        port->subsystem[end] = pm_scene_find_subsystem(r->scene, name[end]);
+        if (port->subsystem[end] < 0) {
+            char names[512];
+            return pm_yaml_fail(pm_yaml_item(between, end),
+                                "there is no subsystem \"%.64s\"; subsystems: %s", name[end],
+                                pm_scene_subsystem_names(r->scene, names, sizeof names));
+        }
+    }
+    return port->subsystem[0] != port->subsystem[1]
+               ? PM_OK
+               : pm_yaml_fail(between, "expected two different subsystems, found \"%s\" twice",
+                              name[0]);
+}
+
+// The exposed groups of one end, in the order written, and where their components stand in its
+// state.
+static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, pm_yaml expose) {
+    const pm_scene_subsystem *subsystem = &r->scene->subsystem[port->subsystem[end]];
+    pm_layout *layout = &port->layout[end];
+    pm_yaml list;
+    int count;
+    const char **name;
+    PM_TRY(pm_yaml_require(expose, subsystem->name, &list));
+    PM_TRY(pm_yaml_texts(list, r->arena, &count, &name));
+    if (count == 0) {
+        return pm_yaml_fail(list, "expected at least one group of %s", subsystem->name);
+    }
+    int *component = pm_arena_array(r->arena, (size_t)subsystem->layout.nz, sizeof *component);
+    if (component == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < count; ++i) {
+        const pm_yaml at = pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
+        const pm_group *group = pm_layout_find(&subsystem->layout, name[i]);
+        if (group == NULL) {
+            char names[512];
+            return pm_yaml_fail(at, "%s has no group \"%.64s\"; groups: %s", subsystem->name,
+                                name[i],
+                                pm_scene_group_names(&subsystem->layout, names, sizeof names));
+        }
+        if (pm_layout_find(layout, name[i]) != NULL) {
+            return pm_yaml_fail(at, "group \"%s\" occurs twice", name[i]);
+        }
+        pm_group *exposed = &layout->group[layout->ngroup++];
+        *exposed = *group;
+        exposed->first = layout->nz;
+        for (int j = 0; j < group->size; ++j) {
+            component[layout->nz++] = group->first + j;
+        }
+    }
+    port->component[end] = component;
+    return PM_OK;
+}
+
+static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml key, pm_yaml block) {
+    static const char *const keys[] = {"law", "between", "expose", "weights", NULL};
+    pm_yaml expose, weights;
+    PM_TRY(pm_scene_read_name(r, key, &port->name));
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(read_law(r, port, block));
+    PM_TRY(read_between(r, port, block));
+    PM_TRY(pm_yaml_require(block, "expose", &expose));
+    const char *const ends[] = {r->scene->subsystem[port->subsystem[0]].name,
+                                r->scene->subsystem[port->subsystem[1]].name, NULL};
+    PM_TRY(pm_yaml_allow(expose, ends));
+    PM_TRY(read_exposed(r, port, 0, expose));
+    PM_TRY(read_exposed(r, port, 1, expose));
+    PM_TRY(pm_yaml_require(block, "weights", &weights));
+    return pm_scene_read_path(r, weights, &port->weights);
+}
+
+pm_status pm_scene_read_ports(pm_scene_reader *r) {
+    pm_scene *scene = r->scene;
+    const pm_yaml ports = pm_yaml_get(r->root, "ports");
+    if (!pm_yaml_exists(ports)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_require_entries(ports));
+    scene->nport = pm_yaml_count(ports);
+    scene->port = pm_arena_array(r->arena, (size_t)scene->nport, sizeof *scene->port);
+    if (scene->port == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        pm_yaml key, block;
+        pm_yaml_entry(ports, i, &key, &block);
+        PM_TRY(read_port(r, &scene->port[i], key, block));
+    }
+    return PM_OK;
+}
+
+// --- channels: the names together must fit LCM, and tell every stream of messages apart ---
+
+static pm_status check_length(pm_yaml at, const char *channel) {
+    const size_t length = strlen(channel);
+    return length <= MAX_CHANNEL
+               ? PM_OK
+               : pm_yaml_fail(at,
+                              "the channel %s would have %zu characters, at most %d are possible: "
+                              "choose shorter names",
+                              channel, length, MAX_CHANNEL);
+}
+
+pm_status pm_scene_check_channels(pm_scene_reader *r) {
+    const pm_scene *scene = r->scene;
+    const pm_yaml subsystems = pm_yaml_get(r->root, "subsystems");
+    const pm_yaml ports = pm_yaml_get(r->root, "ports");
+    const int count = scene->nsubsystem + 2 * scene->nport;
+    pm_scene_named *list = pm_arena_array(r->arena, (size_t)count, sizeof *list);
+    if (list == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < count; ++i) {
+        pm_yaml key, block;
+        if (i < scene->nsubsystem) {
+            pm_yaml_entry(subsystems, i, &key, &block);
+            list[i].text =
+                pm_arena_printf(r->arena, "%s_REPORT_%s", scene->name, scene->subsystem[i].name);
+        } else {
+            const int from = (i - scene->nsubsystem) % 2;
+            const pm_scene_port *port = &scene->port[(i - scene->nsubsystem) / 2];
+            pm_yaml_entry(ports, (i - scene->nsubsystem) / 2, &key, &block);
+            list[i].text =
+                pm_arena_printf(r->arena, "%s_FLUX_%s_%s_%s", scene->name,
+                                scene->subsystem[port->subsystem[from]].name,
+                                scene->subsystem[port->subsystem[1 - from]].name, port->name);
+        }
+        if (list[i].text == NULL) {
+            return pm_scene_no_memory();
+        }
+        list[i].at = key;
+        PM_TRY(check_length(key, list[i].text));
+    }
+    return pm_scene_check_distinct(list, count, "the channel");
+}

@@ -1,0 +1,43 @@
+// Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_port.c), and by them
+// only.
+#ifndef PM_STORE_SCENE_READER_H
+#define PM_STORE_SCENE_READER_H
+
+#include <stddef.h>
+
+#include "store/scene.h"
+#include "store/yaml.h"
+
+// A scene being read.
+typedef struct pm_scene_reader {
+    pm_scene *scene;
+    pm_arena *arena; // the scene's
+    pm_yaml root;
+} pm_scene_reader;
+
+// Text and where it stands.
+typedef struct pm_scene_named {
+    const char *text;
+    pm_yaml at;
+} pm_scene_named;
+
+// The sections `subsystems` and, after it, `ports`; then the check that the names make channels
+// that fit LCM and tell every stream of messages apart.
+pm_status pm_scene_read_subsystems(pm_scene_reader *r);
+pm_status pm_scene_read_ports(pm_scene_reader *r);
+pm_status pm_scene_check_channels(pm_scene_reader *r);
+
+// A name: a letter, then letters, digits or '_'.
+pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name);
+// A path, resolved against the folder of the scene file.
+pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path);
+// An error at the later of two equal texts; sorts the list.
+pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *what);
+
+// "a, b, c" in the buffer, for messages that name what exists.
+const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size);
+const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size);
+
+pm_status pm_scene_no_memory(void);
+
+#endif

@@ -1,0 +1,179 @@
+// Joining a scene with its weights: every file is loaded and compared with what the scene declares.
+#include "store/system.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/digest.h"
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory while loading a system");
+}
+
+// "q[2] in m, p[2] in kg m/s" in the arena, for messages.
+static const char *describe(const pm_layout *layout, pm_arena *arena) {
+    const char *text = "";
+    for (int i = 0; i < layout->ngroup && text != NULL; ++i) {
+        const pm_group *group = &layout->group[i];
+        text = pm_arena_printf(arena, "%s%s%s[%d] in %s", text, i == 0 ? "" : ", ", group->name,
+                               group->size, group->unit);
+    }
+    return text == NULL ? "?" : text;
+}
+
+// `who` is the subsystem or the end of a port, as text.
+static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *who,
+                              const char *path, pm_system *system) {
+    if (pm_layout_equal(declared, own)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EWEIGHTS, "%s: %s: the weights %s are made for %s; the scene says %s",
+                   system->scene->path, who, path, describe(own, &system->arena),
+                   describe(declared, &system->arena));
+}
+
+// The file to load: the scene's path, or the file of the same name in `weights_dir`. NULL: no
+// memory.
+static const char *weights_path(const char *path, const char *weights_dir, pm_arena *arena) {
+    if (weights_dir == NULL) {
+        return path;
+    }
+    const char *slash = strrchr(path, '/');
+    return pm_arena_printf(arena, "%s/%s", weights_dir, slash == NULL ? path : slash + 1);
+}
+
+static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
+    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
+    const char *path = weights_path(subsystem->weights, weights_dir, &system->arena);
+    const char *who = pm_arena_printf(&system->arena, "subsystem %s", subsystem->name);
+    if (path == NULL || who == NULL) {
+        return no_memory();
+    }
+    PM_TRY(pm_weights_load_part(path, &system->arena, &system->part[id],
+                                &system->part_provenance[id]));
+    return check_layout(&subsystem->layout, &system->part[id].layout, who, path, system);
+}
+
+static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
+    const pm_scene *scene = system->scene;
+    const pm_scene_port *port = &scene->port[id];
+    const pm_port_model *model = &system->port[id];
+    const char *path = weights_path(port->weights, weights_dir, &system->arena);
+    if (path == NULL) {
+        return no_memory();
+    }
+    PM_TRY(pm_weights_load_port(path, &system->arena, &system->port[id],
+                                &system->port_provenance[id]));
+    if (strcmp(model->spec.law, port->law) != 0) {
+        return pm_fail(PM_EWEIGHTS,
+                       "%s: port %s: the weights %s are made for the law %s; the scene says %s",
+                       scene->path, port->name, path, model->spec.law, port->law);
+    }
+    for (int end = 0; end < 2; ++end) {
+        const char *who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
+                                          scene->subsystem[port->subsystem[end]].name);
+        if (who == NULL) {
+            return no_memory();
+        }
+        PM_TRY(check_layout(&port->layout[end], &model->layout[end], who, path, system));
+    }
+    return PM_OK;
+}
+
+static uint64_t digest_layout(uint64_t digest, const pm_layout *layout) {
+    digest = pm_digest_integer(digest, layout->ngroup);
+    for (int i = 0; i < layout->ngroup; ++i) {
+        digest = pm_digest_text(digest, layout->group[i].name);
+        digest = pm_digest_text(digest, layout->group[i].unit);
+        digest = pm_digest_integer(digest, layout->group[i].size);
+    }
+    return digest;
+}
+
+// What every process of a run must agree on. The step, their number and the initial state are not
+// part of it: the coordinator tells the first two, and each subsystem knows its own state.
+static uint64_t digest_system(const pm_system *system) {
+    const pm_scene *scene = system->scene;
+    uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
+    digest = pm_digest_text(digest, scene->integrator);
+    digest = pm_digest_integer(digest, scene->substeps);
+    digest = pm_digest_integer(digest, scene->nsubsystem);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        digest = pm_digest_text(digest, scene->subsystem[i].name);
+        digest = digest_layout(digest, &scene->subsystem[i].layout);
+        digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i].digest);
+    }
+    digest = pm_digest_integer(digest, scene->nport);
+    for (int i = 0; i < scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i];
+        digest = pm_digest_text(digest, port->name);
+        digest = pm_digest_text(digest, port->law);
+        for (int end = 0; end < 2; ++end) {
+            digest = pm_digest_integer(digest, port->subsystem[end]);
+            digest = digest_layout(digest, &port->layout[end]);
+        }
+        digest = pm_digest_integer(digest, (int64_t)system->port_provenance[i].digest);
+    }
+    return digest;
+}
+
+pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
+    pm_system *system = calloc(1, sizeof *system);
+    if (system == NULL) {
+        return no_memory();
+    }
+    const size_t npart = (size_t)scene->nsubsystem, nport = (size_t)scene->nport;
+    pm_arena *arena = &system->arena;
+    system->scene = scene;
+    system->part = pm_arena_array(arena, npart, sizeof *system->part);
+    system->port = pm_arena_array(arena, nport, sizeof *system->port);
+    system->part_provenance = pm_arena_array(arena, npart, sizeof *system->part_provenance);
+    system->port_provenance = pm_arena_array(arena, nport, sizeof *system->port_provenance);
+    if (system->part == NULL || system->port == NULL || system->part_provenance == NULL ||
+        system->port_provenance == NULL) {
+        pm_arena_free(arena);
+        free(system);
+        return no_memory();
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        system->part[i].layout = scene->subsystem[i].layout;
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        system->port[i].layout[0] = scene->port[i].layout[0];
+        system->port[i].layout[1] = scene->port[i].layout[1];
+    }
+    *result = system;
+    return PM_OK;
+}
+
+pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *weights_dir) {
+    pm_status status;
+    pm_system *system = NULL;
+    PM_TRY_DONE(pm_system_new(&system, scene));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY_DONE(load_part(system, i, weights_dir));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY_DONE(load_port(system, i, weights_dir));
+    }
+    system->digest = digest_system(system);
+    *result = system;
+    system = NULL;
+done:
+    pm_system_free(system);
+    return status;
+}
+
+void pm_system_free(pm_system *system) {
+    if (system == NULL) {
+        return;
+    }
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        pm_part_free(&system->part[i]);
+    }
+    for (int i = 0; i < system->scene->nport; ++i) {
+        pm_port_free(&system->port[i]);
+    }
+    pm_arena_free(&system->arena);
+    free(system);
+}

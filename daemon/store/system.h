@@ -1,0 +1,30 @@
+// A scene with its models: what a run, a training or an evaluation works on.
+#ifndef PM_STORE_SYSTEM_H
+#define PM_STORE_SYSTEM_H
+
+#include <stdint.h>
+
+#include "model/part.h"
+#include "model/port.h"
+#include "store/scene.h"
+#include "store/weights.h"
+
+typedef struct pm_system {
+    const pm_scene *scene; // borrowed
+    pm_arena arena;
+    pm_part *part;                  // [scene->nsubsystem]
+    pm_port_model *port;            // [scene->nport]
+    pm_provenance *part_provenance; // likewise, of the files they were loaded from
+    pm_provenance *port_provenance;
+    uint64_t digest; // of topology, integrator and all weights: equal on all hosts; 0 if not loaded
+} pm_system;
+
+// Loads every weights file the scene names; with `weights_dir`, DIR/<base name of the path>
+// instead. Layouts and laws must equal the scene's. PM_EWEIGHTS, PM_EFILE, PM_ENOMEM.
+pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *weights_dir);
+// Makes a system for training: it has the scene's layouts; specs and parameters are the caller's to
+// set. PM_ENOMEM.
+pm_status pm_system_new(pm_system **system, const pm_scene *scene);
+void pm_system_free(pm_system *system); // NULL is allowed
+
+#endif

@@ -1,0 +1,140 @@
+#!/bin/sh
+# test_cli.sh PORTMETD MAKE_SCENE: every command line ends with the exit code of its class of failure
+# and, if it failed, exactly one line that says what is wrong. Runs that need a network are in
+# tests/distributed.
+set -u
+portmetd=$1
+make_scene=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+    sed 's/^/    /' "$folder/out" "$folder/err"
+}
+
+# expect CODE TEXT ARGUMENT...: the exit code, and TEXT in the only line on standard error.
+expect() {
+    code=$1 text=$2
+    shift 2
+    timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
+    found=$?
+    [ $found -eq "$code" ] || fail "portmetd $*: expected exit code $code, found $found"
+    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmetd $*: expected one line of error"
+    grep -qF -e "$text" "$folder/err" || fail "portmetd $*: expected \"$text\""
+    grep -q '^portmetd: ' "$folder/err" || fail "portmetd $*: the program's name is missing"
+}
+
+# succeed TEXT ARGUMENT...: TEXT on standard output, nothing on standard error.
+succeed() {
+    text=$1
+    shift
+    timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
+        fail "portmetd $*: expected success"
+    [ ! -s "$folder/err" ] || fail "portmetd $*: expected no error"
+    grep -qF -e "$text" "$folder/out" || fail "portmetd $*: expected \"$text\""
+}
+
+# edit EXPRESSION: bad.yaml, the good scene changed by sed.
+edit() {
+    sed "$1" "$folder/scene.yaml" >"$folder/bad.yaml"
+    ! cmp -s "$folder/scene.yaml" "$folder/bad.yaml" || fail "sed $1 changed nothing"
+}
+
+# spoil FILE: a folder of weights whose FILE may be damaged.
+spoil() {
+    rm -rf "$folder/spoilt"
+    mkdir "$folder/spoilt"
+    cp "$folder"/left.h5 "$folder"/right.h5 "$folder"/joint.h5 "$folder/spoilt/"
+}
+
+"$make_scene" "$folder" || { echo "FAILED: make_scene"; exit 1; }
+scene=$folder/scene.yaml
+bad=$folder/bad.yaml
+
+# --- the command line: 2 ---
+succeed "Commands:" --help
+succeed "portmetd " --version
+for command in run node coordinator check; do
+    succeed "Usage: portmetd $command SCENE" $command --help
+    succeed "Options:" $command "$scene" --help
+    expect 2 "$command: expected SCENE" $command
+    expect 2 "does not know --wrong" $command --wrong "$scene"
+    expect 2 "does not know -x" $command -x "$scene"
+    expect 2 "must follow --weights" $command "$scene" --weights
+done
+expect 2 "expected a command"
+expect 2 '"walk"' walk
+expect 2 "found 2 arguments" run "$scene" "$scene"
+expect 2 "found 1 argument " node "$scene"
+expect 2 "there are: left, right" node "$scene" middle
+for steps in 0 -3 1.5 many '' 99999999999999999999; do
+    expect 2 "--steps" run "$scene" --steps "$steps"
+done
+expect 2 "--session" node "$scene" left --session 0
+expect 2 "does not know --record" check "$scene" --record x.h5
+
+# --- the scene: 3, with file, line and column ---
+edit 's/^time:/tome:/'
+expect 3 "bad.yaml:2:1: " check "$bad"
+edit 's/dt: 0.05/dt: soon/'
+expect 3 "bad.yaml:2:" check "$bad"
+edit 's/between: \[left, right\]/between: [left, middle]/'
+expect 3 "middle" check "$bad"
+edit 's/right: \[q, p, s\]/right: [q, p, x]/'
+expect 3 "bad.yaml:20:42: " check "$bad"
+edit 's/integrator: rk4/integrator: rk5/'
+expect 3 "rk4" check "$bad"
+expect 3 "bad.yaml:2:" run "$bad" --in-process
+edit '/^reference:/d'
+expect 3 "initial" check "$bad"
+edit 's/trajectory: 0/trajectory: 1/'
+expect 3 "trajectory 1" check "$bad"
+
+# --- files: 4 ---
+expect 4 "nowhere.yaml" check "$folder/nowhere.yaml"
+edit 's/file: reference.h5/file: nowhere.h5/'
+expect 4 "nowhere.h5" run "$bad" --in-process
+edit 's/file: reference.h5/file: scene.yaml/'
+expect 4 "scene.yaml" run "$bad" --in-process
+expect 4 "/nowhere/run.h5" run "$scene" --in-process --record /nowhere/run.h5
+
+# --- datasets: 5 ---
+edit 's/file: reference.h5/file: nan.h5/'
+expect 5 "nan.h5" run "$bad" --in-process --record "$folder/none.h5"
+[ ! -e "$folder/none.h5" ] || fail "a recording was begun"
+edit 's/columns: \[s2\]/columns: [entropy]/'
+expect 5 "entropy" check "$bad"
+edit 's/dt: 0.05/dt: 0.03/'
+expect 5 "0.03" check "$bad"
+
+# --- weights: 6 ---
+expect 6 "nowhere/left.h5" run "$scene" --weights "$folder/nowhere"
+spoil
+head -c 1000 "$folder/left.h5" >"$folder/spoilt/left.h5"
+expect 6 "left.h5" check "$scene" --weights "$folder/spoilt"
+spoil
+cp "$folder/joint.h5" "$folder/spoilt/right.h5"
+expect 6 "right.h5" node "$scene" right --weights "$folder/spoilt"
+spoil
+cp "$folder/reference.h5" "$folder/spoilt/joint.h5"
+expect 6 "joint.h5" run "$scene" --weights "$folder/spoilt"
+edit 's/expose: {left: \[p, s\]/expose: {left: [s]/'
+expect 6 "joint.h5" check "$bad"
+edit 's/unit: kg m.s, columns: \[p2\]/unit: g m\/s, columns: [p2]/'
+expect 6 "right.h5" check "$bad"
+
+# --- what works ---
+succeed "port joint (bracket, hard)" check "$scene"
+succeed "left: irreversible bulk: none" check "$scene"
+succeed "pair_FLUX_left_right_joint" check "$scene"
+succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
+[ -s "$folder/run.h5" ] || fail "no recording"
+succeed "pair: 7 steps of 0.05 s" run "$scene" --in-process --steps 7 --weights "$folder"
+"$portmetd" run "$scene" --in-process --quiet >"$folder/out" 2>"$folder/err" || fail "--quiet"
+[ ! -s "$folder/out" ] || fail "--quiet: expected no output"
+
+[ $failures -eq 0 ] && echo "all well"
+exit $((failures > 0))

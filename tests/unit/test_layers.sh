@@ -1,0 +1,51 @@
+#!/bin/sh
+# test_layers.sh: every source file includes only headers of its own layer and of earlier ones, and
+# each foreign library has one door. Run in the repository's root.
+set -u
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+}
+
+# Lines "file:header" of all includes below the given folders, in quotes or angle brackets.
+includes() {
+    grep -rnE --include='*.[ch]' '^ *# *include' "$@" |
+        sed -E 's/^([^:]*):[0-9]+: *# *include *["<]([^">]*)[">].*/\1:\2/'
+}
+
+# The folders of daemon/, in the order data flows; each may include those before it.
+later="base graph model store sim net app"
+for layer in $later; do
+    later=${later#"$layer"}
+    later=${later# }
+    [ -d "daemon/$layer" ] || fail "daemon/$layer is missing"
+    [ -n "$later" ] || continue
+    found=$(includes "daemon/$layer" | grep -E ":($(echo "$later" | tr ' ' '|'))/")
+    [ -z "$found" ] || fail "daemon/$layer includes a later layer: $found"
+done
+
+found=$(includes daemon | grep -E ':(trainer|truth)/')
+[ -z "$found" ] || fail "daemon/ includes the trainer: $found"
+found=$(includes trainer | grep -E ':(net|app)/')
+[ -z "$found" ] || fail "trainer/ includes net or app: $found"
+# Reference physics that shares code with the model cannot reveal its mistakes.
+found=$(includes trainer/truth | grep -E ':(graph|model|sim|net|app)/|:store/' |
+    grep -vE ':store/(dataset|yaml)\.h')
+[ -z "$found" ] || fail "trainer/truth includes more than base, datasets and YAML: $found"
+
+# door HEADER-PATTERN ALLOWED-FILE-PATTERN
+door() {
+    found=$(includes daemon trainer | grep -E ":($1)" | grep -vE "^($2)")
+    [ -z "$found" ] || fail "$1 belongs into $2: $found"
+    includes daemon trainer | grep -E ":($1)" | grep -qE "^($2)" || fail "nobody includes $1"
+}
+door '(.*/)?cblas' 'daemon/base/'
+door 'yaml\.h' 'daemon/store/'
+door 'hdf5' 'daemon/store/|trainer/dataset'
+door 'lcm/|portmet_' 'daemon/net/'
+door 'cvode|nvector|sun' 'trainer/truth/'
+
+[ $failures -eq 0 ] && echo "all layers in order"
+exit $((failures > 0))

@@ -1,0 +1,200 @@
+// The `model:` block: what is written in it comes back, its text reads back equal, errors tell
+// where.
+#include "store/model_yaml.h"
+#include "yaml_case.h"
+
+static const char good[] =
+    "form: soft\n"
+    "energy:\n"
+    "  - {features: [\"|p|^2\"], skip: linear}\n"
+    "  - {given: [u, w]}\n"
+    "  - {features: [\"ln|q|\", s], hidden: [16, 8], activation: silu, skip: quadratic}\n"
+    "entropy: {given: s}\n"
+    "reversible:\n"
+    "  given: [[q, p, 1.0], [v, \"a\\\"b\\\\c\", -0.1]]\n"
+    "  learned: {acts_on: [p, s], along: [\"q/|q|^2\"], features: [\"<q,p>\"], hidden: 8}\n"
+    "irreversible:\n"
+    "  learned: {acts_on: s, rank: 2, activation: softplus}\n";
+
+static pm_part_spec part_of(const char *text, pm_arena *arena) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    pm_part_spec spec = {0};
+    if (pm_yaml_parse(&document, text, "t.yaml", &root) != PM_OK ||
+        pm_part_spec_read(root, arena, &spec) != PM_OK) {
+        fail_msg("%s in\n%s", pm_error(), text);
+    }
+    pm_yaml_close(document);
+    return spec;
+}
+
+static void assert_names(int count, const char *const *names, const char *expected) {
+    char joined[256] = "";
+    for (int i = 0; i < count; ++i) {
+        strcat(strcat(joined, i == 0 ? "" : " "), names[i]);
+    }
+    assert_string_equal(joined, expected);
+}
+
+// That the spec is what `good` says.
+static void assert_good(const pm_part_spec *spec) {
+    assert_int_equal(spec->form, PM_SOFT);
+    assert_true(spec->energy.nterm == 2 && spec->entropy.nterm == 0);
+    assert_names(spec->energy.ngiven, spec->energy.given, "u w");
+    assert_names(spec->entropy.ngiven, spec->entropy.given, "s");
+    const pm_network_spec *first = &spec->energy.term[0], *second = &spec->energy.term[1];
+    assert_names(first->nfeature, first->feature, "|p|^2");
+    assert_true(first->nhidden == 0 && first->activation == PM_TANH);
+    assert_int_equal(first->skip, PM_SKIP_LINEAR);
+    assert_names(second->nfeature, second->feature, "ln|q| s");
+    assert_true(second->nhidden == 2 && second->hidden[0] == 16 && second->hidden[1] == 8);
+    assert_true(second->activation == PM_SILU && second->skip == PM_SKIP_QUADRATIC);
+
+    const pm_operator_spec *reversible = &spec->reversible;
+    assert_int_equal(reversible->ngiven, 2);
+    assert_string_equal(reversible->given[0].row, "q");
+    assert_string_equal(reversible->given[1].col, "a\"b\\c");
+    assert_true(reversible->given[0].coefficient == 1 && reversible->given[1].coefficient == -0.1);
+    assert_true(reversible->learned);
+    assert_names(reversible->nacts, reversible->acts_on, "p s");
+    assert_names(reversible->nalong, reversible->along, "q/|q|^2");
+    assert_names(reversible->network.nfeature, reversible->network.feature, "<q,p>");
+    assert_true(reversible->network.nhidden == 1 && reversible->network.hidden[0] == 8);
+
+    const pm_operator_spec *irreversible = &spec->irreversible;
+    assert_true(irreversible->learned && irreversible->rank == 2 && irreversible->ngiven == 0);
+    assert_names(irreversible->nacts, irreversible->acts_on, "s");
+    assert_true(irreversible->nalong == 0 && irreversible->network.nfeature == 0);
+    assert_int_equal(irreversible->network.activation, PM_SOFTPLUS);
+}
+
+static void test_round_trip(void **state) {
+    (void)state;
+    pm_arena arena = {0};
+    const pm_part_spec spec = part_of(good, &arena);
+    assert_good(&spec);
+    const char *text = pm_part_spec_write(&spec, &arena);
+    assert_non_null(text);
+    const pm_part_spec again = part_of(text, &arena);
+    assert_good(&again);
+    assert_string_equal(pm_part_spec_write(&again, &arena), text);
+    pm_arena_free(&arena);
+}
+
+static void test_defaults(void **state) {
+    (void)state;
+    const char *const texts[] = {"energy: {}\n",
+                                 "form: hard\nenergy: [{}]\nentropy: none\nreversible: "
+                                 "none\nirreversible: {learned: none}\n"};
+    pm_arena arena = {0};
+    for (int i = 0; i < 2; ++i) {
+        const pm_part_spec spec = part_of(texts[i], &arena);
+        assert_int_equal(spec.form, PM_HARD);
+        assert_true(spec.energy.nterm == 1 && spec.energy.ngiven == 0);
+        assert_true(spec.energy.term[0].nfeature == 0 && spec.energy.term[0].nhidden == 0);
+        assert_true(spec.energy.term[0].activation == PM_TANH &&
+                    spec.energy.term[0].skip == PM_SKIP_NONE);
+        assert_true(spec.entropy.nterm == 0 && spec.entropy.ngiven == 0);
+        assert_true(spec.reversible.ngiven == 0 && !spec.reversible.learned);
+        assert_false(spec.irreversible.learned);
+        const char *text = pm_part_spec_write(&spec, &arena);
+        const pm_part_spec again = part_of(text, &arena);
+        assert_string_equal(pm_part_spec_write(&again, &arena), text);
+    }
+    const pm_part_spec spec = part_of("irreversible: {learned: {acts_on: s}}", &arena);
+    assert_int_equal(spec.irreversible.rank, 1);
+    pm_arena_free(&arena);
+}
+
+static void test_port(void **state) {
+    (void)state;
+    static const char text[] = "law: exchange\n"
+                               "form: soft\n"
+                               "energy: {features: [own.q, other.q], hidden: [4]}\n"
+                               "reversible: {given: [[a.p, b.q, 0.333333333333333315]]}\n"
+                               "irreversible: {learned: {acts_on: [a.s, b.s]}}\n";
+    pm_arena arena = {0};
+    const char *written = text;
+    for (int i = 0; i < 2; ++i) {
+        pm_yaml_document *document = NULL;
+        pm_yaml root;
+        pm_port_spec spec;
+        assert_int_equal(pm_yaml_parse(&document, written, "t.yaml", &root), PM_OK);
+        assert_int_equal(pm_port_spec_read(root, &arena, &spec), PM_OK);
+        pm_yaml_close(document);
+        assert_string_equal(spec.law, "exchange");
+        assert_int_equal(spec.form, PM_SOFT);
+        assert_names(spec.energy.term[0].nfeature, spec.energy.term[0].feature, "own.q other.q");
+        assert_true(spec.reversible.given[0].coefficient == 1.0 / 3);
+        assert_names(spec.irreversible.nacts, spec.irreversible.acts_on, "a.s b.s");
+        written = pm_port_spec_write(&spec, &arena);
+    }
+    pm_arena_free(&arena);
+}
+
+static const yaml_case bad[] = {
+    {"form: soft", "form: firm", "firm", "form: expected one of hard, soft, found \"firm\""},
+    {"form: soft", "from: soft", "from", "unknown key \"from\"; allowed: form, energy, entropy"},
+    {"form: soft", "law: bracket", "law", "unknown key \"law\"; allowed: form"},
+    {"hidden: [16, 8]", "hidden: [16, 0]", "0]", "hidden: expected a whole number >= 1 and <= "},
+    {"hidden: [16, 8]", "hidden: [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[1", "hidden: 17 layers"},
+    {"hidden: [16, 8]", "layers: [16, 8]", "layers", "allowed: features, hidden, activation, skip"},
+    {"activation: silu", "activation: relu", "relu", "one of tanh, softplus, silu, found \"relu\""},
+    {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, found \"cubic\""},
+    {"[\"|p|^2\"]", "[[p]]", "[p]", "features: expected text, found a list"},
+    {"{given: [u, w]}", "{given: [u, w], skip: linear}", "skip",
+     "unknown key \"skip\"; allowed: given"},
+    {"{given: s}", "s", "s", "entropy: expected a mapping, found \"s\""},
+    {"[q, p, 1.0], ", "[q, p], ", "[q", "given: expected a pair such as [q, p, 1.0]"},
+    {"[q, p, 1.0], ", "[q, p, x], ", "x", "given: expected a number, found \"x\""},
+    {"[[q, p, 1.0], [v", "{q: p} # [[v", "{q", "given: expected a list of pairs"},
+    {"{acts_on: [p, s], ", "{", "{", "learned: missing key \"acts_on\""},
+    {"acts_on: [p, s]", "acts_on: []", "[]", "acts_on: expected at least one group"},
+    {"acts_on: [p, s]", "acts_on: [p, s], rank: 1", "rank",
+     "unknown key \"rank\"; allowed: acts_on"},
+    {"rank: 2", "rank: 0", "0", "rank: expected a whole number >= 1 and <= "},
+    {"irreversible:\n", "irreversible:\n  given: [[s, s, 1]]\n", "given", "allowed: learned"},
+};
+
+static const yaml_case bad_port[] = {
+    {"law: bracket", "law: contract", "contract", "law: expected one of "},
+    {"law: bracket", "form: hard", "form", "missing key \"law\""},
+    {"law: bracket", "law: bracket\nports: 1", "ports",
+     "unknown key \"ports\"; allowed: law, form"},
+};
+
+static void test_bad(void **state) {
+    (void)state;
+    static const char good_port[] = "law: bracket\n";
+    const size_t count = sizeof bad / sizeof *bad;
+    const size_t all = count + sizeof bad_port / sizeof *bad_port;
+    int failures = 0;
+    for (size_t i = 0; i < all; ++i) {
+        const bool port = i >= count;
+        const yaml_case *c = port ? &bad_port[i - count] : &bad[i];
+        char *text = yaml_case_text(port ? good_port : good, c);
+        pm_yaml_document *document = NULL;
+        pm_arena arena = {0};
+        pm_yaml root;
+        pm_part_spec part_spec;
+        pm_port_spec port_spec;
+        assert_int_equal(pm_yaml_parse(&document, text, "t.yaml", &root), PM_OK);
+        const pm_status status = port ? pm_port_spec_read(root, &arena, &port_spec)
+                                      : pm_part_spec_read(root, &arena, &part_spec);
+        failures += !yaml_case_holds("t.yaml", port ? good_port : good, c, status);
+        pm_yaml_close(document);
+        pm_arena_free(&arena);
+        free(text);
+    }
+    assert_int_equal(failures, 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_port),
+        cmocka_unit_test(test_bad),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,270 @@
+// Recordings: every number of every sample arrives where it belongs, and what was flushed outlives
+// a killed writer.
+#include <hdf5.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <time.h>
+
+#include <cmocka.h>
+
+#include "scratch.h"
+#include "store/recording.h"
+
+static pm_scene_subsystem subsystem[2] = {
+    {.name = "left",
+     .layout = {.ngroup = 2,
+                .nz = 3,
+                .group = {{.name = "q", .unit = "m", .size = 2},
+                          {.name = "s", .unit = "J/K", .size = 1, .first = 2}}}},
+    {.name = "right",
+     .layout = {.ngroup = 1, .nz = 1, .group = {{.name = "p", .unit = "kg m/s", .size = 1}}},
+     .first = 3},
+};
+static pm_scene_port port[1] = {{.name = "joint", .subsystem = {1, 0}}};
+static const pm_scene scene = {.name = "trial",
+                               .integrator = "rk4",
+                               .dt = 0.5,
+                               .substeps = 2,
+                               .nsubsystem = 2,
+                               .subsystem = subsystem,
+                               .nport = 1,
+                               .port = port,
+                               .nz = 4};
+
+static int setup(void **state) {
+    static scratch folder;
+    scratch_open(&folder);
+    *state = &folder;
+    return 0;
+}
+
+static int teardown(void **state) {
+    scratch_close(*state);
+    return 0;
+}
+
+// Sample `step`, in which every number is different: step + 0.001 times its place below.
+static void fill(pm_sample *s, long step) {
+    double place = 0;
+    s->step = step;
+    s->time = (double)step + (place += 0.001);
+    for (int i = 0; i < 4; ++i) {
+        s->z[i] = (double)step + (place += 0.001);
+    }
+    double *const perpart[] = {s->energy, s->entropy, s->bulk_energy, s->bulk_entropy};
+    for (int k = 0; k < 4; ++k) {
+        for (int i = 0; i < 2; ++i) {
+            perpart[k][i] = (double)step + (place += 0.001);
+        }
+    }
+    for (int end = 0; end < 2; ++end) {
+        s->flux[0][end].energy = (double)step + (place += 0.001);
+        s->flux[0][end].entropy = (double)step + (place += 0.001);
+    }
+    s->energy_residual = (double)step + (place += 0.001);
+    s->entropy_residual = (double)step + (place += 0.001);
+}
+
+// Number of samples of a series, read into value [n][width], n at most 1000.
+static int read_series(const char *path, const char *name, double *value) {
+    hsize_t size[2] = {0, 0};
+    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    const hid_t id = H5Dopen2(file, name, H5P_DEFAULT);
+    if (id < 0) {
+        fail_msg("%s has no %s", path, name);
+    }
+    const hid_t space = H5Dget_space(id);
+    H5Sget_simple_extent_dims(space, size, NULL);
+    assert_true(size[0] <= 1000);
+    assert_true(H5Dread(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0);
+    H5Sclose(space);
+    H5Dclose(id);
+    H5Fclose(file);
+    return (int)size[0];
+}
+
+static void assert_series(const char *path, const char *name, int count, double offset) {
+    double value[1000];
+    assert_int_equal(read_series(path, name, value), count);
+    for (int i = 0; i < count; ++i) {
+        const double error = value[i] - (i + offset);
+        if (!(error < 1e-9 && error > -1e-9)) {
+            fail_msg("%s[%d] is %.17g, expected %.17g", name, i, value[i], i + offset);
+        }
+    }
+}
+
+static void assert_all_series(const char *path, int count) {
+    double z[3000], sum[1000];
+    assert_series(path, "/step", count, 0);
+    assert_series(path, "/time", count, 0.001);
+    assert_int_equal(read_series(path, "/subsystems/left/z", z), count);
+    for (int i = 0; i < count; ++i) {
+        for (int k = 0; k < 3; ++k) {
+            assert_true(z[3 * i + k] - (i + 0.001 * (k + 2)) < 1e-9);
+        }
+    }
+    assert_series(path, "/subsystems/right/z", count, 0.005);
+    assert_series(path, "/subsystems/left/E", count, 0.006);
+    assert_series(path, "/subsystems/right/E", count, 0.007);
+    assert_series(path, "/subsystems/left/S", count, 0.008);
+    assert_series(path, "/subsystems/right/S", count, 0.009);
+    assert_series(path, "/subsystems/left/bulk_energy", count, 0.010);
+    assert_series(path, "/subsystems/right/bulk_energy", count, 0.011);
+    assert_series(path, "/subsystems/left/bulk_entropy", count, 0.012);
+    assert_series(path, "/subsystems/right/bulk_entropy", count, 0.013);
+    assert_series(path, "/ports/joint/energy_flux_a", count, 0.014);
+    assert_series(path, "/ports/joint/entropy_flux_a", count, 0.015);
+    assert_series(path, "/ports/joint/energy_flux_b", count, 0.016);
+    assert_series(path, "/ports/joint/entropy_flux_b", count, 0.017);
+    assert_series(path, "/ledger/energy_residual", count, 0.018);
+    assert_series(path, "/ledger/entropy_residual", count, 0.019);
+    assert_int_equal(read_series(path, "/ledger/energy", sum), count);
+    assert_true(sum[count - 1] - (2 * (count - 1) + 0.013) < 1e-9);
+    assert_int_equal(read_series(path, "/ledger/entropy", sum), count);
+    assert_true(sum[count - 1] - (2 * (count - 1) + 0.017) < 1e-9);
+}
+
+// More than two blocks, not a whole number of them.
+static void every_number_arrives_where_it_belongs(void **state) {
+    const char *path = scratch_path(*state, "run.h5");
+    pm_sample *sample = NULL;
+    pm_recording *recording = NULL;
+    assert_int_equal(pm_sample_new(&sample, &scene), PM_OK);
+    assert_int_equal(pm_recording_open(&recording, path, &scene), PM_OK);
+    for (long step = 0; step < 600; ++step) {
+        fill(sample, step);
+        assert_int_equal(pm_recording_append(recording, sample), PM_OK);
+    }
+    assert_int_equal(pm_recording_close(recording), PM_OK);
+    pm_sample_free(sample);
+    assert_all_series(path, 600);
+}
+
+static void assert_texts(const char *path, const char *object, const char *name, int count,
+                         const char *const *expected) {
+    char text[4][32] = {{0}};
+    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    const hid_t id = H5Aopen_by_name(file, object, name, H5P_DEFAULT, H5P_DEFAULT);
+    const hid_t type = H5Tcopy(H5T_C_S1);
+    H5Tset_size(type, sizeof text[0]);
+    H5Tset_cset(type, H5T_CSET_UTF8);
+    assert_true(H5Aread(id, type, text) >= 0);
+    for (int i = 0; i < count; ++i) {
+        assert_string_equal(text[i], expected[i]);
+    }
+    H5Tclose(type);
+    H5Aclose(id);
+    H5Fclose(file);
+}
+
+static void variables_and_units_are_written(void **state) {
+    const char *path = scratch_path(*state, "run.h5");
+    pm_recording *recording = NULL;
+    assert_int_equal(pm_recording_open(&recording, path, &scene), PM_OK);
+    assert_int_equal(pm_recording_close(recording), PM_OK);
+    const char *const variables[] = {"q[0]", "q[1]", "s"}, *const units[] = {"m", "m", "J/K"};
+    const char *const ends[] = {"right", "left"}, *const watt[] = {"W"};
+    assert_texts(path, "/subsystems/left/z", "variables", 3, variables);
+    assert_texts(path, "/subsystems/left/z", "units", 3, units);
+    assert_texts(path, "/ports/joint", "ends", 2, ends);
+    assert_texts(path, "/ports/joint/energy_flux_b", "units", 1, watt);
+    double none[1];
+    assert_int_equal(read_series(path, "/time", none), 0);
+}
+
+// Appends for a little over a second, so that a flush falls due, appends more, and is killed.
+static void record_and_die(const char *path) {
+    const struct timespec pause = {.tv_nsec = 15000000};
+    pm_sample *sample = NULL;
+    pm_recording *recording = NULL;
+    if (pm_sample_new(&sample, &scene) != PM_OK ||
+        pm_recording_open(&recording, path, &scene) != PM_OK) {
+        _exit(1);
+    }
+    for (long step = 0; step < 90; ++step) {
+        fill(sample, step);
+        if (pm_recording_append(recording, sample) != PM_OK) {
+            _exit(1);
+        }
+        nanosleep(&pause, NULL);
+    }
+    raise(SIGKILL);
+}
+
+static void what_was_flushed_outlives_a_killed_writer(void **state) {
+    const char *path = scratch_path(*state, "killed.h5");
+    const pid_t child = fork();
+    if (child == 0) {
+        record_and_die(path);
+    }
+    int ending;
+    assert_int_equal(waitpid(child, &ending, 0), child);
+    assert_true(WIFSIGNALED(ending) && WTERMSIG(ending) == SIGKILL);
+    double value[1000];
+    const int count = read_series(path, "/time", value);
+    assert_in_range(count, 2, 89);
+    assert_all_series(path, count);
+}
+
+static void a_recording_that_cannot_be_made_says_so(void **state) {
+    scratch *folder = *state;
+    pm_recording *recording = NULL;
+    assert_int_equal(pm_recording_open(&recording, "/nonexistent/run.h5", &scene), PM_EFILE);
+    assert_null(recording);
+    assert_non_null(strstr(pm_error(), "/nonexistent/run.h5: cannot create"));
+    assert_int_equal(pm_recording_open(&recording, folder->folder, &scene), PM_EFILE);
+    assert_int_equal(pm_recording_close(NULL), PM_OK);
+    pm_sample_free(NULL);
+}
+
+// The child's exit status says what went wrong. It may not write files beyond 40 kB, which a full
+// disk resembles.
+static void record_beyond_the_limit(const char *path) {
+    const struct rlimit limit = {.rlim_cur = 40000, .rlim_max = 40000};
+    pm_sample *sample = NULL;
+    pm_recording *recording = NULL;
+    signal(SIGXFSZ, SIG_IGN);
+    if (setrlimit(RLIMIT_FSIZE, &limit) != 0 || pm_sample_new(&sample, &scene) != PM_OK ||
+        pm_recording_open(&recording, path, &scene) != PM_OK) {
+        _exit(2);
+    }
+    pm_status status = PM_OK;
+    for (long step = 0; status == PM_OK && step < 6000; ++step) {
+        fill(sample, step);
+        status = pm_recording_append(recording, sample);
+    }
+    const pm_status closed = pm_recording_close(recording);
+    pm_sample_free(sample);
+    const bool told = strstr(pm_error(), "full.h5: cannot write") != NULL &&
+                      strstr(pm_error(), "(File too large)") != NULL;
+    _exit((status == PM_EFILE || closed == PM_EFILE) && told ? 0 : 3);
+}
+
+static void a_full_disk_is_reported(void **state) {
+    const char *path = scratch_path(*state, "full.h5");
+    const pid_t child = fork();
+    if (child == 0) {
+        record_beyond_the_limit(path);
+    }
+    int ending;
+    assert_int_equal(waitpid(child, &ending, 0), child);
+    assert_int_equal(ending, 0);
+}
+
+int main(void) {
+    H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(every_number_arrives_where_it_belongs, setup, teardown),
+        cmocka_unit_test_setup_teardown(variables_and_units_are_written, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_was_flushed_outlives_a_killed_writer, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_recording_that_cannot_be_made_says_so, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_full_disk_is_reported, setup, teardown),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,314 @@
+// Scenes: what a file says comes back, and what is wrong with it is told with its place.
+#include <dirent.h>
+
+#include "scratch.h"
+#include "store/scene.h"
+#include "yaml_case.h"
+
+static const char good[] = "scene: pair\n"
+                           "url: \"udpm://239.255.76.67:7667?ttl=1\"\n"
+                           "time: {dt: 0.3, steps: 200, integrator: rk4, substeps: 8}\n"
+                           "subsystems:\n"
+                           "  upper:\n"
+                           "    weights: w/upper.h5\n"
+                           "    state:\n"
+                           "      q: {unit: m, columns: [q1x, q1y]}\n"
+                           "      p: {unit: kg m/s, columns: [p1x, p1y]}\n"
+                           "      s: {unit: J/K, columns: s1}\n"
+                           "  lower:\n"
+                           "    weights: /abs/lower.h5\n"
+                           "    state:\n"
+                           "      q: {unit: m, columns: [q2x, q2y], relative_to: upper.q}\n"
+                           "      s: {unit: J/K, columns: [s2]}\n"
+                           "    initial: {q: [1, -2], s: 0.5}\n"
+                           "ports:\n"
+                           "  joint:\n"
+                           "    law: bracket\n"
+                           "    between: [lower, upper]\n"
+                           "    expose: {upper: [s, q], lower: [q, s]}\n"
+                           "    weights: w/joint.h5\n"
+                           "reference: {file: ref.h5, trajectory: 3}\n"
+                           "laws: {energy: 1.0e-11, entropy: 0}\n"
+                           "lockstep: {window: 4, patience: 2.5}\n";
+
+static const char minimal[] = "scene: one\n"
+                              "time: {dt: 1, steps: 1, integrator: euler}\n"
+                              "subsystems: {a: {weights: a.h5, state: {x: {unit: m, size: 3}}}}\n";
+
+static pm_scene *parsed(const char *text) {
+    pm_scene *scene = NULL;
+    if (pm_scene_parse(&scene, text, "dir/t.yaml") != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    return scene;
+}
+
+static void test_settings(void **state) {
+    (void)state;
+    pm_scene *scene = parsed(good);
+    assert_string_equal(scene->name, "pair");
+    assert_string_equal(scene->path, "dir/t.yaml");
+    assert_string_equal(scene->url, "udpm://239.255.76.67:7667?ttl=1");
+    assert_true(scene->dt == 0.3);
+    assert_int_equal(scene->steps, 200);
+    assert_string_equal(scene->integrator, "rk4");
+    assert_string_equal(scene->integrator_at, "dir/t.yaml:3:41");
+    assert_int_equal(scene->substeps, 8);
+    assert_string_equal(scene->reference, "dir/ref.h5");
+    assert_int_equal(scene->reference_trajectory, 3);
+    assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
+    assert_true(scene->window == 4 && scene->patience == 2.5);
+    pm_scene_free(scene);
+}
+
+static void test_subsystems(void **state) {
+    (void)state;
+    pm_scene *scene = parsed(good);
+    assert_int_equal(scene->nsubsystem, 2);
+    assert_int_equal(scene->nz, 8);
+    const pm_scene_subsystem *upper = &scene->subsystem[0], *lower = &scene->subsystem[1];
+    assert_string_equal(upper->name, "upper");
+    assert_string_equal(upper->weights, "dir/w/upper.h5");
+    assert_string_equal(lower->weights, "/abs/lower.h5");
+    assert_true(upper->first == 0 && upper->layout.nz == 5 && upper->layout.ngroup == 3);
+    assert_true(lower->first == 5 && lower->layout.nz == 3 && lower->layout.ngroup == 2);
+    assert_string_equal(upper->layout.group[1].name, "p");
+    assert_string_equal(upper->layout.group[1].unit, "kg m/s");
+    assert_true(upper->layout.group[1].size == 2 && upper->layout.group[1].first == 2);
+    const char *const columns[] = {"q1x", "q1y", "p1x", "p1y", "s1"};
+    for (int i = 0; i < 5; ++i) {
+        assert_string_equal(upper->column[i], columns[i]);
+    }
+    assert_true(lower->relative_subsystem[0] == 0 && lower->relative_group[0] == 0);
+    assert_true(lower->relative_subsystem[1] == -1 && upper->relative_subsystem[0] == -1);
+    assert_null(upper->initial);
+    assert_true(lower->initial[0] == 1 && lower->initial[1] == -2 && lower->initial[2] == 0.5);
+    assert_int_equal(pm_scene_find_subsystem(scene, "lower"), 1);
+    assert_int_equal(pm_scene_find_subsystem(scene, "joint"), -1);
+    pm_scene_free(scene);
+}
+
+static void test_ports(void **state) {
+    (void)state;
+    pm_scene *scene = parsed(good);
+    assert_int_equal(scene->nport, 1);
+    const pm_scene_port *port = &scene->port[0];
+    assert_int_equal(pm_scene_find_port(scene, "joint"), 0);
+    assert_int_equal(pm_scene_find_port(scene, "upper"), -1);
+    assert_string_equal(port->law, "bracket");
+    assert_string_equal(port->weights, "dir/w/joint.h5");
+    assert_true(port->subsystem[0] == 1 && port->subsystem[1] == 0);
+    // End b exposes [s, q] of the state q p s: components 4, then 0 and 1.
+    const int a[] = {0, 1, 2}, b[] = {4, 0, 1};
+    assert_true(port->layout[0].nz == 3 && port->layout[1].nz == 3);
+    assert_memory_equal(port->component[0], a, sizeof a);
+    assert_memory_equal(port->component[1], b, sizeof b);
+    assert_string_equal(port->layout[1].group[1].name, "q");
+    assert_int_equal(port->layout[1].group[1].first, 1);
+    pm_scene_free(scene);
+}
+
+static void test_defaults(void **state) {
+    (void)state;
+    pm_scene *scene = parsed(minimal);
+    assert_string_equal(scene->url, "udpm://239.255.76.67:7667?ttl=0");
+    assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10);
+    assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
+    assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
+    assert_null(scene->subsystem[0].column);
+    pm_scene_free(scene);
+    // A path without a folder leaves relative paths as they are.
+    assert_int_equal(pm_scene_parse(&scene, minimal, "t.yaml"), PM_OK);
+    assert_string_equal(scene->subsystem[0].weights, "a.h5");
+    pm_scene_free(scene);
+}
+
+#define NAME48 "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuv"
+
+static const yaml_case bad[] = {
+    // keys and settings
+    {"scene: pair\n", "", "url", "missing key \"scene\""},
+    {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
+    {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
+    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, ports"},
+    {"dt: 0.3", "dt: -0.3", "-0.3", "dt: expected a number > 0, found \"-0.3\""},
+    {"dt: 0.3", "dt: fast", "fast", "dt: expected a number > 0, found \"fast\""},
+    {"steps: 200", "steps: 0", "0", "steps: expected a whole number >= 1"},
+    {"{dt: 0.3, ", "{", "{", "time: missing key \"dt\""},
+    {"integrator: rk4", "integrator: [rk4]", "[rk4]", "integrator: expected text, found a list"},
+    {"substeps: 8", "substep: 8", "substep", "time: unknown key \"substep\"; allowed: dt, steps"},
+    {"{energy: 1.0e-11", "{energy: -1", "-1", "energy: expected a number >= 0"},
+    {"window: 4", "window: 0", "0", "window: expected a whole number >= 1"},
+    {"patience: 2.5", "patience: 0", "0", "patience: expected a number > 0"},
+    {"trajectory: 3", "trajectory: -1", "-1", "trajectory: expected a whole number >= 0"},
+    {"file: ref.h5", "path: ref.h5", "path", "unknown key \"path\"; allowed: file, trajectory"},
+    // subsystems
+    {"  lower:", "  upper:", "upper", "duplicate key \"upper\""},
+    {"  lower:", "  2nd:", "2nd", "expected a name of a letter"},
+    {"weights: w/upper.h5", "weight: w/upper.h5", "weight", "unknown key \"weight\"; allowed"},
+    {"      q: {unit: m, columns: [q1x", "      q: {columns: [q1x", "{", "q: missing key \"unit\""},
+    {"columns: [q1x, q1y]", "columns: []", "[]", "expected 1 to"},
+    {"columns: [q1x, q1y]", "columns: [q1x, q1x]", "q1x]", "dataset column \"q1x\" occurs twice"},
+    {"columns: [s2]", "columns: [s1]", "s1]", "dataset column \"s1\" occurs twice"},
+    {"{unit: J/K, columns: s1}", "{unit: J/K}", "{",
+     "either \"columns\" (of a dataset) or \"size\""},
+    {"{unit: J/K, columns: s1}", "{unit: J/K, size: 1}", "{",
+     "expected \"columns\" as in the groups"},
+    {"{unit: J/K, columns: [s2]}", "{unit: J/K, size: 1}", "{", "expected \"columns\" as in the"},
+    {"columns: s1}", "size: 0}", "0", "size: expected a whole number >= 1"},
+    {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1], s: 0.5}", "[1]",
+     "expected 2 numbers, found 1"},
+    {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1, 2]}", "{", "initial: missing key \"s\""},
+    {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1, 2], v: 1}", "v", "allowed: q, s"},
+    // relative_to
+    {"relative_to: upper.q", "relative_to: upper", "upper", "expected SUBSYSTEM.GROUP"},
+    {"relative_to: upper.q", "relative_to: middle.q", "middle", "subsystems: upper, lower"},
+    {"relative_to: upper.q", "relative_to: upper.x", "upper.x", "no group \"x\"; groups: q, p, s"},
+    {"relative_to: upper.q", "relative_to: upper.s", "upper.s",
+     "1 components in J/K, expected 2 in m"},
+    {"relative_to: upper.q", "relative_to: upper.p", "upper.p",
+     "2 components in kg m/s, expected 2"},
+    {"relative_to: upper.q", "relative_to: lower.q", "lower.q", "relative_to: a cycle"},
+    {"columns: [q1x, q1y]", "columns: [q1x, q1y], relative_to: lower.q", "lower.q", "a cycle"},
+    // ports
+    {"law: bracket", "law: gravity", "gravity", "law: expected one of bracket, exchange"},
+    {"    law: bracket\n", "", "between", "joint: missing key \"law\""},
+    {"[lower, upper]", "[lower, uper]", "uper", "no subsystem \"uper\"; subsystems: upper, lower"},
+    {"[lower, upper]", "[lower, lower]", "[lower",
+     "expected two different subsystems, found \"lower\""},
+    {"[lower, upper]", "[lower]", "[lower]", "expected two subsystems [a, b], found 1"},
+    {"[lower, upper]", "lower", "lower", "expected two subsystems [a, b], found 1"},
+    {"{upper: [s, q], lower", "{upper: [s, x], lower", "x",
+     "upper has no group \"x\"; groups: q, p, s"},
+    {"{upper: [s, q], lower", "{upper: [s, s], lower", "s]", "group \"s\" occurs twice"},
+    {"{upper: [s, q], lower", "{upper: [], lower", "[]", "expected at least one group of upper"},
+    {"{upper: [s, q], lower", "{lower", "{lower", "expose: missing key \"upper\""},
+    {"{upper: [s, q], lower", "{other: s, upper: [s, q], lower", "other", "allowed: lower, upper"},
+    {"    law: bracket\n    between: [lower, upper]\n    expose: {upper: [s, q], lower: [q, s]}\n  "
+     "  weights: w/joint.h5\n",
+     "    law: bracket\n    between: [lower, upper]\n    expose: {upper: q, lower: q}\n", "law",
+     "joint: missing key \"weights\""},
+    {"ports:\n", "ports:\n  joint: 1\n", "joint:\n", "ports: duplicate key \"joint\""},
+};
+
+static const yaml_case bad_minimal[] = {
+    {"{a: {weights: a.h5, state: {x: {unit: m, size: 3}}}}", "{}", "{}", "at least one entry"},
+    {"{a: {weights: a.h5, state: {x: {unit: m, size: 3}}}}", "[a]", "[a]", "found a list"},
+    {"{x: {unit: m, size: 3}}", "{}", "{}", "state: expected a mapping with at least one entry"},
+    {"{x: {unit: m, size: 3}}", "3", "3", "state: expected a mapping with at least one entry"},
+    {"size: 3", "size: 1000000000", "1000000000", "size: expected a whole number >= 1 and <= "},
+    {"{a:", "{" NAME48 "w:", "abc", "at most 48"},
+};
+
+static int failures_of(const char *text, const yaml_case *cases, size_t count) {
+    int failures = 0;
+    for (size_t i = 0; i < count; ++i) {
+        char *edited = yaml_case_text(text, &cases[i]);
+        pm_scene *scene = NULL;
+        const pm_status status = pm_scene_parse(&scene, edited, "dir/t.yaml");
+        free(edited);
+        failures += !yaml_case_holds("dir/t.yaml", text, &cases[i], status);
+        assert_null(scene);
+    }
+    return failures;
+}
+
+static void test_bad(void **state) {
+    (void)state;
+    const size_t count = sizeof bad / sizeof *bad;
+    const size_t count_minimal = sizeof bad_minimal / sizeof *bad_minimal;
+    assert_int_equal(failures_of(good, bad, count), 0);
+    assert_int_equal(failures_of(minimal, bad_minimal, count_minimal), 0);
+}
+
+// LCM takes 63 characters, the prefix included.
+static void test_long_channel(void **state) {
+    (void)state;
+    pm_scene *scene = NULL;
+    const char *text = "scene: scene_7\n"
+                       "time: {dt: 1, steps: 1, integrator: euler}\n"
+                       "subsystems: {%s: {weights: a.h5, state: {x: {unit: m, size: 3}}}}\n";
+    char longest[512], longer[1024];
+    snprintf(longest, sizeof longest, text, NAME48);
+    snprintf(longer, sizeof longer, "scene: x%s", longest + strlen("scene: "));
+    assert_int_equal(pm_scene_parse(&scene, longest, "t.yaml"), PM_OK);
+    pm_scene_free(scene);
+    scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, longer, "t.yaml"), PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "t.yaml:3:14: "));
+    assert_non_null(strstr(pm_error(), "64 characters, at most 63 are possible"));
+}
+
+// A state of more groups than a layout holds.
+static void test_many_groups(void **state) {
+    (void)state;
+    char text[4096], *end = text;
+    end += sprintf(end, "scene: x\ntime: {dt: 1, steps: 1, integrator: euler}\n"
+                        "subsystems:\n  a:\n    weights: a.h5\n    state:\n");
+    for (int i = 0; i <= PM_MAX_GROUPS; ++i) {
+        end += sprintf(end, "      g%d: {unit: m, size: 1}\n", i);
+    }
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, text, "t.yaml"), PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "t.yaml:7:7: state: "));
+    *strstr(text, "      g1:") = '\0';
+    assert_int_equal(pm_scene_parse(&scene, text, "t.yaml"), PM_OK);
+    pm_scene_free(scene);
+}
+
+// Names that hold '_' can run into one another: "a_b" to "c" and "a" to "b_c" would share a
+// channel.
+static void test_channels(void **state) {
+    (void)state;
+    static const char text[] =
+        "scene: x\n"
+        "time: {dt: 1, steps: 1, integrator: euler}\n"
+        "subsystems:\n"
+        "  a: {weights: a.h5, state: {x: {unit: m, size: 1}}}\n"
+        "  b: {weights: a.h5, state: {x: {unit: m, size: 1}}}\n"
+        "  b_c: {weights: a.h5, state: {x: {unit: m, size: 1}}}\n"
+        "ports:\n"
+        "  p: {law: bracket, between: [a, b_c], expose: {a: x, b_c: x}, weights: p.h5}\n"
+        "  c_p: {law: bracket, between: [a, b], expose: {a: x, b: x}, weights: p.h5}\n";
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, text, "t.yaml"), PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "t.yaml:9:3: "));
+    assert_non_null(strstr(pm_error(), "the channel \"x_FLUX_a_b_c_p\" occurs twice"));
+}
+
+// Every scene that is shipped reads.
+static void test_shipped(void **state) {
+    (void)state;
+    int count = 0;
+    DIR *folder = opendir("configs");
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
+        if (strstr(entry->d_name, ".yaml") != NULL) {
+            char path[512];
+            snprintf(path, sizeof path, "configs/%s", entry->d_name);
+            pm_scene *scene = NULL;
+            if (pm_scene_load(&scene, path) != PM_OK) {
+                fail_msg("%s", pm_error());
+            }
+            assert_int_equal(strncmp(scene->subsystem[0].weights, "configs/weights/", 16), 0);
+            pm_scene_free(scene);
+            ++count;
+        }
+    }
+    closedir(folder);
+    assert_true(count >= 4);
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_load(&scene, "configs/absent.yaml"), PM_EFILE);
+    assert_null(scene);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_settings),     cmocka_unit_test(test_subsystems),
+        cmocka_unit_test(test_ports),        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_bad),          cmocka_unit_test(test_channels),
+        cmocka_unit_test(test_long_channel), cmocka_unit_test(test_many_groups),
+        cmocka_unit_test(test_shipped),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,161 @@
+// A scene joined with its weights: what fits loads, what does not is refused by name.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "scratch.h"
+#include "store/model_yaml.h"
+#include "store/system.h"
+
+static const char good[] =
+    "scene: pair\n"
+    "time: {dt: 0.3, steps: 200, integrator: rk4, substeps: 8}\n"
+    "subsystems:\n"
+    "  upper: {weights: upper.h5, state: {p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}}\n"
+    "  lower: {weights: upper.h5, state: {p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}}\n"
+    "ports:\n"
+    "  joint: {law: bracket, between: [upper, lower], expose: {upper: s, lower: s},\n"
+    "          weights: joint.h5}\n";
+
+// The good text with `from` replaced by `to`, as a scene in the folder.
+static pm_scene *edited(scratch *folder, const char *from, const char *to) {
+    char text[2048];
+    const char *place = strstr(good, from);
+    assert_non_null(place);
+    snprintf(text, sizeof text, "%.*s%s%s", (int)(place - good), good, to, place + strlen(from));
+    pm_scene *scene = NULL;
+    if (pm_scene_parse(&scene, text, scratch_path(folder, "t.yaml")) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    return scene;
+}
+
+static void save_part(pm_part *part, pm_arena *arena, const char *path) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    const pm_provenance provenance = {.command = "test", .data = ""};
+    assert_int_equal(pm_yaml_parse(&document,
+                                   "energy: {features: [\"|p|^2\", s], skip: linear}\n"
+                                   "entropy: {given: s}\n",
+                                   "model", &root),
+                     PM_OK);
+    assert_int_equal(pm_part_spec_read(root, arena, &part->spec), PM_OK);
+    pm_yaml_close(document);
+    assert_int_equal(pm_part_declare(part), PM_OK);
+    assert_int_equal(pm_weights_save_part(path, part, &provenance), PM_OK);
+}
+
+static void save_port(pm_port_model *port, pm_arena *arena, const char *path) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    const pm_provenance provenance = {.command = "test", .data = ""};
+    assert_int_equal(pm_yaml_parse(&document,
+                                   "law: bracket\n"
+                                   "irreversible: {learned: {acts_on: [a.s, b.s]}}\n",
+                                   "model", &root),
+                     PM_OK);
+    assert_int_equal(pm_port_spec_read(root, arena, &port->spec), PM_OK);
+    pm_yaml_close(document);
+    assert_int_equal(pm_port_declare(port), PM_OK);
+    assert_int_equal(pm_weights_save_port(path, port, &provenance), PM_OK);
+}
+
+static int setup(void **state) {
+    static scratch folder;
+    scratch_open(&folder);
+    pm_scene *scene = edited(&folder, "pair", "pair");
+    pm_system *system = NULL;
+    assert_int_equal(pm_system_new(&system, scene), PM_OK);
+    save_part(&system->part[0], &system->arena, scene->subsystem[0].weights);
+    save_port(&system->port[0], &system->arena, scene->port[0].weights);
+    pm_system_free(system);
+    pm_scene_free(scene);
+    *state = &folder;
+    return 0;
+}
+
+static int teardown(void **state) {
+    scratch_close(*state);
+    return 0;
+}
+
+static uint64_t digest_of(scratch *folder, const char *from, const char *to) {
+    pm_scene *scene = edited(folder, from, to);
+    pm_system *system = NULL;
+    if (pm_system_load(&system, scene, NULL) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    const uint64_t digest = system->digest;
+    pm_system_free(system);
+    pm_scene_free(scene);
+    return digest;
+}
+
+static void test_digest(void **state) {
+    const uint64_t digest = digest_of(*state, "pair", "pair");
+    const char *const same[][2] = {{"dt: 0.3", "dt: 0.1"}, {"steps: 200", "steps: 3"}};
+    const char *const other[][2] = {{"pair", "pear"},
+                                    {"rk4", "heun"},
+                                    {"substeps: 8", "substeps: 4"},
+                                    {"joint:", "hinge:"},
+                                    {"[upper, lower]", "[lower, upper]"}};
+    for (size_t i = 0; i < sizeof same / sizeof *same; ++i) {
+        assert_true(digest_of(*state, same[i][0], same[i][1]) == digest);
+    }
+    for (size_t i = 0; i < sizeof other / sizeof *other; ++i) {
+        assert_false(digest_of(*state, other[i][0], other[i][1]) == digest);
+    }
+}
+
+static void assert_refused(scratch *folder, const char *from, const char *to, const char *who,
+                           const char *what) {
+    pm_scene *scene = edited(folder, from, to);
+    pm_system *system = NULL;
+    assert_int_equal(pm_system_load(&system, scene, NULL), PM_EWEIGHTS);
+    if (strstr(pm_error(), "t.yaml: ") == NULL || strstr(pm_error(), who) == NULL ||
+        strstr(pm_error(), what) == NULL) {
+        fail_msg("\"%s\", expected \"%s\" and \"%s\"", pm_error(), who, what);
+    }
+    assert_null(system);
+    pm_scene_free(scene);
+}
+
+static void test_mismatch(void **state) {
+    assert_refused(
+        *state, "s: {unit: J/K, size: 1}", "s: {unit: K, size: 1}", "subsystem upper",
+        "made for p[2] in kg m/s, s[1] in J/K; the scene says p[2] in kg m/s, s[1] in K");
+    assert_refused(*state, "p: {unit: kg m/s, size: 2}", "p: {unit: kg m/s, size: 3}",
+                   "subsystem upper", "the scene says p[3] in kg m/s");
+    assert_refused(*state, "lower: s}", "lower: [p, s]}", "port joint, end lower",
+                   "made for s[1] in J/K; the scene says p[2] in kg m/s, s[1] in J/K");
+    assert_refused(*state, "law: bracket", "law: exchange", "port joint",
+                   "made for the law bracket; the scene says exchange");
+}
+
+// Another folder's weights take the place of the scene's, by file name.
+static void test_weights_folder(void **state) {
+    scratch *folder = *state;
+    pm_scene *scene = edited(folder, "joint.h5", "elsewhere/joint.h5");
+    pm_system *system = NULL;
+    assert_int_equal(pm_system_load(&system, scene, NULL), PM_EWEIGHTS);
+    assert_non_null(strstr(pm_error(), "elsewhere/joint.h5"));
+    assert_null(system);
+    assert_int_equal(pm_system_load(&system, scene, folder->folder), PM_OK);
+    assert_string_equal(system->port[0].spec.law, "bracket");
+    pm_system_free(system);
+    pm_scene_free(scene);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_digest),
+        cmocka_unit_test(test_mismatch),
+        cmocka_unit_test(test_weights_folder),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

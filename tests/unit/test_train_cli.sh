@@ -1,0 +1,98 @@
+#!/bin/sh
+# test_train_cli.sh PORTMET_TRAIN MAKE_SCENE: the trainer's command lines end with the exit code of
+# their class of failure and one line that says what is wrong, and leave nothing half-written.
+set -u
+train=$1
+make_scene=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+    sed 's/^/    /' "$folder/out" "$folder/err"
+}
+
+# expect CODE TEXT ARGUMENT...: the exit code, and TEXT in the only line on standard error.
+expect() {
+    code=$1 text=$2
+    shift 2
+    timeout 60 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null
+    found=$?
+    [ $found -eq "$code" ] || fail "portmet-train $*: expected exit code $code, found $found"
+    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmet-train $*: expected one line of error"
+    grep -qF -e "$text" "$folder/err" || fail "portmet-train $*: expected \"$text\""
+    grep -q '^portmet-train: ' "$folder/err" || fail "portmet-train $*: its name is missing"
+}
+
+# succeed TEXT ARGUMENT...: TEXT on standard output, nothing on standard error.
+succeed() {
+    text=$1
+    shift
+    timeout 60 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
+        fail "portmet-train $*: expected success"
+    [ ! -s "$folder/err" ] || fail "portmet-train $*: expected no error"
+    grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
+}
+
+"$make_scene" "$folder" || { echo "FAILED: make_scene"; exit 1; }
+scene=$folder/scene.yaml
+data=$folder/reference.h5
+slow=configs/truth/double_pendulum.yaml
+new=$folder/new.h5
+
+# --- the command line: 2 ---
+succeed "Commands:" --help
+succeed "portmet-train " --version
+expect 2 "lists them"
+expect 2 '"walk"' walk
+for command in truth evaluate; do
+    succeed "Usage: portmet-train $command" $command --help
+    expect 2 "is missing" $command
+    expect 2 '"--wrong"' $command x --wrong
+    expect 2 '"y"' $command x y
+done
+expect 2 "needs a value" truth $slow -o
+expect 2 "--output FILE is missing" truth $slow
+expect 2 "--data FILE is missing" evaluate "$scene"
+expect 2 "takes no value" evaluate "$scene" --json=yes
+for range in 50 3:3 4:2 -1:2 1:51 x 1:x ''; do
+    expect 2 "expected A:B" truth $slow -o "$new" --trajectories "$range"
+done
+
+# --- truth ---
+expect 4 "nowhere.yaml" truth nowhere.yaml -o "$new"
+expect 4 "/nowhere/new.h5" truth $slow -o /nowhere/new.h5 --trajectories 1
+sed 's/dt: 0.3/dt: soon/' $slow >"$folder/bad.yaml"
+expect 3 "bad.yaml:7:5: " truth "$folder/bad.yaml" -o "$new"
+[ ! -e "$new" ] || fail "a failed command left a file"
+succeed "2 of 2 trajectories to 1e-10" truth $slow --trajectories=45:47 --output "$new"
+
+# --- evaluate ---
+succeed "Both laws" evaluate "$scene" --data "$data"
+succeed '"nonfinite": 0' evaluate "$scene" --data "$data" --json --trajectories 0:
+succeed '"trajectories": 1' evaluate "$scene" --json --data "$data" --record "$new"
+# What was recorded is a dataset that the same rollouts fit.
+succeed '"high": 0, "mean": 0}' evaluate "$scene" --json --data "$new"
+expect 5 "nan.h5" evaluate "$scene" --data "$folder/nan.h5"
+expect 5 "\"q1\" is not in the dataset" evaluate "$scene" \
+    --data configs/reference/double_pendulum.h5
+sed 's/dt: 0.05/dt: 0.03/' "$scene" >"$folder/bad.yaml"
+expect 5 "no multiple" evaluate "$folder/bad.yaml" --data "$data"
+expect 6 "nowhere/left.h5" evaluate "$scene" --data "$data" --weights "$folder/nowhere"
+expect 4 "/nowhere/new.h5" evaluate "$scene" --data "$data" --record /nowhere/new.h5
+expect 4 "/nowhere/plots" evaluate "$scene" --data "$data" --plot /nowhere/plots
+if command -v gnuplot >/dev/null; then
+    timeout 60 "$train" evaluate "$scene" --data "$data" --plot "$folder/plots" \
+        >"$folder/out" 2>"$folder/err" || fail "--plot"
+    [ -s "$folder/plots/errors.png" ] || fail "no errors.png"
+    [ -s "$folder/plots/trajectory.png" ] || fail "no trajectory.png"
+fi
+printf '#!/bin/sh\nPATH=/nowhere exec "%s" "$@"\n' "$train" >"$folder/without_gnuplot"
+chmod +x "$folder/without_gnuplot"
+train=$folder/without_gnuplot
+expect 4 "gnuplot is not installed" evaluate "$scene" --data "$data" --plot "$folder/plots"
+
+[ $failures -eq 0 ] && echo "all well"
+exit $((failures > 0))

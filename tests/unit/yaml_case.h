@@ -1,0 +1,65 @@
+// Bad input for the YAML readers: an edit to a good text, and the place and words of the error that
+// must follow.
+#ifndef PM_TESTS_YAML_CASE_H
+#define PM_TESTS_YAML_CASE_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/status.h"
+
+typedef struct yaml_case {
+    const char *from, *to; // the first `from` of the good text becomes `to`
+    const char *at;        // the error points at this part of `to`
+    const char *words;     // and contains these
+} yaml_case;
+
+// The edited text; the caller frees.
+static inline char *yaml_case_text(const char *good, const yaml_case *c) {
+    const char *place = strstr(good, c->from);
+    if (place == NULL) {
+        fail_msg("the good text has no \"%s\"", c->from);
+        abort();
+    }
+    char *text = malloc(strlen(good) + strlen(c->to) + 1);
+    if (text == NULL) {
+        abort();
+    }
+    memcpy(text, good, (size_t)(place - good));
+    stpcpy(stpcpy(text + (place - good), c->to), place + strlen(c->from));
+    return text;
+}
+
+// Checks status and pm_error() after reading the edited text under the name `file`; prints and
+// returns false where they are not as expected.
+static inline bool yaml_case_holds(const char *file, const char *good, const yaml_case *c,
+                                   pm_status status) {
+    char *text = yaml_case_text(good, c);
+    const char *change = text + (strstr(good, c->from) - good);
+    const char *at = strstr(change, c->at);
+    int line = 1, column = 1;
+    for (const char *p = text; p != at; ++p) {
+        column = *p == '\n' ? 1 : column + 1;
+        line += *p == '\n';
+    }
+    char place[256];
+    snprintf(place, sizeof place, "%s:%d:%d: ", file, line, column);
+    free(text);
+    const bool holds = status == PM_ECONFIG && strncmp(pm_error(), place, strlen(place)) == 0 &&
+                       strstr(pm_error(), c->words) != NULL && strchr(pm_error(), '\n') == NULL;
+    if (!holds) {
+        print_error("\"%s\" -> \"%s\": status %d, error \"%s\"; expected %d, \"%s\" and \"%s\"\n",
+                    c->from, c->to, status, pm_error(), PM_ECONFIG, place, c->words);
+    }
+    return holds;
+}
+
+#endif

@@ -1,0 +1,314 @@
+// portmet-train fit: trains the models of a scene on a dataset, stage by stage, with checkpoints.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/digest.h"
+#include "base/progress.h"
+#include "commands.h"
+#include "normalise.h"
+#include "options.h"
+#include "store/checkpoint.h"
+#include "training.h"
+
+#define CHECKPOINT_INTERVAL 30.0 // s
+
+typedef struct arguments {
+    const char *config, *data, *output, *trajectories;
+    bool resume;
+    char line[1024];
+} arguments;
+
+// A fit under way.
+typedef struct fit {
+    const arguments *arguments;
+    pm_training *training;
+    pm_dataset *dataset;
+    int first, end; // trajectories
+    const volatile sig_atomic_t *stop;
+    char *checkpoint; // path
+    uint64_t digest;
+    int size;
+    double *theta;      // [size]
+    double *moment;     // [2][size]
+    double position[3]; // stage, iterations done in it, seconds so far
+    double saved;       // s, monotonic clock, at the last checkpoint
+    double loss;
+    pm_progress progress;
+} fit;
+
+static pm_status read_arguments(int argc, char **argv, arguments *a, bool *helped) {
+    const pm_option option[] = {
+        {"--data", NULL, "FILE", NULL, &a->data, false, "dataset, instead of the one CONFIG names"},
+        {"--output", "-o", "DIR", NULL, &a->output, true,
+         "folder for the weights, one file per subsystem and port"},
+        {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
+         "train on trajectories A up to, not including, B"},
+        {"--resume", NULL, NULL, &a->resume, NULL, false,
+         "go on from DIR/fit.checkpoint, written every 30 s"},
+    };
+    const pm_options options = {
+        "portmet-train fit CONFIG [--data FILE] -o DIR [options]",
+        "Trains the models that CONFIG gives to the parts of its scene, by its stages, and writes\n"
+        "the weights to DIR. The same command gives the same weights.",
+        "CONFIG",
+        &a->config,
+        (int)(sizeof option / sizeof *option),
+        option};
+    pm_options_line(argc, argv, a->line, (int)sizeof a->line);
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+// --- checkpoints ---
+
+static void fields_of(fit *f, pm_checkpoint_field field[3]) {
+    field[0] = (pm_checkpoint_field){"position", 3, f->position};
+    field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
+    field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
+}
+
+static pm_status save_checkpoint(fit *f) {
+    pm_checkpoint_field field[3];
+    const double now = pm_clock();
+    f->position[2] += now - f->saved;
+    f->saved = now;
+    fields_of(f, field);
+    return pm_checkpoint_save(f->checkpoint, "fit", f->digest, 3, field);
+}
+
+static pm_status load_checkpoint(fit *f) {
+    pm_checkpoint_field field[3];
+    fields_of(f, field);
+    return pm_checkpoint_load(f->checkpoint, "fit", f->digest, 3, field);
+}
+
+// --- stages ---
+
+static pm_status report(void *context, const pm_optimisation *o, double loss) {
+    fit *f = context;
+    char detail[64];
+    snprintf(detail, sizeof detail, "loss %.3e", loss);
+    pm_progress_update(&f->progress, o->done, detail);
+    f->position[1] = o->done;
+    f->loss = loss;
+    if (*f->stop) {
+        PM_TRY(save_checkpoint(f));
+        return pm_fail(PM_EINTERRUPTED, "interrupted; go on with --resume");
+    }
+    return pm_clock() - f->saved > CHECKPOINT_INTERVAL ? save_checkpoint(f) : PM_OK;
+}
+
+static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
+    const pm_stage *stage = &f->training->stage[stage_id];
+    pm_objective_set_weights(objective, f->theta);
+    PM_TRY(pm_objective_rescale(objective));
+    pm_optimisation o = {.objective = objective,
+                         .schedule = stage->schedule,
+                         .seed = f->training->seed + 1000 * (uint64_t)(stage_id + 1),
+                         .theta = f->theta,
+                         .moment = f->moment,
+                         .done = (int)f->position[1],
+                         .report = report,
+                         .context = f};
+    char label[64];
+    snprintf(label, sizeof label, "stage %d/%d %s", stage_id + 1, f->training->nstage,
+             stage->optimiser->name);
+    pm_progress_init(&f->progress, label, stage->schedule.iterations);
+    const double started = pm_clock();
+    const pm_status status = stage->optimiser->run(&o);
+    pm_progress_finish(&f->progress);
+    PM_TRY(status);
+    double median = 0, mean = 0;
+    PM_TRY(pm_objective_residuals(objective, &median, &mean));
+    printf("%-16s %8d iterations %8.1f s   loss %.3e   squared residual: median %.3e mean %.3e\n",
+           label, o.done, pm_clock() - started, f->loss, median, mean);
+    fflush(stdout);
+    return PM_OK;
+}
+
+static pm_status run_stage(fit *f, int stage_id) {
+    const pm_stage *stage = &f->training->stage[stage_id];
+    pm_samples samples;
+    PM_TRY(pm_samples_make(&samples, f->training->scene, f->dataset, f->first, f->end,
+                           stage->loss.residual, stage->unroll));
+    pm_objective *objective = NULL;
+    pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
+    if (status == PM_OK) {
+        status = optimise(f, objective, stage_id);
+    }
+    pm_objective_close(objective);
+    pm_samples_free(&samples);
+    return status;
+}
+
+static pm_status run_stages(fit *f) {
+    for (int stage = (int)f->position[0]; stage < f->training->nstage; ++stage) {
+        PM_TRY(run_stage(f, stage));
+        f->position[0] = stage + 1;
+        f->position[1] = 0;
+        memset(f->moment, 0, 2 * (size_t)f->size * sizeof *f->moment);
+        PM_TRY(save_checkpoint(f));
+    }
+    return PM_OK;
+}
+
+// --- weights ---
+
+static const char *base_name(const char *path) {
+    const char *slash = strrchr(path, '/');
+    return slash == NULL ? path : slash + 1;
+}
+
+static pm_status save_weights(const fit *f) {
+    const pm_scene *scene = f->training->scene;
+    const pm_provenance provenance = {.command = f->arguments->line,
+                                      .data = f->arguments->data != NULL ? f->arguments->data
+                                                                         : f->training->data,
+                                      .seed = f->training->seed,
+                                      .loss = f->loss,
+                                      .seconds = f->position[2]};
+    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
+        const bool part = i < scene->nsubsystem;
+        const int port = i - scene->nsubsystem;
+        char path[4096];
+        snprintf(path, sizeof path, "%s/%s", f->arguments->output,
+                 base_name(part ? scene->subsystem[i].weights : scene->port[port].weights));
+        PM_TRY(part ? pm_weights_save_part(path, &f->training->system->part[i], &provenance)
+                    : pm_weights_save_port(path, &f->training->system->port[port], &provenance));
+        printf("wrote %s\n", path);
+    }
+    return PM_OK;
+}
+
+// --- start ---
+
+// One file per component: two that share a name would overwrite each other.
+static pm_status check_file_names(const pm_scene *scene) {
+    const int count = scene->nsubsystem + scene->nport;
+    for (int i = 0; i < count; ++i) {
+        for (int j = i + 1; j < count; ++j) {
+            const char *a = i < scene->nsubsystem ? scene->subsystem[i].weights
+                                                  : scene->port[i - scene->nsubsystem].weights;
+            const char *b = j < scene->nsubsystem ? scene->subsystem[j].weights
+                                                  : scene->port[j - scene->nsubsystem].weights;
+            if (strcmp(base_name(a), base_name(b)) == 0) {
+                return pm_fail(PM_ECONFIG,
+                               "%s: two components share the weights file %s; train a scene in "
+                               "which each has its own",
+                               scene->path, base_name(a));
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status load_data(fit *f) {
+    const char *path = f->arguments->data != NULL ? f->arguments->data : f->training->data;
+    if (path == NULL) {
+        return pm_fail(PM_EUSAGE, "%s names no data: give --data FILE", f->arguments->config);
+    }
+    PM_TRY(pm_dataset_load(&f->dataset, path));
+    const double dt = f->training->scene->dt;
+    if (f->dataset->dt < dt * (1 - 1e-9) || f->dataset->dt > dt * (1 + 1e-9)) {
+        return pm_fail(PM_EDATA, "%s: states are %g s apart, the scene %s steps by %g s", path,
+                       f->dataset->dt, f->training->scene->path, dt);
+    }
+    const char *range =
+        f->arguments->trajectories != NULL ? f->arguments->trajectories : f->training->trajectories;
+    PM_TRY(pm_options_range(range, f->dataset->ntrajectory, &f->first, &f->end));
+    const double *z = pm_dataset_state(f->dataset, f->first, 0);
+    const size_t n =
+        (size_t)(f->end - f->first) * (size_t)f->dataset->ntime * (size_t)f->dataset->ncolumn;
+    f->digest = pm_digest_doubles(f->training->digest, z, n);
+    return PM_OK;
+}
+
+static size_t count_weights(const pm_system *system) {
+    size_t count = 0;
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        count += pm_params_trained(&system->part[i].params);
+    }
+    for (int i = 0; i < system->scene->nport; ++i) {
+        count += pm_params_trained(&system->port[i].params);
+    }
+    return count;
+}
+
+// Draws the weights and fixes the normalisation; theta holds the start.
+static pm_status initialise(fit *f) {
+    pm_system *system = f->training->system;
+    const pm_scene *scene = system->scene;
+    pm_rng rng;
+    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
+        pm_rng_init(&rng, f->training->seed, (uint64_t)i);
+        pm_params_randomise(i < scene->nsubsystem ? &system->part[i].params
+                                                  : &system->port[i - scene->nsubsystem].params,
+                            &rng);
+    }
+    pm_samples samples;
+    PM_TRY(pm_samples_make(&samples, scene, f->dataset, f->first, f->end, PM_RESIDUAL_STEP, 1));
+    const pm_status status = pm_normalise_system(system, &samples);
+    pm_samples_free(&samples);
+    PM_TRY(status);
+    double *theta = f->theta;
+    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
+        const pm_params *params = i < scene->nsubsystem
+                                      ? &system->part[i].params
+                                      : &system->port[i - scene->nsubsystem].params;
+        pm_params_gather(params, theta);
+        theta += pm_params_trained(params);
+    }
+    return PM_OK;
+}
+
+static pm_status start(fit *f) {
+    PM_TRY(pm_training_load(&f->training, f->arguments->config));
+    PM_TRY(check_file_names(f->training->scene));
+    PM_TRY(load_data(f));
+    if (mkdir(f->arguments->output, 0777) != 0 && access(f->arguments->output, W_OK) != 0) {
+        return pm_fail(PM_EFILE, "%s: cannot make or write this folder", f->arguments->output);
+    }
+    f->size = (int)count_weights(f->training->system);
+    const size_t length = strlen(f->arguments->output) + sizeof "/fit.checkpoint";
+    f->checkpoint = malloc(length);
+    f->theta = calloc((size_t)f->size + 1, sizeof *f->theta);
+    f->moment = calloc(2 * (size_t)f->size + 1, sizeof *f->moment);
+    if (f->checkpoint == NULL || f->theta == NULL || f->moment == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for %d weights", f->size);
+    }
+    snprintf(f->checkpoint, length, "%s/fit.checkpoint", f->arguments->output);
+    PM_TRY(initialise(f));
+    printf("%s: %d weights, trajectories %d to %d of %d states\n", f->arguments->config, f->size,
+           f->first, f->end - 1, f->dataset->ntime);
+    fflush(stdout);
+    f->saved = pm_clock();
+    return f->arguments->resume ? load_checkpoint(f) : PM_OK;
+}
+
+pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    arguments a = {0};
+    bool helped = false;
+    PM_TRY(read_arguments(argc, argv, &a, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    fit f = {.arguments = &a, .stop = stop};
+    pm_status status = start(&f);
+    if (status == PM_OK) {
+        status = run_stages(&f);
+    }
+    if (status == PM_OK) {
+        status = save_weights(&f);
+    }
+    if (status == PM_OK) {
+        unlink(f.checkpoint);
+    }
+    pm_training_free(f.training);
+    pm_dataset_free(f.dataset);
+    free(f.checkpoint);
+    free(f.theta);
+    free(f.moment);
+    return status;
+}

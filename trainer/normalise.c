@@ -1,0 +1,185 @@
+// Statistics of the expressions that models name, computed by running their graphs on the data.
+#include "normalise.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "graph/program.h"
+#include "step_graph.h"
+
+#define MAX_SETS 256
+// A feature that never varies gets deviation 1.
+#define SMALLEST_DEVIATION 1e-12
+
+// One set of constants: where its values go, and the node that gives the data.
+typedef struct set {
+    pm_normaliser_kind kind;
+    pm_param_entry *mean, *deviation; // scale and along use `deviation` alone
+    pm_node node;
+    int count;                 // expressions
+    int size[PM_MAX_FEATURES]; // components of each
+} set;
+
+typedef struct collection {
+    pm_graph *g;
+    pm_params *params; // of the component being visited
+    int count;
+    set set[MAX_SETS];
+} collection;
+
+static pm_param_entry *entry_of(const collection *c, const char *prefix, const char *name) {
+    char full[160];
+    snprintf(full, sizeof full, "%s.%s", prefix, name);
+    return pm_params_find(c->params, full);
+}
+
+static pm_status collect(void *context, const pm_normaliser *n) {
+    collection *c = context;
+    if (c->count == MAX_SETS) {
+        return pm_fail(PM_ECONFIG, "more than %d networks and operators", MAX_SETS);
+    }
+    static const char *const name[] = {"deviation", "scale", "along"};
+    set *s = &c->set[c->count++];
+    *s = (set){.kind = n->kind, .count = n->count};
+    s->mean = n->kind == PM_NORMALISE_FEATURES ? entry_of(c, n->prefix, "mean") : NULL;
+    s->deviation = entry_of(c, n->prefix, name[n->kind]);
+    for (int i = 0; i < n->count; ++i) {
+        PM_TRY(pm_feature_size(n->expression[i], n->symbols, &s->size[i]));
+    }
+    const pm_node node = pm_features_build(c->g, n->count, n->expression, n->symbols);
+    s->node = pm_broadcast_to(c->g, node, (pm_shape){true, 1, pm_graph_shape(c->g, node).cols});
+    return PM_OK;
+}
+
+// --- the three kinds of statistics, over value [count][cols] ---
+
+static void fix_features(const set *s, const double *value, int count, int cols) {
+    for (int c = 0; c < cols; ++c) {
+        double mean = 0, square = 0;
+        for (int i = 0; i < count; ++i) {
+            mean += value[(size_t)i * (size_t)cols + (size_t)c] / count;
+        }
+        for (int i = 0; i < count; ++i) {
+            const double difference = value[(size_t)i * (size_t)cols + (size_t)c] - mean;
+            square += difference * difference / count;
+        }
+        s->mean->value[c] = mean;
+        s->deviation->value[c] = sqrt(square) > SMALLEST_DEVIATION ? sqrt(square) : 1;
+    }
+}
+
+// Root mean square over components [first, first + size).
+static double pooled_rms(const double *value, int count, int cols, int first, int size) {
+    double square = 0;
+    for (int i = 0; i < count; ++i) {
+        for (int c = first; c < first + size; ++c) {
+            const double x = value[(size_t)i * (size_t)cols + (size_t)c];
+            square += x * x / ((double)count * size);
+        }
+    }
+    return square > 0 ? sqrt(square) : 1;
+}
+
+static void fix_scale(const set *s, const double *value, int count, int cols) {
+    double square = 0;
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        const double rms = pooled_rms(value, count, cols, first, s->size[k]);
+        for (int c = first; c < first + s->size[k]; ++c) {
+            s->deviation->value[c] = rms;
+            square += rms * rms / cols;
+        }
+    }
+    for (int c = 0; c < cols; ++c) {
+        s->deviation->value[c] /= sqrt(square);
+    }
+}
+
+static void fix_along(const set *s, const double *value, int count, int cols) {
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        s->deviation->value[k] =
+            pooled_rms(value, count, cols, first, s->size[k]) * sqrt((double)s->size[k]);
+    }
+}
+
+static void fix(const set *s, const double *value, int count, int cols) {
+    static void (*const rule[])(const set *, const double *, int, int) = {fix_features, fix_scale,
+                                                                          fix_along};
+    rule[s->kind](s, value, count, cols);
+}
+
+// --- running the graphs ---
+
+static pm_status visit_all(collection *c, pm_system *system, const pm_state_nodes *state) {
+    const pm_scene *scene = system->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        c->params = &system->part[i].params;
+        PM_TRY(pm_part_visit(&system->part[i], c->g, state[i].z, state[i].dE, state[i].dS, collect,
+                             c));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        pm_port_nodes end[2];
+        pm_build_port_nodes(c->g, system, i, state, end);
+        c->params = &system->port[i].params;
+        PM_TRY(system->port[i].law->visit(&system->port[i], c->g, end, collect, c));
+    }
+    return PM_OK;
+}
+
+static pm_status run_and_fix(collection *c, pm_node z, const pm_samples *samples) {
+    if (c->count == 0) {
+        return PM_OK;
+    }
+    pm_node output[MAX_SETS];
+    for (int i = 0; i < c->count; ++i) {
+        output[i] = c->set[i].node;
+    }
+    pm_program *program = NULL;
+    PM_TRY(pm_program_open(&program, c->g, c->count, output, samples->count));
+    const size_t nz = (size_t)samples->nz, window = ((size_t)samples->unroll + 1) * nz;
+    double *input = pm_program_value(program, z);
+    for (size_t i = 0; i < (size_t)samples->count; ++i) {
+        memcpy(input + i * nz, samples->z + i * window, nz * sizeof *input);
+    }
+    pm_program_run(program, samples->count);
+    for (int i = 0; i < c->count; ++i) {
+        fix(&c->set[i], pm_program_value(program, output[i]), samples->count,
+            pm_graph_shape(c->g, output[i]).cols);
+    }
+    pm_program_close(program);
+    return PM_OK;
+}
+
+static pm_status one_pass(pm_system *system, const pm_samples *samples) {
+    const int count = system->scene->nsubsystem;
+    pm_graph *g = NULL;
+    collection *c = calloc(1, sizeof *c);
+    pm_state_nodes *state = calloc((size_t)count, sizeof *state);
+    pm_status status = PM_OK;
+    if (c == NULL || state == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for normalisation");
+        goto done;
+    }
+    PM_TRY_DONE(pm_graph_open(&g));
+    c->g = g;
+    const pm_node z = pm_input(g, true, 1, samples->nz);
+    for (int i = 0; i < count; ++i) {
+        const pm_scene_subsystem *s = &system->scene->subsystem[i];
+        state[i].z = pm_slice(g, z, s->first, s->layout.nz);
+    }
+    pm_build_coenergies(g, system, state);
+    PM_TRY_DONE(visit_all(c, system, state));
+    PM_TRY_DONE(run_and_fix(c, z, samples));
+done:
+    pm_graph_close(g);
+    free(c);
+    free(state);
+    return status;
+}
+
+pm_status pm_normalise_system(pm_system *system, const pm_samples *samples) {
+    // The first pass normalises what co-energies are made of, the second features of co-energies.
+    PM_TRY(one_pass(system, samples));
+    return one_pass(system, samples);
+}

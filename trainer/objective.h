@@ -1,0 +1,47 @@
+// The loss of a system on samples, and its gradient with respect to all weights.
+//
+//     loss = mean over samples of rho( mean over steps and components of ((z - z_data) / scale)^2 )
+//            + degeneracy weight * mean squared degeneracy residual (soft form)
+// rho(x) = x, or robust: d^2 ln(1 + x / d^2), which lets single wild samples count less.
+//
+// Samples are worked on in chunks by two threads; chunk by chunk the sums run in a fixed order, so
+// that the result does not depend on the number of processors.
+#ifndef PM_TRAINER_OBJECTIVE_H
+#define PM_TRAINER_OBJECTIVE_H
+
+#include "samples.h"
+#include "sim/integrator.h"
+#include "store/system.h"
+
+typedef struct pm_loss {
+    pm_residual residual;
+    const pm_integrator *integrator;
+    int substeps;      // per dt
+    double degeneracy; // weight
+    double robust;     // d in units of the median sample's root mean square residual; 0: plain
+} pm_loss;
+
+typedef struct pm_objective pm_objective;
+
+// `system` and `samples` must outlive it. PM_ENOMEM.
+pm_status pm_objective_open(pm_objective **objective, pm_system *system, const pm_samples *samples,
+                            const pm_loss *loss);
+void pm_objective_close(pm_objective *objective); // NULL is allowed
+
+int pm_objective_samples(const pm_objective *o);                     // number of samples
+int pm_objective_size(const pm_objective *o);                        // number of weights
+void pm_objective_weights(const pm_objective *o, double *theta);     // read from the system
+void pm_objective_set_weights(pm_objective *o, const double *theta); // written to the system
+
+// Loss and gradient [size] at the system's present weights, over the samples index[0 .. count), or
+// over all if index is NULL.
+double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);
+
+// Sets the robust scale from the present residuals of all samples; no effect if robust is 0.
+// PM_ENOMEM.
+pm_status pm_objective_rescale(pm_objective *o);
+
+// Median and mean over all samples of the mean squared scaled residual, at the present weights.
+pm_status pm_objective_residuals(pm_objective *o, double *median, double *mean);
+
+#endif

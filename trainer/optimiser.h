@@ -1,0 +1,39 @@
+// Optimisers: one file each and one line in the table of optimiser.c.
+#ifndef PM_TRAINER_OPTIMISER_H
+#define PM_TRAINER_OPTIMISER_H
+
+#include <stdint.h>
+
+#include "objective.h"
+
+typedef struct pm_schedule {
+    int iterations;               // adam: epochs; lbfgs: iterations
+    int batch;                    // adam: samples per update
+    double first_rate, last_rate; // adam: learning rate, falling along a cosine
+    int memory;                   // lbfgs: pairs kept
+} pm_schedule;
+
+// One stage of a training under way. A stage can be left after any iteration and taken up again
+// from theta, moment and done.
+typedef struct pm_optimisation {
+    pm_objective *objective;
+    pm_schedule schedule;
+    uint64_t seed;  // of the shuffling
+    double *theta;  // [pm_objective_size] start and result
+    double *moment; // [2][pm_objective_size] adam's; zero at the start of a stage
+    int done;       // iterations finished
+    // Called after every iteration with theta up to date; anything but PM_OK ends the stage.
+    pm_status (*report)(void *context, const struct pm_optimisation *optimisation, double loss);
+    void *context;
+} pm_optimisation;
+
+typedef struct pm_optimiser {
+    const char *name;
+    pm_status (*run)(pm_optimisation *optimisation);
+} pm_optimiser;
+
+// The optimiser called `name`, or NULL; _names lists all.
+const pm_optimiser *pm_optimiser_find(const char *name);
+const char *pm_optimiser_names(void);
+
+#endif

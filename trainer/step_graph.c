@@ -1,0 +1,103 @@
+// The step of sim/subsystem.c, written as graph expressions.
+#include "step_graph.h"
+
+void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        const pm_part *part = &system->part[i];
+        pm_state_nodes *s = &state[i];
+        pm_gradient(g, pm_part_energy(g, part, s->z), PM_NO_NODE, 1, &s->z, &s->dE);
+        pm_gradient(g, pm_part_entropy(g, part, s->z), PM_NO_NODE, 1, &s->z, &s->dS);
+    }
+}
+
+// The exposed components of a state or co-vector, group by group.
+static pm_node expose(pm_graph *g, const pm_scene_port *port, int end, pm_node vector) {
+    if (vector == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    pm_node part[PM_MAX_GROUPS];
+    const pm_layout *layout = &port->layout[end];
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        part[i] = pm_slice(g, vector, port->component[end][group->first], group->size);
+    }
+    return pm_concat(g, layout->ngroup, part);
+}
+
+// The rate of the exposed components as a rate of the whole state.
+static pm_node place(pm_graph *g, const pm_scene_port *port, int end, pm_node rate, int nz) {
+    pm_node sum = PM_NO_NODE;
+    const pm_layout *layout = &port->layout[end];
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        const pm_node part = pm_slice(g, rate, group->first, group->size);
+        sum = pm_add_or(g, sum, pm_place(g, part, port->component[end][group->first], nz));
+    }
+    return sum;
+}
+
+void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
+                         const pm_state_nodes *state, pm_port_nodes end[2]) {
+    const pm_scene_port *scene = &system->scene->port[port];
+    for (int i = 0; i < 2; ++i) {
+        const pm_state_nodes *s = &state[scene->subsystem[i]];
+        end[i] = (pm_port_nodes){expose(g, scene, i, s->z), expose(g, scene, i, s->dE),
+                                 expose(g, scene, i, s->dS)};
+    }
+}
+
+void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
+                    pm_node *degeneracy) {
+    const pm_scene *scene = system->scene;
+    pm_build_coenergies(g, system, state);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        pm_state_nodes *s = &state[i];
+        s->zdot = pm_part_bulk(g, &system->part[i], s->z, s->dE, s->dS, degeneracy);
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        const pm_port_model *model = &system->port[i];
+        pm_port_nodes end[2];
+        pm_build_port_nodes(g, system, i, state, end);
+        for (int own = 0; own < 2; ++own) {
+            const int id = scene->port[i].subsystem[own];
+            const pm_node rate = model->law->rate(g, model, (pm_end)own, end, degeneracy);
+            if (rate != PM_NO_NODE) {
+                const int nz = scene->subsystem[id].layout.nz;
+                state[id].zdot =
+                    pm_add_or(g, state[id].zdot, place(g, &scene->port[i], own, rate, nz));
+            }
+        }
+    }
+}
+
+// z + h sum_i weight_i k_i over n stages; zero weights are left out.
+static pm_node combine(pm_graph *g, pm_node z, double h, int n, const double *weight,
+                       const pm_node *k) {
+    pm_node sum = PM_NO_NODE;
+    for (int i = 0; i < n; ++i) {
+        if (weight[i] != 0 && k[i] != PM_NO_NODE) {
+            sum = pm_add_or(g, sum, pm_scale(g, k[i], h * weight[i]));
+        }
+    }
+    return pm_add_or(g, z, sum);
+}
+
+void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
+                   int substeps, pm_node *z, pm_node *degeneracy, const pm_step_work *work) {
+    const int count = system->scene->nsubsystem;
+    for (int substep = 0; substep < substeps; ++substep) {
+        for (int stage = 0; stage < rk->nstage; ++stage) {
+            for (int i = 0; i < count; ++i) {
+                work->state[i].z =
+                    combine(g, z[i], h, stage, rk->a[stage], work->k + i * rk->nstage);
+            }
+            pm_build_rates(g, system, work->state, degeneracy);
+            for (int i = 0; i < count; ++i) {
+                work->k[i * rk->nstage + stage] = work->state[i].zdot;
+            }
+        }
+        for (int i = 0; i < count; ++i) {
+            z[i] = combine(g, z[i], h, rk->nstage, rk->b, work->k + i * rk->nstage);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+// Energy, entropy and rate of a chain of thermoelastic links, written out by hand.
+#include "truth/chain.h"
+
+#include <math.h>
+
+// The vector from one end of link k to the other; returns its length.
+static double stretch(const double *z, int k, double vector[2]) {
+    for (int i = 0; i < 2; ++i) {
+        vector[i] = z[pm_chain_q(k) + i] - (k > 0 ? z[pm_chain_q(k - 1) + i] : 0);
+    }
+    return hypot(vector[0], vector[1]);
+}
+
+static double log_stretch(const pm_chain *chain, const double *z, int k) {
+    double vector[2];
+    return log(stretch(z, k, vector) / chain->link[k].l0);
+}
+
+double pm_chain_temperature(const pm_chain *chain, const double *z, int k) {
+    const pm_chain_link *link = &chain->link[k];
+    const double s = z[pm_chain_s(chain, k)];
+    return chain->reference_temperature * exp((s - link->b * log_stretch(chain, z, k)) / link->c);
+}
+
+// qdot = p/m, and the tension of link k pulls its two ends together.
+static void mechanical_rate(const pm_chain *chain, const double *z, const double *T, double *zdot) {
+    const int n = chain->n;
+    for (int i = 0; i < 2 * n; ++i) {
+        zdot[i] = z[2 * n + i] / chain->link[i / 2].mass;
+        zdot[2 * n + i] = 0;
+    }
+    for (int k = 0; k < n; ++k) {
+        const pm_chain_link *link = &chain->link[k];
+        double vector[2];
+        const double l = stretch(z, k, vector);
+        const double warmer = T[k] - chain->reference_temperature;
+        const double tension = (link->C * log(l / link->l0) - link->b * warmer) / l;
+        for (int i = 0; i < 2; ++i) {
+            const double force = tension * vector[i] / l;
+            zdot[pm_chain_p(chain, k) + i] -= force;
+            if (k > 0) {
+                zdot[pm_chain_p(chain, k - 1) + i] += force;
+            }
+        }
+    }
+}
+
+static void thermal_rate(const pm_chain *chain, const double *T, double *zdot) {
+    double *sdot = zdot + pm_chain_s(chain, 0);
+    for (int k = 0; k < chain->n; ++k) {
+        sdot[k] = 0;
+    }
+    for (int k = 0; k + 1 < chain->n; ++k) {
+        const double heat = chain->conductivity * (T[k + 1] - T[k]); // W, into link k
+        sdot[k] += heat / T[k];
+        sdot[k + 1] -= heat / T[k + 1];
+    }
+}
+
+void pm_chain_rate(const pm_chain *chain, const double *z, double *zdot) {
+    double T[PM_CHAIN_MAX_LINKS];
+    for (int k = 0; k < chain->n; ++k) {
+        T[k] = pm_chain_temperature(chain, z, k);
+    }
+    mechanical_rate(chain, z, T, zdot);
+    thermal_rate(chain, T, zdot);
+}
+
+double pm_chain_energy(const pm_chain *chain, const double *z) {
+    const double Tr = chain->reference_temperature;
+    double energy = 0;
+    for (int k = 0; k < chain->n; ++k) {
+        const pm_chain_link *link = &chain->link[k];
+        const double *p = z + pm_chain_p(chain, k);
+        const double x = log_stretch(chain, z, k);
+        energy += (p[0] * p[0] + p[1] * p[1]) / (2 * link->mass);
+        energy += 0.5 * link->C * x * x + link->b * Tr * x;
+        energy += link->c * (pm_chain_temperature(chain, z, k) - Tr);
+    }
+    return energy;
+}
+
+double pm_chain_entropy(const pm_chain *chain, const double *z) {
+    double entropy = 0;
+    for (int k = 0; k < chain->n; ++k) {
+        entropy += z[pm_chain_s(chain, k)];
+    }
+    return entropy;
+}
+
+double pm_chain_angular_momentum(const pm_chain *chain, const double *z) {
+    double sum = 0;
+    for (int k = 0; k < chain->n; ++k) {
+        const double *q = z + pm_chain_q(k), *p = z + pm_chain_p(chain, k);
+        sum += q[0] * p[1] - q[1] * p[0];
+    }
+    return sum;
+}
+
+void pm_chain_set_temperatures(const pm_chain *chain, const double *T, double *z) {
+    for (int k = 0; k < chain->n; ++k) {
+        const pm_chain_link *link = &chain->link[k];
+        z[pm_chain_s(chain, k)] =
+            link->b * log_stretch(chain, z, k) + link->c * log(T[k] / chain->reference_temperature);
+    }
+}
+
+void pm_chain_equilibrate(const pm_chain *chain, double total, double *z) {
+    double elastic = 0, capacity = 0;
+    for (int k = 0; k < chain->n; ++k) {
+        elastic += chain->link[k].b * log_stretch(chain, z, k);
+        capacity += chain->link[k].c;
+    }
+    double T[PM_CHAIN_MAX_LINKS];
+    for (int k = 0; k < chain->n; ++k) {
+        T[k] = chain->reference_temperature * exp((total - elastic) / capacity);
+    }
+    pm_chain_set_temperatures(chain, T, z);
+}

@@ -1,0 +1,157 @@
+// Configuration, runs and checks that all simulators share.
+#include "truth/truth.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const pm_truth_simulator simulators[] = {
+    {"pendulum_chain", pm_pendulum_chain_read},
+};
+#define NSIMULATOR (sizeof simulators / sizeof *simulators)
+
+// As tight as double precision allows: the pendulum's close passes amplify errors ten thousandfold
+// and more. The check takes other steps and has about twice the error.
+static const double solve_tolerance = 1e-15, check_tolerance = 2e-15;
+// Components are of order 1 to 1e-2.
+static const double absolute_per_relative = 0.1;
+
+static const char *const families[] = {"adams", "bdf", NULL}; // as pm_ode_family
+
+static pm_status read_simulator(pm_truth *truth, pm_yaml root) {
+    const char *names[NSIMULATOR + 1] = {NULL};
+    for (size_t i = 0; i < NSIMULATOR; ++i) {
+        names[i] = simulators[i].name;
+    }
+    pm_yaml simulator, system;
+    int id = 0;
+    PM_TRY(pm_yaml_require(root, "simulator", &simulator));
+    PM_TRY(pm_yaml_choice(simulator, names, &id));
+    PM_TRY(pm_yaml_require(root, "system", &system));
+    return simulators[id].read(system, &truth->arena, &truth->model);
+}
+
+static pm_status read_root(pm_truth *truth, pm_yaml root) {
+    static const char *const keys[] = {"simulator", "solver", "seed",   "trajectories",
+                                       "states",    "dt",     "system", NULL};
+    PM_TRY(pm_yaml_allow(root, keys));
+    pm_yaml seed, trajectories, states, dt;
+    int seed_value = 0, family = PM_ODE_ADAMS;
+    if (pm_yaml_exists(pm_yaml_get(root, "solver"))) {
+        PM_TRY(pm_yaml_choice(pm_yaml_get(root, "solver"), families, &family));
+    }
+    truth->family = (pm_ode_family)family;
+    PM_TRY(pm_yaml_require(root, "seed", &seed));
+    PM_TRY(pm_yaml_int(seed, 0, INT_MAX, &seed_value));
+    truth->seed = (uint64_t)seed_value;
+    PM_TRY(pm_yaml_require(root, "trajectories", &trajectories));
+    PM_TRY(pm_yaml_int(trajectories, 1, 1000000, &truth->ntrajectory));
+    PM_TRY(pm_yaml_require(root, "states", &states));
+    PM_TRY(pm_yaml_int(states, 2, 1000000, &truth->ntime));
+    PM_TRY(pm_yaml_require(root, "dt", &dt));
+    PM_TRY(pm_yaml_double(dt, 1e-9, 1e9, &truth->dt));
+    return read_simulator(truth, root);
+}
+
+pm_status pm_truth_load(pm_truth **result, const char *path) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    pm_status status = PM_OK;
+    pm_truth *truth = calloc(1, sizeof *truth);
+    if (truth == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", path);
+    }
+    PM_TRY_DONE(pm_yaml_open(&document, path, &root));
+    PM_TRY_DONE(read_root(truth, root));
+    *result = truth;
+    truth = NULL;
+done:
+    pm_yaml_close(document);
+    pm_truth_free(truth);
+    return status;
+}
+
+void pm_truth_free(pm_truth *truth) {
+    if (truth != NULL) {
+        pm_arena_free(&truth->arena);
+        free(truth);
+    }
+}
+
+static pm_status solve(const pm_truth *truth, double tolerance, double *z) {
+    const pm_ode_method method = {truth->family, tolerance, absolute_per_relative * tolerance};
+    return pm_ode_solve(&truth->model.ode, method, truth->ntime, truth->dt, z);
+}
+
+pm_status pm_truth_run(const pm_truth *truth, int trajectory, double *z, double *check) {
+    const pm_truth_model *model = &truth->model;
+    pm_rng rng;
+    pm_rng_init(&rng, truth->seed, (uint64_t)trajectory);
+    model->draw(model->ode.data, &rng, z);
+    memcpy(check, z, (size_t)model->ode.nz * sizeof *z);
+    pm_status status = solve(truth, solve_tolerance, z);
+    if (status == PM_OK) {
+        status = solve(truth, check_tolerance, check);
+    }
+    return status == PM_OK ? PM_OK : pm_fail(status, "trajectory %d: %s", trajectory, pm_error());
+}
+
+void pm_truth_report_init(pm_truth_report *report) {
+    memset(report, 0, sizeof *report);
+    report->entropy_step = INFINITY;
+}
+
+// Largest |z - check| of a column over its root mean square; a column that is zero counts as 1.
+static double column_difference(int nz, int ntime, const double *z, const double *check) {
+    double worst = 0, square = 0;
+    for (int i = 0; i < ntime; ++i) {
+        const double value = z[(size_t)i * (size_t)nz];
+        worst = fmax(worst, fabs(value - check[(size_t)i * (size_t)nz]));
+        square += value * value;
+    }
+    return square > 0 ? worst / sqrt(square / ntime) : worst;
+}
+
+double pm_truth_difference(const pm_truth *truth, const double *z, const double *check) {
+    const int nz = truth->model.ode.nz;
+    double worst = 0;
+    for (int j = 0; j < nz; ++j) {
+        worst = fmax(worst, column_difference(nz, truth->ntime, z + j, check + j));
+    }
+    return worst;
+}
+
+static void add_conserved(pm_truth_report *report, const pm_truth *truth, const double *z) {
+    const pm_truth_model *model = &truth->model;
+    double start[PM_TRUTH_MAX_CONSERVED], value[PM_TRUTH_MAX_CONSERVED];
+    model->conserve(model->ode.data, z, start);
+    for (int i = 0; i < truth->ntime; ++i) {
+        model->conserve(model->ode.data, z + (size_t)i * (size_t)model->ode.nz, value);
+        for (int k = 0; k < model->nconserved; ++k) {
+            report->drift[k] = fmax(report->drift[k], fabs(value[k] - start[k]));
+            report->magnitude[k] = fmax(report->magnitude[k], fabs(value[k]));
+        }
+    }
+}
+
+static void add_entropy(pm_truth_report *report, const pm_truth *truth, const double *z) {
+    const pm_truth_model *model = &truth->model;
+    const double start = model->entropy(model->ode.data, z);
+    double before = start;
+    for (int i = 1; i < truth->ntime; ++i) {
+        const double now = model->entropy(model->ode.data, z + (size_t)i * (size_t)model->ode.nz);
+        report->entropy_step = fmin(report->entropy_step, now - before);
+        before = now;
+    }
+    const int n = report->ntrajectory;
+    report->entropy_rise += (before - start - report->entropy_rise) / n;
+}
+
+void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const double *z) {
+    ++report->ntrajectory;
+    add_conserved(report, truth, z);
+    if (truth->model.entropy != NULL) {
+        add_entropy(report, truth, z);
+    }
+}
