@@ -53,7 +53,7 @@ build_into() {
 # Prints how to start a command in a network of its own, or nothing where that is not allowed.
 private_network() {
     for options in -n -rn; do
-        if unshare $options true 2>/dev/null; then
+        if unshare $options sh daemon/loopback.sh true 2>/dev/null; then
             echo "unshare $options sh daemon/loopback.sh"
             return
         fi

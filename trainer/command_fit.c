@@ -100,10 +100,22 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
     return pm_clock() - f->saved > CHECKPOINT_INTERVAL ? save_checkpoint(f) : PM_OK;
 }
 
+// Evaluates every sample, for the residuals.
+static pm_status evaluate_all(const fit *f, pm_objective *objective) {
+    double *gradient = malloc(((size_t)f->size + 1) * sizeof *gradient);
+    if (gradient == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a gradient");
+    }
+    pm_objective_evaluate(objective, 0, NULL, gradient);
+    free(gradient);
+    return PM_OK;
+}
+
 static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
     const pm_stage *stage = &f->training->stage[stage_id];
     pm_objective_set_weights(objective, f->theta);
-    PM_TRY(pm_objective_rescale(objective));
+    PM_TRY(evaluate_all(f, objective));
+    PM_TRY(pm_objective_rescale(objective, 0, NULL));
     pm_optimisation o = {.objective = objective,
                          .schedule = stage->schedule,
                          .seed = f->training->seed + 1000 * (uint64_t)(stage_id + 1),
@@ -121,6 +133,7 @@ static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
     pm_progress_finish(&f->progress);
     PM_TRY(status);
     double median = 0, mean = 0;
+    PM_TRY(evaluate_all(f, objective));
     PM_TRY(pm_objective_residuals(objective, &median, &mean));
     printf("%-16s %8d iterations %8.1f s   loss %.3e   squared residual: median %.3e mean %.3e\n",
            label, o.done, pm_clock() - started, f->loss, median, mean);
@@ -227,11 +240,8 @@ static pm_status load_data(fit *f) {
 
 static size_t count_weights(const pm_system *system) {
     size_t count = 0;
-    for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        count += pm_params_trained(&system->part[i].params);
-    }
-    for (int i = 0; i < system->scene->nport; ++i) {
-        count += pm_params_trained(&system->port[i].params);
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        count += pm_params_trained(pm_system_params(system, i));
     }
     return count;
 }
@@ -239,28 +249,21 @@ static size_t count_weights(const pm_system *system) {
 // Draws the weights and fixes the normalisation; theta holds the start.
 static pm_status initialise(fit *f) {
     pm_system *system = f->training->system;
-    const pm_scene *scene = system->scene;
-    pm_rng rng;
-    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
-        pm_rng_init(&rng, f->training->seed, (uint64_t)i);
-        pm_params_randomise(i < scene->nsubsystem ? &system->part[i].params
-                                                  : &system->port[i - scene->nsubsystem].params,
-                            &rng);
-    }
-    pm_samples samples;
-    PM_TRY(pm_samples_make(&samples, scene, f->dataset, f->first, f->end, PM_RESIDUAL_STEP, 1));
-    const pm_status status = pm_normalise_system(system, &samples);
-    pm_samples_free(&samples);
-    PM_TRY(status);
     double *theta = f->theta;
-    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
-        const pm_params *params = i < scene->nsubsystem
-                                      ? &system->part[i].params
-                                      : &system->port[i - scene->nsubsystem].params;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        pm_rng rng;
+        pm_rng_init(&rng, f->training->seed, (uint64_t)i);
+        pm_params *params = pm_system_params(system, i);
+        pm_params_randomise(params, &rng);
         pm_params_gather(params, theta);
         theta += pm_params_trained(params);
     }
-    return PM_OK;
+    pm_samples samples;
+    PM_TRY(pm_samples_make(&samples, f->training->scene, f->dataset, f->first, f->end,
+                           PM_RESIDUAL_STEP, 1));
+    const pm_status status = pm_normalise_system(system, &samples);
+    pm_samples_free(&samples);
+    return status;
 }
 
 static pm_status start(fit *f) {

@@ -48,15 +48,18 @@ static bool advance(pm_rollout *rollout, pm_assembly *assembly, int stride) {
     return true;
 }
 
+// Errors of a rollout that has left the range of numbers count as infinite, from there on.
 static void score(const pm_evaluation *e, pm_rollout *rollout, const double *predicted) {
     const int ngroup = e->columns.ngroup, ntime = e->truth->ntime;
     pm_score(&e->columns, ntime, e->truth->ncolumn, predicted,
              pm_dataset_state(e->truth, rollout->trajectory, 0), rollout->error, rollout->snapshot);
-    if (rollout->reached < ntime) {
-        for (int i = 0; i < ngroup; ++i) {
+    for (int i = 0; i < ngroup; ++i) {
+        if (rollout->reached < ntime || isnan(rollout->error[i])) {
             rollout->error[i] = INFINITY;
         }
-        for (int i = rollout->reached * ngroup; i < ntime * ngroup; ++i) {
+    }
+    for (int i = 0; i < ntime * ngroup; ++i) {
+        if (i >= rollout->reached * ngroup || isnan(rollout->snapshot[i])) {
             rollout->snapshot[i] = INFINITY;
         }
     }

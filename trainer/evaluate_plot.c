@@ -25,9 +25,9 @@ static pm_status close_file(FILE *file, const char *folder) {
 
 // --- data ---
 
-// Per cent. The logarithmic axis has no place for 0 and infinity: they go to its ends.
+// Per cent. The logarithmic axis has no place for 0 and infinity; these stand for them.
 static double plotted(double error) {
-    return fmin(fmax(100 * error, 1e-12), 1e6);
+    return fmin(fmax(100 * error, 1e-12), 1e3);
 }
 
 // A row per trajectory, or per state: the errors of all groups.
@@ -121,6 +121,7 @@ static pm_status script_states(const pm_evaluation *e, const char *folder) {
             "set output 'trajectory.png'\n"
             "set multiplot layout %d,1 title 'trajectory %d: predicted (lines), true (points)'\n"
             "set key outside right\n"
+            "set lmargin 12\n"
             "set grid\n",
             60 + 260 * c->ngroup, c->ngroup, e->rollout[0].trajectory);
     for (int g = 0; g < c->ngroup; ++g) {

@@ -7,8 +7,10 @@
 #include <string.h>
 
 #include "graph/program.h"
-#include "step_graph.h"
+#include "loss_graph.h"
 
+// Keeps the robust scale away from zero when the fit is exact to rounding.
+#define SMALLEST_MEDIAN 1e-28
 #define LANES 2  // threads; fixed, so that sums have one order
 #define CHUNK 64 // samples per run of the graph: its values stay in the cache
 
@@ -43,37 +45,9 @@ struct pm_objective {
 
 // --- the graph ---
 
-static pm_node build_residual(pm_objective *o, pm_graph *g, const pm_step_work *work,
-                              pm_node *degeneracy) {
-    const pm_scene *scene = o->system->scene;
-    const int nz = o->samples->nz, unroll = o->samples->unroll;
-    const pm_integrator *rk = o->loss.residual == PM_RESIDUAL_DERIVATIVE
-                                  ? pm_integrator_find("euler")
-                                  : o->loss.integrator;
-    const int substeps = o->loss.residual == PM_RESIDUAL_DERIVATIVE ? 1 : o->loss.substeps;
-    o->input = pm_input(g, true, 1, (unroll + 1) * nz);
-    pm_node z[256];
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        z[i] = pm_slice(g, o->input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
-    }
-    const pm_node scale = pm_param(g, o->samples->scale, 1, nz);
-    pm_node sum = PM_NO_NODE;
-    for (int step = 1; step <= unroll; ++step) {
-        pm_build_step(g, o->system, rk, scene->dt / substeps, substeps, z, degeneracy, work);
-        const pm_node target = pm_slice(g, o->input, step * nz, nz);
-        const pm_node predicted = pm_concat(g, scene->nsubsystem, z);
-        const pm_node r = pm_div(g, pm_sub(g, predicted, target), scale);
-        sum = pm_add_or(g, sum, pm_dot(g, r, r));
-    }
-    if (*degeneracy != PM_NO_NODE) {
-        *degeneracy = pm_scale(g, *degeneracy, 1.0 / (unroll * substeps * rk->nstage));
-    }
-    return pm_scale(g, sum, 1.0 / (nz * unroll));
-}
-
-static void build_loss(pm_objective *o, pm_graph *g, const pm_step_work *work) {
-    pm_node degeneracy = PM_NO_NODE;
-    o->residual = build_residual(o, g, work, &degeneracy);
+static void build_loss(pm_objective *o, pm_graph *g, const pm_loss_nodes *nodes) {
+    const pm_node r = nodes->residual, degeneracy = nodes->degeneracy;
+    o->residual = pm_scale(g, pm_dot(g, r, r), 1.0 / pm_graph_shape(g, r).cols);
     pm_node loss = o->residual;
     if (o->loss.robust > 0) {
         const pm_node d2 = pm_param(g, &o->robust_square, 1, 1);
@@ -85,12 +59,15 @@ static void build_loss(pm_objective *o, pm_graph *g, const pm_step_work *work) {
     o->sum = pm_sum_to(g, loss, (pm_shape){false, 1, 1});
     pm_node *leaf = o->entry_gradient; // overwritten by the gradients in place
     for (int i = 0; i < o->nentry; ++i) {
-        leaf[i] = pm_param(g, o->entry[i]->value, o->entry[i]->rows, o->entry[i]->cols);
+        leaf[i] = pm_weight(g, o->entry[i]->value, o->entry[i]->rows, o->entry[i]->cols);
     }
 }
 
-static pm_status plan_lanes(pm_objective *o, pm_graph *g, const pm_step_work *work) {
-    build_loss(o, g, work);
+static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
+    pm_loss_nodes nodes;
+    PM_TRY(pm_loss_graph_build(g, o->system, o->samples, &o->loss, &nodes));
+    o->input = nodes.input;
+    build_loss(o, g, &nodes);
     pm_node *gradient = malloc((size_t)(o->nentry + 2) * sizeof *gradient);
     pm_node *output = malloc((size_t)(o->nentry + 2) * sizeof *output);
     pm_status status = PM_OK;
@@ -127,41 +104,24 @@ done:
 }
 
 static pm_status build(pm_objective *o) {
-    const int nsubsystem = o->system->scene->nsubsystem;
-    if (nsubsystem > 256) {
-        return pm_fail(PM_ECONFIG, "%d subsystems are more than the trainer takes (256)",
-                       nsubsystem);
-    }
-    const int nstage = o->loss.integrator->nstage;
-    pm_step_work work = {
-        .state = calloc((size_t)nsubsystem, sizeof *work.state),
-        .k = calloc((size_t)nsubsystem * (size_t)(nstage > 1 ? nstage : 1), sizeof *work.k)};
     pm_graph *g = NULL;
-    pm_status status = work.state == NULL || work.k == NULL
-                           ? pm_fail(PM_ENOMEM, "out of memory for a loss")
-                           : pm_graph_open(&g);
-    if (status == PM_OK) {
-        status = plan_lanes(o, g, &work);
-    }
+    PM_TRY(pm_graph_open(&g));
+    const pm_status status = plan_lanes(o, g);
     pm_graph_close(g);
-    free(work.state);
-    free(work.k);
     return status;
 }
 
 // --- opening ---
 
 static pm_status list_entries(pm_objective *o) {
-    const pm_scene *scene = o->system->scene;
-    o->ncomponent = scene->nsubsystem + scene->nport;
+    o->ncomponent = pm_system_components(o->system);
     o->params = calloc((size_t)o->ncomponent, sizeof *o->params);
     if (o->params == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a loss");
     }
     int capacity = 0;
     for (int i = 0; i < o->ncomponent; ++i) {
-        o->params[i] = i < scene->nsubsystem ? &o->system->part[i].params
-                                             : &o->system->port[i - scene->nsubsystem].params;
+        o->params[i] = pm_system_params(o->system, i);
         capacity += o->params[i]->count;
         o->size += (int)pm_params_trained(o->params[i]);
     }
@@ -223,6 +183,14 @@ int pm_objective_size(const pm_objective *o) {
 
 int pm_objective_samples(const pm_objective *o) {
     return o->samples->count;
+}
+
+pm_loss_context pm_objective_context(const pm_objective *o) {
+    return (pm_loss_context){o->system, o->samples, &o->loss};
+}
+
+double pm_objective_sample_weight(const pm_objective *o, int sample) {
+    return o->loss.robust > 0 ? 1 / (1 + o->square[sample] / o->robust_square) : 1;
 }
 
 void pm_objective_weights(const pm_objective *o, double *theta) {
@@ -316,28 +284,37 @@ static int compare(const void *a, const void *b) {
     return x < y ? -1 : x > y;
 }
 
-pm_status pm_objective_residuals(pm_objective *o, double *median, double *mean) {
-    const size_t n = (size_t)o->samples->count;
-    double *gradient = malloc((size_t)o->size * sizeof *gradient + 1);
-    if (gradient == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a gradient");
+// The median of the residuals of these samples (all if index is NULL), as last evaluated.
+static pm_status median_square(const pm_objective *o, int count, const int *index, double *median) {
+    const int n = index == NULL ? o->samples->count : count;
+    double *sorted = malloc((size_t)n * sizeof *sorted);
+    if (sorted == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a median");
     }
-    pm_objective_evaluate(o, 0, NULL, gradient);
-    free(gradient);
-    *mean = 0;
-    for (size_t i = 0; i < n; ++i) {
-        *mean += o->square[i] / (double)n;
+    for (int i = 0; i < n; ++i) {
+        sorted[i] = o->square[index == NULL ? i : index[i]];
     }
-    qsort(o->square, n, sizeof *o->square, compare);
-    *median = o->square[n / 2];
+    qsort(sorted, (size_t)n, sizeof *sorted, compare);
+    *median = sorted[n / 2];
+    free(sorted);
     return PM_OK;
 }
 
-pm_status pm_objective_rescale(pm_objective *o) {
-    double median = 0, mean = 0;
-    PM_TRY(pm_objective_residuals(o, &median, &mean));
-    if (o->loss.robust > 0 && median > 0) {
-        o->robust_square = o->loss.robust * o->loss.robust * median;
+pm_status pm_objective_residuals(const pm_objective *o, double *median, double *mean) {
+    const int n = o->samples->count;
+    *mean = 0;
+    for (int i = 0; i < n; ++i) {
+        *mean += o->square[i] / n;
     }
+    return median_square(o, 0, NULL, median);
+}
+
+pm_status pm_objective_rescale(pm_objective *o, int count, const int *index) {
+    if (o->loss.robust == 0) {
+        return PM_OK;
+    }
+    double median = 0;
+    PM_TRY(median_square(o, count, index, &median));
+    o->robust_square = o->loss.robust * o->loss.robust * fmax(median, SMALLEST_MEDIAN);
     return PM_OK;
 }

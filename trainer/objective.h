@@ -9,17 +9,7 @@
 #ifndef PM_TRAINER_OBJECTIVE_H
 #define PM_TRAINER_OBJECTIVE_H
 
-#include "samples.h"
-#include "sim/integrator.h"
-#include "store/system.h"
-
-typedef struct pm_loss {
-    pm_residual residual;
-    const pm_integrator *integrator;
-    int substeps;      // per dt
-    double degeneracy; // weight
-    double robust;     // d in units of the median sample's root mean square residual; 0: plain
-} pm_loss;
+#include "loss_graph.h"
 
 typedef struct pm_objective pm_objective;
 
@@ -37,11 +27,21 @@ void pm_objective_set_weights(pm_objective *o, const double *theta); // written 
 // over all if index is NULL.
 double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);
 
-// Sets the robust scale from the present residuals of all samples; no effect if robust is 0.
-// PM_ENOMEM.
-pm_status pm_objective_rescale(pm_objective *o);
+// Sets the robust scale from the residuals of these samples (all if index is NULL) in the last
+// evaluation that covered them. No effect if robust is 0. PM_ENOMEM.
+pm_status pm_objective_rescale(pm_objective *o, int count, const int *index);
 
-// Median and mean over all samples of the mean squared scaled residual, at the present weights.
-pm_status pm_objective_residuals(pm_objective *o, double *median, double *mean);
+// What it is made of, and after an evaluation rho'(x) of a sample it covered: for a Gauss-Newton
+// approximation (normal.h).
+typedef struct pm_loss_context {
+    pm_system *system;
+    const pm_samples *samples;
+    const pm_loss *loss;
+} pm_loss_context;
+pm_loss_context pm_objective_context(const pm_objective *o);
+double pm_objective_sample_weight(const pm_objective *o, int sample);
+
+// Median and mean over all samples of the mean squared scaled residual, as last evaluated.
+pm_status pm_objective_residuals(const pm_objective *o, double *median, double *mean);
 
 #endif

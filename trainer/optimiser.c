@@ -7,6 +7,7 @@
 static const pm_optimiser optimisers[] = {
     {"adam", pm_adam_run},
     {"lbfgs", pm_lbfgs_run},
+    {"gauss_newton", pm_gauss_newton_run},
 };
 
 const pm_optimiser *pm_optimiser_find(const char *name) {
@@ -19,5 +20,5 @@ const pm_optimiser *pm_optimiser_find(const char *name) {
 }
 
 const char *pm_optimiser_names(void) {
-    return "adam, lbfgs";
+    return "adam, lbfgs, gauss_newton";
 }

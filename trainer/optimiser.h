@@ -7,8 +7,8 @@
 #include "objective.h"
 
 typedef struct pm_schedule {
-    int iterations;               // adam: epochs; lbfgs: iterations
-    int batch;                    // adam: samples per update
+    int iterations;               // adam: epochs
+    int batch;                    // adam, gauss_newton: samples per update
     double first_rate, last_rate; // adam: learning rate, falling along a cosine
     int memory;                   // lbfgs: pairs kept
 } pm_schedule;

@@ -9,4 +9,7 @@ pm_status pm_adam_run(pm_optimisation *optimisation);
 // Liu, Nocedal, Math. Program. 45 (1989) 503, by the library libLBFGS; all samples at once.
 pm_status pm_lbfgs_run(pm_optimisation *optimisation);
 
+// Levenberg-Marquardt on batches of samples.
+pm_status pm_gauss_newton_run(pm_optimisation *optimisation);
+
 #endif

@@ -1,7 +1,6 @@
 // Reading a command line from its table.
 #include "options.h"
 
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -94,7 +93,7 @@ pm_status pm_options_range(const char *text, int count, int *first, int *end) {
     const char *given = text == NULL ? ":" : text;
     char *rest;
     long a = strtol(given, &rest, 10);
-    long b = a + 1; // "A" alone: one trajectory
+    long b = a < count ? a + 1 : a; // "A" alone: one trajectory
     const bool empty = *given == 0 || (rest == given && *rest != ':');
     if (*rest == ':') {
         const char *after = rest + 1;

@@ -201,8 +201,7 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
     PM_TRY(pm_yaml_require(root, "stages", &stages));
     const int count = pm_yaml_count(stages);
     if (!pm_yaml_is_list(stages) || count < 1 || count > PM_MAX_TRAINING_STAGES) {
-        return pm_yaml_fail(stages, "expected a list of 1 to %d stages",
-                            PM_MAX_TRAINING_STAGES);
+        return pm_yaml_fail(stages, "expected a list of 1 to %d stages", PM_MAX_TRAINING_STAGES);
     }
     for (int i = 0; i < count; ++i) {
         t->stage[i] = common;

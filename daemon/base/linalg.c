@@ -1,7 +1,8 @@
-// Matrix products: small ones by plain loops that the compiler vectorises, the rest by CBLAS.
+// Matrix products (small ones by plain loops that the compiler vectorises) and Cholesky by CBLAS.
 #include "base/linalg.h"
 
 #include <cblas.h>
+#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -11,6 +12,7 @@
 #define SMALL_PRODUCT 4096
 // Partial sums of an inner product: one vector register of the widest instruction set.
 #define LANES 8
+#define CHOLESKY_BLOCK 64
 
 void pm_linalg_init(void) {
     openblas_set_num_threads(1);
@@ -77,4 +79,49 @@ void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const doub
     } else {
         small_nn(m, n, k, a, a_row, a_col, b, c);
     }
+}
+
+void pm_gram_add(int m, int n, const double *j, double *h) {
+    cblas_dsyrk(CblasRowMajor, CblasUpper, CblasTrans, n, m, 1.0, j, n, 1.0, h, n);
+}
+
+// u^T u = the block of h at the diagonal; false if it is not positive definite.
+static bool factor_block(int n, double *h, int stride) {
+    for (int i = 0; i < n; ++i) {
+        double *row = h + (ptrdiff_t)i * stride;
+        if (!(row[i] > 0)) {
+            return false;
+        }
+        const double root = sqrt(row[i]);
+        for (int j = i; j < n; ++j) {
+            row[j] /= root;
+        }
+        for (int k = i + 1; k < n; ++k) {
+            for (int j = k; j < n; ++j) {
+                h[(ptrdiff_t)k * stride + j] -= row[k] * row[j];
+            }
+        }
+    }
+    return true;
+}
+
+bool pm_cholesky_solve(int n, double *h, double *b) {
+    // Right-looking block factorisation h = u^T u (Golub, Van Loan, Matrix Computations, 4.2.6).
+    for (int k = 0; k < n; k += CHOLESKY_BLOCK) {
+        const int size = n - k < CHOLESKY_BLOCK ? n - k : CHOLESKY_BLOCK;
+        const int rest = n - k - size;
+        double *diagonal = h + (ptrdiff_t)k * n + k, *right = diagonal + size;
+        if (!factor_block(size, diagonal, n)) {
+            return false;
+        }
+        if (rest > 0) {
+            cblas_dtrsm(CblasRowMajor, CblasLeft, CblasUpper, CblasTrans, CblasNonUnit, size, rest,
+                        1.0, diagonal, n, right, n);
+            cblas_dsyrk(CblasRowMajor, CblasUpper, CblasTrans, rest, size, -1.0, right, n, 1.0,
+                        right + (ptrdiff_t)size * n, n);
+        }
+    }
+    cblas_dtrsv(CblasRowMajor, CblasUpper, CblasTrans, CblasNonUnit, n, h, n, b, 1);
+    cblas_dtrsv(CblasRowMajor, CblasUpper, CblasNoTrans, CblasNonUnit, n, h, n, b, 1);
+    return true;
 }

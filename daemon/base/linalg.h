@@ -14,4 +14,11 @@ void pm_linalg_init(void);
 void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const double *a,
              const double *b, double *c);
 
+// h [n][n] += j^T j with j [m][n]; only the upper triangle is touched.
+void pm_gram_add(int m, int n, const double *j, double *h);
+
+// Solves h x = b for symmetric positive definite h [n][n], given by its upper triangle, which is
+// overwritten; b [n] becomes x. False if h is not positive definite.
+bool pm_cholesky_solve(int n, double *h, double *b);
+
 #endif

@@ -15,6 +15,7 @@ struct pm_graph {
     int count, capacity;
     int *bucket; // hash table of handles, -1 empty; size a power of two, at least 2 capacity
     int nbucket;
+    bool weights_per_item;
     bool exhausted;
 };
 
@@ -191,6 +192,15 @@ pm_node pm_input(pm_graph *g, bool batched, int rows, int cols) {
 pm_node pm_param(pm_graph *g, const double *value, int rows, int cols) {
     return intern(g,
                   (pm_graph_node){.op = PM_OP_PARAM, .shape = {false, rows, cols}, .value = value});
+}
+
+pm_node pm_weight(pm_graph *g, const double *value, int rows, int cols) {
+    const pm_node shared = pm_param(g, value, rows, cols);
+    return pm_broadcast_to(g, shared, (pm_shape){g->weights_per_item, rows, cols});
+}
+
+void pm_graph_weights_per_item(pm_graph *g) {
+    g->weights_per_item = true;
 }
 
 pm_node pm_constant(pm_graph *g, double value, int rows, int cols) {

@@ -41,6 +41,11 @@ pm_node pm_input(pm_graph *g, bool batched, int rows, int cols);
 // A shared matrix read from `value` [rows][cols] at every run; the caller keeps it alive. The same
 // pointer always gives the same node.
 pm_node pm_param(pm_graph *g, const double *value, int rows, int cols);
+// The same for numbers that training changes. After pm_graph_weights_per_item such a node is the
+// matrix repeated for every item, so that a gradient with respect to it is a row of the Jacobian
+// per item instead of a sum over the batch.
+pm_node pm_weight(pm_graph *g, const double *value, int rows, int cols);
+void pm_graph_weights_per_item(pm_graph *g);
 // A shared matrix with every entry `value`.
 pm_node pm_constant(pm_graph *g, double value, int rows, int cols);
 

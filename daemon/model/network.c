@@ -9,7 +9,7 @@
 // Spread of the initial values: biases put the kinks of the hidden layers where the data are, small
 // output weights let training start near the skip alone.
 #define BIAS_SPREAD 0.5
-#define OUTPUT_SPREAD 0.1
+#define OUTPUT_SPREAD 0.0
 #define SKIP_SPREAD 0.01
 
 typedef char parameter_name[160];
@@ -77,7 +77,8 @@ pm_node pm_network_param(pm_graph *g, const pm_params *params, const char *prefi
     parameter_name full;
     const pm_param_entry *entry = pm_params_find(params, join(full, prefix, name));
     assert(entry != NULL);
-    return pm_param(g, entry->value, entry->rows, entry->cols);
+    return entry->trained ? pm_weight(g, entry->value, entry->rows, entry->cols)
+                          : pm_param(g, entry->value, entry->rows, entry->cols);
 }
 
 static pm_node activate(pm_graph *g, pm_activation activation, pm_node x) {

@@ -14,7 +14,6 @@
 #include "net/member.h"
 #include "net/waiting.h"
 
-#define TICK_INTERVAL 0.1     // s between offers of the session while nodes are missing
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 
@@ -31,11 +30,11 @@ struct pm_lockstep_coordinator {
     phase phase;
     pm_status status;
     char message[PM_TEXT_MAX + 1];
-    double now, next; // s: last poll; next offer or command
+    double now, next; // s: last poll; next command
     int commands;     // END or ABORT sent so far
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
-    bool started, progressed;   // polled once; since the last poll: a new wait begins
+    bool progressed;            // since the last poll: a new wait begins
     pm_waiting waiting;
 
     int nmember;
@@ -215,10 +214,6 @@ static pm_status await(pm_lockstep_coordinator *c) {
                    : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
                              (long long)c->completed, silent);
     }
-    if (c->completed < 0 && c->now >= c->next) {
-        c->next = c->now + TICK_INTERVAL;
-        PM_TRY(publish_tick(c));
-    }
     if (pm_waiting_ask(&c->waiting, c->now)) {
         PM_TRY(request_missing(c));
     }
@@ -253,10 +248,6 @@ static void note_life(pm_lockstep_coordinator *c) {
 
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     c->now = now;
-    if (!c->started) {
-        c->started = true;
-        c->next = now;
-    }
     note_life(c);
     if (c->phase == RUNNING) {
         check(c, complete_steps(c));
@@ -267,10 +258,7 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     if (c->phase == CLOSING) {
         repeat_command(c);
     }
-    if (c->phase == RUNNING) {
-        return c->completed < 0 && c->next < c->waiting.next ? c->next : c->waiting.next;
-    }
-    return c->phase == CLOSING ? c->next : INFINITY;
+    return c->phase == RUNNING ? c->waiting.next : c->phase == CLOSING ? c->next : INFINITY;
 }
 
 // --- receiving ---

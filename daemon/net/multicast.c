@@ -21,19 +21,16 @@
 static pm_status parse(const char *url, struct in_addr *group) {
     const char *address = strstr(url, "://") + 3;
     const size_t host_size = strcspn(address, ":?");
-    char host[INET_ADDRSTRLEN] = DEFAULT_GROUP;
-    if (host_size >= sizeof host) {
-        return pm_fail(PM_ECONFIG, "transport \"%s\": expected an IPv4 multicast group", url);
-    }
-    if (host_size > 0) {
+    char host[INET_ADDRSTRLEN] = "";
+    if (host_size < sizeof host) {
         memcpy(host, address, host_size);
-        host[host_size] = 0;
     }
-    if (inet_pton(AF_INET, host, group) != 1 || !IN_MULTICAST(ntohl(group->s_addr))) {
+    if (inet_pton(AF_INET, host_size == 0 ? DEFAULT_GROUP : host, group) != 1 ||
+        !IN_MULTICAST(ntohl(group->s_addr))) {
         return pm_fail(PM_ECONFIG,
-                       "transport \"%s\": \"%s\" is not a multicast group, expected 224.0.0.0 to "
+                       "transport \"%s\": expected an IPv4 multicast group, 224.0.0.0 to "
                        "239.255.255.255",
-                       url, host);
+                       url);
     }
     if (address[host_size] == ':') {
         const char *text = address + host_size + 1;

@@ -177,3 +177,13 @@ void pm_system_free(pm_system *system) {
     pm_arena_free(&system->arena);
     free(system);
 }
+
+int pm_system_components(const pm_system *system) {
+    return system->scene->nsubsystem + system->scene->nport;
+}
+
+pm_params *pm_system_params(const pm_system *system, int component) {
+    const int nsubsystem = system->scene->nsubsystem;
+    return component < nsubsystem ? &system->part[component].params
+                                  : &system->port[component - nsubsystem].params;
+}

@@ -25,6 +25,9 @@ pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *
 // Makes a system for training: it has the scene's layouts; specs and parameters are the caller's to
 // set. PM_ENOMEM.
 pm_status pm_system_new(pm_system **system, const pm_scene *scene);
+// All parts, then all ports, by one number: how many there are, and the numbers each carries.
+int pm_system_components(const pm_system *system);
+pm_params *pm_system_params(const pm_system *system, int component);
 void pm_system_free(pm_system *system); // NULL is allowed
 
 #endif

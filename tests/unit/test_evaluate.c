@@ -124,6 +124,7 @@ static void errors_are_relative(void **state) {
     assert_near("q", e->snapshot[0].high, 0, 1e-12);
     assert_near("p, lowest", e->snapshot[1].low, d / (1 + d), 1e-12);
     assert_near("p, highest", e->snapshot[1].high, d / (1 + d), 1e-12);
+    assert_near("p, mean", e->snapshot[1].mean, d / (1 + d), 1e-12);
     assert_near("first state", e->rollout[2].snapshot[1], 0, 1e-12);
     assert_true(e->trajectory[1].median > 0.5 * d && e->trajectory[1].median < d / (1 + d));
     pm_evaluation_free(e);

@@ -19,6 +19,7 @@
 #define MAX_NODES 5
 #define STEPS 20
 #define PATIENCE 2.0 // s, virtual
+#define START 100.0  // s, virtual
 #define TICK 0.001   // s by which virtual time moves when nobody has a message
 #define TOO_LONG 60.0
 
@@ -56,6 +57,7 @@ typedef struct company {
     long steps_seen;
     long allocations_at_step_5;
     long fail_at_step; // the observer fails there; -1: never
+    double now;        // s, virtual
     int count;
     pm_transport *transport[MAX_NODES];
     pm_lockstep_node *node[MAX_NODES]; // NULL: absent
@@ -96,7 +98,7 @@ static pm_status compare(void *context, const pm_sample *sample) {
 
 // Everything but the nodes.
 static void open_company(company *c, int count, int window, pm_hub *hub, int64_t session) {
-    *c = (company){.count = count, .fail_at_step = -1};
+    *c = (company){.count = count, .fail_at_step = -1, .now = START};
     fixture_open(&c->f, count, 1234);
     c->f.scene->window = window;
     c->f.scene->patience = PATIENCE;
@@ -150,48 +152,53 @@ static bool is_over(const company *c) {
     return over;
 }
 
-// Everybody's turn at virtual time `now`; the number of messages handed out.
-static int turn(company *c, double now) {
+// Everybody's turn; the number of messages handed out. Time passes when there are none.
+static int turn(company *c) {
     int total = 0, handled;
     if (c->coordinator != NULL) {
         assert_int_equal(pm_transport_wait(c->coordinator_transport, 0, &handled), PM_OK);
-        pm_lockstep_coordinator_poll(c->coordinator, now);
+        pm_lockstep_coordinator_poll(c->coordinator, c->now);
         total += handled;
     }
     for (int i = 0; i < c->count; ++i) {
         if (c->node[i] != NULL) {
             assert_int_equal(pm_transport_wait(c->transport[i], 0, &handled), PM_OK);
-            pm_lockstep_node_poll(c->node[i], now);
+            pm_lockstep_node_poll(c->node[i], c->now);
             total += handled;
         }
+    }
+    c->now += total == 0 ? TICK : 0;
+    // Nothing may hang.
+    if (c->now > START + TOO_LONG) {
+        fail_msg("still running after %g virtual seconds", TOO_LONG);
     }
     return total;
 }
 
-// Runs until all are finished; the virtual seconds that took. Nothing may hang.
+// Runs on until all are finished; the virtual seconds that took.
 static double run(company *c) {
-    double now = 100;
+    const double start = c->now;
     while (!is_over(c)) {
-        if (turn(c, now) == 0) {
-            now += TICK;
-        }
-        if (now > 100 + TOO_LONG) {
-            fail_msg("still running after %g virtual seconds", TOO_LONG);
-        }
+        turn(c);
     }
-    return now - 100;
+    return c->now - start;
 }
 
 // Until `step` steps are complete.
-static double run_to(company *c, long step) {
-    double now = 100;
+static void run_to(company *c, long step) {
     while (pm_lockstep_coordinator_step(c->coordinator) < step) {
-        if (turn(c, now) == 0) {
-            now += TICK;
-        }
-        assert_true(now < 100 + TOO_LONG);
+        turn(c);
     }
-    return now;
+}
+
+// For `seconds`, without node `absent`.
+static void run_without(company *c, int absent, double seconds) {
+    pm_lockstep_node *node = c->node[absent];
+    c->node[absent] = NULL;
+    for (const double end = c->now + seconds; c->now < end;) {
+        turn(c);
+    }
+    c->node[absent] = node;
 }
 
 static void assert_all_ok(company *c) {
@@ -300,11 +307,9 @@ static void test_two_sessions_on_one_network(void **context) {
     company a, b;
     open_all(&a, 2, 1, hub, 111);
     open_all(&b, 2, 1, hub, 222);
-    double now = 100;
     while (!is_over(&a) || !is_over(&b)) {
-        const int handled = turn(&a, now) + turn(&b, now);
-        now += handled == 0 ? TICK : 0;
-        assert_true(now < 100 + TOO_LONG);
+        turn(&a);
+        turn(&b);
     }
     assert_all_ok(&a);
     assert_all_ok(&b);
@@ -363,15 +368,12 @@ static void test_garbage_changes_nothing(void **context) {
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
     company c;
     open_all(&c, 2, 2, hub, 77);
-    double now = 100;
     while (!is_over(&c)) {
         for (size_t i = 0; i < sizeof channel / sizeof channel[0]; ++i) {
             shout(stranger, channel[i], &rng);
         }
         mislead(stranger, 77);
-        turn(&c, now);
-        now += TICK;
-        assert_true(now < 100 + TOO_LONG);
+        turn(&c);
     }
     assert_all_ok(&c);
     const pm_drops *drops = pm_lockstep_node_drops(c.node[0]);
@@ -384,7 +386,144 @@ static void test_garbage_changes_nothing(void **context) {
     pm_hub_close(hub);
 }
 
+// Publishes one message and hands it to `listener`; it must be dropped for the reason `expected`.
+static void assert_dropped(pm_transport *stranger, const char *channel, const void *data,
+                           size_t size, pm_transport *listener, const pm_drops *drops,
+                           pm_drop expected, int line) {
+    assert_int_equal(pm_transport_wait(listener, 0, NULL), PM_OK);
+    pm_drops before = *drops;
+    assert_true(size > 0);
+    assert_int_equal(pm_transport_publish(stranger, channel, data, size), PM_OK);
+    assert_int_equal(pm_transport_wait(listener, 0, NULL), PM_OK);
+    before.count[expected] += 1;
+    for (int i = 0; i < PM_NDROP; ++i) {
+        if (drops->count[i] != before.count[i]) {
+            fail_msg("line %d: expected a drop for \"%s\", got \"%s\" %ld times", line,
+                     pm_drop_name(expected), pm_drop_name((pm_drop)i),
+                     drops->count[i] - before.count[i]);
+        }
+    }
+}
+
+// Encodes a forged message and asserts why the node link1 or the coordinator drops it.
+#define DROPS(listener, type, channel, reason, ...)                              \
+    do {                                                                         \
+        const portmet_##type##_t message_ = {__VA_ARGS__};                       \
+        unsigned char data_[1024];                                               \
+        const size_t size_ = pm_##type##_encode(&message_, data_, sizeof data_); \
+        const bool node_ = strcmp(#listener, "node") == 0;                       \
+        assert_dropped(stranger, channel, data_, size_,                          \
+                       node_ ? c.transport[0] : c.coordinator_transport,         \
+                       node_ ? pm_lockstep_node_drops(c.node[0])                 \
+                             : pm_lockstep_coordinator_drops(c.coordinator),     \
+                       PM_DROP_##reason, __LINE__);                              \
+    } while (0)
+
+#define FLUX(reason, session_, step_, round_)                                                      \
+    DROPS(node, flux, "chain_FLUX_link2_link1_joint1", reason, .session = session_, .step = step_, \
+          .round = round_, .ny = 3, .y = y, .e = y, .eta = y)
+#define DONE(reason, session_, step_)                                                            \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_, .step = step_, \
+          .kind = PORTMET_REPORT_T_DONE, .nport = 1, .energy_flux = y, .entropy_flux = y,        \
+          .energy_gross = y, .entropy_gross = y, .message = "")
+#define WORD(reason, session_, kind_)                                                             \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_, .kind = kind_,  \
+          .nport = 1, .energy_flux = y, .entropy_flux = y, .energy_gross = y, .entropy_gross = y, \
+          .message = "forged")
+#define STATE(reason, session_, step_)                                                         \
+    DROPS(coordinator, state, "chain_STATE_link1", reason, .session = session_, .step = step_, \
+          .nz = 5, .z = y)
+
+// Well-formed messages that make no sense at this point of the run, one by one.
+static void test_forged_messages_are_dropped(void **context) {
+    (void)context;
+    enum { OWN = 77, FOREIGN = 78 };
+    double y[5] = {1, 2, 3, 4, 5};
+    pm_hub *hub = make_hub(NULL);
+    pm_transport *stranger;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    company c;
+    open_all(&c, 2, 1, hub, OWN);
+    run_to(&c, 5);
+
+    FLUX(SESSION, FOREIGN, 5, 0);
+    FLUX(REPEATED, OWN, 1, 0);
+    FLUX(RANGE, OWN, 15, 0);
+    FLUX(RANGE, OWN, -1, 0);
+    FLUX(RANGE, OWN, 5, 8);
+    FLUX(RANGE, OWN, 5, -1);
+    FLUX(RANGE, OWN, INT64_MAX, 0);
+    DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .granted = 20, .steps = 20);
+    DROPS(node, tick, "chain_TICK", REPEATED, .session = OWN, .granted = 2, .steps = 20);
+    DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .granted = 21, .steps = 20);
+    DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .granted = -1, .steps = 20);
+    DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
+    DROPS(node, command, "chain_COMMAND", RANGE, .session = OWN, .kind = 0, .reason = "");
+    DROPS(node, command, "chain_COMMAND", RANGE, .session = OWN, .kind = 9, .reason = "");
+    DROPS(node, request, "chain_REQUEST", SESSION, .session = FOREIGN, .sender = "", .channel = "");
+    DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
+          .step = -1);
+    DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
+          .step = INT64_MAX);
+    DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
+          .round = 8);
+
+    DONE(SESSION, FOREIGN, 6);
+    DONE(REPEATED, OWN, 5);
+    DONE(RANGE, OWN, 7);
+    DONE(RANGE, OWN, -1);
+    WORD(SESSION, FOREIGN, PORTMET_REPORT_T_HELLO);
+    WORD(REPEATED, OWN, PORTMET_REPORT_T_HELLO);
+    WORD(SESSION, FOREIGN, PORTMET_REPORT_T_FAILED);
+    WORD(SESSION, 0, PORTMET_REPORT_T_FAILED);
+    WORD(RANGE, OWN, PORTMET_REPORT_T_BYE);
+    WORD(RANGE, OWN, 9);
+    STATE(SESSION, FOREIGN, 6);
+    STATE(REPEATED, OWN, 5);
+    STATE(RANGE, OWN, 7);
+    DROPS(coordinator, request, "chain_REQUEST", SESSION, .session = FOREIGN, .sender = "",
+          .channel = "");
+
+    run(&c);
+    assert_all_ok(&c);
+    close_company(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
+// What arrives twice is used once.
+static void test_repetitions_are_counted(void **context) {
+    (void)context;
+    const pm_hub_faults faults = {.seed = 1, .duplicate = 1};
+    pm_hub *hub = make_hub(&faults);
+    company c;
+    open_all(&c, 2, 2, hub, 0);
+    run(&c);
+    assert_all_ok(&c);
+    // 8 rounds a step, and one report and state a step from each node.
+    assert_true(pm_lockstep_node_drops(c.node[0])->count[PM_DROP_REPEATED] >= 8 * STEPS);
+    assert_true(pm_lockstep_coordinator_drops(c.coordinator)->count[PM_DROP_REPEATED] >= 4 * STEPS);
+    close_company(&c);
+    pm_hub_close(hub);
+}
+
 // --- failures ---
+
+// A peer that waits for another one is not given up: its requests are signs of life.
+static void test_who_waits_is_alive(void **context) {
+    (void)context;
+    pm_hub *hub = make_hub(NULL);
+    company c;
+    open_all(&c, 4, 1, hub, 0);
+    run_to(&c, 5);
+    for (int absent = 3; absent > 0; --absent) {
+        run_without(&c, absent, 0.7 * PATIENCE);
+    }
+    run(&c);
+    assert_all_ok(&c);
+    close_company(&c);
+    pm_hub_close(hub);
+}
 
 static void test_other_digest_is_refused_by_name(void **context) {
     (void)context;
@@ -399,6 +538,24 @@ static void test_other_digest_is_refused_by_name(void **context) {
     run(&c);
     assert_all_failed(&c, PM_ENET, "link2");
     assert_int_equal(c.steps_seen, 0);
+    close_company(&c);
+    fixture_close(&other);
+    pm_hub_close(hub);
+}
+
+// The step is the coordinator's to tell: a node that would step otherwise says so.
+static void test_other_step_is_refused(void **context) {
+    (void)context;
+    pm_hub *hub = make_hub(NULL);
+    company c;
+    open_company(&c, 2, 1, hub, 0);
+    fixture other = {0};
+    fixture_open(&other, 2, 1234);
+    other.scene->dt *= 2;
+    add_node(&c, 0, other.system, 0);
+    add_node(&c, 1, c.f.system, 0);
+    run(&c);
+    assert_all_failed(&c, PM_ENET, "link1 failed: the coordinator's scene steps by 0.02");
     close_company(&c);
     fixture_close(&other);
     pm_hub_close(hub);
@@ -563,7 +720,7 @@ static void test_channel_names(void **context) {
     char channel[PM_CHANNEL_SIZE];
     assert_int_equal(pm_channel_flux(channel, f.scene, 1, PM_END_B), PM_OK);
     assert_string_equal(channel, "chain_FLUX_link3_link2_joint2");
-    // link1_a's joint1 and link1's a... : two ports whose channels read the same.
+    // link1 to x_joint through y, and link1 to x through joint_y, read the same.
     f.scene->subsystem[1].name = "x_joint";
     f.scene->port[0].subsystem[1] = 1;
     f.scene->port[0].name = "y";
@@ -584,7 +741,11 @@ int main(void) {
         cmocka_unit_test(test_steps_allocate_nothing),
         cmocka_unit_test(test_two_sessions_on_one_network),
         cmocka_unit_test(test_garbage_changes_nothing),
+        cmocka_unit_test(test_forged_messages_are_dropped),
+        cmocka_unit_test(test_repetitions_are_counted),
+        cmocka_unit_test(test_who_waits_is_alive),
         cmocka_unit_test(test_other_digest_is_refused_by_name),
+        cmocka_unit_test(test_other_step_is_refused),
         cmocka_unit_test(test_missing_node_is_named),
         cmocka_unit_test(test_node_without_coordinator_gives_up),
         cmocka_unit_test(test_dead_node_is_named),

@@ -1,0 +1,80 @@
+#!/bin/sh
+# test_end.sh PORTMETD MAKE_SCENE SAME_RECORDING: however a run ends, every process ends, with an exit
+# code and one line that name the cause.
+. "$(dirname "$0")/network.sh"
+forever=1000000000
+sed '/^time:/i lockstep: {patience: 1}' "$scene" >"$folder/scene_hasty.yaml"
+hasty=$folder/scene_hasty.yaml
+
+# SIGINT and SIGTERM to the run.
+for signal in INT TERM; do
+    start run run "$scene" --quiet --steps $forever
+    wait_for $pid left right
+    kill -$signal $pid
+    ends run $pid 12 "interrupted"
+    no_orphans "run after SIG$signal"
+done
+
+# A node killed, and a node interrupted.
+start run run "$scene" --quiet --steps $forever
+wait_for $pid left right
+kill -KILL "$(child $pid right)" || fail "no node to kill"
+ends run $pid 7 "right"
+no_orphans "run with a killed node"
+
+start run run "$scene" --quiet --steps $forever
+wait_for $pid left right
+kill -TERM "$(child $pid left)" || fail "no node to interrupt"
+ends run $pid 12 "left"
+no_orphans "run with an interrupted node"
+
+# By hand, where nobody watches the processes: a node killed, then a coordinator killed.
+start left node "$hasty" left
+left=$pid
+start right node "$hasty" right
+right=$pid
+start coordinator coordinator "$hasty" --quiet --steps $forever
+coordinator=$pid
+sleep 0.5
+kill -KILL $right
+ends coordinator $coordinator 8 "right"
+ends left $left 8 "right"
+
+start left node "$hasty" left
+left=$pid
+start right node "$hasty" right
+right=$pid
+start coordinator coordinator "$hasty" --quiet --steps $forever
+sleep 0.5
+kill -KILL $pid
+ends left $left 8 "no word from the coordinator"
+ends right $right 8 "no word from the coordinator"
+
+# A node that was never started; one with other weights; one with another step.
+start left node "$hasty" left
+left=$pid
+start coordinator coordinator "$hasty" --quiet
+ends coordinator $pid 8 "nodes missing after 1 s: right"
+ends left $left 8 "nodes missing after 1 s: right"
+
+mkdir "$folder/other"
+cp "$folder"/*.h5 "$folder/other"
+cp "$folder/left.h5" "$folder/other/right.h5"
+start left node "$scene" left
+left=$pid
+start right node "$scene" right --weights "$folder/other"
+right=$pid
+start coordinator coordinator "$scene" --quiet
+ends coordinator $pid 7 "node right holds another scene"
+ends left $left 7 "node right holds another scene"
+ends right $right 7 "node right holds another scene"
+
+# Without a route for multicast: the commands that mend it.
+ip route del 224.0.0.0/4 dev lo
+for command in run coordinator; do
+    start $command $command "$scene"
+    ends $command $pid 7 'run "ip link set lo multicast on" and "ip route add 224.0.0.0/4 dev lo"'
+done
+
+no_orphans "at the end"
+finish

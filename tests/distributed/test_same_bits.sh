@@ -1,0 +1,38 @@
+#!/bin/sh
+# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING: a run in separate processes over LCM records the
+# same bits as one in a single process; launched by `run` or by hand, and whatever the window.
+. "$(dirname "$0")/network.sh"
+
+"$portmetd" run "$scene" --in-process --quiet --record "$folder/plain.h5" || fail "in process"
+
+for window in 1 4; do
+    sed "/^time:/i lockstep: {window: $window, patience: 5}" "$scene" >"$folder/scene_$window.yaml"
+    record=$folder/window_$window.h5
+    start run run "$folder/scene_$window.yaml" --quiet --record "$record"
+    ends run $pid 0 ""
+    "$same_recording" "$folder/plain.h5" "$record" || fail "window $window"
+done
+
+# Two runs of the same scene at once keep apart.
+start one run "$scene" --quiet --record "$folder/one.h5"
+one=$pid
+start two run "$scene" --quiet --record "$folder/two.h5"
+ends two $pid 0 ""
+ends one $one 0 ""
+"$same_recording" "$folder/plain.h5" "$folder/one.h5" || fail "one of two runs"
+"$same_recording" "$folder/plain.h5" "$folder/two.h5" || fail "two of two runs"
+
+# By hand, the coordinator last.
+start left node "$scene" left
+left=$pid
+start right node "$scene" right
+right=$pid
+sleep 0.3
+start coordinator coordinator "$scene" --quiet --record "$folder/hand.h5"
+ends coordinator $pid 0 ""
+ends left $left 0 ""
+ends right $right 0 ""
+"$same_recording" "$folder/plain.h5" "$folder/hand.h5" || fail "by hand"
+
+no_orphans "at the end"
+finish
