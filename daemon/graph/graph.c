@@ -432,6 +432,22 @@ pm_node pm_add_or(pm_graph *g, pm_node a, pm_node b) {
     return pm_add(g, a, b);
 }
 
+pm_node pm_transpose(pm_graph *g, pm_node x) {
+    const pm_shape shape = pm_graph_shape(g, x);
+    const int count = shape.rows * shape.cols;
+    int *index = malloc((size_t)count * sizeof *index);
+    if (index == NULL) {
+        pm_graph_exhaust(g);
+        return x;
+    }
+    for (int i = 0; i < count; ++i) {
+        index[i] = i % shape.rows * shape.cols + i / shape.rows;
+    }
+    const pm_node column = pm_gather_rows(g, pm_reshape(g, x, count, 1), count, index);
+    free(index);
+    return pm_reshape(g, column, shape.cols, shape.rows);
+}
+
 pm_node pm_square(pm_graph *g, pm_node x) {
     return binary(g, PM_OP_MUL, x, x);
 }

@@ -8,9 +8,9 @@
 #include "model/params.h"
 
 // Checks the features and declares the parameters of a network with `nout` outputs; output biases
-// (or the constant) start at `start`. PM_ECONFIG, PM_ENOMEM.
+// (or the constant) start around `start` [nout], or 0 if it is NULL. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
-                             double start, pm_params *params, const char *prefix);
+                             const double *start, pm_params *params, const char *prefix);
 
 // The outputs [1][nout], batched unless the network is a constant.
 pm_node pm_network_build(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,

@@ -3,12 +3,14 @@
 
 #include <assert.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 // Keeps the projection finite where the normal vanishes: then there is nothing to project out.
 #define SMALLEST_NORMAL 1e-300
-// Where a learned M starts: small, but not at zero, where its factor would have no gradient.
-#define FACTOR_START 0.3
+// Where a learned M starts: not at zero, where its factor would have no gradient, and with signs
+// that alternate, since the projection takes away what all have in common.
+#define FACTOR_START 1.0
 
 // --- the groups an operator touches ---
 
@@ -145,6 +147,28 @@ static const char *join(operator_name buffer, const char *prefix, const char *na
     return buffer;
 }
 
+static pm_status declare_matrix(const pm_operator *operator, const pm_site * site, int rows,
+                                pm_params *params) {
+    operator_name name;
+    join(name, operator->prefix, "matrix");
+    const int nout = network_outputs(operator, rows);
+    if (operator->kind == PM_REVERSIBLE) {
+        return pm_network_declare(&operator->spec->network, &site->symbols, nout, NULL, params,
+                                  name);
+    }
+    double *start = malloc((size_t)nout * sizeof *start);
+    if (start == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for an operator");
+    }
+    for (int i = 0; i < nout; ++i) {
+        start[i] = i / operator->spec->rank % 2 == 0 ? FACTOR_START : - FACTOR_START;
+    }
+    const pm_status status =
+        pm_network_declare(&operator->spec->network, &site->symbols, nout, start, params, name);
+    free(start);
+    return status;
+}
+
 pm_status pm_operator_declare(const pm_operator *operator, const pm_site * site,
                               pm_params *params) {
     const pm_operator_spec *spec = operator->spec;
@@ -163,10 +187,7 @@ pm_status pm_operator_declare(const pm_operator *operator, const pm_site * site,
     if (!spec->learned) {
         return PM_OK;
     }
-    const double start = operator->kind == PM_REVERSIBLE ? 0 : FACTOR_START;
-    return pm_network_declare(&spec->network, &site->symbols,
-                              network_outputs(operator, frame_size(spec, &s)), start, params,
-                              join(name, operator->prefix, "matrix"));
+    return declare_matrix(operator, site, frame_size(spec, &s), params);
 }
 
 pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
@@ -206,7 +227,7 @@ typedef struct construction {
     const pm_operator *operator;
     support support;
     pm_node scale;  // [1][support.n]
-    pm_node matrix; // C [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
+    pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
     pm_node along;  // [nalong][size]; PM_NO_NODE: the frame is the identity
 } construction;
 
@@ -238,7 +259,10 @@ static pm_node build_matrix(pm_graph *g, const pm_operator *operator, const pm_s
     const int nout = network_outputs(operator, rows);
     const pm_node entries = pm_network_build(g, &operator->spec->network, &site->symbols, nout,
                                              params, join(name, operator->prefix, "matrix"));
-    return pm_reshape(g, entries, rows, nout / rows);
+    const pm_node matrix = pm_reshape(g, entries, rows, nout / rows);
+    // C - C^T is formed before it is applied: C x and C^T x share the diagonal's terms, whose
+    // rounding would stay behind.
+    return operator->kind == PM_REVERSIBLE ? pm_sub(g, matrix, pm_transpose(g, matrix)) : matrix;
 }
 
 // U: components of the support, in scaled coordinates -> rows of the frame.
@@ -275,12 +299,11 @@ static pm_node from_frame(const construction *c, pm_node rows) {
     return pm_concat(c->g, c->support.ngroup, part);
 }
 
-// (C - C^T) x or G G^T x, for a row x.
+// The matrix times x, or G G^T x, for a row x.
 static pm_node apply_matrix(const construction *c, pm_node x) {
     pm_graph *g = c->g;
     if (c->operator->kind == PM_REVERSIBLE) {
-        return pm_sub(g, pm_matmul(g, x, false, c->matrix, true),
-                      pm_matmul(g, x, false, c->matrix, false));
+        return pm_matmul(g, x, false, c->matrix, true);
     }
     return pm_matmul(g, pm_matmul(g, x, false, c->matrix, false), false, c->matrix, true);
 }
@@ -317,9 +340,13 @@ static pm_node apply_projected(const construction *c, pm_node d, pm_node normal)
     const pm_node weighted = pm_mul(g, normal, pm_square(g, c->scale)); // W n
     const pm_node square = pm_offset(g, pm_dot(g, normal, weighted), SMALLEST_NORMAL);
     const pm_node along = pm_div(g, pm_dot(g, d, weighted), square);
-    const pm_node rate = apply(c, pm_sub(g, d, pm_mul(g, along, normal)));
-    const pm_node excess = pm_div(g, pm_dot(g, rate, normal), square);
-    return pm_sub(g, rate, pm_mul(g, excess, weighted));
+    pm_node rate = apply(c, pm_sub(g, d, pm_mul(g, along, normal)));
+    // Twice: what the first leaves is rounding of what it took away, not of what remains.
+    for (int i = 0; i < 2; ++i) {
+        const pm_node excess = pm_div(g, pm_dot(g, rate, normal), square);
+        rate = pm_sub(g, rate, pm_mul(g, excess, weighted));
+    }
+    return rate;
 }
 
 // [1][site->n] -> [1][support.n] and back.

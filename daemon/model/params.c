@@ -46,7 +46,7 @@ static pm_param_entry *append(pm_params *params, const char *name, size_t size) 
 }
 
 pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
-                              double init_std, double init_value) {
+                              double spread, double start) {
     pm_param_entry *entry = pm_params_find(params, name);
     if (entry != NULL) {
         if (entry->rows != rows || entry->cols != cols) {
@@ -64,10 +64,9 @@ pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int
     entry->rows = rows;
     entry->cols = cols;
     entry->trained = trained;
-    entry->init_std = init_std;
-    entry->init_value = init_value;
+    entry->spread = spread;
     for (size_t i = 0; i < entry_size(entry); ++i) {
-        entry->value[i] = init_value;
+        entry->value[i] = start;
     }
     return entry;
 }
@@ -76,7 +75,7 @@ void pm_params_randomise(pm_params *params, pm_rng *rng) {
     for (int i = 0; i < params->count; ++i) {
         pm_param_entry *entry = &params->entry[i];
         for (size_t j = 0; entry->trained && j < entry_size(entry); ++j) {
-            entry->value[j] = entry->init_value + entry->init_std * pm_rng_normal(rng);
+            entry->value[j] += entry->spread * pm_rng_normal(rng);
         }
     }
 }

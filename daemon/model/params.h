@@ -13,9 +13,8 @@
 typedef struct pm_param_entry {
     char *name; // e.g. "energy.1.layer0.weight"
     int rows, cols;
-    bool trained;    // false: fixed from the data, not by the optimiser
-    double init_std; // standard deviation of the initial normal values; 0: starts at init_value
-    double init_value;
+    bool trained;  // false: fixed from the data, not by the optimiser
+    double spread; // standard deviation of what pm_params_randomise adds
     double *value; // [rows][cols], stays where it is until pm_params_free
 } pm_param_entry;
 
@@ -30,12 +29,12 @@ void pm_params_free(pm_params *params);
 // The entry called `name`, or NULL.
 pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 
-// Returns the entry called `name`, made if it is not there yet with every value `init_value`.
+// Returns the entry called `name`, made if it is not there yet with every value `start`.
 // NULL: out of memory, or an entry of another shape has this name (pm_error tells).
 pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
-                              double init_std, double init_value);
+                              double spread, double start);
 
-// Draws the initial values of all trained entries, in order.
+// Adds normal numbers to the starting values of all trained entries, in order.
 void pm_params_randomise(pm_params *params, pm_rng *rng);
 
 // Number of trained values in all.

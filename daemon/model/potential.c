@@ -20,8 +20,8 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
     PM_TRY(pm_features_size(spec->ngiven, spec->given, symbols, &size));
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
-        PM_TRY(
-            pm_network_declare(&spec->term[i], symbols, 1, 0, params, prefix_of(term, prefix, i)));
+        PM_TRY(pm_network_declare(&spec->term[i], symbols, 1, NULL, params,
+                                  prefix_of(term, prefix, i)));
     }
     return PM_OK;
 }

@@ -12,6 +12,7 @@
 #define PM_NET_CODEC_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "net/drops.h"
 #include "portmet_command_t.h"
@@ -23,6 +24,9 @@
 #include "portmet_tick_t.h"
 
 #define PM_TEXT_MAX 1023 // characters, without the terminator
+
+// Steps of a run, at most: then rounds counted from its start fit an int64_t.
+#define PM_STEPS_MAX (INT64_C(1) << 40)
 
 pm_drop pm_flux_decode(portmet_flux_t *message, const void *data, size_t size);
 size_t pm_flux_encode(const portmet_flux_t *message, void *data, size_t capacity);

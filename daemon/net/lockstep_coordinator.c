@@ -263,7 +263,7 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
 
 // --- receiving ---
 
-static void keep(pm_lockstep_coordinator *c, pm_drop drop) {
+static void count(pm_lockstep_coordinator *c, pm_drop drop) {
     c->drops.count[drop] += 1;
 }
 
@@ -336,7 +336,7 @@ static void on_report(void *context, const char *channel, const void *data, size
     if (drop == PM_KEEP) {
         drop = accept_report(m);
     }
-    keep(m->coordinator, drop);
+    count(m->coordinator, drop);
 }
 
 static pm_drop accept_state(pm_member *m) {
@@ -356,7 +356,7 @@ static void on_state(void *context, const char *channel, const void *data, size_
     if (drop == PM_KEEP) {
         drop = accept_state(m);
     }
-    keep(m->coordinator, drop);
+    count(m->coordinator, drop);
 }
 
 static pm_drop answer(pm_lockstep_coordinator *c, const portmet_request_t *request) {
@@ -382,7 +382,7 @@ static void on_request(void *context, const char *channel, const void *data, siz
     if (drop == PM_KEEP) {
         drop = answer(c, &request);
     }
-    keep(c, drop);
+    count(c, drop);
 }
 
 // --- opening ---
@@ -402,6 +402,10 @@ static pm_status open_member(pm_lockstep_coordinator *c, int subsystem_id) {
 
 static pm_status prepare(pm_lockstep_coordinator *c) {
     const pm_scene *scene = c->system->scene;
+    if (c->steps > PM_STEPS_MAX) {
+        return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
+                       (long long)c->steps, (long long)PM_STEPS_MAX);
+    }
     PM_TRY(pm_sample_new(&c->sample, scene));
     pm_ledger_init(&c->ledger, c->system);
     c->member = pm_arena_array(&c->arena, (size_t)c->nmember, sizeof *c->member);

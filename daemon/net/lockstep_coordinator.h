@@ -33,8 +33,9 @@ typedef struct pm_lockstep_coordinator_options {
 // A number for a new session: 63 bits that two runs hardly share.
 int64_t pm_lockstep_session(void);
 
-// Subscribes; says nothing before the first poll. `system` and `transport` must outlive it.
-// `options` may be NULL. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+// Subscribes; says nothing before the first poll. `system` and `transport` must outlive it; once it
+// is closed, nobody may wait on the transport any more. `options` may be NULL. PM_ECONFIG, PM_ENET,
+// PM_ENOMEM.
 pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_system *system, pm_transport *transport,
                                        const pm_lockstep_coordinator_options *options);

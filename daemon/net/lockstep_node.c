@@ -17,9 +17,6 @@
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the end
 
-// Steps beyond this are refused, so that round numbers cannot overflow.
-#define MAX_STEPS (INT64_C(1) << 40)
-
 typedef enum phase { HELLO, RUNNING, FAILING, LEAVING, FINISHED } phase;
 
 struct pm_lockstep_node {
@@ -33,7 +30,7 @@ struct pm_lockstep_node {
     phase phase;
     pm_status status;
     char message[PM_TEXT_MAX + 1];
-    double now, next, until; // s: last poll; next repetition; end of the phase (LEAVING, FAILING)
+    double now, next, until; // s: last poll; next one needed; end of the phase
 
     // Of the run, from the coordinator's ticks.
     int64_t session, steps, granted;
@@ -148,8 +145,15 @@ static pm_status finish_round(pm_lockstep_node *node) {
     return report(node);
 }
 
+static bool may_start(const pm_lockstep_node *node) {
+    return !node->exposed && node->step < node->granted;
+}
+
+// As far as the neighbours' fluxes allow, but no further than the end of a step: then messages and
+// the stop flag are looked at.
 static pm_status run_rounds(pm_lockstep_node *node) {
-    while (node->exposed || node->step < node->granted) {
+    const int64_t step = node->step;
+    while (node->step == step && (node->exposed || may_start(node))) {
         if (!node->exposed) {
             PM_TRY(start_round(node));
             node->progressed = true;
@@ -175,8 +179,8 @@ static pm_status await(pm_lockstep_node *node) {
     const double heard = l != NULL ? l->heard : node->coordinator_heard;
     const double patience = node->system->scene->patience;
     if (pm_waiting_over(&node->waiting, heard, patience, node->now)) {
-        return pm_fail(PM_ETIMEOUT, "%s: no word from %s for %.3g s, in round %d of step %lld",
-                       node->name, l != NULL ? l->neighbour : "the coordinator",
+        return pm_fail(PM_ETIMEOUT, "no word from %s for %.3g s, in round %d of step %lld",
+                       l != NULL ? l->neighbour : "the coordinator",
                        node->now - node->waiting.since, node->round, (long long)node->step);
     }
     if (pm_waiting_ask(&node->waiting, node->now) && node->step < node->steps) {
@@ -192,8 +196,8 @@ static pm_status greet(pm_lockstep_node *node) {
     const pm_scene *scene = node->system->scene;
     if (node->now >= node->until) {
         return pm_fail(PM_ETIMEOUT,
-                       "%s: no coordinator of scene %s with the same models answered within %.3g s",
-                       node->name, scene->name, scene->patience);
+                       "no coordinator of scene %s with the same models answered within %.3g s",
+                       scene->name, scene->patience);
     }
     if (node->now >= node->next) {
         node->next = node->now + HELLO_INTERVAL;
@@ -260,7 +264,9 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double now) {
     if (node->phase == RUNNING) {
         check(node, run_rounds(node));
     }
-    if (node->phase == RUNNING) {
+    if (node->phase == RUNNING && may_start(node)) {
+        node->next = now;
+    } else if (node->phase == RUNNING) {
         check(node, await(node));
     }
     start_clock(node);
@@ -276,9 +282,8 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double now) {
 
 // --- receiving ---
 
-static bool keep(pm_lockstep_node *node, pm_drop drop) {
+static void count(pm_lockstep_node *node, pm_drop drop) {
     node->drops.count[drop] += 1;
-    return drop == PM_KEEP;
 }
 
 static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
@@ -287,7 +292,7 @@ static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->system->digest) {
         return PM_DROP_SESSION;
     }
-    if (tick->steps < 0 || tick->steps > MAX_STEPS) {
+    if (tick->steps < 0 || tick->steps > PM_STEPS_MAX) {
         return PM_DROP_RANGE;
     }
     node->session = tick->session;
@@ -333,7 +338,7 @@ static void on_tick(void *context, const char *channel, const void *data, size_t
     if (drop == PM_KEEP) {
         drop = accept_tick(node, &tick);
     }
-    keep(node, drop);
+    count(node, drop);
 }
 
 // May this command, of this session or (in HELLO) of one that can be joined, end the node?
@@ -375,7 +380,7 @@ static void on_command(void *context, const char *channel, const void *data, siz
     if (drop == PM_KEEP) {
         drop = accept_command(node, &command);
     }
-    keep(node, drop);
+    count(node, drop);
 }
 
 static void note_sender(pm_lockstep_node *node, const char *sender) {
@@ -393,7 +398,7 @@ static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) 
     if (request->session != node->session || node->session == 0) {
         return PM_DROP_SESSION;
     }
-    const bool sane = request->step >= 0 && request->step <= MAX_STEPS && request->round >= 0 &&
+    const bool sane = request->step >= 0 && request->step <= PM_STEPS_MAX && request->round >= 0 &&
                       request->round < node->rounds;
     if (!sane) {
         return PM_DROP_RANGE;
@@ -417,7 +422,7 @@ static void on_request(void *context, const char *channel, const void *data, siz
     if (drop == PM_KEEP) {
         drop = answer(node, &request);
     }
-    keep(node, drop);
+    count(node, drop);
 }
 
 static pm_drop accept_flux(pm_flux_link *link) {
@@ -426,7 +431,6 @@ static pm_drop accept_flux(pm_flux_link *link) {
     if (node->phase != RUNNING || flux->session != node->session) {
         return PM_DROP_SESSION;
     }
-    link->alive = true;
     if (flux->round < 0 || flux->round >= node->rounds || flux->step < 0 ||
         flux->step > node->steps) {
         return PM_DROP_RANGE;
@@ -441,7 +445,7 @@ static void on_flux(void *context, const char *channel, const void *data, size_t
     if (drop == PM_KEEP) {
         drop = accept_flux(link);
     }
-    keep(link->node, drop);
+    count(link->node, drop);
 }
 
 // --- opening ---

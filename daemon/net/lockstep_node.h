@@ -22,8 +22,9 @@ typedef struct pm_lockstep_node_options {
 } pm_lockstep_node_options;
 
 // Subscribes and gets ready; says nothing before the first poll. `system` and `transport` must
-// outlive it. `options` may be NULL. PM_ECONFIG (a channel's name is too long or means two things),
-// PM_ENET, PM_ENOMEM, and what pm_subsystem_open returns.
+// outlive it; once it is closed, nobody may wait on the transport any more. `options` may be NULL.
+// PM_ECONFIG (a channel's name is too long or means two things), PM_ENET, PM_ENOMEM, and what
+// pm_subsystem_open returns.
 pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int subsystem_id,
                                 pm_transport *transport, const pm_lockstep_node_options *options);
 void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed

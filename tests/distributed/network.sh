@@ -51,7 +51,7 @@ start() {
     started="$started $pid"
 }
 
-# ends NAME PID CODE TEXT: waits for it, and compares exit code and error ("": none).
+# ends NAME PID CODE PATTERN: waits for it, and compares exit code and error ("": none).
 ends() {
     wait "$2"
     found=$?
@@ -59,7 +59,7 @@ ends() {
     if [ -z "$4" ]; then
         [ ! -s "$folder/$1.err" ] || fail "$1: expected no error"
     else
-        grep -qF -e "$4" "$folder/$1.err" || fail "$1: expected an error with \"$4\""
+        grep -q -e "$4" "$folder/$1.err" || fail "$1: expected an error like \"$4\""
         [ "$(wc -l <"$folder/$1.err")" -eq 1 ] || fail "$1: expected one line of error"
     fi
 }

@@ -54,8 +54,8 @@ ends right $right 8 "no word from the coordinator"
 start left node "$hasty" left
 left=$pid
 start coordinator coordinator "$hasty" --quiet
-ends coordinator $pid 8 "nodes missing after 1 s: right"
-ends left $left 8 "nodes missing after 1 s: right"
+ends coordinator $pid 8 "nodes missing after 1.* s: right"
+ends left $left 8 "nodes missing after 1.* s: right"
 
 mkdir "$folder/other"
 cp "$folder"/*.h5 "$folder/other"

@@ -1,0 +1,403 @@
+// Both laws of the hard form, for random models, weights and states: the operators themselves, the
+// bulk term, the bracket port, and rollouts seen by the ledger. The soft form's penalty measures
+// how far it is from them.
+#include <glob.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "graph/program.h"
+#include "model/operator.h"
+#include "sim/assembly.h"
+#include "sim/ledger.h"
+#include "store/columns.h"
+#include "world.h"
+
+#define WORLDS 300
+#define BATCH 4
+#define MAX_NZ 32
+// Rounding, relative to the sum of the magnitudes that cancel. The scenes' own tolerances.
+#define ENERGY_TOLERANCE 1e-12
+#define ENTROPY_TOLERANCE 1e-15
+// Of identities between different evaluations of an operator, whose roundings differ: a projection
+// loses up to the ratio of what goes in to what is left.
+#define OPERATOR_TOLERANCE 1e-10
+
+// --- sums ---
+
+typedef struct balance {
+    double net, gross;
+} balance;
+
+static balance balance_of(int n, const double *x, const double *y) {
+    balance b = {0, 0};
+    for (int i = 0; i < n; ++i) {
+        b.net += x[i] * y[i];
+        b.gross += fabs(x[i] * y[i]);
+    }
+    return b;
+}
+
+static balance add(balance a, balance b) {
+    return (balance){a.net + b.net, a.gross + b.gross};
+}
+
+static double largest(int n, const double *x) {
+    double result = 0;
+    for (int i = 0; i < n; ++i) {
+        result = fmax(result, fabs(x[i]));
+    }
+    return result;
+}
+
+static void check_zero(const world *w, const char *what, balance b, double tolerance) {
+    world_check(w, what, b.net, 0, tolerance * b.gross);
+}
+
+static void check_not_negative(const world *w, const char *what, balance b, double tolerance) {
+    if (!(b.net >= -tolerance * b.gross)) {
+        world_fail(w, "%s: %.17g, expected >= 0 within %g of %g", what, b.net, tolerance, b.gross);
+    }
+}
+
+static void fill_normal(pm_rng *rng, int n, double *x) {
+    for (int i = 0; i < n; ++i) {
+        x[i] = pm_rng_normal(rng);
+    }
+}
+
+// Runs `count` outputs that depend on the inputs [ninput], which get normal numbers. The caller
+// closes.
+static pm_program *run(world *w, pm_graph *g, int count, const pm_node *output, int ninput,
+                       const pm_node *input) {
+    pm_program *program = NULL;
+    assert_int_equal(pm_program_open(&program, g, count, output, BATCH), PM_OK);
+    for (int i = 0; i < ninput; ++i) {
+        fill_normal(&w->rng, BATCH * pm_graph_shape(g, input[i]).cols,
+                    pm_program_value(program, input[i]));
+    }
+    pm_program_run(program, BATCH);
+    return program;
+}
+
+// --- operators alone ---
+
+typedef struct test_bench {
+    world *w;
+    pm_graph *g;
+    const pm_part *part;
+    pm_site site;
+    pm_node z, x, y, n;
+} test_bench;
+
+static pm_node apply(const test_bench *b, const pm_operator *operator, pm_node driving,
+                     pm_node normal, pm_node *degeneracy) {
+    *degeneracy = PM_NO_NODE;
+    return pm_operator_build(b->g, operator, & b->site, &b->part->params, driving, normal,
+                             degeneracy);
+}
+
+// Kx, Ky, Kn with the normal n: symmetry of the right sign, definiteness, and nothing along n.
+static void check_operator(const test_bench *b, const pm_operator *operator) {
+    pm_node degeneracy;
+    if (!pm_operator_exists(operator->spec)) {
+        return;
+    }
+    const int nz = b->part->layout.nz;
+    const pm_node output[] = {apply(b, operator, b->x, b->n, &degeneracy),
+                              apply(b, operator, b->y, b->n, &degeneracy),
+                              apply(b, operator, b->n, b->n, &degeneracy),
+                              apply(b, operator, b->n, PM_NO_NODE, &degeneracy)};
+    pm_program *p = run(b->w, b->g, 4, output, 4, (const pm_node[]){b->z, b->x, b->y, b->n});
+    const bool skew = operator->kind == PM_REVERSIBLE;
+    for (int i = 0; i < BATCH * nz; i += nz) {
+        const double *x = pm_program_value(p, b->x) + i, *y = pm_program_value(p, b->y) + i;
+        const double *n = pm_program_value(p, b->n) + i;
+        const double *Kx = pm_program_value(p, output[0]) + i;
+        const double *Ky = pm_program_value(p, output[1]) + i;
+        const double *Kn = pm_program_value(p, output[2]) + i;
+        const double *unprojected = pm_program_value(p, output[3]) + i;
+        balance yKx = balance_of(nz, y, Kx);
+        yKx.net = skew ? yKx.net : -yKx.net;
+        check_zero(b->w, "x.Ky +- y.Kx", add(balance_of(nz, x, Ky), yKx), OPERATOR_TOLERANCE);
+        if (skew) {
+            check_zero(b->w, "x.Lx", balance_of(nz, x, Kx), ENERGY_TOLERANCE);
+        } else {
+            check_not_negative(b->w, "x.Mx", balance_of(nz, x, Kx), OPERATOR_TOLERANCE);
+        }
+        check_zero(b->w, "n.Kx", balance_of(nz, n, Kx), ENERGY_TOLERANCE);
+        world_check(b->w, "Kn", largest(nz, Kn), 0, OPERATOR_TOLERANCE * largest(nz, unprojected));
+    }
+    pm_program_close(p);
+}
+
+static void operators_are_skew_or_positive_and_degenerate(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_random(&w, seed, PM_HARD);
+        test_bench b = {.w = &w, .part = &w.system->part[0]};
+        assert_int_equal(pm_graph_open(&b.g), PM_OK);
+        pm_node *const input[] = {&b.z, &b.x, &b.y, &b.n};
+        for (int i = 0; i < 4; ++i) {
+            *input[i] = pm_input(b.g, true, 1, b.part->layout.nz);
+        }
+        pm_site_add(&b.site, &b.part->layout, "");
+        pm_symbols_add(&b.site.symbols, b.g, &b.part->layout, "", b.z);
+        const pm_part_spec *spec = &b.part->spec;
+        check_operator(&b, &(pm_operator){&spec->reversible, PM_REVERSIBLE, PM_HARD, "reversible"});
+        check_operator(
+            &b, &(pm_operator){&spec->irreversible, PM_IRREVERSIBLE, PM_HARD, "irreversible"});
+        pm_graph_close(b.g);
+        world_close(&w);
+    }
+}
+
+// --- the bulk term ---
+
+typedef struct part_nodes {
+    pm_node z, dE, dS, rate, degeneracy;
+} part_nodes;
+
+static part_nodes build_part(pm_graph *g, const pm_part *part) {
+    part_nodes n = {.z = pm_input(g, true, 1, part->layout.nz), .degeneracy = PM_NO_NODE};
+    pm_gradient(g, pm_part_energy(g, part, n.z), PM_NO_NODE, 1, &n.z, &n.dE);
+    pm_gradient(g, pm_part_entropy(g, part, n.z), PM_NO_NODE, 1, &n.z, &n.dS);
+    n.rate = pm_part_bulk(g, part, n.z, n.dE, n.dS, &n.degeneracy);
+    return n;
+}
+
+// A node's numbers of one batch item, also of a node that the batch shares.
+static const double *item(const pm_graph *g, pm_program *p, pm_node x, int i) {
+    const pm_shape shape = pm_graph_shape(g, x);
+    return pm_program_value(p, x) + (shape.batched ? i * shape.cols : 0);
+}
+
+static void check_bulk(world *w, const pm_part *part) {
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const part_nodes n = build_part(g, part);
+    assert_int_equal(n.degeneracy, PM_NO_NODE);
+    const bool entropy = n.dS != PM_NO_NODE;
+    const pm_node output[] = {n.rate, n.dE, n.dS};
+    pm_program *p = run(w, g, entropy ? 3 : 2, output, 1, &n.z);
+    for (int i = 0; i < BATCH; ++i) {
+        const double *rate = item(g, p, n.rate, i);
+        check_zero(w, "dE . zdot_bulk", balance_of(part->layout.nz, item(g, p, n.dE, i), rate),
+                   ENERGY_TOLERANCE);
+        if (entropy) {
+            check_not_negative(w, "dS . zdot_bulk",
+                               balance_of(part->layout.nz, item(g, p, n.dS, i), rate),
+                               ENTROPY_TOLERANCE);
+        }
+    }
+    pm_program_close(p);
+    pm_graph_close(g);
+}
+
+static void bulk_keeps_both_laws(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_random(&w, seed, PM_HARD);
+        check_bulk(&w, &w.system->part[0]);
+        check_bulk(&w, &w.system->part[1]);
+        world_close(&w);
+    }
+}
+
+// --- the bracket port, for any co-energies ---
+
+static void bracket_keeps_both_laws(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_random(&w, seed, PM_HARD);
+        const pm_port_model *port = &w.system->port[0];
+        pm_graph *g = NULL;
+        assert_int_equal(pm_graph_open(&g), PM_OK);
+        pm_port_nodes end[2];
+        pm_node input[6], output[2], degeneracy = PM_NO_NODE;
+        for (int i = 0; i < 6; ++i) {
+            input[i] = pm_input(g, true, 1, port->layout[i / 3].nz);
+        }
+        for (int i = 0; i < 2; ++i) {
+            end[i] = (pm_port_nodes){input[3 * i], input[3 * i + 1], input[3 * i + 2]};
+        }
+        for (int i = 0; i < 2; ++i) {
+            output[i] = port->law->rate(g, port, (pm_end)i, end, &degeneracy);
+        }
+        assert_int_equal(degeneracy, PM_NO_NODE);
+        pm_program *p = run(&w, g, 2, output, 6, input);
+        for (int i = 0; i < BATCH; ++i) {
+            balance energy = {0, 0}, entropy = {0, 0};
+            for (int k = 0; k < 2; ++k) {
+                const int ny = port->layout[k].nz;
+                const double *rate = item(g, p, output[k], i);
+                energy = add(energy, balance_of(ny, item(g, p, end[k].e, i), rate));
+                entropy = add(entropy, balance_of(ny, item(g, p, end[k].eta, i), rate));
+            }
+            check_zero(&w, "energy fluxes a + b", energy, ENERGY_TOLERANCE);
+            check_not_negative(&w, "entropy fluxes a + b", entropy, ENTROPY_TOLERANCE);
+        }
+        pm_program_close(p);
+        pm_graph_close(g);
+        world_close(&w);
+    }
+}
+
+// --- rollouts ---
+
+// Books every step; the number of steps before the state ceased to be finite, which random weights
+// may bring about.
+static int roll_out(const world *w, const pm_system *system, const double *z, int steps) {
+    pm_assembly *assembly = NULL;
+    assert_int_equal(pm_assembly_open(&assembly, system), PM_OK);
+    pm_assembly_set_state(assembly, z);
+    pm_ledger ledger;
+    pm_ledger_init(&ledger, system);
+    int step = 0;
+    pm_status status = PM_OK;
+    while (step < steps && status == PM_OK) {
+        status = pm_assembly_step(assembly);
+        if (status == PM_OK) {
+            pm_sample sample = *pm_assembly_sample(assembly);
+            status = pm_ledger_book(&ledger, &sample);
+            ++step;
+        }
+    }
+    if (status != PM_OK && status != PM_ENUMERIC) {
+        world_fail(w, "%s", pm_error());
+    }
+    assert_int_equal(ledger.violations, 0);
+    pm_assembly_close(assembly);
+    return step;
+}
+
+static void rollouts_keep_both_laws(void **state) {
+    (void)state;
+    const int steps = 10;
+    int complete = 0;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_random(&w, seed, PM_HARD);
+        assert_true(w.scene->energy_tolerance == ENERGY_TOLERANCE);
+        assert_true(w.scene->entropy_tolerance == ENTROPY_TOLERANCE);
+        complete += roll_out(&w, w.system, w.z, steps) == steps;
+        world_close(&w);
+    }
+    if (complete < WORLDS * 9 / 10) {
+        fail_msg("only %d of %d rollouts stayed finite: the law was hardly tested", complete,
+                 WORLDS);
+    }
+}
+
+// The first state of the scene's reference; false if the weights are not there.
+static bool load_shipped(const char *path, pm_scene **scene, pm_system **system, double *z) {
+    assert_int_equal(pm_scene_load(scene, path), PM_OK);
+    if ((*scene)->reference == NULL || access((*scene)->subsystem[0].weights, R_OK) != 0) {
+        return false;
+    }
+    pm_dataset *dataset = NULL;
+    pm_columns columns;
+    assert_int_equal(pm_system_load(system, *scene, NULL), PM_OK);
+    assert_int_equal(pm_dataset_load(&dataset, (*scene)->reference), PM_OK);
+    assert_int_equal(pm_columns_bind(&columns, *scene, dataset, &(*scene)->arena), PM_OK);
+    pm_columns_to_state(&columns, pm_dataset_state(dataset, (*scene)->reference_trajectory, 0), z);
+    pm_dataset_free(dataset);
+    return true;
+}
+
+static void shipped_weights_keep_both_laws(void **state) {
+    (void)state;
+    glob_t found;
+    assert_int_equal(glob("configs/*.yaml", 0, NULL, &found), 0);
+    for (size_t i = 0; i < found.gl_pathc; ++i) {
+        pm_scene *scene = NULL;
+        pm_system *system = NULL;
+        double z[MAX_NZ];
+        if (load_shipped(found.gl_pathv[i], &scene, &system, z) &&
+            system->port[0].spec.form == PM_HARD) {
+            const world nameless = {.seed = 0};
+            print_message("    %s\n", found.gl_pathv[i]);
+            assert_int_equal(roll_out(&nameless, system, z, scene->steps), scene->steps);
+        }
+        pm_system_free(system);
+        pm_scene_free(scene);
+    }
+    globfree(&found);
+}
+
+// --- the soft form's penalty ---
+
+// The mean penalty of part 0 at random states.
+static double penalty(world *w) {
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const part_nodes n = build_part(g, &w->system->part[0]);
+    assert_int_not_equal(n.degeneracy, PM_NO_NODE);
+    pm_program *p = run(w, g, 1, &n.degeneracy, 1, &n.z);
+    double sum = 0;
+    for (int i = 0; i < BATCH; ++i) {
+        sum += *item(g, p, n.degeneracy, i) / BATCH;
+    }
+    pm_program_close(p);
+    pm_graph_close(g);
+    return sum;
+}
+
+// L = [[q, p]] with S of s alone, and M on s alone with E of q and p alone: L dS = M dE = 0. Each
+// other choice couples them.
+static void penalty_is_zero_exactly_for_degenerate_models(void **state) {
+    (void)state;
+    static const char scene[] =
+        "scene: one\ntime: {dt: 0.01, steps: 1, integrator: euler}\nsubsystems:\n  a: {weights: "
+        "a.h5, state: {q: "
+        "{unit: m, size: 2}, p: {unit: kg, size: 2}, s: {unit: J, size: 1}}}\n";
+    static const struct {
+        const char *energy, *entropy;
+        bool degenerate;
+    } model[] = {
+        {"\"|p|^2\", q", "s", true},
+        {"\"|p|^2\", q", "s, q", false},
+        {"\"|p|^2\", q, s", "s", false},
+    };
+    for (uint64_t seed = 1; seed <= 20; ++seed) {
+        for (size_t i = 0; i < sizeof model / sizeof *model; ++i) {
+            char part[WORLD_TEXT];
+            snprintf(part, sizeof part,
+                     "form: soft\nenergy: {features: [%s], hidden: [4], skip: linear}\n"
+                     "entropy: {features: [%s], hidden: [4], skip: linear}\n"
+                     "reversible: {given: [[q, p, 1.0]]}\n"
+                     "irreversible: {learned: {acts_on: s}}\n",
+                     model[i].energy, model[i].entropy);
+            world w;
+            world_of_text(&w, seed, scene, part, NULL);
+            const double value = penalty(&w);
+            if (model[i].degenerate) {
+                world_check(&w, "penalty", value, 0, 0);
+            } else if (!(value > 1e-15)) {
+                world_fail(&w, "penalty: %g, expected > 0", value);
+            }
+            world_close(&w);
+        }
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(operators_are_skew_or_positive_and_degenerate),
+        cmocka_unit_test(bulk_keeps_both_laws),
+        cmocka_unit_test(bracket_keeps_both_laws),
+        cmocka_unit_test(rollouts_keep_both_laws),
+        cmocka_unit_test(shipped_weights_keep_both_laws),
+        cmocka_unit_test(penalty_is_zero_exactly_for_degenerate_models),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

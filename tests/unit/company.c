@@ -1,0 +1,186 @@
+// Driving the state machines by hand.
+#include "company.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+// cmocka needs the above.
+#include <cmocka.h>
+#include <string.h>
+
+#define START 100.0   // s, virtual
+#define TOO_LONG 60.0 // s, virtual
+
+// Compares every number of a sample with the plain loop's.
+static pm_status compare(void *context, const pm_sample *sample) {
+    company *c = context;
+    if (sample->step > 0) {
+        assert_int_equal(pm_assembly_step(c->assembly), PM_OK);
+    }
+    const pm_sample *plain = pm_assembly_sample(c->assembly);
+    const size_t n = (size_t)c->count, number = sizeof(double);
+    assert_int_equal(sample->step, c->steps_seen);
+    assert_memory_equal(&sample->time, &plain->time, number);
+    assert_memory_equal(sample->z, plain->z, (size_t)c->f.scene->nz * number);
+    assert_memory_equal(sample->energy, plain->energy, n * number);
+    assert_memory_equal(sample->entropy, plain->entropy, n * number);
+    assert_memory_equal(sample->bulk_energy, plain->bulk_energy, n * number);
+    assert_memory_equal(sample->bulk_entropy, plain->bulk_entropy, n * number);
+    assert_memory_equal(sample->bulk_gross, plain->bulk_gross, 2 * n * number);
+    assert_memory_equal(sample->evaluated, plain->evaluated, n * sizeof(long));
+    assert_memory_equal(sample->skipped, plain->skipped, n * sizeof(long));
+    if (n > 1) {
+        assert_memory_equal(sample->flux, plain->flux, (n - 1) * sizeof(pm_flux[2]));
+    }
+    ++c->steps_seen;
+    if (sample->step == 5 && c->count_allocations != NULL) {
+        c->allocations_at_step_5 = c->count_allocations();
+    }
+    if (sample->step == c->fail_at_step) {
+        return pm_fail(PM_EFILE, "the recording is full");
+    }
+    return PM_OK;
+}
+
+// Everything but the nodes.
+void company_open(company *c, int count, int window, pm_hub *hub, int64_t session) {
+    *c = (company){.count = count, .fail_at_step = -1, .now = START};
+    fixture_open(&c->f, count, 1234);
+    c->f.scene->window = window;
+    c->f.scene->patience = PATIENCE;
+    assert_int_equal(pm_assembly_open(&c->assembly, c->f.system), PM_OK);
+    pm_assembly_set_state(c->assembly, c->f.z);
+    for (int i = 0; i < count; ++i) {
+        assert_int_equal(pm_transport_open(&c->transport[i], "memory://", hub), PM_OK);
+    }
+    assert_int_equal(pm_transport_open(&c->coordinator_transport, "memory://", hub), PM_OK);
+    const pm_lockstep_coordinator_options options = {
+        .steps = STEPS,
+        .session = session,
+        .want_state = true,
+        .observer = {c, compare},
+    };
+    assert_int_equal(pm_lockstep_coordinator_open(&c->coordinator, c->f.system,
+                                                  c->coordinator_transport, &options),
+                     PM_OK);
+}
+
+void company_add(company *c, int i, const pm_system *system, int64_t session) {
+    const pm_lockstep_node_options options = {.z = c->f.z + c->f.scene->subsystem[i].first,
+                                              .session = session};
+    assert_int_equal(pm_lockstep_node_open(&c->node[i], system, i, c->transport[i], &options),
+                     PM_OK);
+}
+
+void company_open_all(company *c, int count, int window, pm_hub *hub, int64_t session) {
+    company_open(c, count, window, hub, session);
+    for (int i = 0; i < count; ++i) {
+        company_add(c, i, c->f.system, session);
+    }
+}
+
+void company_close(company *c) {
+    pm_lockstep_coordinator_close(c->coordinator);
+    pm_transport_close(c->coordinator_transport);
+    for (int i = 0; i < c->count; ++i) {
+        pm_lockstep_node_close(c->node[i]);
+        pm_transport_close(c->transport[i]);
+    }
+    pm_assembly_close(c->assembly);
+    fixture_close(&c->f);
+}
+
+bool company_is_over(const company *c) {
+    bool over = c->coordinator == NULL || pm_lockstep_coordinator_finished(c->coordinator);
+    for (int i = 0; i < c->count; ++i) {
+        over = over && (c->node[i] == NULL || pm_lockstep_node_finished(c->node[i]));
+    }
+    return over;
+}
+
+// Everybody's turn; the number of messages handed out. Time passes when there are none.
+int company_turn(company *c) {
+    int total = 0, handled;
+    if (c->coordinator != NULL) {
+        assert_int_equal(pm_transport_wait(c->coordinator_transport, 0, &handled), PM_OK);
+        pm_lockstep_coordinator_poll(c->coordinator, c->now);
+        total += handled;
+    }
+    for (int i = 0; i < c->count; ++i) {
+        if (c->node[i] != NULL) {
+            assert_int_equal(pm_transport_wait(c->transport[i], 0, &handled), PM_OK);
+            pm_lockstep_node_poll(c->node[i], c->now);
+            total += handled;
+        }
+    }
+    c->now += total == 0 ? TICK : 0;
+    // Nothing may hang.
+    if (c->now > START + TOO_LONG) {
+        fail_msg("still running after %g virtual seconds", TOO_LONG);
+    }
+    return total;
+}
+
+// Runs on until all are finished; the virtual seconds that took.
+double company_run(company *c) {
+    const double start = c->now;
+    while (!company_is_over(c)) {
+        company_turn(c);
+    }
+    return c->now - start;
+}
+
+// Until `step` steps are complete.
+void company_run_to(company *c, long step) {
+    while (pm_lockstep_coordinator_step(c->coordinator) < step) {
+        company_turn(c);
+    }
+}
+
+// For `seconds`, without node `absent`.
+void company_run_without(company *c, int absent, double seconds) {
+    pm_lockstep_node *node = c->node[absent];
+    c->node[absent] = NULL;
+    for (const double end = c->now + seconds; c->now < end;) {
+        company_turn(c);
+    }
+    c->node[absent] = node;
+}
+
+void assert_all_ok(company *c) {
+    const pm_status status = pm_lockstep_coordinator_result(c->coordinator);
+    if (status != PM_OK) {
+        fail_msg("coordinator: %s", pm_error());
+    }
+    assert_int_equal(c->steps_seen, STEPS + 1);
+    for (int i = 0; i < c->count; ++i) {
+        if (pm_lockstep_node_result(c->node[i]) != PM_OK) {
+            fail_msg("node %d: %s", i, pm_error());
+        }
+        assert_int_equal(pm_lockstep_node_step(c->node[i]), STEPS);
+    }
+}
+
+void assert_error(pm_status status, pm_status expected, const char *part) {
+    assert_int_equal(status, expected);
+    if (strstr(pm_error(), part) == NULL) {
+        fail_msg("error \"%s\" does not name \"%s\"", pm_error(), part);
+    }
+}
+
+// The coordinator and every node ended with `code`; the coordinator's error contains `part`.
+void assert_all_failed(const company *c, pm_status code, const char *part) {
+    assert_error(pm_lockstep_coordinator_result(c->coordinator), code, part);
+    for (int i = 0; i < c->count; ++i) {
+        if (c->node[i] != NULL) {
+            assert_int_equal(pm_lockstep_node_result(c->node[i]), code);
+        }
+    }
+}
+
+pm_hub *company_hub(const pm_hub_faults *faults) {
+    pm_hub *hub = NULL;
+    assert_int_equal(pm_hub_open(&hub, faults), PM_OK);
+    return hub;
+}

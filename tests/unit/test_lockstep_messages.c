@@ -1,0 +1,293 @@
+// Messages that are hostile, foreign, late or forged: each is dropped for its own reason, counted,
+// and changes no bit. And the names of channels.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+// cmocka needs the above.
+#include <cmocka.h>
+#include <string.h>
+
+#include "base/rng.h"
+#include "company.h"
+#include "net/channel.h"
+#include "net/codec.h"
+
+static void shout(pm_transport *transport, const char *channel, pm_rng *rng) {
+    unsigned char data[300];
+    for (size_t i = 0; i < sizeof data; ++i) {
+        data[i] = (unsigned char)pm_rng_bits(rng);
+    }
+    assert_int_equal(
+        pm_transport_publish(transport, channel, data, (size_t)pm_rng_below(rng, sizeof data)),
+        PM_OK);
+}
+
+// Well-formed messages with another session, or steps that make no sense.
+static void mislead(pm_transport *transport, int64_t session) {
+    double y[2] = {1, 2};
+    unsigned char data[512];
+    size_t size;
+    const portmet_tick_t tick = {.session = 1, .granted = 1000000, .steps = 2000000};
+    size = pm_tick_encode(&tick, data, sizeof data);
+    assert_int_equal(pm_transport_publish(transport, "chain_TICK", data, size), PM_OK);
+    const portmet_command_t command = {.session = 1, .kind = 1, .code = 7, .reason = "foreign"};
+    size = pm_command_encode(&command, data, sizeof data);
+    assert_int_equal(pm_transport_publish(transport, "chain_COMMAND", data, size), PM_OK);
+    portmet_flux_t flux = {.session = session, .step = 0, .ny = 2, .y = y, .e = y, .eta = y};
+    size = pm_flux_encode(&flux, data, sizeof data);
+    assert_int_equal(pm_transport_publish(transport, "chain_FLUX_link2_link1_joint1", data, size),
+                     PM_OK);
+    const portmet_request_t request = {.session = session,
+                                       .sender = "link2",
+                                       .channel = "chain_FLUX_link1_link2_joint1",
+                                       .step = INT64_MAX,
+                                       .round = INT32_MIN};
+    size = pm_request_encode(&request, data, sizeof data);
+    assert_int_equal(pm_transport_publish(transport, "chain_REQUEST", data, size), PM_OK);
+}
+
+static void test_garbage_changes_nothing(void **context) {
+    (void)context;
+    static const char *const channel[] = {
+        "chain_TICK",    "chain_COMMAND",      "chain_FLUX_link1_link2_joint1",
+        "chain_REQUEST", "chain_REPORT_link1", "chain_STATE_link2",
+    };
+    pm_rng rng;
+    pm_rng_init(&rng, 5, 0);
+    pm_hub *hub = company_hub(NULL);
+    pm_transport *stranger;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    company c;
+    company_open_all(&c, 2, 2, hub, 77);
+    while (!company_is_over(&c)) {
+        for (size_t i = 0; i < sizeof channel / sizeof channel[0]; ++i) {
+            shout(stranger, channel[i], &rng);
+        }
+        mislead(stranger, 77);
+        company_turn(&c);
+        c.now += TICK; // which company_turn() does only in silence
+    }
+    assert_all_ok(&c);
+    const pm_drops *drops = pm_lockstep_node_drops(c.node[0]);
+    assert_true(drops->count[PM_DROP_TYPE] + drops->count[PM_DROP_LENGTH] > 0);
+    assert_true(drops->count[PM_DROP_COUNT] > 0);
+    assert_true(drops->count[PM_DROP_SESSION] > 0);
+    assert_true(drops->count[PM_DROP_RANGE] > 0);
+    company_close(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
+// Publishes one message and hands it to `listener`; it must be dropped for the reason `expected`.
+static void assert_dropped(pm_transport *stranger, const char *channel, const void *data,
+                           size_t size, pm_transport *listener, const pm_drops *drops,
+                           pm_drop expected, int line) {
+    assert_int_equal(pm_transport_wait(listener, 0, NULL), PM_OK);
+    pm_drops before = *drops;
+    assert_true(size > 0);
+    assert_int_equal(pm_transport_publish(stranger, channel, data, size), PM_OK);
+    assert_int_equal(pm_transport_wait(listener, 0, NULL), PM_OK);
+    before.count[expected] += 1;
+    for (int i = 0; i < PM_NDROP; ++i) {
+        if (drops->count[i] != before.count[i]) {
+            fail_msg("line %d: expected a drop for \"%s\", got \"%s\" %ld times", line,
+                     pm_drop_name(expected), pm_drop_name((pm_drop)i),
+                     drops->count[i] - before.count[i]);
+        }
+    }
+}
+
+// Encodes a forged message and asserts why the node link1 or the coordinator drops it.
+#define DROPS(listener, type, channel, reason, ...)                              \
+    do {                                                                         \
+        const portmet_##type##_t message_ = {__VA_ARGS__};                       \
+        unsigned char data_[1024];                                               \
+        const size_t size_ = pm_##type##_encode(&message_, data_, sizeof data_); \
+        const bool node_ = strcmp(#listener, "node") == 0;                       \
+        assert_dropped(stranger, channel, data_, size_,                          \
+                       node_ ? c.transport[0] : c.coordinator_transport,         \
+                       node_ ? pm_lockstep_node_drops(c.node[0])                 \
+                             : pm_lockstep_coordinator_drops(c.coordinator),     \
+                       PM_DROP_##reason, __LINE__);                              \
+    } while (0)
+
+#define FLUX(reason, session_, step_, round_)                                                      \
+    DROPS(node, flux, "chain_FLUX_link2_link1_joint1", reason, .session = session_, .step = step_, \
+          .round = round_, .ny = 3, .y = y, .e = y, .eta = y)
+#define DONE(reason, session_, step_)                                                            \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_, .step = step_, \
+          .kind = PORTMET_REPORT_T_DONE, .nport = 1, .energy_flux = y, .entropy_flux = y,        \
+          .energy_gross = y, .entropy_gross = y, .message = "")
+#define WORD(reason, session_, kind_)                                                             \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_, .kind = kind_,  \
+          .nport = 1, .energy_flux = y, .entropy_flux = y, .energy_gross = y, .entropy_gross = y, \
+          .message = "forged")
+#define STATE(reason, session_, step_)                                                         \
+    DROPS(coordinator, state, "chain_STATE_link1", reason, .session = session_, .step = step_, \
+          .nz = 5, .z = y)
+
+// Well-formed messages that make no sense at this point of the run, one by one.
+static void test_forged_messages_are_dropped(void **context) {
+    (void)context;
+    enum { OWN = 77, FOREIGN = 78 };
+    double y[5] = {1, 2, 3, 4, 5};
+    pm_hub *hub = company_hub(NULL);
+    pm_transport *stranger;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    company c;
+    company_open_all(&c, 2, 1, hub, OWN);
+    const int64_t digest = (int64_t)c.f.system->digest;
+    DROPS(node, tick, "chain_TICK", SESSION, .session = OWN, .digest = digest + 1, .steps = 20);
+    DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .digest = digest, .steps = 20);
+    DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .digest = digest, .steps = -1);
+    DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .digest = digest, .steps = INT64_MAX);
+    DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
+    DROPS(node, request, "chain_REQUEST", SESSION, .sender = "", .channel = "");
+    company_run_to(&c, 5);
+
+    FLUX(SESSION, FOREIGN, 5, 0);
+    FLUX(REPEATED, OWN, 1, 0);
+    FLUX(RANGE, OWN, 15, 0);
+    FLUX(RANGE, OWN, -1, 0);
+    FLUX(RANGE, OWN, 5, 8);
+    FLUX(RANGE, OWN, 5, -1);
+    FLUX(RANGE, OWN, INT64_MAX, 0);
+    DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .granted = 20, .steps = 20);
+    DROPS(node, tick, "chain_TICK", REPEATED, .session = OWN, .granted = 2, .steps = 20);
+    DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .granted = 21, .steps = 20);
+    DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .granted = -1, .steps = 20);
+    DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
+    DROPS(node, command, "chain_COMMAND", RANGE, .session = OWN, .kind = 0, .reason = "");
+    DROPS(node, command, "chain_COMMAND", RANGE, .session = OWN, .kind = 9, .reason = "");
+    DROPS(node, request, "chain_REQUEST", SESSION, .session = FOREIGN, .sender = "", .channel = "");
+    DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
+          .step = -1);
+    DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
+          .step = INT64_MAX);
+    DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
+          .round = 8);
+
+    DONE(SESSION, FOREIGN, 6);
+    DONE(REPEATED, OWN, 5);
+    DONE(REPEATED, OWN, 1);
+    DONE(RANGE, OWN, 7);
+    DONE(RANGE, OWN, -1);
+    WORD(SESSION, FOREIGN, PORTMET_REPORT_T_HELLO);
+    WORD(REPEATED, OWN, PORTMET_REPORT_T_HELLO);
+    WORD(SESSION, FOREIGN, PORTMET_REPORT_T_FAILED);
+    WORD(SESSION, 0, PORTMET_REPORT_T_FAILED);
+    WORD(RANGE, OWN, PORTMET_REPORT_T_BYE);
+    WORD(RANGE, OWN, 9);
+    STATE(SESSION, FOREIGN, 6);
+    STATE(REPEATED, OWN, 5);
+    STATE(REPEATED, OWN, 1);
+    STATE(RANGE, OWN, 7);
+    DROPS(coordinator, request, "chain_REQUEST", SESSION, .session = FOREIGN, .sender = "",
+          .channel = "");
+
+    company_run(&c);
+    assert_all_ok(&c);
+    company_close(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
+static void count_message(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel, (void)data, (void)size;
+    ++*(int *)context;
+}
+
+// A request is answered once, and only if the message exists.
+static void test_requests_are_answered_once(void **context) {
+    (void)context;
+    static const char flux[] = "chain_FLUX_link1_link2_joint1", report[] = "chain_REPORT_link1";
+    static const struct {
+        const char *channel;
+        int64_t step;
+        int round, answers;
+    } cases[] = {
+        {report, 5, 0, 1}, {report, 4, 0, 1}, {report, 6, 0, 0}, {report, 0, 0, 0},
+        {flux, 4, 7, 1},   {flux, 4, 4, 0},   {flux, 6, 0, 0},   {"chain_REPORT_link2", 5, 0, 0},
+    };
+    pm_hub *hub = company_hub(NULL);
+    company c;
+    company_open_all(&c, 2, 1, hub, 77);
+    company_run_to(&c, 5);
+    pm_transport *stranger;
+    int count = 0;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    assert_int_equal(pm_transport_subscribe(stranger, flux, count_message, &count), PM_OK);
+    assert_int_equal(pm_transport_subscribe(stranger, report, count_message, &count), PM_OK);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
+        const portmet_request_t request = {.session = 77,
+                                           .sender = "link2",
+                                           .channel = (char *)cases[i].channel,
+                                           .step = cases[i].step,
+                                           .round = cases[i].round};
+        unsigned char data[256];
+        const size_t size = pm_request_encode(&request, data, sizeof data);
+        assert_int_equal(pm_transport_publish(stranger, "chain_REQUEST", data, size), PM_OK);
+        count = 0;
+        assert_int_equal(pm_transport_wait(c.transport[0], 0, NULL), PM_OK);
+        assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
+        if (count != cases[i].answers) {
+            fail_msg("%s step %d: %d answers, expected %d", cases[i].channel, (int)cases[i].step,
+                     count, cases[i].answers);
+        }
+    }
+    company_run(&c);
+    assert_all_ok(&c);
+    company_close(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
+// What arrives twice is used once.
+static void test_repetitions_are_counted(void **context) {
+    (void)context;
+    const pm_hub_faults faults = {.seed = 1, .duplicate = 1};
+    pm_hub *hub = company_hub(&faults);
+    company c;
+    company_open_all(&c, 2, 2, hub, 0);
+    company_run(&c);
+    assert_all_ok(&c);
+    // 8 rounds a step, and one report and state a step from each node.
+    assert_true(pm_lockstep_node_drops(c.node[0])->count[PM_DROP_REPEATED] >= 8 * STEPS);
+    assert_true(pm_lockstep_coordinator_drops(c.coordinator)->count[PM_DROP_REPEATED] >= 4 * STEPS);
+    company_close(&c);
+    pm_hub_close(hub);
+}
+
+// --- names of channels ---
+
+static void test_channel_names(void **context) {
+    (void)context;
+    fixture f = {0};
+    fixture_open(&f, 3, 1);
+    char channel[PM_CHANNEL_SIZE];
+    assert_int_equal(pm_channel_flux(channel, f.scene, 1, PM_END_B), PM_OK);
+    assert_string_equal(channel, "chain_FLUX_link3_link2_joint2");
+    // link1 to x_joint through y, and link1 to x through joint_y, read the same.
+    f.scene->subsystem[1].name = "x_joint";
+    f.scene->port[0].subsystem[1] = 1;
+    f.scene->port[0].name = "y";
+    f.scene->subsystem[2].name = "x";
+    f.scene->port[1].subsystem[0] = 0;
+    f.scene->port[1].name = "joint_y";
+    assert_error(pm_channel_flux(channel, f.scene, 0, PM_END_A), PM_ECONFIG, "share the channel");
+    f.scene->name = "a_scene_with_a_name_that_is_much_too_long_for_a_channel_of_lcm";
+    assert_error(pm_channel_scene(channel, f.scene, "TICK"), PM_ECONFIG, "at most 63");
+    fixture_close(&f);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_garbage_changes_nothing),
+        cmocka_unit_test(test_forged_messages_are_dropped),
+        cmocka_unit_test(test_requests_are_answered_once),
+        cmocka_unit_test(test_repetitions_are_counted),
+        cmocka_unit_test(test_channel_names),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
