@@ -90,11 +90,13 @@ static uint64_t digest_layout(uint64_t digest, const pm_layout *layout) {
     return digest;
 }
 
-// What every process of a run must agree on. The step, their number and the initial state are not
-// part of it: the coordinator tells the first two, and each subsystem knows its own state.
+// What every process of a run must agree on. The number of steps is not part of it: the coordinator
+// tells. Whoever knows the initial state folds that in (app/setup.h).
 static uint64_t digest_system(const pm_system *system) {
     const pm_scene *scene = system->scene;
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
+    digest = pm_digest_doubles(digest, &scene->dt, 1);
+    digest = pm_digest_integer(digest, scene->window);
     digest = pm_digest_text(digest, scene->integrator);
     digest = pm_digest_integer(digest, scene->substeps);
     digest = pm_digest_integer(digest, scene->nsubsystem);

@@ -85,10 +85,11 @@ static void add_choice(char *text, pm_rng *rng, const char *key, int certain, in
     add(text, "]");
 }
 
-static void add_network(char *text, pm_rng *rng, int count, const char *const *feature) {
+static void add_network(char *text, pm_rng *rng, int certain, int count,
+                        const char *const *feature) {
     static const char *const activation[] = {"tanh", "softplus", "silu"};
     static const char *const skip[] = {"none", "linear", "quadratic"};
-    add_choice(text, rng, "features", 0, count, feature);
+    add_choice(text, rng, "features", certain, count, feature);
     const bool hidden = toss(rng);
     if (hidden) {
         add(text, toss(rng) ? ", hidden: [4, 3]" : ", hidden: [5]");
@@ -105,7 +106,8 @@ typedef struct candidates {
 
 // A learned operator on the first `certain` groups at least. The projection leaves a skew operator
 // on two components nothing, nor a positive one on a single component: what such an operator gives
-// is rounding, of which no law can be asked, so `certain` is chosen to avoid it.
+// is rounding, of which no law can be asked. `certain` is chosen to avoid that, and potentials that
+// depend on enough.
 static void add_learned(char *text, pm_rng *rng, int certain, const candidates *c) {
     add(text, "  learned: {");
     add_choice(text, rng, "acts_on", certain, c->nacts, c->acts_on);
@@ -115,7 +117,7 @@ static void add_learned(char *text, pm_rng *rng, int certain, const candidates *
     }
     if (toss(rng)) {
         add(text, ", ");
-        add_network(text, rng, c->nfeature, c->feature);
+        add_network(text, rng, 0, c->nfeature, c->feature);
     }
 }
 
@@ -139,7 +141,7 @@ static void add_energy(char *text, pm_rng *rng, int nfeature, const char *const 
     }
     for (int i = between(rng, 1, 2); i > 0; --i) {
         add(text, "  - {");
-        add_network(text, rng, nfeature, feature);
+        add_network(text, rng, 2, nfeature, feature);
         add(text, "}\n");
     }
 }
@@ -152,7 +154,7 @@ static void add_entropy(char *text, pm_rng *rng, int nfeature, const char *const
     }
     if (kind != 1) {
         add(text, "  - {");
-        add_network(text, rng, nfeature, feature);
+        add_network(text, rng, 1, nfeature, feature);
         add(text, "}\n");
     }
 }
@@ -162,7 +164,7 @@ static const char *form_name(pm_form form) {
 }
 
 static void draw_part(char *text, pm_rng *rng, int size, bool entropy, pm_form form) {
-    static const char *const feature[] = {"q",     "p",   "s",     "|q|^2", "|p|^2",
+    static const char *const feature[] = {"s",     "p",   "q",     "|q|^2", "|p|^2",
                                           "ln|q|", "|q|", "<q,p>", "|p|",   "ln|p|"};
     static const char *const along[] = {"q", "p", "q/|q|", "p/|p|^2"};
     const candidates L = {3, 4, 8, (const char *const[]){"q", "p", "s"}, along, feature};
@@ -190,7 +192,7 @@ static void draw_port(char *text, pm_rng *rng, int size, pm_form form) {
 
 static void draw_scene(char *text, pm_rng *rng, int size) {
     add(text, "scene: world\n"
-              "time: {dt: 0.01, steps: 10, integrator: rk4, substeps: 1}\n"
+              "time: {dt: 0.001, steps: 10, integrator: rk4, substeps: 1}\n"
               "subsystems:\n");
     for (int i = 0; i < 2; ++i) {
         add(text,

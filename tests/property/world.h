@@ -21,7 +21,7 @@ typedef struct world {
 } world;
 
 // A system drawn from `seed`: groups q[d] p[d] s[1] and perhaps r, entropies given, learned, both
-// or (in one end) none, operators given and learned, with and without a frame; dt 0.01 s, rk4.
+// or (in one end) none, operators given and learned, with and without a frame; dt 0.001 s, rk4.
 void world_random(world *w, uint64_t seed, pm_form form);
 
 // The system of these texts. Both parts get the model `part`; `port` may be NULL if the scene has
