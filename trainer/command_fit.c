@@ -33,7 +33,7 @@ typedef struct fit {
     int size;
     double *theta;      // [size]
     double *moment;     // [2][size]
-    double position[3]; // stage, iterations done in it, seconds so far
+    double position[4]; // stage, iterations done in it, seconds so far, its robust scale squared
     double saved;       // s, monotonic clock, at the last checkpoint
     double loss;
     pm_progress progress;
@@ -64,7 +64,7 @@ static pm_status read_arguments(int argc, char **argv, arguments *a, bool *helpe
 // --- checkpoints ---
 
 static void fields_of(fit *f, pm_checkpoint_field field[3]) {
-    field[0] = (pm_checkpoint_field){"position", 3, f->position};
+    field[0] = (pm_checkpoint_field){"position", 4, f->position};
     field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
     field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
 }
@@ -115,7 +115,12 @@ static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
     const pm_stage *stage = &f->training->stage[stage_id];
     pm_objective_set_weights(objective, f->theta);
     PM_TRY(evaluate_all(f, objective));
-    PM_TRY(pm_objective_rescale(objective, 0, NULL));
+    if (f->position[1] > 0) { // taken up again
+        pm_objective_set_robust_square(objective, f->position[3]);
+    } else {
+        PM_TRY(pm_objective_rescale(objective, 0, NULL));
+        f->position[3] = pm_objective_robust_square(objective);
+    }
     pm_optimisation o = {.objective = objective,
                          .schedule = stage->schedule,
                          .seed = f->training->seed + 1000 * (uint64_t)(stage_id + 1),

@@ -309,6 +309,14 @@ pm_status pm_objective_residuals(const pm_objective *o, double *median, double *
     return median_square(o, 0, NULL, median);
 }
 
+double pm_objective_robust_square(const pm_objective *o) {
+    return o->robust_square;
+}
+
+void pm_objective_set_robust_square(pm_objective *o, double square) {
+    o->robust_square = square;
+}
+
 pm_status pm_objective_rescale(pm_objective *o, int count, const int *index) {
     if (o->loss.robust == 0) {
         return PM_OK;

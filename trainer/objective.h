@@ -30,6 +30,9 @@ double pm_objective_evaluate(pm_objective *o, int count, const int *index, doubl
 // Sets the robust scale from the residuals of these samples (all if index is NULL) in the last
 // evaluation that covered them. No effect if robust is 0. PM_ENOMEM.
 pm_status pm_objective_rescale(pm_objective *o, int count, const int *index);
+// The square of that scale, for taking up a training where it was left.
+double pm_objective_robust_square(const pm_objective *o);
+void pm_objective_set_robust_square(pm_objective *o, double square);
 
 // What it is made of, and after an evaluation rho'(x) of a sample it covered: for a Gauss-Newton
 // approximation (normal.h).

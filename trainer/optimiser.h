@@ -20,7 +20,7 @@ typedef struct pm_optimisation {
     pm_schedule schedule;
     uint64_t seed;  // of the shuffling
     double *theta;  // [pm_objective_size] start and result
-    double *moment; // [2][pm_objective_size] adam's; zero at the start of a stage
+    double *moment; // [2][pm_objective_size] what the optimiser remembers; zero at first
     int done;       // iterations finished
     // Called after every iteration with theta up to date; anything but PM_OK ends the stage.
     pm_status (*report)(void *context, const struct pm_optimisation *optimisation, double loss);

@@ -20,8 +20,8 @@ typedef struct solver {
     pm_optimisation *o;
     pm_normal *normal;
     int size, batch;
-    double damping;
-    int *index;                                         // [samples] the batch is its beginning
+    double *damping; // kept in the optimisation's moment, so that a stage can be taken up again
+    int *index;      // [samples] the batch is its beginning
     double *gradient, *hessian, *damped, *step, *trial; // [size], [size][size], ...
 } solver;
 
@@ -55,7 +55,7 @@ static bool solve(solver *s) {
     }
     for (size_t i = 0; i < n; ++i) {
         // A weight that nothing depends on at present still gets a positive diagonal.
-        s->damped[i * n + i] += s->damping * (s->hessian[i * n + i] + 1e-10 * largest);
+        s->damped[i * n + i] += *s->damping * (s->hessian[i * n + i] + 1e-10 * largest);
         s->step[i] = -s->gradient[i];
     }
     return pm_cholesky_solve(s->size, s->damped, s->step);
@@ -69,7 +69,7 @@ static pm_status iterate(solver *s, double *loss) {
     PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
     const double before = loss_at(s, o->theta);
     pm_normal_evaluate(s->normal, s->batch, s->index, s->gradient, s->hessian);
-    while (s->damping < LARGEST_DAMPING) {
+    while (*s->damping < LARGEST_DAMPING) {
         if (solve(s)) {
             for (int i = 0; i < s->size; ++i) {
                 s->trial[i] = o->theta[i] + s->step[i];
@@ -77,15 +77,15 @@ static pm_status iterate(solver *s, double *loss) {
             const double after = loss_at(s, s->trial);
             if (after < before) {
                 memcpy(o->theta, s->trial, (size_t)s->size * sizeof *o->theta);
-                s->damping = fmax(s->damping * RELAX, SMALLEST_DAMPING);
+                *s->damping = fmax(*s->damping * RELAX, SMALLEST_DAMPING);
                 *loss = after;
                 return PM_OK;
             }
         }
-        s->damping *= STIFFEN;
+        *s->damping *= STIFFEN;
     }
     pm_objective_set_weights(o->objective, o->theta);
-    s->damping = FIRST_DAMPING;
+    *s->damping = FIRST_DAMPING;
     *loss = before;
     return PM_OK;
 }
@@ -93,7 +93,10 @@ static pm_status iterate(solver *s, double *loss) {
 static pm_status open_solver(solver *s, pm_optimisation *o) {
     const int count = pm_objective_samples(o->objective);
     const size_t n = (size_t)pm_objective_size(o->objective);
-    *s = (solver){.o = o, .size = (int)n, .damping = FIRST_DAMPING};
+    *s = (solver){.o = o, .size = (int)n, .damping = o->moment};
+    if (*s->damping == 0) {
+        *s->damping = FIRST_DAMPING;
+    }
     s->batch = o->schedule.batch < count ? o->schedule.batch : count;
     s->index = malloc((size_t)count * sizeof *s->index);
     s->gradient = malloc(n * sizeof *s->gradient);

@@ -5,6 +5,12 @@
 
 #include "model/port.h"
 
+// Of the step's largest exchange. Less than this may be nothing but the rounding of what cancels: a
+// rate that the projections take away altogether has a gross flux of rounding too, and no sign.
+#define SMALLEST_SHARE 1e-12
+// W and W/K: one Boltzmann constant per second, for systems in which all is such rounding.
+#define SMALLEST_FLUX 1.380649e-23
+
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system) {
     *ledger = (pm_ledger){.system = system};
 }
@@ -16,26 +22,48 @@ typedef struct balance {
     const char *name;
 } balance;
 
-static double relative(double value, double gross) {
-    return gross > 0 ? value / gross : 0;
+// The largest gross fluxes of a step, of a port or subsystem.
+typedef struct turnover {
+    double energy, entropy;
+} turnover;
+
+static turnover turnover_of(const pm_scene *scene, const pm_sample *sample) {
+    turnover t = {0, 0};
+    for (int i = 0; i < scene->nport; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            t.energy = fmax(t.energy, sample->flux[i][end].energy_gross);
+            t.entropy = fmax(t.entropy, sample->flux[i][end].entropy_gross);
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        t.energy = fmax(t.energy, sample->bulk_gross[2 * i]);
+        t.entropy = fmax(t.entropy, sample->bulk_gross[2 * i + 1]);
+    }
+    return t;
 }
 
-static balance balance_of_port(const pm_ledger *ledger, const pm_sample *sample, int i) {
+static double relative(double value, double gross, double largest) {
+    return gross > fmax(SMALLEST_SHARE * largest, SMALLEST_FLUX) ? value / gross : 0;
+}
+
+static balance balance_of_port(const pm_ledger *ledger, const pm_sample *sample, turnover t,
+                               int i) {
     const pm_flux *a = &sample->flux[i][0], *b = &sample->flux[i][1];
     const pm_port_model *model = &ledger->system->port[i];
     return (balance){
-        relative(fabs(a->energy + b->energy), fmax(a->energy_gross, b->energy_gross)),
-        relative(a->entropy + b->entropy, fmax(a->entropy_gross, b->entropy_gross)),
+        relative(fabs(a->energy + b->energy), fmax(a->energy_gross, b->energy_gross), t.energy),
+        relative(a->entropy + b->entropy, fmax(a->entropy_gross, b->entropy_gross), t.entropy),
         model->law->conservative && model->spec.form == PM_HARD,
         ledger->system->scene->port[i].name,
     };
 }
 
-static balance balance_of_bulk(const pm_ledger *ledger, const pm_sample *sample, int i) {
+static balance balance_of_bulk(const pm_ledger *ledger, const pm_sample *sample, turnover t,
+                               int i) {
     const double *gross = &sample->bulk_gross[2 * i];
     return (balance){
-        relative(fabs(sample->bulk_energy[i]), gross[0]),
-        relative(sample->bulk_entropy[i], gross[1]),
+        relative(fabs(sample->bulk_energy[i]), gross[0], t.energy),
+        relative(sample->bulk_entropy[i], gross[1], t.entropy),
         ledger->system->part[i].spec.form == PM_HARD,
         ledger->system->scene->subsystem[i].name,
     };
@@ -88,11 +116,12 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
     sample->energy_residual = sample->entropy_residual = 0;
     book_totals(ledger, sample);
+    const turnover t = turnover_of(scene, sample);
     bool violated = false;
     pm_status status = PM_OK;
     for (int i = 0; i < scene->nport + scene->nsubsystem; ++i) {
-        const balance b = i < scene->nport ? balance_of_port(ledger, sample, i)
-                                           : balance_of_bulk(ledger, sample, i - scene->nport);
+        const balance b = i < scene->nport ? balance_of_port(ledger, sample, t, i)
+                                           : balance_of_bulk(ledger, sample, t, i - scene->nport);
         if (book_balance(ledger, sample, &b)) {
             violated = true;
             if (b.hard && status == PM_OK) {

@@ -103,22 +103,30 @@ pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const in
     return status;
 }
 
+// Datasets carry no time of writing: equal content is equal bytes.
+static hid_t without_times(void) {
+    const hid_t list = H5Pcreate(H5P_DATASET_CREATE);
+    H5Pset_obj_track_times(list, false);
+    return list;
+}
+
 pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *extent,
                         const double *value) {
     hsize_t size[PM_HDF5_MAX_RANK];
     for (int i = 0; i < rank; ++i) {
         size[i] = (hsize_t)extent[i];
     }
-    const hid_t list = with_parents();
+    const hid_t parents = with_parents(), list = without_times();
     const hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple(rank, size, NULL);
     const hid_t id =
-        H5Dcreate2(file->file, name, H5T_IEEE_F64LE, space, list, H5P_DEFAULT, H5P_DEFAULT);
+        H5Dcreate2(file->file, name, H5T_IEEE_F64LE, space, parents, list, H5P_DEFAULT);
     const bool written =
         id >= 0 && H5Dwrite(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0;
     const pm_status status = written ? PM_OK : pm_hdf5_fail_write(file, name);
     pm_hdf5_release(id);
     pm_hdf5_release(space);
     pm_hdf5_release(list);
+    pm_hdf5_release(parents);
     return status;
 }
 
@@ -129,9 +137,8 @@ pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const cha
     const int rank = width == 0 ? 1 : 2;
     const hsize_t size[2] = {0, (hsize_t)width}, limit[2] = {H5S_UNLIMITED, (hsize_t)width};
     const hsize_t piece[2] = {(hsize_t)chunk, (hsize_t)width};
-    const hid_t parents = with_parents();
+    const hid_t parents = with_parents(), list = without_times();
     const hid_t space = H5Screate_simple(rank, size, limit);
-    const hid_t list = H5Pcreate(H5P_DATASET_CREATE);
     H5Pset_chunk(list, rank, piece);
     const hid_t id = H5Dcreate2(file->file, name, integer ? H5T_STD_I64LE : H5T_IEEE_F64LE, space,
                                 parents, list, H5P_DEFAULT);

@@ -137,7 +137,7 @@ static void add_operators(char *text, pm_rng *rng, int size, bool entropy, const
 static void add_energy(char *text, pm_rng *rng, int nfeature, const char *const *feature) {
     add(text, "energy:\n");
     if (toss(rng)) {
-        add(text, "  - {given: {s: 300.0}}\n");
+        add(text, "  - {given: {s: 10.0}}\n");
     }
     for (int i = between(rng, 1, 2); i > 0; --i) {
         add(text, "  - {");

@@ -1,0 +1,138 @@
+// Any bytes must decode as a message of the wire or be dropped; what is kept must encode to the
+// same bytes. The first byte chooses the type, the second the size of its arrays.
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "net/codec.h"
+
+#define LARGEST_COUNT 7
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void check(int holds) {
+    if (!holds) {
+        abort();
+    }
+}
+
+// A message on the heap, its arrays of `count` numbers each in memory of their own, so that a write
+// beyond any end is seen.
+typedef struct arrays {
+    double *value[4];
+} arrays;
+
+static void arrays_open(arrays *a, int count) {
+    for (int i = 0; i < 4; ++i) {
+        a->value[i] = malloc((size_t)count * sizeof(double) + 1);
+        check(a->value[i] != NULL);
+    }
+}
+
+static void arrays_close(arrays *a) {
+    for (int i = 0; i < 4; ++i) {
+        free(a->value[i]);
+    }
+}
+
+// Decodes into `message`; if it is kept, checks its size and the bytes it encodes to.
+#define ROUND_TRIP(type, message)                                       \
+    do {                                                                \
+        if (pm_##type##_decode(&(message), data, size) == PM_KEEP) {    \
+            uint8_t *copy = malloc(size + 1);                           \
+            check(copy != NULL);                                        \
+            check(pm_##type##_size(&(message)) == size);                \
+            check(pm_##type##_encode(&(message), copy, size - 1) == 0); \
+            check(pm_##type##_encode(&(message), copy, size) == size);  \
+            check(memcmp(copy, data, size) == 0);                       \
+            free(copy);                                                 \
+        }                                                               \
+    } while (0)
+
+static void try_type(int type, int count, const arrays *a, const uint8_t *data, size_t size) {
+    portmet_flux_t flux = {.ny = count, .y = a->value[0], .e = a->value[1], .eta = a->value[2]};
+    portmet_report_t report = {.nport = count,
+                               .energy_flux = a->value[0],
+                               .entropy_flux = a->value[1],
+                               .energy_gross = a->value[2],
+                               .entropy_gross = a->value[3]};
+    portmet_state_t state = {.nz = count, .z = a->value[0]};
+    portmet_tick_t tick = {0};
+    portmet_ledger_t ledger = {0};
+    portmet_command_t command = {0};
+    portmet_request_t request = {0};
+    switch (type) {
+    case 0:
+        ROUND_TRIP(flux, flux);
+        break;
+    case 1:
+        ROUND_TRIP(tick, tick);
+        break;
+    case 2:
+        ROUND_TRIP(report, report);
+        break;
+    case 3:
+        ROUND_TRIP(ledger, ledger);
+        break;
+    case 4:
+        ROUND_TRIP(state, state);
+        break;
+    case 5:
+        ROUND_TRIP(command, command);
+        break;
+    default:
+        ROUND_TRIP(request, request);
+        break;
+    }
+}
+
+// The fingerprint of each type, which chance would hardly find: put in front of the bytes.
+static size_t fingerprint(int type, uint8_t *to) {
+    static double none[1];
+    uint8_t buffer[512];
+    portmet_flux_t flux = {.y = none, .e = none, .eta = none};
+    portmet_report_t report = {.message = "",
+                               .energy_flux = none,
+                               .entropy_flux = none,
+                               .energy_gross = none,
+                               .entropy_gross = none};
+    portmet_state_t state = {.z = none};
+    portmet_command_t command = {.reason = ""};
+    portmet_request_t request = {.sender = "", .channel = ""};
+    const size_t written[] = {
+        type == 0 ? pm_flux_encode(&flux, buffer, sizeof buffer) : 0,
+        type == 1 ? pm_tick_encode(&(portmet_tick_t){0}, buffer, sizeof buffer) : 0,
+        type == 2 ? pm_report_encode(&report, buffer, sizeof buffer) : 0,
+        type == 3 ? pm_ledger_encode(&(portmet_ledger_t){0}, buffer, sizeof buffer) : 0,
+        type == 4 ? pm_state_encode(&state, buffer, sizeof buffer) : 0,
+        type == 5 ? pm_command_encode(&command, buffer, sizeof buffer) : 0,
+        type == 6 ? pm_request_encode(&request, buffer, sizeof buffer) : 0,
+    };
+    check(written[type] >= 8);
+    memcpy(to, buffer, 8);
+    return 8;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    if (size < 2) {
+        return 0;
+    }
+    const int type = data[0] % 7, count = data[1] % (LARGEST_COUNT + 1);
+    const bool with_fingerprint = data[0] >= 7;
+    data += 2;
+    size -= 2;
+    // Exactly as long as the message, so that a read beyond its end is seen.
+    uint8_t *message = malloc(size + (with_fingerprint ? 8 : 0) + 1);
+    check(message != NULL);
+    const size_t head = with_fingerprint ? fingerprint(type, message) : 0;
+    memcpy(message + head, data, size);
+    message = realloc(message, head + size > 0 ? head + size : 1);
+    check(message != NULL);
+    arrays a;
+    arrays_open(&a, count);
+    try_type(type, count, &a, message, head + size);
+    arrays_close(&a);
+    free(message);
+    return 0;
+}

@@ -1,0 +1,356 @@
+// The loss of the trainer: its gradient, its normal equations, and the same bits however its
+// threads run.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "graph/program.h"
+#include "normal.h"
+#include "optimiser.h"
+#include "world.h"
+
+#define COUNT 150 // samples: several chunks of each lane, and a rest
+#define UNROLL 2
+#define NZ 10
+#define DIRECTIONS 12
+#define STEP 1e-5
+// Central differences: truncation STEP^2 times a third derivative, rounding 1e-16 / STEP.
+#define TOLERANCE 1e-6
+// The same derivatives by two programs.
+#define SAME_TOLERANCE 1e-11
+
+static const char soft_part[] =
+    "form: soft\n"
+    "energy: {features: [q, p, s], hidden: [6], skip: linear}\n"
+    "entropy: {features: [q, s], hidden: [4], skip: linear}\n"
+    "reversible: {given: [[q, p, 1.0]], learned: {acts_on: [p, s], features: [q], hidden: [3]}}\n"
+    "irreversible: {learned: {acts_on: [p, s], features: [s], hidden: [3]}}\n";
+
+static const char soft_port[] =
+    "law: bracket\n"
+    "form: soft\n"
+    "reversible: {learned: {acts_on: [a.p, b.q], features: [a.s, b.s], hidden: [3]}}\n"
+    "irreversible: {learned: {acts_on: [a.s, b.s]}}\n";
+
+// A loss of a random system on random windows.
+typedef struct bench {
+    world w;
+    pm_samples samples;
+    double z[COUNT * (1 + UNROLL) * NZ], scale[NZ];
+    int index[COUNT]; // the samples in some order
+    pm_loss loss;
+    pm_objective *objective;
+    int size;
+    double *theta, *gradient;
+} bench;
+
+static void fill_windows(bench *b) {
+    for (int i = 0; i < COUNT; ++i) {
+        for (int k = 0; k < (1 + UNROLL) * NZ; ++k) {
+            const int at = i * (1 + UNROLL) * NZ + k;
+            b->z[at] = k < NZ ? 0.5 * pm_rng_normal(&b->w.rng)
+                              : b->z[at - NZ] + 0.005 * pm_rng_normal(&b->w.rng);
+        }
+        b->index[i] = (i * 7) % COUNT; // 7 and COUNT have no common factor
+    }
+    for (int i = 0; i < NZ; ++i) {
+        b->scale[i] = 0.01 + 0.005 * i;
+    }
+    b->samples =
+        (pm_samples){.count = COUNT, .unroll = UNROLL, .nz = NZ, .z = b->z, .scale = b->scale};
+}
+
+static void bench_open(bench *b, uint64_t seed, bool soft, double robust) {
+    world_of_text(&b->w, seed, world_scene, soft ? soft_part : world_part,
+                  soft ? soft_port : world_port);
+    b->w.scene->dt = 0.002; // short enough for random models
+    fill_windows(b);
+    b->loss = (pm_loss){.residual = PM_RESIDUAL_STEP,
+                        .integrator = pm_integrator_find("heun"),
+                        .substeps = 2,
+                        .degeneracy = 0.7,
+                        .robust = robust};
+    b->objective = NULL;
+    assert_int_equal(pm_objective_open(&b->objective, b->w.system, &b->samples, &b->loss), PM_OK);
+    b->size = pm_objective_size(b->objective);
+    b->theta = malloc((size_t)b->size * sizeof *b->theta);
+    b->gradient = malloc((size_t)b->size * sizeof *b->gradient);
+    assert_true(b->theta != NULL && b->gradient != NULL);
+    pm_objective_weights(b->objective, b->theta);
+    pm_objective_evaluate(b->objective, 0, NULL, b->gradient);
+    assert_int_equal(pm_objective_rescale(b->objective, 0, NULL), PM_OK);
+}
+
+static void bench_close(bench *b) {
+    pm_objective_close(b->objective);
+    free(b->theta);
+    free(b->gradient);
+    world_close(&b->w);
+}
+
+static double *vector(int n) {
+    double *v = calloc((size_t)n, sizeof *v);
+    assert_non_null(v);
+    return v;
+}
+
+// A direction in the space of weights; every other one is a single weight.
+static void draw_direction(bench *b, int i, double *v) {
+    memset(v, 0, (size_t)b->size * sizeof *v);
+    if (i % 2 == 0) {
+        v[pm_rng_below(&b->w.rng, (uint64_t)b->size)] = 1;
+        return;
+    }
+    for (int k = 0; k < b->size; ++k) {
+        v[k] = pm_rng_normal(&b->w.rng) / sqrt(b->size);
+    }
+}
+
+static void move_weights(bench *b, double step, const double *v) {
+    double *theta = vector(b->size);
+    for (int k = 0; k < b->size; ++k) {
+        theta[k] = b->theta[k] + step * v[k];
+    }
+    pm_objective_set_weights(b->objective, theta);
+    free(theta);
+}
+
+static double dot(int n, const double *x, const double *y) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += x[i] * y[i];
+    }
+    return sum;
+}
+
+// --- the gradient ---
+
+static void check_gradient(uint64_t seed, bool soft, double robust) {
+    bench b;
+    bench_open(&b, seed, soft, robust);
+    double *v = vector(b.size), *ignored = vector(b.size);
+    pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
+    const double size = sqrt(dot(b.size, b.gradient, b.gradient));
+    for (int i = 0; i < DIRECTIONS; ++i) {
+        draw_direction(&b, i, v);
+        double loss[2];
+        for (int side = 0; side < 2; ++side) {
+            move_weights(&b, side == 0 ? -STEP : STEP, v);
+            loss[side] = pm_objective_evaluate(b.objective, COUNT, b.index, ignored);
+        }
+        world_check(&b.w, "derivative of the loss", dot(b.size, b.gradient, v),
+                    (loss[1] - loss[0]) / (2 * STEP), TOLERANCE * size);
+    }
+    free(v);
+    free(ignored);
+    bench_close(&b);
+}
+
+static void gradient_is_the_derivative_of_the_loss(void **state) {
+    (void)state;
+    for (int i = 0; i < 8; ++i) {
+        check_gradient((uint64_t)i + 1, i % 2 == 1, i >= 4 ? 2 : 0);
+    }
+}
+
+// --- the normal equations ---
+
+// The residuals of all samples whose squares add up to COUNT times the loss: [COUNT][1 + UNROLL NZ]
+typedef struct residuals {
+    pm_graph *g;
+    pm_program *program;
+    pm_loss_nodes nodes;
+} residuals;
+
+static void residuals_open(residuals *r, const bench *b) {
+    assert_int_equal(pm_graph_open(&r->g), PM_OK);
+    assert_int_equal(pm_loss_graph_build(r->g, b->w.system, &b->samples, &b->loss, &r->nodes),
+                     PM_OK);
+    const bool soft = r->nodes.degeneracy != PM_NO_NODE;
+    const pm_node output[] = {r->nodes.residual, r->nodes.degeneracy};
+    assert_int_equal(pm_program_open(&r->program, r->g, soft ? 2 : 1, output, COUNT), PM_OK);
+    memcpy(pm_program_value(r->program, r->nodes.input), b->z, sizeof b->z);
+}
+
+static void residuals_close(residuals *r) {
+    pm_program_close(r->program);
+    pm_graph_close(r->g);
+}
+
+#define ROWS (1 + UNROLL * NZ)
+
+static void residuals_at(residuals *r, bench *b, double step, const double *v, double *result) {
+    move_weights(b, step, v);
+    pm_program_run(r->program, COUNT);
+    const double *residual = pm_program_value(r->program, r->nodes.residual);
+    for (int i = 0; i < COUNT; ++i) {
+        double *row = result + (ptrdiff_t)i * ROWS;
+        for (int k = 0; k < UNROLL * NZ; ++k) {
+            row[k] = residual[i * UNROLL * NZ + k] / sqrt(UNROLL * NZ);
+        }
+        row[ROWS - 1] = 0;
+        if (r->nodes.degeneracy != PM_NO_NODE) {
+            row[ROWS - 1] =
+                sqrt(b->loss.degeneracy * pm_program_value(r->program, r->nodes.degeneracy)[i]);
+        }
+    }
+}
+
+// J v, each sample's rows times the root of its weight.
+static void jacobian_times(residuals *r, bench *b, const double *v, double *Jv) {
+    double *below = vector(COUNT * ROWS);
+    residuals_at(r, b, -STEP, v, below);
+    residuals_at(r, b, STEP, v, Jv);
+    for (int i = 0; i < COUNT * ROWS; ++i) {
+        Jv[i] = (Jv[i] - below[i]) / (2 * STEP) *
+                sqrt(pm_objective_sample_weight(b->objective, i / ROWS));
+    }
+    free(below);
+}
+
+// u^T H v from the upper triangle.
+static double form(int n, const double *H, const double *u, const double *v) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        for (int j = 0; j < n; ++j) {
+            const int row = i < j ? i : j, col = i < j ? j : i;
+            sum += u[i] * H[(ptrdiff_t)row * n + col] * v[j];
+        }
+    }
+    return sum;
+}
+
+static void check_hessian(bench *b, const double *H) {
+    residuals r;
+    residuals_open(&r, b);
+    double *u = vector(b->size), *v = vector(b->size);
+    double *Ju = vector(COUNT * ROWS), *Jv = vector(COUNT * ROWS);
+    for (int i = 0; i < DIRECTIONS; ++i) {
+        draw_direction(b, i, u);
+        draw_direction(b, i + 1, v);
+        jacobian_times(&r, b, u, Ju);
+        jacobian_times(&r, b, v, Jv);
+        const double scale = sqrt(dot(COUNT * ROWS, Ju, Ju) * dot(COUNT * ROWS, Jv, Jv)) / COUNT;
+        world_check(&b->w, "u^T H v", form(b->size, H, u, v), dot(COUNT * ROWS, Ju, Jv) / COUNT,
+                    10 * TOLERANCE * (scale + 1e-3));
+    }
+    free(u);
+    free(v);
+    free(Ju);
+    free(Jv);
+    residuals_close(&r);
+}
+
+static void check_normal(uint64_t seed, bool soft, double robust) {
+    bench b;
+    bench_open(&b, seed, soft, robust);
+    double *gradient = vector(b.size), *H = vector(b.size * b.size);
+    pm_normal *normal = NULL;
+    assert_int_equal(pm_normal_open(&normal, b.objective), PM_OK);
+    pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
+    pm_normal_evaluate(normal, COUNT, b.index, gradient, H);
+    const double size = sqrt(dot(b.size, b.gradient, b.gradient));
+    for (int k = 0; k < b.size; ++k) {
+        // With the degeneracy, up to what keeps its root differentiable.
+        world_check(&b.w, "gradient of half the loss", gradient[k], b.gradient[k] / 2,
+                    (soft ? 1e-8 : SAME_TOLERANCE) * size);
+    }
+    // Weights of a robust loss are those of this evaluation, wherever the weights move next.
+    check_hessian(&b, H);
+    pm_normal_close(normal);
+    free(gradient);
+    free(H);
+    bench_close(&b);
+}
+
+static void normal_equations_are_those_of_the_residuals(void **state) {
+    (void)state;
+    for (int i = 0; i < 4; ++i) {
+        check_normal((uint64_t)i + 1, i == 1, i >= 2 ? 2 : 0);
+    }
+}
+
+// --- threads ---
+
+static void threads_do_not_change_a_bit(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 5, true, 2);
+    const size_t n = (size_t)b.size;
+    double *gradient = vector(b.size), *H = vector(b.size * b.size),
+           *again = vector(b.size * b.size);
+    pm_normal *normal = NULL;
+    assert_int_equal(pm_normal_open(&normal, b.objective), PM_OK);
+    const double loss = pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
+    pm_normal_evaluate(normal, COUNT, b.index, gradient, H);
+    for (int i = 0; i < 10; ++i) {
+        const double repeated = pm_objective_evaluate(b.objective, COUNT, b.index, again);
+        assert_memory_equal(&repeated, &loss, sizeof loss);
+        assert_memory_equal(again, b.gradient, n * sizeof *again);
+        pm_normal_evaluate(normal, COUNT, b.index, gradient, again);
+        assert_memory_equal(again, H, n * n * sizeof *again);
+    }
+    pm_normal_close(normal);
+    free(gradient);
+    free(H);
+    free(again);
+    bench_close(&b);
+}
+
+// --- training the soft form ---
+
+static pm_status go_on(void *context, const pm_optimisation *o, double loss) {
+    (void)context, (void)o, (void)loss;
+    return PM_OK;
+}
+
+// The loss at the system's weights, with this weight of the penalty.
+static double loss_with(bench *b, double degeneracy) {
+    pm_objective *objective = NULL;
+    pm_loss loss = b->loss;
+    loss.degeneracy = degeneracy;
+    assert_int_equal(pm_objective_open(&objective, b->w.system, &b->samples, &loss), PM_OK);
+    const double value = pm_objective_evaluate(objective, 0, NULL, b->gradient);
+    pm_objective_close(objective);
+    return value;
+}
+
+static void training_lowers_the_penalty(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 6, true, 0);
+    const double before = loss_with(&b, 1) - loss_with(&b, 0);
+    double *moment = vector(2 * b.size);
+    pm_optimisation o = {
+        .objective = b.objective,
+        .schedule = {.iterations = 40, .batch = 32, .first_rate = 1e-2, .last_rate = 1e-3},
+        .seed = 1,
+        .theta = b.theta,
+        .moment = moment,
+        .report = go_on};
+    assert_int_equal(pm_optimiser_find("adam")->run(&o), PM_OK);
+    const double after = loss_with(&b, 1) - loss_with(&b, 0);
+    if (!(before > 0 && after < 0.5 * before)) {
+        world_fail(&b.w, "penalty %g before training, %g after, expected less than half", before,
+                   after);
+    }
+    free(moment);
+    bench_close(&b);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gradient_is_the_derivative_of_the_loss),
+        cmocka_unit_test(normal_equations_are_those_of_the_residuals),
+        cmocka_unit_test(threads_do_not_change_a_bit),
+        cmocka_unit_test(training_lowers_the_penalty),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

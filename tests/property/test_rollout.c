@@ -1,0 +1,210 @@
+// What rollouts keep: rotations, the order of each integrator, and the trainer's step.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "graph/program.h"
+#include "normalise.h"
+#include "sim/assembly.h"
+#include "step_graph.h"
+#include "world.h"
+
+#define NZ 10
+#define MAX_NZ 32
+#define WORLDS 60
+// The same sums, in another order.
+#define STEP_TOLERANCE 1e-13
+#define STATES 40 // that the normalisation is made from
+
+// Scales and means as training fixes them: from data, one scale for all components of a group.
+static void normalise(world *w) {
+    double z[STATES * 2 * NZ], scale[NZ];
+    for (int i = 0; i < STATES * 2 * NZ; ++i) {
+        z[i] = pm_rng_normal(&w->rng);
+    }
+    for (int i = 0; i < NZ; ++i) {
+        scale[i] = 1;
+    }
+    const pm_samples samples = {
+        .count = STATES, .unroll = 1, .nz = w->scene->nz, .z = z, .scale = scale};
+    assert_int_equal(pm_normalise_system(w->system, &samples), PM_OK);
+}
+
+// The state after `steps` steps, as far as it is finite.
+static pm_status try_roll_out(const world *w, const double *z0, int steps, double *z) {
+    pm_assembly *assembly = NULL;
+    assert_int_equal(pm_assembly_open(&assembly, w->system), PM_OK);
+    pm_assembly_set_state(assembly, z0);
+    pm_status status = PM_OK;
+    for (int i = 0; i < steps && status == PM_OK; ++i) {
+        status = pm_assembly_step(assembly);
+    }
+    memcpy(z, pm_assembly_sample(assembly)->z, (size_t)w->scene->nz * sizeof *z);
+    pm_assembly_close(assembly);
+    return status;
+}
+
+static void roll_out(const world *w, const double *z0, int steps, double *z) {
+    if (try_roll_out(w, z0, steps, z) != PM_OK) {
+        world_fail(w, "%s", pm_error());
+    }
+}
+
+static double distance(int n, const double *x, const double *y) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += (x[i] - y[i]) * (x[i] - y[i]);
+    }
+    return sqrt(sum);
+}
+
+// --- rotation ---
+
+// Turns q and p of both links, which stand at 0, 2, 5 and 7.
+static void rotate(double angle, const double *z, double *rotated) {
+    static const int vector[] = {0, 2, 5, 7};
+    memcpy(rotated, z, NZ * sizeof *z);
+    for (int i = 0; i < 4; ++i) {
+        const double x = z[vector[i]], y = z[vector[i] + 1];
+        rotated[vector[i]] = cos(angle) * x - sin(angle) * y;
+        rotated[vector[i] + 1] = sin(angle) * x + cos(angle) * y;
+    }
+}
+
+static void rotating_the_start_rotates_the_rollout(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= 50; ++seed) {
+        world w;
+        double rotated[NZ], z[NZ], expected[NZ], from_rotated[NZ];
+        world_of_text(&w, seed, world_scene, world_part, world_port);
+        normalise(&w);
+        for (int i = 0; i < NZ; ++i) {
+            w.z[i] *= 0.5; // random potentials may run away from further out
+        }
+        const double angle = 6 * pm_rng_uniform(&w.rng);
+        rotate(angle, w.z, rotated);
+        roll_out(&w, w.z, 10, z);
+        rotate(angle, z, expected);
+        roll_out(&w, rotated, 10, from_rotated);
+        if (!(distance(NZ, z, w.z) > 1e-3)) {
+            world_fail(&w, "the state hardly moved");
+        }
+        // Rounding, as the motion amplifies it.
+        world_check(&w, "distance", distance(NZ, from_rotated, expected), 0,
+                    1e-10 * (1 + distance(NZ, z, (const double[NZ]){0})));
+        world_close(&w);
+    }
+}
+
+// --- order of convergence ---
+
+static void steps_of(world *w, const char *integrator, double dt) {
+    w->scene->integrator = integrator;
+    w->scene->dt = dt;
+    w->scene->substeps = 1;
+}
+
+// Errors at one time, halving the step twice: 2^order smaller each time.
+static void check_order(const pm_integrator *rk) {
+    const double end = 0.16;
+    for (uint64_t seed = 1; seed <= 3; ++seed) {
+        world w;
+        double exact[NZ], z[NZ], error[3];
+        world_of_text(&w, seed, world_scene, world_part, world_port);
+        normalise(&w);
+        for (int i = 0; i < NZ; ++i) {
+            w.z[i] *= 0.5;
+        }
+        steps_of(&w, "rk4", end / 2048);
+        roll_out(&w, w.z, 2048, exact);
+        for (int i = 0; i < 3; ++i) {
+            const int steps = (rk->order < 4 ? 32 : 16) << i;
+            steps_of(&w, rk->name, end / steps);
+            roll_out(&w, w.z, steps, z);
+            error[i] = distance(NZ, z, exact);
+        }
+        for (int i = 0; i < 2; ++i) {
+            char what[64];
+            snprintf(what, sizeof what, "order of %s after %d halvings", rk->name, i + 1);
+            world_check(&w, what, log2(error[i] / error[i + 1]), rk->order, 0.25);
+        }
+        world_close(&w);
+    }
+}
+
+// Every integrator in the table, by the names it lists.
+static void integrators_converge_at_their_order(void **state) {
+    (void)state;
+    char names[256];
+    snprintf(names, sizeof names, "%s", pm_integrator_names());
+    for (char *rest = names, *name; (name = strtok_r(rest, ", ", &rest)) != NULL;) {
+        const pm_integrator *rk = pm_integrator_find(name);
+        assert_non_null(rk);
+        check_order(rk);
+    }
+}
+
+// --- the trainer's step ---
+
+// The step as a graph, run on one state.
+static void graph_step(const world *w, const double *z0, double *z) {
+    const pm_scene *scene = w->scene;
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    pm_state_nodes nodes[2];
+    pm_node k[2 * PM_MAX_STAGES], part[2], degeneracy = PM_NO_NODE;
+    const pm_step_work work = {nodes, k};
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node input = pm_input(g, true, 1, scene->nz);
+    for (int i = 0; i < 2; ++i) {
+        part[i] = pm_slice(g, input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
+    }
+    pm_build_step(g, w->system, pm_integrator_find(scene->integrator), scene->dt / scene->substeps,
+                  scene->substeps, part, &degeneracy, &work);
+    const pm_node output = pm_concat(g, 2, part);
+    assert_int_equal(pm_program_open(&program, g, 1, &output, 1), PM_OK);
+    memcpy(pm_program_value(program, input), z0, (size_t)scene->nz * sizeof *z0);
+    pm_program_run(program, 1);
+    memcpy(z, pm_program_value(program, output), (size_t)scene->nz * sizeof *z);
+    pm_program_close(program);
+    pm_graph_close(g);
+}
+
+static void trainer_takes_the_same_step(void **state) {
+    (void)state;
+    static const char *const integrator[] = {"euler", "heun", "rk4", "midpoint"};
+    int finite = 0;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        double served[MAX_NZ], trained[MAX_NZ];
+        world_random(&w, seed, seed % 2 == 0 ? PM_HARD : PM_SOFT);
+        w.scene->integrator = integrator[seed % 4];
+        w.scene->substeps = 1 + (int)(seed % 3);
+        const bool ran_away = try_roll_out(&w, w.z, 1, served) != PM_OK;
+        finite += ran_away ? 0 : 1;
+        graph_step(&w, w.z, trained);
+        for (int i = 0; i < w.scene->nz && !ran_away; ++i) {
+            const double size = fabs(served[i]) + fabs(served[i] - w.z[i]) + 1;
+            world_check(&w, "z after a step", trained[i], served[i], STEP_TOLERANCE * size);
+        }
+        world_close(&w);
+    }
+    if (finite < WORLDS * 3 / 4) {
+        fail_msg("only %d of %d steps were finite", finite, WORLDS);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rotating_the_start_rotates_the_rollout),
+        cmocka_unit_test(integrators_converge_at_their_order),
+        cmocka_unit_test(trainer_takes_the_same_step),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

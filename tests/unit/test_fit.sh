@@ -1,0 +1,153 @@
+#!/bin/sh
+# test_fit.sh PORTMET_TRAIN PORTMETD: short fits of a few trajectories lower the loss; the same
+# command gives the same bits of weights, also when it was interrupted and resumed; and bad training
+# files end with one line that has file, line and column.
+set -u
+train=$1
+portmetd=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+data=$folder/data.h5
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+    sed 's/^/    /' "$folder/out" "$folder/err"
+}
+
+# The shipped scene and training file, with stages of our own.
+sed "s|file: reference|file: $PWD/configs/reference|" configs/double_pendulum.yaml >"$folder/scene.yaml"
+# config NAME STAGE...
+config() {
+    name=$1
+    shift
+    sed -e 's|^scene: .*|scene: scene.yaml|' -e '/^data:/d' -e '/^stages:/,$d' \
+        configs/train/double_pendulum.yaml >"$folder/$name.yaml"
+    echo "stages:" >>"$folder/$name.yaml"
+    for stage in "$@"; do
+        echo "  - $stage" >>"$folder/$name.yaml"
+    done
+}
+
+# fit NAME DIR ARGUMENT...
+fit() {
+    name=$1 out=$2
+    shift 2
+    timeout 60 "$train" fit "$folder/$name.yaml" --data "$data" -o "$folder/$out" "$@" \
+        >"$folder/out" 2>"$folder/err" </dev/null
+}
+
+# The digests of all weights in a folder.
+digests() {
+    "$portmetd" check "$folder/scene.yaml" --weights "$folder/$1" |
+        sed -n 's/.* numbers, digest \(.*\)/\1/p'
+}
+
+# same_weights WHAT DIR DIR
+same_weights() {
+    a=$(digests "$2")
+    b=$(digests "$3")
+    [ "$(echo "$a" | wc -w)" -eq 3 ] && [ "$a" = "$b" ] || fail "$1: other weights:" $a, $b
+}
+
+# The mean squared residual after the last stage.
+residual() {
+    sed -n 's/.* mean \([^ ]*\)$/\1/p' "$folder/out" | tail -1
+}
+
+# at_most A B: A <= B, numbers as C prints them
+at_most() {
+    awk -v a="$1" -v b="$2" 'BEGIN { exit !(a != "" && b != "" && a + 0 <= b + 0) }'
+}
+
+sed -e 's/^trajectories: .*/trajectories: 3/' -e 's/^states: .*/states: 24/' \
+    configs/truth/double_pendulum.yaml >"$folder/truth.yaml"
+"$train" truth "$folder/truth.yaml" -o "$data" >"$folder/out" 2>"$folder/err" || fail truth
+
+# --- every optimiser lowers the loss ---
+config untrained '{optimiser: adam, iterations: 1, rate: 1.0e-12}'
+fit untrained untrained || fail "fit untrained"
+start=$(residual)
+# optimiser, residual at most this part of the start's
+while read -r optimiser part stage; do
+    config "$optimiser" "$stage"
+    fit "$optimiser" "$optimiser" || fail "fit $optimiser"
+    at_most "$(residual)" "$(awk -v x="$start" -v p="$part" 'BEGIN { print x * p }')" ||
+        fail "$optimiser: residual $(residual) from $start, expected at most $part of it"
+done <<'LIST'
+adam 0.9 {optimiser: adam, iterations: 30, batch: 16, rate: [1.0e-2, 1.0e-3], substeps: 1}
+lbfgs 0.1 {optimiser: lbfgs, iterations: 30, substeps: 2}
+gauss_newton 0.05 {optimiser: gauss_newton, iterations: 15, batch: 66, substeps: 2}
+LIST
+[ ! -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left its checkpoint"
+
+# --- the same command, the same bits; interrupted and resumed too ---
+# interrupt NAME DIR: SIGINT as soon as the fit has begun
+interrupt() {
+    : >"$folder/out"
+    "$train" fit "$folder/$1.yaml" --data "$data" -o "$folder/$2" >"$folder/out" 2>"$folder/err" \
+        </dev/null &
+    pid=$!
+    tries=0
+    while ! grep -q "weights, trajectories" "$folder/out" && [ $tries -lt 200 ]; do
+        tries=$((tries + 1))
+        sleep 0.05
+    done
+    sleep 0.3
+    kill -INT $pid
+    wait $pid
+    [ $? -eq 12 ] || fail "$1 interrupted: expected exit code 12"
+    grep -q -e "--resume" "$folder/err" || fail "$1 interrupted: expected --resume to be named"
+    [ -e "$folder/$2/fit.checkpoint" ] || fail "$1 interrupted: no checkpoint"
+    [ ! -e "$folder/$2/upper.h5" ] || fail "$1 interrupted: weights were written"
+}
+
+config slow_adam '{optimiser: adam, iterations: 4, batch: 16}' \
+    '{optimiser: adam, iterations: 250, batch: 8, rate: [3.0e-3, 1.0e-4], robust: 3}'
+config slow_gauss_newton '{optimiser: gauss_newton, iterations: 100, batch: 50, substeps: 2, robust: 3}'
+config slow_lbfgs '{optimiser: lbfgs, iterations: 250, substeps: 3}'
+for name in slow_adam slow_gauss_newton slow_lbfgs; do
+    fit $name $name || fail "fit $name"
+    whole=$(residual)
+    interrupt $name resumed_$name
+    fit $name resumed_$name --resume || fail "fit $name --resume"
+    if [ $name = slow_lbfgs ]; then # its memory starts anew
+        at_most "$(residual)" "$(awk -v x="$whole" 'BEGIN { print 10 * x }')" ||
+            fail "$name: residual $(residual) after resuming, $whole without interruption"
+    else
+        same_weights "$name resumed" $name resumed_$name
+    fi
+done
+config again '{optimiser: gauss_newton, iterations: 15, batch: 66, substeps: 2}'
+fit again again || fail "fit again"
+same_weights "the same fit twice" gauss_newton again
+# A checkpoint of another training is refused.
+interrupt slow_adam foreign
+fit slow_gauss_newton foreign --resume && fail "a checkpoint of another training was taken"
+grep -q "fit.checkpoint" "$folder/err" || fail "foreign checkpoint: expected its name"
+
+# --- bad training files: file, line, column ---
+# bad LINE:COLUMN TEXT SED-EXPRESSION
+bad() {
+    sed "$3" "$folder/adam.yaml" >"$folder/bad.yaml"
+    "$train" fit "$folder/bad.yaml" --data "$data" -o "$folder/bad" >"$folder/out" 2>"$folder/err"
+    found=$?
+    [ $found -eq 3 ] || fail "$3: expected exit code 3, found $found"
+    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "$3: expected one line"
+    grep -qE "bad.yaml:$1: .*$2" "$folder/err" || fail "$3: expected bad.yaml:$1: and \"$2\""
+    [ ! -e "$folder/bad" ] || fail "$3: left a folder"
+}
+stage=$(grep -n 'optimiser' "$folder/adam.yaml" | cut -d: -f1)
+link=$(grep -n '^  link:' "$folder/adam.yaml" | cut -d: -f1)
+bad "$stage:17" 'adam, lbfgs, gauss_newton|expected one of' 's/optimiser: adam/optimiser: sgd/'
+bad "$stage:[0-9]*" iterations 's/iterations: 30/iterations: 0/'
+bad "$stage:[0-9]*" rate 's/rate: \[1.0e-2, 1.0e-3\]/rate: [-1]/'
+bad "$stage:[0-9]*" wrong 's/batch: 16/wrong: 16/'
+bad "[0-9]*:[0-9]*" 'there is no model "spring"' 's/upper: link/upper: spring/'
+bad "[0-9]*:[0-9]*" 'no subsystem "middle"' 's/{upper: link/{middle: link, upper: link/'
+bad "[0-9]*:[0-9]*" '"v"' 's/"ln|q|", s/"ln|v|", s/'
+bad "[0-9]*:[0-9]*" 'law exchange' 's/law: bracket/law: exchange/'
+
+[ $failures -eq 0 ] && echo "all well"
+exit $((failures > 0))
