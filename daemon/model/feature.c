@@ -175,6 +175,10 @@ pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *
 pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,
                            int *size) {
     int total = 0;
+    if (count > PM_MAX_FEATURES) {
+        return pm_fail(PM_ECONFIG, "%d expressions, at most %d are possible", count,
+                       PM_MAX_FEATURES);
+    }
     for (int i = 0; i < count; ++i) {
         int one = 0;
         PM_TRY(pm_feature_size(expression[i], symbols, &one));

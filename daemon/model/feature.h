@@ -38,7 +38,7 @@ pm_status pm_feature_size(const char *expression, const pm_symbols *symbols, int
 // The expression's value [1][size]; it must have passed pm_feature_size.
 pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *symbols);
 
-// Sizes and values of a list, side by side: [1][sum of sizes].
+// Sizes and values of a list of at most PM_MAX_FEATURES, side by side: [1][sum of sizes].
 pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,
                            int *size);
 pm_node pm_features_build(pm_graph *g, int count, const char *const *expression,

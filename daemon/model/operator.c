@@ -126,9 +126,15 @@ static pm_status check_groups(const pm_operator *operator, const pm_site * site)
 
 static pm_status check_along(const pm_operator *operator, const pm_site * site, const support *s) {
     const pm_operator_spec *spec = operator->spec;
+    int total = 0;
+    PM_TRY(pm_features_size(spec->nalong, spec->along, &site->symbols, &total));
     for (int k = 0; k < spec->nalong; ++k) {
         int size = 0;
         PM_TRY(pm_feature_size(spec->along[k], &site->symbols, &size));
+        if (size * spec->nalong != total) {
+            return pm_fail(PM_ECONFIG, "%s: the vectors of along differ in size: \"%s\" has %d",
+                           operator->prefix, spec->along[k], size);
+        }
         for (int i = 0; i < s->ngroup; ++i) {
             if (s->learned[i] && s->group[i]->size > 1 && s->group[i]->size != size) {
                 return pm_fail(PM_ECONFIG,
