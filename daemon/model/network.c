@@ -8,8 +8,9 @@
 
 // Spread of the initial values: biases put the kinks of the hidden layers where the data are.
 // Output weights start at zero, so that training first finds what the skip alone can do; with
-// hidden layers that interfere from the start, second-order training was seen to crawl. Constants are the entries
-// of operators: at zero, an operator and the potential it acts on would both lack a gradient.
+// hidden layers that interfere from the start, second-order training was seen to crawl. Constants
+// are the entries of operators: at zero, an operator and the potential it acts on would both lack a
+// gradient.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
 #define CONSTANT_SPREAD 0.3

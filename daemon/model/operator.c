@@ -132,8 +132,10 @@ static pm_status check_along(const pm_operator *operator, const pm_site * site, 
         int size = 0;
         PM_TRY(pm_feature_size(spec->along[k], &site->symbols, &size));
         if (size * spec->nalong != total) {
-            return pm_fail(PM_ECONFIG, "%s: the vectors of along differ in size: \"%s\" has %d",
-                           operator->prefix, spec->along[k], size);
+            return pm_fail(
+                PM_ECONFIG,
+                "%s: the vectors of along differ in size: \"%s\" has %d", operator->prefix,
+                spec->along[k], size);
         }
         for (int i = 0; i < s->ngroup; ++i) {
             if (s->learned[i] && s->group[i]->size > 1 && s->group[i]->size != size) {

@@ -3,8 +3,8 @@
 //     entropy residual  (entropy_a + entropy_b) / max(gross_a, gross_b), negative: violation
 // and per subsystem the same of the bulk term: dE . zdot_bulk = 0, dS . zdot_bulk >= 0.
 // The gross flux (recording.h) is the sum of the magnitudes that cancel, so that a residual of a
-// few units in 1e-16 is rounding, and nothing else is. A gross flux below a trillionth of the step's
-// largest is rounding itself, and has residuals 0.
+// few units in 1e-16 is rounding, and nothing else is. A gross flux below a trillionth of the
+// step's largest is rounding itself, and has residuals 0.
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 

@@ -432,23 +432,31 @@ static pm_status check_finite(const pm_subsystem *s) {
     return PM_OK;
 }
 
+static pm_status check_potentials(const pm_subsystem *s) {
+    if (isfinite(s->E[0]) && isfinite(value_at(s->S, 0))) {
+        return PM_OK;
+    }
+    return pm_fail(PM_ENUMERIC,
+                   "subsystem %s: energy %g, entropy %g: the state left what the weights were "
+                   "trained on",
+                   s->scene->name, s->E[0], value_at(s->S, 0));
+}
+
 pm_status pm_subsystem_end_step(pm_subsystem *s) {
     assert(s->stage == 0 && s->substep == s->substeps);
     s->substep = 0;
-    const pm_status status = check_finite(s);
+    pm_status status = check_finite(s);
+    if (status == PM_OK) {
+        pm_subsystem_expose(s);
+        status = check_potentials(s);
+    }
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
         copy(s->stage_z, s->z, s->nz);
+        s->exposed = false;
         return status;
     }
     copy(s->safe_z, s->z, s->nz);
-    pm_subsystem_expose(s);
-    if (!isfinite(s->E[0]) || !isfinite(value_at(s->S, 0))) {
-        return pm_fail(PM_ENUMERIC,
-                       "subsystem %s: energy %g, entropy %g: the state left what the "
-                       "weights were trained on",
-                       s->scene->name, s->E[0], value_at(s->S, 0));
-    }
     close_books(s);
     return PM_OK;
 }

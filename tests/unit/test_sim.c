@@ -351,6 +351,39 @@ static void running_away_ends_with_the_last_finite_state(void **state) {
     world_close(&w);
 }
 
+// The same of a subsystem alone: whoever drives it finds its last good state.
+static void a_failed_step_is_taken_back(void **state) {
+    (void)state;
+    static const char *const energy[] = {"q, p", "\"|q|^2\", p"}; // the second overflows before q
+    for (int i = 0; i < 2; ++i) {
+        char part[WORLD_TEXT];
+        snprintf(part, sizeof part, "energy: {features: [%s], skip: quadratic}\n" CANONICAL,
+                 energy[i]);
+        world w;
+        world_of_text(&w, 2, HEAD, part, NULL);
+        w.scene->dt = 1e9;
+        pm_subsystem *s = NULL;
+        assert_int_equal(pm_subsystem_open(&s, w.system, 0), PM_OK);
+        pm_subsystem_set_state(s, w.z);
+        double last[5];
+        pm_status status = PM_OK;
+        for (int k = 0; k < 100 && status == PM_OK; ++k) {
+            memcpy(last, pm_subsystem_state(s), sizeof last);
+            for (int round = 0; round < pm_subsystem_rounds(s); ++round) {
+                pm_subsystem_expose(s);
+                pm_subsystem_bulk(s);
+                pm_subsystem_advance(s);
+            }
+            status = pm_subsystem_end_step(s);
+            assert_true(status != PM_OK || isfinite(pm_subsystem_books(s).energy));
+        }
+        assert_int_equal(status, PM_ENUMERIC);
+        assert_memory_equal(pm_subsystem_state(s), last, sizeof last);
+        pm_subsystem_close(s);
+        world_close(&w);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tableaux_meet_their_order),
@@ -361,6 +394,7 @@ int main(void) {
         cmocka_unit_test(exchange_is_measured),
         cmocka_unit_test(steps_allocate_nothing),
         cmocka_unit_test(running_away_ends_with_the_last_finite_state),
+        cmocka_unit_test(a_failed_step_is_taken_back),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,260 @@
+// Parameters, features and networks against formulas written by hand, and every mistake in a model
+// that only its layout reveals.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "graph/program.h"
+#include "model/part.h"
+#include "model/port.h"
+#include "store/model_yaml.h"
+
+static const pm_layout layout = {
+    3, {{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
+static const double state_values[] = {3, -4, 0.5, 2, -0.25};
+
+static void check(const char *what, double value, double expected, double tolerance) {
+    if (!(fabs(value - expected) <= tolerance)) {
+        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
+    }
+}
+
+// --- parameters ---
+
+static void parameters_are_found_and_copied(void **state) {
+    (void)state;
+    pm_params params = {0};
+    pm_param_entry *a = pm_params_add(&params, "a", 2, 3, true, 0.5, 1);
+    double *value = a->value;
+    assert_non_null(pm_params_add(&params, "fixed", 1, 2, false, 0.5, 7));
+    assert_non_null(pm_params_add(&params, "b", 1, 1, true, 0, -2));
+    assert_ptr_equal(pm_params_add(&params, "a", 2, 3, true, 0, 0)->value, value);
+    assert_null(pm_params_add(&params, "a", 3, 2, true, 0, 0));
+    assert_non_null(strstr(pm_error(), "2 x 3, expected 3 x 2"));
+    assert_null(pm_params_find(&params, "c"));
+    assert_int_equal(pm_params_trained(&params), 7);
+    double theta[7];
+    pm_params_gather(&params, theta);
+    assert_true(theta[0] == 1 && theta[5] == 1 && theta[6] == -2);
+    pm_rng rng;
+    pm_rng_init(&rng, 1, 0);
+    pm_params_randomise(&params, &rng);
+    assert_true(value[0] != 1 && pm_params_find(&params, "fixed")->value[1] == 7);
+    assert_true(pm_params_find(&params, "b")->value[0] == -2);
+    pm_params_scatter(&params, theta);
+    assert_true(value[0] == 1 && value[5] == 1);
+    pm_params_free(&params);
+    assert_int_equal(params.count, 0);
+}
+
+// --- features ---
+
+static void features_are_their_formulas(void **state) {
+    (void)state;
+    static const struct {
+        const char *expression;
+        int size;
+        double value[2];
+    } c[] = {
+        {"q", 2, {3, -4}},
+        {"|q|", 1, {5, 0}},
+        {"|q|^2", 1, {25, 0}},
+        {"s", 1, {-0.25, 0}},
+        {"ln|q|", 1, {1.6094379124341003, 0}},
+        {"<q,p>", 1, {-6.5, 0}},
+        {"q/|q|", 2, {0.6, -0.8}},
+        {"q/|q|^2", 2, {0.12, -0.16}},
+        {"|s|", 1, {0.25, 0}},
+        {"<s,s>", 1, {0.0625, 0}},
+    };
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z = pm_input(g, true, 1, 5);
+    pm_symbols symbols = {0};
+    pm_symbols_add(&symbols, g, &layout, "", z);
+    for (size_t i = 0; i < sizeof c / sizeof *c; ++i) {
+        int size = 0;
+        assert_int_equal(pm_feature_size(c[i].expression, &symbols, &size), PM_OK);
+        assert_int_equal(size, c[i].size);
+        const pm_node node = pm_feature_build(g, c[i].expression, &symbols);
+        pm_program *p = NULL;
+        assert_int_equal(pm_program_open(&p, g, 1, &node, 1), PM_OK);
+        memcpy(pm_program_value(p, z), state_values, sizeof state_values);
+        pm_program_run(p, 1);
+        for (int k = 0; k < size; ++k) {
+            check(c[i].expression, pm_program_value(p, node)[k], c[i].value[k], 1e-14);
+        }
+        pm_program_close(p);
+    }
+    pm_graph_close(g);
+}
+
+static void features_stay_finite_at_zero(void **state) {
+    (void)state;
+    static const char *const expression[] = {"|q|", "ln|q|", "q/|q|", "q/|q|^2"};
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z = pm_input(g, true, 1, 5);
+    pm_symbols symbols = {0};
+    pm_symbols_add(&symbols, g, &layout, "", z);
+    const pm_node all = pm_features_build(g, 4, expression, &symbols);
+    pm_node node[2] = {all};
+    pm_gradient(g, all, PM_NO_NODE, 1, &z, &node[1]);
+    pm_program *p = NULL;
+    assert_int_equal(pm_program_open(&p, g, 2, node, 1), PM_OK);
+    memset(pm_program_value(p, z), 0, 5 * sizeof(double));
+    pm_program_run(p, 1);
+    for (int i = 0; i < 2; ++i) {
+        for (int k = 0; k < pm_graph_shape(g, node[i]).cols; ++k) {
+            assert_true(isfinite(pm_program_value(p, node[i])[k]));
+        }
+    }
+    pm_program_close(p);
+    pm_graph_close(g);
+}
+
+// --- networks ---
+
+static void set(pm_params *params, const char *name, int count, const double *value) {
+    pm_param_entry *entry = pm_params_find(params, name);
+    assert_non_null(entry);
+    assert_int_equal(entry->rows * entry->cols, count);
+    memcpy(entry->value, value, (size_t)count * sizeof *value);
+}
+
+// f = W1 act(W0 x + b0) + b1 + linear x + quadratic x x, x = (features - mean) / deviation.
+static void networks_are_their_formulas(void **state) {
+    (void)state;
+    static const char *const feature[] = {"|q|", "s"};
+    static const int hidden[] = {1};
+    static const double mean[] = {4, -0.5}, deviation[] = {2, 0.25}, w0[] = {0.3, -0.7},
+                        b0[] = {0.1}, w1[] = {1.5}, b1[] = {-0.2}, linear[] = {0.4, 0.6},
+                        quadratic[] = {1, 2, 3, 4};
+    const double x[] = {0.5, 1}; // (5 - 4) / 2, (-0.25 + 0.5) / 0.25
+    const double h = 0.3 * x[0] - 0.7 * x[1] + 0.1;
+    const double act[] = {tanh(h), log1p(exp(h)), h / (1 + exp(-h))};
+    const double skip[] = {0, 0.4 * x[0] + 0.6 * x[1],
+                           0.4 * x[0] + 0.6 * x[1] + x[0] * x[0] + 5 * x[0] * x[1] +
+                               4 * x[1] * x[1]};
+    for (int i = 0; i < 9; ++i) {
+        const pm_network_spec spec = {
+            2, feature, 1, hidden, (pm_activation)(i % 3), (pm_skip)(i / 3)};
+        pm_graph *g = NULL;
+        assert_int_equal(pm_graph_open(&g), PM_OK);
+        pm_params params = {0};
+        pm_symbols symbols = {0};
+        const pm_node z = pm_input(g, true, 1, 5);
+        pm_symbols_add(&symbols, g, &layout, "", z);
+        assert_int_equal(pm_network_declare(&spec, &symbols, 1, NULL, &params, "n"), PM_OK);
+        set(&params, "n.mean", 2, mean);
+        set(&params, "n.deviation", 2, deviation);
+        set(&params, "n.layer0.weight", 2, w0);
+        set(&params, "n.layer0.bias", 1, b0);
+        set(&params, "n.output.weight", 1, w1);
+        set(&params, "n.output.bias", 1, b1);
+        if (spec.skip != PM_SKIP_NONE) {
+            set(&params, "n.linear", 2, linear);
+        }
+        if (spec.skip == PM_SKIP_QUADRATIC) {
+            set(&params, "n.quadratic", 4, quadratic);
+        }
+        const pm_node node = pm_network_build(g, &spec, &symbols, 1, &params, "n");
+        pm_program *p = NULL;
+        assert_int_equal(pm_program_open(&p, g, 1, &node, 1), PM_OK);
+        memcpy(pm_program_value(p, z), state_values, sizeof state_values);
+        pm_program_run(p, 1);
+        check("network", *pm_program_value(p, node), 1.5 * act[i % 3] - 0.2 + skip[i / 3], 1e-14);
+        pm_program_close(p);
+        pm_params_free(&params);
+        pm_graph_close(g);
+    }
+}
+
+// --- mistakes ---
+
+typedef struct mistake {
+    const char *text, *words;
+} mistake;
+
+#define E "energy: {features: [q, p, s], skip: linear}\n"
+#define ES E "entropy: {given: s}\n"
+#define MANY "q, q, q, q, q, q, q, q, q, q, q"
+
+static const mistake part_mistakes[] = {
+    {"entropy: {given: s}\n", "needs an energy"},
+    {E "irreversible: {learned: {acts_on: s}}\n", "needs an entropy"},
+    {"energy: {features: [v], skip: linear}\n", "there is no \"v\" here, only q, p, s"},
+    {"energy: {features: [\"|q\"], skip: linear}\n", "expected x, |x|"},
+    {"energy: {features: [\"<q,s>\"], skip: linear}\n", "do not fit together"},
+    {"energy: {features: [\"q/|p|\"], skip: linear}\n", "do not fit together"},
+    {"energy: {features: [" MANY ", " MANY ", " MANY "]}\n", "33 expressions, at most 32"},
+    {"energy: {given: v}\n", "\"v\""},
+    {E "reversible: {given: [[q, v, 1.0]]}\n", "[q, v] must name two groups here of equal size"},
+    {E "reversible: {given: [[q, s, 1.0]]}\n", "of equal size"},
+    {E "reversible: {given: [[q, q, 1.0]]}\n", "must name two groups"},
+    {E "reversible: {learned: {acts_on: [q, v]}}\n", "\"v\", which is not a group"},
+    {E "reversible: {learned: {acts_on: [q], features: [dE.v]}}\n", "\"dE.v\""},
+    {ES "reversible: {learned: {acts_on: [q], along: [s]}}\n", "has 1 components, q has 2"},
+    {ES "reversible: {learned: {acts_on: [s], along: [q, s]}}\n", "differ in size"},
+    {ES "irreversible: {learned: {acts_on: [p], along: [" MANY ", " MANY ", " MANY "]}}\n",
+     "at most 32"},
+};
+
+static const mistake port_mistakes[] = {
+    {"law: bracket\nenergy: {given: a.s}\n", "stores no energy"},
+    {"law: bracket\nreversible: {given: [[q, b.p, 1.0]]}\n", "[q, b.p]"},
+    {"law: bracket\nreversible: {learned: {acts_on: [a.q, c.q]}}\n", "\"c.q\""},
+    {"law: bracket\nreversible: {learned: {acts_on: [a.q], features: [own.q]}}\n", "\"own.q\""},
+    {"law: exchange\n", "cannot be hard"},
+    {"law: exchange\nform: soft\nenergy: {features: [a.q]}\n", "\"a.q\""},
+    {"law: exchange\nform: soft\nreversible: {learned: {acts_on: [other.q]}}\n", "not a group"},
+};
+
+static void check_mistake(const mistake *m, bool port) {
+    pm_arena arena = {0};
+    pm_yaml_document *document = NULL;
+    pm_yaml block;
+    pm_part part = {.layout = layout};
+    pm_port_model model = {.layout = {layout, layout}};
+    assert_int_equal(pm_yaml_parse(&document, m->text, "model", &block), PM_OK);
+    assert_int_equal(port ? pm_port_spec_read(block, &arena, &model.spec)
+                          : pm_part_spec_read(block, &arena, &part.spec),
+                     PM_OK);
+    const pm_status status = port ? pm_port_declare(&model) : pm_part_declare(&part);
+    if (status != PM_ECONFIG || strstr(pm_error(), m->words) == NULL ||
+        strchr(pm_error(), '\n') != NULL) {
+        fail_msg("%s: status %d, \"%s\", expected \"%s\"", m->text, status, pm_error(), m->words);
+    }
+    pm_port_free(&model);
+    pm_part_free(&part);
+    pm_yaml_close(document);
+    pm_arena_free(&arena);
+}
+
+static void mistakes_are_named(void **state) {
+    (void)state;
+    for (size_t i = 0; i < sizeof part_mistakes / sizeof *part_mistakes; ++i) {
+        check_mistake(&part_mistakes[i], false);
+    }
+    for (size_t i = 0; i < sizeof port_mistakes / sizeof *port_mistakes; ++i) {
+        check_mistake(&port_mistakes[i], true);
+    }
+    assert_null(pm_port_law_find("contract"));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(parameters_are_found_and_copied),
+        cmocka_unit_test(features_are_their_formulas),
+        cmocka_unit_test(features_stay_finite_at_zero),
+        cmocka_unit_test(networks_are_their_formulas),
+        cmocka_unit_test(mistakes_are_named),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,182 @@
+// What training is made from: windows cut from trajectories, and the constants fixed before it.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "normalise.h"
+#include "samples.h"
+#include "tests/property/world.h"
+
+#define NTRAJECTORY 3
+#define NTIME 9
+#define DT 0.1
+
+static const char scene[] =
+    "scene: one\n"
+    "time: {dt: 0.1, steps: 1, integrator: euler}\n"
+    "subsystems:\n"
+    "  a: {weights: a.h5, state: {q: {unit: m, columns: [x, y]}, s: {unit: J, columns: [s]}}}\n";
+static const char part[] =
+    "energy: {features: [\"|q|^2\", s], hidden: [2]}\n"
+    "entropy: {given: s}\n"
+    "reversible: {learned: {acts_on: [q, s], along: [q], features: [\"|q|\"], hidden: [2]}}\n";
+static const char *const columns[] = {"s", "y", "x"};
+
+// Polynomials of degree 4 in time, for which differences of fourth order are exact.
+static double value_at(int trajectory, int column, double t) {
+    const double a = 1 + trajectory, b = 0.5 * column - 1;
+    return a + b * t + a * t * t - b * t * t * t + 0.3 * a * b * t * t * t * t;
+}
+
+static double slope_at(int trajectory, int column, double t) {
+    const double a = 1 + trajectory, b = 0.5 * column - 1;
+    return b + 2 * a * t - 3 * b * t * t + 1.2 * a * b * t * t * t;
+}
+
+typedef struct bench {
+    world w;
+    pm_dataset *data;
+} bench;
+
+static void bench_open(bench *b) {
+    world_of_text(&b->w, 1, scene, part, NULL);
+    assert_int_equal(pm_dataset_new(&b->data, NTRAJECTORY, NTIME, 3, DT, columns), PM_OK);
+    for (int i = 0; i < NTRAJECTORY; ++i) {
+        for (int j = 0; j < NTIME; ++j) {
+            for (int k = 0; k < 3; ++k) {
+                pm_dataset_state(b->data, i, j)[k] = value_at(i, k, j * DT);
+            }
+        }
+    }
+}
+
+static void bench_close(bench *b) {
+    pm_dataset_free(b->data);
+    world_close(&b->w);
+}
+
+static void make(const bench *b, pm_samples *samples, pm_residual residual, int unroll) {
+    if (pm_samples_make(samples, b->w.scene, b->data, 1, 3, residual, unroll) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+}
+
+// Trajectories 1 and 2, columns in the scene's order x, y, s.
+static void windows_are_cut_in_order(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    make(&b, &samples, PM_RESIDUAL_STEP, 3);
+    const int per_trajectory = NTIME - 3;
+    assert_int_equal(samples.count, 2 * per_trajectory);
+    for (int i = 0; i < samples.count; ++i) {
+        for (int k = 0; k < 4 * 3; ++k) {
+            const double t = (i % per_trajectory + k / 3) * DT;
+            world_check(&b.w, "window", samples.z[i * 12 + k],
+                        value_at(1 + i / per_trajectory, 2 - k % 3, t), 0);
+        }
+    }
+    // The increments' root mean square, pooled over x and y.
+    double square[2] = {0, 0};
+    for (int i = 0; i < samples.count; ++i) {
+        for (int c = 0; c < 3; ++c) {
+            const double d = samples.z[i * 12 + 3 + c] - samples.z[i * 12 + c];
+            square[c / 2] += d * d / samples.count;
+        }
+    }
+    world_check(&b.w, "scale of x", samples.scale[0], sqrt(square[0] / 2), 1e-15);
+    world_check(&b.w, "scale of y", samples.scale[1], samples.scale[0], 0);
+    world_check(&b.w, "scale of s", samples.scale[2], sqrt(square[1]), 1e-15);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
+static void derivatives_are_of_fourth_order(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 7);
+    assert_int_equal(samples.unroll, 1);
+    assert_int_equal(samples.count, 2 * (NTIME - 4));
+    for (int i = 0; i < samples.count; ++i) {
+        for (int c = 0; c < 3; ++c) {
+            const double *z = samples.z + (ptrdiff_t)i * 6;
+            const double t = (i % (NTIME - 4) + 2) * DT;
+            world_check(&b.w, "derivative", (z[3 + c] - z[c]) / DT,
+                        slope_at(1 + i / (NTIME - 4), 2 - c, t), 1e-12);
+        }
+    }
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
+static void too_short_is_an_error(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_STEP, NTIME),
+                     PM_EDATA);
+    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 2, 2, PM_RESIDUAL_STEP, 1),
+                     PM_EDATA);
+    b.data->ntime = 4;
+    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_DERIVATIVE, 1),
+                     PM_EDATA);
+    bench_close(&b);
+}
+
+// --- constants ---
+
+static const double *constant(const bench *b, const char *name) {
+    const pm_param_entry *entry = pm_params_find(&b->w.system->part[0].params, name);
+    assert_non_null(entry);
+    assert_false(entry->trained);
+    return entry->value;
+}
+
+static void constants_are_the_statistics_of_the_data(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    make(&b, &samples, PM_RESIDUAL_STEP, 1);
+    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
+    double mean = 0, square = 0, length = 0, q2 = 0, s2 = 0;
+    for (int i = 0; i < samples.count; ++i) {
+        const double *z = samples.z + (ptrdiff_t)i * 6;
+        const double f = z[0] * z[0] + z[1] * z[1];
+        mean += f / samples.count;
+        square += f * f / samples.count;
+        length += sqrt(f) / samples.count;
+        q2 += f / (2 * samples.count);
+        s2 += z[2] * z[2] / samples.count;
+    }
+    const double deviation = sqrt(square - mean * mean), tolerance = 1e-12 * mean;
+    world_check(&b.w, "mean of |q|^2", constant(&b, "energy.0.mean")[0], mean, tolerance);
+    world_check(&b.w, "deviation", constant(&b, "energy.0.deviation")[0], deviation, tolerance);
+    world_check(&b.w, "mean of |q|", constant(&b, "reversible.matrix.mean")[0], length, tolerance);
+    world_check(&b.w, "length of q", constant(&b, "reversible.along")[0], sqrt(2 * q2), tolerance);
+    const double *scale = constant(&b, "reversible.scale");
+    world_check(&b.w, "scale x / scale y", scale[0] / scale[1], 1, 0);
+    world_check(&b.w, "scale q / scale s", scale[0] / scale[2], sqrt(q2 / s2), 1e-12);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(windows_are_cut_in_order),
+        cmocka_unit_test(derivatives_are_of_fourth_order),
+        cmocka_unit_test(too_short_is_an_error),
+        cmocka_unit_test(constants_are_the_statistics_of_the_data),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
