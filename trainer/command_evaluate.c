@@ -27,7 +27,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--record", NULL, "FILE", NULL, &a->record, false,
          "write the predicted trajectories as a dataset like the given one"},
         {"--plot", NULL, "DIR", NULL, &a->plot, false,
-         "draw box plots and the first trajectory into DIR (needs gnuplot)"},
+         "draw errors, error growth, laws and the first trajectory into DIR (gnuplot)"},
         {"--json", NULL, NULL, &a->json, NULL, false, "print JSON instead of tables"},
     };
     const pm_options options = {

@@ -16,23 +16,23 @@
 
 // --- one rollout ---
 
-static double total_energy(const pm_sample *sample, int nsubsystem) {
-    double sum = 0;
-    for (int i = 0; i < nsubsystem; ++i) {
-        sum += sample->energy[i];
-    }
-    return sum;
-}
-
 static void book(pm_rollout *rollout, const pm_assembly *assembly) {
     pm_sample sample = *pm_assembly_sample(assembly);
     if (pm_ledger_book(&rollout->ledger, &sample) != PM_OK && rollout->violation[0] == 0) {
         snprintf(rollout->violation, sizeof rollout->violation, "trajectory %d: %.200s",
                  rollout->trajectory, pm_error());
     }
-    const double energy = total_energy(&sample, rollout->ledger.system->scene->nsubsystem);
+    const pm_ledger *ledger = &rollout->ledger;
     rollout->energy_drift =
-        fmax(rollout->energy_drift, fabs(energy - rollout->ledger.first_energy));
+        fmax(rollout->energy_drift, fabs(ledger->energy - ledger->first_energy));
+}
+
+// The state just reached.
+static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index, const double *z) {
+    const int j = rollout->reached++;
+    pm_columns_to_row(&e->columns, z, pm_dataset_state(e->predicted, index, j));
+    rollout->energy[j] = rollout->ledger.energy;
+    rollout->entropy[j] = rollout->ledger.entropy;
 }
 
 // Steps to the next state of the dataset; false once the state is not finite.
@@ -73,12 +73,9 @@ static void roll(const pm_evaluation *e, pm_assembly *assembly, int index, doubl
     pm_assembly_set_state(assembly, z);
     pm_ledger_init(&rollout->ledger, e->system);
     book(rollout, assembly);
-    pm_columns_to_row(&e->columns, z, pm_dataset_state(e->predicted, index, 0));
-    rollout->reached = 1;
+    keep_state(e, rollout, index, z);
     while (rollout->reached < e->truth->ntime && advance(rollout, assembly, e->stride)) {
-        pm_columns_to_row(&e->columns, pm_assembly_sample(assembly)->z,
-                          pm_dataset_state(e->predicted, index, rollout->reached));
-        ++rollout->reached;
+        keep_state(e, rollout, index, pm_assembly_sample(assembly)->z);
     }
     for (int i = rollout->reached; i < e->truth->ntime; ++i) {
         memcpy(pm_dataset_state(e->predicted, index, i),
@@ -196,7 +193,10 @@ static pm_status allocate(pm_evaluation *e, int first) {
         rollout->trajectory = first + i;
         rollout->error = pm_arena_array(&e->arena, ngroup, sizeof(double));
         rollout->snapshot = pm_arena_array(&e->arena, ntime * ngroup, sizeof(double));
-        made = rollout->error != NULL && rollout->snapshot != NULL;
+        rollout->energy = pm_arena_array(&e->arena, ntime, sizeof(double));
+        rollout->entropy = pm_arena_array(&e->arena, ntime, sizeof(double));
+        made = rollout->error != NULL && rollout->snapshot != NULL && rollout->energy != NULL &&
+               rollout->entropy != NULL;
     }
     if (!made) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");

@@ -18,6 +18,8 @@ typedef struct pm_rollout {
     int reached;      // states that are finite; the dataset's ntime if it went all the way
     double *error;    // [ngroup] over the trajectory; infinite if it did not go all the way
     double *snapshot; // [ntime][ngroup] per state; infinite from `reached` on
+    double *energy;   // [ntime] J, total per state, 0 from `reached` on; zero if not defined
+    double *entropy;  // [ntime] J/K, likewise
     pm_ledger ledger;
     char violation[256];     // what the ledger says of a hard component that violates a law, or ""
     double energy_drift;     // J, largest |E(t) - E(0)|

@@ -1,104 +1,42 @@
-// Data files, gnuplot scripts, and gnuplot run on them inside the folder.
+// gnuplot scripts, and gnuplot run on them inside the folder.
 #include "evaluate_plot.h"
 
 #include <errno.h>
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-static pm_status open_file(FILE **file, const char *folder, const char *name) {
-    char path[4096];
-    if ((size_t)snprintf(path, sizeof path, "%s/%s", folder, name) >= sizeof path) {
-        return pm_fail(PM_EFILE, "%s: the path is too long", folder);
-    }
-    *file = fopen(path, "w");
-    return *file != NULL ? PM_OK : pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+#include "evaluate_plot_data.h"
+
+// The colours of Okabe and Ito, which stay apart for every kind of eye.
+static const char *const colours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                      "#e69f00", "#56b4e9", "#666666"};
+
+static const char *colour_of(int i) {
+    return colours[i % (int)(sizeof colours / sizeof *colours)];
 }
 
-static pm_status close_file(FILE *file, const char *folder) {
-    const int failed = ferror(file);
-    return fclose(file) == 0 && !failed ? PM_OK : pm_fail(PM_EFILE, "%s: cannot write", folder);
-}
-
-// --- data ---
-
-// Per cent. The logarithmic axis has no place for 0 and infinity; these stand for them.
-static double plotted(double error) {
-    return fmin(fmax(100 * error, 1e-12), 1e3);
-}
-
-// A row per trajectory, or per state: the errors of all groups.
-static pm_status write_errors(const pm_evaluation *e, const char *folder, bool snapshots) {
-    FILE *file;
-    PM_TRY(open_file(&file, folder, snapshots ? "snapshots.txt" : "trajectories.txt"));
-    const int ngroup = e->columns.ngroup;
-    for (int i = 0; i < e->count; ++i) {
-        const pm_rollout *r = &e->rollout[i];
-        for (int j = snapshots ? 1 : 0; j < (snapshots ? e->truth->ntime : 1); ++j) {
-            fprintf(file, "%d %.9g", r->trajectory, e->truth->t[j]);
-            for (int g = 0; g < ngroup; ++g) {
-                fprintf(file, " %.9g",
-                        plotted(snapshots ? r->snapshot[j * ngroup + g] : r->error[g]));
-            }
-            fputc('\n', file);
-        }
-    }
-    return close_file(file, folder);
-}
-
-// A row per time: all components of the truth, then all of the prediction, of the first rollout.
-static pm_status write_states(const pm_evaluation *e, const char *folder) {
-    FILE *file;
-    PM_TRY(open_file(&file, folder, "states.txt"));
-    for (int j = 0; j < e->truth->ntime; ++j) {
-        const double *row[2] = {pm_dataset_state(e->truth, e->rollout[0].trajectory, j),
-                                pm_dataset_state(e->predicted, 0, j)};
-        fprintf(file, "%.9g", e->truth->t[j]);
-        for (int k = 0; k < 2; ++k) {
-            for (int i = 0; i < e->columns.nz; ++i) {
-                fprintf(file, " %.9g", row[k][e->columns.column[i]]);
-            }
-        }
-        fputc('\n', file);
-    }
-    return close_file(file, folder);
-}
+// Of the truth, beyond which they would run together.
+#define MOST_POINTS 250
 
 // --- scripts ---
 
-static pm_status script_errors(const pm_evaluation *e, const char *folder) {
-    FILE *file;
-    PM_TRY(open_file(&file, folder, "errors.gp"));
-    fprintf(file, "set terminal png size 900,450\n"
-                  "set output 'errors.png'\n"
-                  "set multiplot layout 1,2\n"
-                  "set style fill solid 0.3 border -1\n"
-                  "set style data boxplot\n"
-                  "set boxwidth 0.5\n"
-                  "set logscale y\n"
-                  "set format y '%%g'\n"
-                  "set grid y\n"
-                  "set ylabel 'relative L2 error, %%'\n"
-                  "unset key\n"
-                  "set xtics (");
-    for (int g = 0; g < e->columns.ngroup; ++g) {
-        fprintf(file, "%s'%s' %d", g > 0 ? ", " : "", e->columns.group_name[g], g + 1);
-    }
-    fprintf(file, ")\nset xrange [0.4:%d.6]\n", e->columns.ngroup);
-    for (int k = 0; k < 2; ++k) {
-        const char *what = k == 0 ? "trajectory" : "snapshot";
-        const char *data = k == 0 ? "trajectories.txt" : "snapshots.txt";
-        fprintf(file, "set title 'per %s'\nplot ", what);
-        for (int g = 0; g < e->columns.ngroup; ++g) {
-            fprintf(file, "%s'%s' using (%d):%d pointtype 7 pointsize 0.4", g > 0 ? ", " : "", data,
-                    g + 1, g + 3);
-        }
-        fputc('\n', file);
-    }
-    return close_file(file, folder);
+// Opens a script for `name`.png of the given size: thin grey frame, light grid, no tics outside.
+static pm_status open_script(FILE **file, const char *folder, const char *name, int width,
+                             int height) {
+    char path[64];
+    snprintf(path, sizeof path, "%s.gp", name);
+    PM_TRY(pm_plot_open(file, folder, path));
+    fprintf(*file,
+            "set terminal pngcairo size %d,%d font 'DejaVu Sans,11' background 'white'\n"
+            "set output '%s.png'\n"
+            "set border 3 linecolor '#555555'\n"
+            "set tics nomirror out textcolor '#222222'\n"
+            "set grid linetype 1 linecolor '#e4e4e4'\n"
+            "set key noautotitle samplen 2 spacing 1.1\n",
+            width, height, name);
+    return PM_OK;
 }
 
 // The unit of a group, wherever it is.
@@ -112,35 +50,131 @@ static const char *unit_of(const pm_scene *scene, const char *group) {
     return "";
 }
 
+static void write_log_axis(FILE *file, const char *label) {
+    fprintf(file, "set logscale y\nunset mytics\nset format y '10^{%%L}'\nset ylabel '%s'\n",
+            label);
+}
+
+static pm_status script_errors(const pm_evaluation *e, const char *folder) {
+    FILE *file;
+    PM_TRY(open_script(&file, folder, "errors", 900, 450));
+    fprintf(file, "set multiplot layout 1,2\n"
+                  "set style fill solid 0.35\n"
+                  "set style data boxplot\n"
+                  "set boxwidth 0.5\n"
+                  "set grid noxtics ytics\n"
+                  "set xtics scale 0 (");
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        fprintf(file, "%s'%s' %d", g > 0 ? ", " : "", e->columns.group_name[g], g + 1);
+    }
+    fprintf(file, ")\nset xrange [0.4:%d.6]\n", e->columns.ngroup);
+    write_log_axis(file, "relative L_2 error, %");
+    for (int k = 0; k < 2; ++k) {
+        fprintf(file, "set title 'per %s (%d)'\nplot ", k == 0 ? "trajectory" : "snapshot",
+                k == 0 ? e->count : e->count * (e->truth->ntime - 1));
+        for (int g = 0; g < e->columns.ngroup; ++g) {
+            fprintf(file,
+                    "%s'%s' using (%d):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s'",
+                    g > 0 ? ", " : "", k == 0 ? "trajectories.txt" : "snapshots.txt", g + 1, g + 3,
+                    colour_of(g));
+        }
+        fputc('\n', file);
+    }
+    return pm_plot_close(file, folder);
+}
+
+// Lines for what was predicted over points for the truth, a panel per group.
 static pm_status script_states(const pm_evaluation *e, const char *folder) {
     FILE *file;
-    PM_TRY(open_file(&file, folder, "trajectory.gp"));
     const pm_columns *c = &e->columns;
+    const int every = e->truth->ntime / MOST_POINTS + 1;
+    PM_TRY(open_script(&file, folder, "trajectory", 1000, 50 + 250 * c->ngroup));
     fprintf(file,
-            "set terminal png size 900,%d\n"
-            "set output 'trajectory.png'\n"
-            "set multiplot layout %d,1 title 'trajectory %d: predicted (lines), true (points)'\n"
-            "set key outside right\n"
-            "set lmargin 12\n"
-            "set grid\n",
-            60 + 260 * c->ngroup, c->ngroup, e->rollout[0].trajectory);
+            "set multiplot layout %d,1 title 'Trajectory %d: predicted (lines), true (points)'\n"
+            "set key outside right top\n"
+            "set lmargin 11\n"
+            "set rmargin 10\n"
+            "set xrange [%.9g:%.9g]\n",
+            c->ngroup, e->rollout[0].trajectory, e->truth->t[0], e->truth->t[e->truth->ntime - 1]);
     for (int g = 0; g < c->ngroup; ++g) {
         fprintf(file, "set ylabel '%s, %s'\nset xlabel '%s'\nplot ", c->group_name[g],
                 unit_of(e->system->scene, c->group_name[g]), g + 1 < c->ngroup ? "" : "time, s");
-        int colour = 0;
+        int count = 0;
         for (int i = 0; i < c->nz; ++i) {
             if (c->group[i] == g) {
-                ++colour;
+                const char *colour = colour_of(count++);
                 fprintf(file,
-                        "%s'states.txt' using 1:%d with points pointtype 7 pointsize 0.4 "
-                        "linecolor %d notitle, '' using 1:%d with lines linecolor %d title '%s'",
-                        colour > 1 ? ", " : "", i + 2, colour, c->nz + i + 2, colour,
+                        "%s'states.txt' every %d using 1:%d with points pointtype 7 pointsize 0.45 "
+                        "linecolor '%s', '' using 1:%d with lines linewidth 1.2 linecolor '%s' "
+                        "title '%s'",
+                        count > 1 ? ", " : "", every, i + 2, colour, c->nz + i + 2, colour,
                         e->truth->column[c->column[i]]);
             }
         }
         fputc('\n', file);
     }
-    return close_file(file, folder);
+    return pm_plot_close(file, folder);
+}
+
+// A median line in its bands: quartiles, and with `extremes` lighter from smallest to largest.
+// `first` is the column of the smallest.
+static void write_band(FILE *file, const char *data, int first, const char *colour, bool extremes) {
+    if (extremes) {
+        fprintf(file,
+                "'%s' using 1:%d:%d with filledcurves fillcolor '%s' fillstyle transparent solid "
+                "0.12 noborder title 'smallest to largest', ",
+                data, first + PM_PLOT_LOW, first + PM_PLOT_HIGH, colour);
+    }
+    fprintf(file,
+            "'%s' using 1:%d:%d with filledcurves fillcolor '%s' fillstyle transparent solid 0.3 "
+            "noborder title 'quartiles', '' using 1:%d with lines linewidth 1.6 linecolor '%s' "
+            "title 'median'\n",
+            data, first + PM_PLOT_FIRST, first + PM_PLOT_THIRD, colour, first + PM_PLOT_MEDIAN,
+            colour);
+}
+
+static void write_time_axis(FILE *file, const pm_evaluation *e) {
+    fprintf(file, "set xlabel 'time, s'\nset xrange [0:%.9g]\n",
+            e->truth->t[e->truth->ntime - 1] - e->truth->t[0]);
+}
+
+static pm_status script_growth(const pm_evaluation *e, const char *folder) {
+    FILE *file;
+    const int ngroup = e->columns.ngroup;
+    PM_TRY(open_script(&file, folder, "growth", 1000, 60 + 250 * ngroup));
+    fprintf(file,
+            "set multiplot layout %d,1 title 'Error growth over %d trajectories'\n"
+            "set key outside right top\nset lmargin 11\nset rmargin 15\n",
+            ngroup, e->count);
+    write_time_axis(file, e);
+    for (int g = 0; g < ngroup; ++g) {
+        char label[128];
+        snprintf(label, sizeof label, "relative error of %s, %%", e->columns.group_name[g]);
+        write_log_axis(file, label);
+        fprintf(file, "set xlabel '%s'\n%splot ", g + 1 < ngroup ? "" : "time, s",
+                g == 1 ? "set key off\n" : "");
+        write_band(file, "growth.txt", 2 + PM_PLOT_SPREAD * g, colour_of(g), false);
+    }
+    return pm_plot_close(file, folder);
+}
+
+static pm_status script_laws(const pm_evaluation *e, const char *folder) {
+    FILE *file;
+    PM_TRY(open_script(&file, folder, "laws", 1000, 640));
+    fprintf(file,
+            "set multiplot layout 2,1 title 'Both laws over %d trajectories'\n"
+            "set key outside right top\nset lmargin 13\nset rmargin 24\n",
+            e->count);
+    write_time_axis(file, e);
+    fputs("set xlabel ''\nset title 'total energy drifts'\n", file);
+    write_log_axis(file, "|E(t) - E(0)|, J");
+    fputs("plot ", file);
+    write_band(file, "laws.txt", 2, colour_of(0), true);
+    fputs("unset logscale y\nset format y '%g'\nset xlabel 'time, s'\nset key off\n"
+          "set title 'total entropy rises'\nset ylabel 'S(t) - S(0), J/K'\nplot ",
+          file);
+    write_band(file, "laws.txt", 2 + PM_PLOT_SPREAD, colour_of(2), true);
+    return pm_plot_close(file, folder);
 }
 
 // --- gnuplot ---
@@ -172,11 +206,16 @@ pm_status pm_evaluation_plot(const pm_evaluation *e, const char *folder) {
     if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
         return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
     }
-    PM_TRY(write_errors(e, folder, false));
-    PM_TRY(write_errors(e, folder, true));
-    PM_TRY(write_states(e, folder));
+    PM_TRY(pm_plot_write_data(e, folder));
     PM_TRY(script_errors(e, folder));
     PM_TRY(script_states(e, folder));
+    PM_TRY(script_growth(e, folder));
     PM_TRY(run_gnuplot(folder, "errors.gp"));
-    return run_gnuplot(folder, "trajectory.gp");
+    PM_TRY(run_gnuplot(folder, "trajectory.gp"));
+    PM_TRY(run_gnuplot(folder, "growth.gp"));
+    if (pm_system_without_energy(e->system) >= 0) {
+        return PM_OK;
+    }
+    PM_TRY(script_laws(e, folder));
+    return run_gnuplot(folder, "laws.gp");
 }

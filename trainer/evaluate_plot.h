@@ -1,12 +1,14 @@
-// An evaluation as pictures, as in the paper: box plots of the errors per group and one trajectory
-// against the truth. Drawn by gnuplot from files that are left beside the pictures.
+// An evaluation as pictures, drawn by gnuplot from files that are left beside them:
+//   errors.png      box plots of the errors per group, as in the paper
+//   trajectory.png  the first trajectory against the truth
+//   growth.png      error per snapshot against time: median and quartiles over the trajectories
+//   laws.png        total energy and entropy against time; only where they are defined
 #ifndef PM_TRAINER_EVALUATE_PLOT_H
 #define PM_TRAINER_EVALUATE_PLOT_H
 
 #include "evaluate.h"
 
-// Makes `folder` if it is missing and writes errors.png and trajectory.png with their data and
-// scripts. PM_EFILE: cannot write, gnuplot missing or failing.
+// Makes `folder` if it is missing. PM_EFILE: cannot write, gnuplot missing or failing; PM_ENOMEM.
 pm_status pm_evaluation_plot(const pm_evaluation *evaluation, const char *folder);
 
 #endif

@@ -50,8 +50,14 @@ static void print_worst(const char *what, double residual, const char *at, int t
     printf("\n");
 }
 
-static void print_laws(const summary *s) {
+static void print_laws(const pm_evaluation *e, const summary *s) {
     printf("\nBoth laws\n");
+    const int without = pm_system_without_energy(e->system);
+    if (without >= 0) {
+        printf("  not defined: %s is free of structure and has no energy\n",
+               e->system->scene->subsystem[without].name);
+        return;
+    }
     if (s->energy == NULL) {
         print_worst("worst energy residual", 0, NULL, 0, 0);
     } else {
@@ -100,7 +106,7 @@ void pm_evaluation_print(const pm_evaluation *e) {
         print_box(e->columns.group_name[g], "snapshot", &e->snapshot[g]);
     }
     print_failures(e);
-    print_laws(&s);
+    print_laws(e, &s);
     printf("\nTime per step: %.1f us (%s, %d substeps)\n", 1e6 * s.seconds_per_step,
            e->system->scene->integrator, e->system->scene->substeps);
 }
@@ -155,7 +161,11 @@ static void json_groups(const pm_evaluation *e) {
     printf("  },\n");
 }
 
-static void json_laws(const summary *s) {
+static void json_laws(const pm_evaluation *e, const summary *s) {
+    if (pm_system_without_energy(e->system) >= 0) {
+        printf("  \"laws\": null,\n");
+        return;
+    }
     printf("  \"laws\": {");
     json_number("worst_energy_residual", s->energy == NULL ? 0 : s->energy->ledger.worst_energy,
                 ", ");
@@ -190,7 +200,7 @@ void pm_evaluation_print_json(const pm_evaluation *e) {
     printf("\"nonfinite\": %d, ", pm_evaluation_failures(e));
     json_number("seconds_per_step", s.seconds_per_step, ",\n");
     json_groups(e);
-    json_laws(&s);
+    json_laws(e, &s);
     json_rollouts(e);
     printf("}\n");
 }

@@ -36,7 +36,8 @@ static void print_header(const pm_setup *setup, int rounds) {
 }
 
 static const char *form_name(pm_form form) {
-    return form == PM_HARD ? "hard" : "soft";
+    static const char *const names[] = {[PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free"};
+    return names[form];
 }
 
 static void print_weights(const pm_params *params, const pm_provenance *provenance) {
@@ -101,6 +102,11 @@ static void print_skipped(const pm_setup *setup) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_part *part = &setup->system->part[i];
         const char *name = scene->subsystem[i].name;
+        if (part->spec.form == PM_FREE) {
+            printf("  %s: free: energy and entropy are not defined, and neither law is checked\n",
+                   name);
+            continue;
+        }
         if (!pm_part_has_entropy(part)) {
             printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
         }
@@ -113,6 +119,9 @@ static void print_skipped(const pm_setup *setup) {
     }
     for (int i = 0; i < scene->nport; ++i) {
         const pm_port_spec *spec = &setup->system->port[i].spec;
+        if (spec->form == PM_FREE) {
+            continue;
+        }
         if (operator_is_empty(&spec->reversible)) {
             printf("  %s: reversible exchange: none\n", scene->port[i].name);
         }

@@ -107,8 +107,12 @@ static void print_flux(const pm_report *report, int subsystem, const char *throu
                        energy_entropy sum) {
     const pm_setup *setup = report->setup;
     const double steps = report->steps > 0 ? (double)report->steps : 1;
-    printf("  %-16s %-16s %+15.6e", setup->scene->subsystem[subsystem].name, through,
-           sum.energy / steps);
+    printf("  %-16s %-16s", setup->scene->subsystem[subsystem].name, through);
+    if (pm_part_has_energy(&setup->system->part[subsystem])) {
+        printf(" %+15.6e", sum.energy / steps);
+    } else {
+        printf(" %15s", "no energy");
+    }
     if (pm_part_has_entropy(&setup->system->part[subsystem])) {
         printf(" %+15.6e\n", sum.entropy / steps);
     } else {
@@ -161,6 +165,12 @@ static void print_worst(const char *what, double residual, double tolerance, con
 
 static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     const pm_scene *scene = report->setup->scene;
+    const int without = pm_system_without_energy(report->setup->system);
+    if (without >= 0) {
+        printf("\nBoth laws\n  not defined: %s is free of structure and has no energy\n",
+               scene->subsystem[without].name);
+        return;
+    }
     printf("\n%-18s %15s %15s %15s\n", "Both laws", "start", "end", "change");
     print_total("energy, J", ledger->first_energy, ledger->energy);
     print_total("entropy, J/K", ledger->first_entropy, ledger->entropy);

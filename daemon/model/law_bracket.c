@@ -30,6 +30,10 @@ static pm_operator irreversible(const pm_port_model *port) {
 }
 
 static pm_status declare(pm_port_model *port) {
+    if (port->spec.form == PM_FREE) {
+        return pm_fail(PM_ECONFIG, "law bracket cannot be free: it is a structure; use law "
+                                   "exchange");
+    }
     if (pm_potential_exists(&port->spec.energy) || pm_potential_exists(&port->spec.entropy)) {
         return pm_fail(PM_ECONFIG, "a bracket port stores no energy: energy and entropy belong to "
                                    "law exchange, or into the subsystems");

@@ -1,15 +1,16 @@
 // The port law `exchange`, the boundary terms of equation (1): each end has potentials and
 // operators of its own over its exposed groups ("own.q"), whose networks also see what the
 // neighbour shows
-// ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun).
+// ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun); in the free form the rate
+// is one network of all these.
 // Nothing makes the two ends' fluxes cancel: the ledger measures how well they do.
-#include "model/operator.h"
+#include "model/flow.h"
 #include "model/port.h"
 #include "model/potential.h"
 
 // One end's boundary term: names of its parameters, and where it acts.
 typedef struct boundary {
-    const char *energy, *entropy;
+    const char *energy, *entropy, *rate;
     pm_operator L, M;
 } boundary;
 
@@ -19,6 +20,7 @@ static boundary boundary_of(const pm_port_model *port, pm_end own) {
     return (boundary){
         a ? "a.energy" : "b.energy",
         a ? "a.entropy" : "b.entropy",
+        a ? "a.rate" : "b.rate",
         {&spec->reversible, PM_REVERSIBLE, PM_SOFT, a ? "a.reversible" : "b.reversible"},
         {&spec->irreversible, PM_IRREVERSIBLE, PM_SOFT, a ? "a.irreversible" : "b.irreversible"},
     };
@@ -37,16 +39,31 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
     return site;
 }
 
-static pm_status declare(pm_port_model *port) {
-    if (port->spec.form == PM_HARD) {
+static pm_status check_form(const pm_port_spec *spec) {
+    if (spec->form == PM_HARD) {
         return pm_fail(PM_ECONFIG, "law exchange cannot be hard: nothing in it makes the two ends' "
                                    "fluxes cancel; use law bracket, or form: soft");
     }
+    if (spec->form == PM_FREE &&
+        (pm_potential_exists(&spec->energy) || pm_potential_exists(&spec->entropy) ||
+         pm_operator_exists(&spec->reversible) || pm_operator_exists(&spec->irreversible))) {
+        return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no energy, entropy, "
+                                   "reversible or irreversible operator");
+    }
+    return PM_OK;
+}
+
+static pm_status declare(pm_port_model *port) {
+    PM_TRY(check_form(&port->spec));
     static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
                                           {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     for (int own = 0; own < 2; ++own) {
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, NULL, (pm_end)own, none);
+        if (port->spec.form == PM_FREE) {
+            PM_TRY(pm_flow_declare(&port->spec.rate, &site, &port->params, b.rate));
+            continue;
+        }
         PM_TRY(pm_potential_declare(&port->spec.energy, &site.symbols, &port->params, b.energy));
         PM_TRY(pm_potential_declare(&port->spec.entropy, &site.symbols, &port->params, b.entropy));
         PM_TRY(pm_operator_declare(&b.L, &site, &port->params));
@@ -60,6 +77,9 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     const boundary b = boundary_of(port, own);
     const pm_site site = site_of(port, g, own, end);
     const pm_params *params = &port->params;
+    if (port->spec.form == PM_FREE) {
+        return pm_flow_build(g, &port->spec.rate, &site, params, b.rate);
+    }
     const pm_node E = pm_potential_build(g, &port->spec.energy, &site.symbols, params, b.energy);
     const pm_node S = pm_potential_build(g, &port->spec.entropy, &site.symbols, params, b.entropy);
     pm_node dE = PM_NO_NODE, dS = PM_NO_NODE;
@@ -78,6 +98,10 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, g, (pm_end)own, end);
         const pm_symbols *symbols = &site.symbols;
+        if (port->spec.form == PM_FREE) {
+            PM_TRY(pm_flow_visit(&port->spec.rate, &site, b.rate, visitor, context));
+            continue;
+        }
         PM_TRY(pm_potential_visit(&port->spec.energy, symbols, b.energy, visitor, context));
         PM_TRY(pm_potential_visit(&port->spec.entropy, symbols, b.entropy, visitor, context));
         PM_TRY(pm_operator_visit(&b.L, &site, visitor, context));

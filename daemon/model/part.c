@@ -1,7 +1,7 @@
 // A subsystem's E, S and bulk term.
 #include "model/part.h"
 
-#include "model/operator.h"
+#include "model/flow.h"
 #include "model/potential.h"
 
 // The state's groups by name, and its co-energies "dE.<group>", "dS.<group>".
@@ -29,7 +29,21 @@ static pm_operator irreversible(const pm_part *part) {
                          "irreversible"};
 }
 
+static pm_status declare_free(pm_part *part) {
+    const pm_part_spec *spec = &part->spec;
+    if (pm_potential_exists(&spec->energy) || pm_potential_exists(&spec->entropy) ||
+        pm_operator_exists(&spec->reversible) || pm_operator_exists(&spec->irreversible)) {
+        return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no energy, entropy, "
+                                   "reversible or irreversible operator");
+    }
+    const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
+    return pm_flow_declare(&spec->rate, &site, &part->params, "rate");
+}
+
 pm_status pm_part_declare(pm_part *part) {
+    if (part->spec.form == PM_FREE) {
+        return declare_free(part);
+    }
     if (!pm_potential_exists(&part->spec.energy)) {
         return pm_fail(PM_ECONFIG, "a subsystem needs an energy");
     }
@@ -49,11 +63,18 @@ void pm_part_free(pm_part *part) {
     pm_params_free(&part->params);
 }
 
+bool pm_part_has_energy(const pm_part *part) {
+    return part->spec.form != PM_FREE;
+}
+
 bool pm_part_has_entropy(const pm_part *part) {
     return pm_potential_exists(&part->spec.entropy);
 }
 
 pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z) {
+    if (!pm_part_has_energy(part)) {
+        return pm_constant(g, 0, 1, 1);
+    }
     const pm_symbols symbols = state_symbols(part, g, z);
     return pm_potential_build(g, &part->spec.energy, &symbols, &part->params, "energy");
 }
@@ -66,6 +87,9 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
 pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
                      pm_node *degeneracy) {
     const pm_site site = site_of(part, g, z, dE, dS);
+    if (part->spec.form == PM_FREE) {
+        return pm_flow_build(g, &part->spec.rate, &site, &part->params, "rate");
+    }
     const pm_operator L = reversible(part), M = irreversible(part);
     const pm_node from_energy = pm_operator_build(g, &L, &site, &part->params, dE, dS, degeneracy);
     const pm_node from_entropy = pm_operator_build(g, &M, &site, &part->params, dS, dE, degeneracy);
@@ -75,6 +99,9 @@ pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm
 pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS,
                         pm_normaliser_visit *visit, void *context) {
     const pm_site site = site_of(part, g, z, dE, dS);
+    if (part->spec.form == PM_FREE) {
+        return pm_flow_visit(&part->spec.rate, &site, "rate", visit, context);
+    }
     const pm_operator L = reversible(part), M = irreversible(part);
     PM_TRY(pm_potential_visit(&part->spec.energy, &site.symbols, "energy", visit, context));
     PM_TRY(pm_potential_visit(&part->spec.entropy, &site.symbols, "entropy", visit, context));

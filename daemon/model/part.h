@@ -20,6 +20,8 @@ typedef struct pm_part {
 pm_status pm_part_declare(pm_part *part);
 void pm_part_free(pm_part *part); // the parameters
 
+// False in the free form, where energy is not defined; E is then zero, and so are the fluxes.
+bool pm_part_has_energy(const pm_part *part);
 // True if the subsystem has an entropy at all; otherwise S, M and eta are nowhere evaluated.
 bool pm_part_has_entropy(const pm_part *part);
 
@@ -29,7 +31,7 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
 
 // The bulk term [1][nz] (PM_NO_NODE if nothing acts), and the squared degeneracy residual
 // |L dS|^2 + |M dE|^2 [1][1] in scaled coordinates (PM_NO_NODE where the form makes it zero).
-// dS may be PM_NO_NODE.
+// dE and dS may be PM_NO_NODE.
 pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
                      pm_node *degeneracy);
 

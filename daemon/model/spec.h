@@ -89,25 +89,28 @@ typedef struct pm_operator_spec {
 } pm_operator_spec;
 
 // hard: degeneracy by projection, both laws hold whatever the weights. soft: degeneracy is a
-// penalty.
-typedef enum pm_form { PM_HARD, PM_SOFT } pm_form;
+// penalty. free: no structure at all, the rate is a network; a baseline.
+typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 
-// A subsystem: zdot_bulk = L dE + M dS.
+// A subsystem: zdot_bulk = L dE + M dS; free: zdot_bulk = rate, and there is nothing else.
 typedef struct pm_part_spec {
     pm_form form;
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
+    pm_network_spec rate; // free only
 } pm_part_spec;
 
 // A port between ends a and b; groups are named "a.q", "b.s", co-energies "a.dE.s".
 // bracket: reversible and irreversible act on the exposed groups of both ends.
-// exchange (soft only): the same block describes each end's own boundary term, with its own
-// weights: potentials and operators over own groups "own.q" and the neighbour's "other.q".
+// exchange (soft or free): the same block describes each end's own boundary term, with its own
+// weights: potentials and operators, or a rate, over own groups "own.q" and the neighbour's
+// "other.q".
 typedef struct pm_port_spec {
     const char *law;
     pm_form form;
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
+    pm_network_spec rate; // exchange, free only
 } pm_port_spec;
 
 #endif

@@ -13,14 +13,15 @@
 #define MAX_WIDTH 4096 // of a hidden layer
 #define MAX_RANK 64
 
-static const char *const form_names[] = {[PM_HARD] = "hard", [PM_SOFT] = "soft", NULL};
+static const char *const form_names[] = {
+    [PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free", NULL};
 static const char *const activation_names[] = {
     [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", NULL};
 static const char *const skip_names[] = {
     [PM_SKIP_NONE] = "none", [PM_SKIP_LINEAR] = "linear", [PM_SKIP_QUADRATIC] = "quadratic", NULL};
 
 #define NETWORK_KEYS "features", "hidden", "activation", "skip"
-#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible"
+#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible", "rate"
 
 // --- reading ---
 
@@ -202,13 +203,28 @@ static pm_status read_operator(pm_yaml block, pm_arena *arena, bool reversible,
     return is_none(learned) ? PM_OK : read_learned(learned, arena, reversible, op);
 }
 
+// The network of the free form, and of no other.
+static pm_status read_rate(pm_yaml block, pm_arena *arena, pm_form form, pm_network_spec *rate) {
+    static const char *const network_keys[] = {NETWORK_KEYS, NULL};
+    pm_yaml value = pm_yaml_get(block, "rate");
+    *rate = (pm_network_spec){0};
+    if (form != PM_FREE) {
+        return pm_yaml_exists(value) ? pm_yaml_fail(value, "only form: free has a rate") : PM_OK;
+    }
+    PM_TRY(pm_yaml_require(block, "rate", &value));
+    PM_TRY(pm_yaml_allow(value, network_keys));
+    return read_network(value, arena, rate);
+}
+
 // What both blocks have in common.
 static pm_status read_model(pm_yaml block, pm_arena *arena, pm_form *form,
                             pm_potential_spec *energy, pm_potential_spec *entropy,
-                            pm_operator_spec *reversible, pm_operator_spec *irreversible) {
+                            pm_operator_spec *reversible, pm_operator_spec *irreversible,
+                            pm_network_spec *rate) {
     int choice;
     PM_TRY(read_choice(block, "form", form_names, &choice));
     *form = (pm_form)choice;
+    PM_TRY(read_rate(block, arena, *form, rate));
     PM_TRY(read_potential(pm_yaml_get(block, "energy"), arena, energy));
     PM_TRY(read_potential(pm_yaml_get(block, "entropy"), arena, entropy));
     PM_TRY(read_operator(pm_yaml_get(block, "reversible"), arena, true, reversible));
@@ -220,7 +236,7 @@ pm_status pm_part_spec_read(pm_yaml block, pm_arena *arena, pm_part_spec *spec) 
     pm_part_spec read;
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
-                      &read.irreversible));
+                      &read.irreversible, &read.rate));
     *spec = read;
     return PM_OK;
 }
@@ -237,7 +253,7 @@ pm_status pm_port_spec_read(pm_yaml block, pm_arena *arena, pm_port_spec *spec) 
                             read.law);
     }
     PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
-                      &read.irreversible));
+                      &read.irreversible, &read.rate));
     *spec = read;
     return PM_OK;
 }
@@ -336,8 +352,13 @@ static void write_operator(FILE *file, const char *key, bool reversible,
 // The parts common to both blocks.
 static void write_model(FILE *file, pm_form form, const pm_potential_spec *energy,
                         const pm_potential_spec *entropy, const pm_operator_spec *reversible,
-                        const pm_operator_spec *irreversible) {
+                        const pm_operator_spec *irreversible, const pm_network_spec *rate) {
     fprintf(file, "form: %s\n", form_names[form]);
+    if (form == PM_FREE) {
+        fputs("rate: {", file);
+        write_network(file, rate);
+        fputs("}\n", file);
+    }
     write_potential(file, "energy", energy);
     write_potential(file, "entropy", entropy);
     write_operator(file, "reversible", true, reversible);
@@ -361,7 +382,7 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
         return NULL;
     }
     write_model(file, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
-                &spec->irreversible);
+                &spec->irreversible, &spec->rate);
     return take_text(file, &text, arena);
 }
 
@@ -376,6 +397,6 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
     write_text(file, spec->law);
     fputc('\n', file);
     write_model(file, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
-                &spec->irreversible);
+                &spec->irreversible, &spec->rate);
     return take_text(file, &text, arena);
 }

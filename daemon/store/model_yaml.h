@@ -1,6 +1,6 @@
 // The `model:` block, the same text in a training file and in a weights file's attribute:
 //
-//   form: hard                      # default; or soft
+//   form: hard                      # default; or soft; or free, which has nothing but a rate
 //   energy:                         # a network, {given: groups}, or a list of them, summed; or
 //   none
 //     - {features: ["|p|^2"], skip: linear}
@@ -12,6 +12,7 @@
 //     learned: {acts_on: [p, s], along: ["q/|q|^2"], features: ["ln|q|"], hidden: [8]}
 //   irreversible:
 //     learned: {acts_on: s, rank: 1, features: [s], hidden: [8], activation: softplus}
+//   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
 //
 // Networks: features and hidden are empty unless given, activation tanh (or softplus, silu), skip
 // none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names

@@ -189,3 +189,12 @@ pm_params *pm_system_params(const pm_system *system, int component) {
     return component < nsubsystem ? &system->part[component].params
                                   : &system->port[component - nsubsystem].params;
 }
+
+int pm_system_without_energy(const pm_system *system) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        if (!pm_part_has_energy(&system->part[i])) {
+            return i;
+        }
+    }
+    return -1;
+}

@@ -30,4 +30,8 @@ int pm_system_components(const pm_system *system);
 pm_params *pm_system_params(const pm_system *system, int component);
 void pm_system_free(pm_system *system); // NULL is allowed
 
+// The first subsystem in which energy and entropy are not defined (form: free), so that neither are
+// the totals; -1: none.
+int pm_system_without_energy(const pm_system *system);
+
 #endif

@@ -106,6 +106,20 @@ static void test_defaults(void **state) {
     pm_arena_free(&arena);
 }
 
+static void test_free_form(void **state) {
+    (void)state;
+    pm_arena arena = {0};
+    const char *text = "form: free\nrate: {features: [q, \"ln|q|\"], hidden: [3, 2]}\n";
+    for (int i = 0; i < 2; ++i) {
+        const pm_part_spec spec = part_of(text, &arena);
+        assert_int_equal(spec.form, PM_FREE);
+        assert_names(spec.rate.nfeature, spec.rate.feature, "q ln|q|");
+        assert_true(spec.rate.nhidden == 2 && spec.rate.hidden[1] == 2);
+        text = pm_part_spec_write(&spec, &arena);
+    }
+    pm_arena_free(&arena);
+}
+
 static void test_port(void **state) {
     (void)state;
     static const char text[] = "law: exchange\n"
@@ -133,7 +147,9 @@ static void test_port(void **state) {
 }
 
 static const yaml_case bad[] = {
-    {"form: soft", "form: firm", "firm", "form: expected one of hard, soft, found \"firm\""},
+    {"form: soft", "form: firm", "firm", "form: expected one of hard, soft, free, found \"firm\""},
+    {"form: soft", "form: free", "form", "missing key \"rate\""},
+    {"form: soft", "form: soft\nrate: {hidden: 4}", "{hidden", "only form: free has a rate"},
     {"form: soft", "from: soft", "from", "unknown key \"from\"; allowed: form, energy, entropy"},
     {"form: soft", "law: bracket", "law", "unknown key \"law\"; allowed: form"},
     {"hidden: [16, 8]", "hidden: [16, 0]", "0]", "hidden: expected a whole number >= 1 and <= "},
@@ -191,9 +207,8 @@ static void test_bad(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_port),
+        cmocka_unit_test(test_round_trip), cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_free_form),  cmocka_unit_test(test_port),
         cmocka_unit_test(test_bad),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

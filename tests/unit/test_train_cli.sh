@@ -86,8 +86,9 @@ expect 4 "/nowhere/plots" evaluate "$scene" --data "$data" --plot /nowhere/plots
 if command -v gnuplot >/dev/null; then
     timeout 60 "$train" evaluate "$scene" --data "$data" --plot "$folder/plots" \
         >"$folder/out" 2>"$folder/err" || fail "--plot"
-    [ -s "$folder/plots/errors.png" ] || fail "no errors.png"
-    [ -s "$folder/plots/trajectory.png" ] || fail "no trajectory.png"
+    for picture in errors trajectory growth laws; do
+        [ -s "$folder/plots/$picture.png" ] || fail "no $picture.png"
+    done
 fi
 printf '#!/bin/sh\nPATH=/nowhere exec "%s" "$@"\n' "$train" >"$folder/without_gnuplot"
 chmod +x "$folder/without_gnuplot"

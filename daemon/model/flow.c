@@ -1,0 +1,36 @@
+// A scaled network over the groups of a site.
+#include "model/flow.h"
+
+#include <stdio.h>
+
+pm_status pm_flow_declare(const pm_network_spec *spec, const pm_site *site, pm_params *params,
+                          const char *prefix) {
+    char name[96];
+    snprintf(name, sizeof name, "%s.scale", prefix);
+    if (pm_params_add(params, name, 1, site->n, false, 0, 1) == NULL) {
+        return PM_ENOMEM;
+    }
+    return pm_network_declare(spec, &site->symbols, site->n, NULL, params, prefix);
+}
+
+pm_node pm_flow_build(pm_graph *g, const pm_network_spec *spec, const pm_site *site,
+                      const pm_params *params, const char *prefix) {
+    const pm_node rate = pm_network_build(g, spec, &site->symbols, site->n, params, prefix);
+    return pm_mul(g, rate, pm_network_param(g, params, prefix, "scale"));
+}
+
+pm_status pm_flow_visit(const pm_network_spec *spec, const pm_site *site, const char *prefix,
+                        pm_normaliser_visit *visit, void *context) {
+    const char *group[2 * PM_MAX_GROUPS];
+    for (int i = 0; i < site->ngroup; ++i) {
+        group[i] = site->group[i].name;
+    }
+    const pm_normaliser scale = {PM_NORMALISE_SCALE, prefix, site->ngroup, group, &site->symbols};
+    PM_TRY(visit(context, &scale));
+    if (spec->nfeature == 0) {
+        return PM_OK;
+    }
+    const pm_normaliser features = {PM_NORMALISE_FEATURES, prefix, spec->nfeature, spec->feature,
+                                    &site->symbols};
+    return visit(context, &features);
+}
