@@ -49,6 +49,8 @@ pm_status pm_lbfgs_run(pm_optimisation *optimisation) {
     parameter.max_iterations = o->schedule.iterations - o->done;
     parameter.epsilon = 1e-14; // the stage ends by its iterations, or when rounding stops progress
     parameter.max_linesearch = 40;
+    // Halving steps copes with a wall; the default's interpolation through it gives up.
+    parameter.linesearch = LBFGS_LINESEARCH_BACKTRACKING_STRONG_WOLFE;
     run r = {o, PM_OK};
     // Its return value tells why it ended. Every reason short of `report` leaves the best theta so
     // far, from which the next stage goes on.

@@ -90,11 +90,10 @@ interrupt() {
         </dev/null &
     pid=$!
     tries=0
-    while ! grep -q "weights, trajectories" "$folder/out" && [ $tries -lt 200 ]; do
+    while ! grep -q "weights, trajectories" "$folder/out" && [ $tries -lt 2000 ]; do
         tries=$((tries + 1))
-        sleep 0.05
+        sleep 0.005
     done
-    sleep 0.3
     kill -INT $pid
     wait $pid
     [ $? -eq 12 ] || fail "$1 interrupted: expected exit code 12"
@@ -106,7 +105,7 @@ interrupt() {
 config slow_adam '{optimiser: adam, iterations: 4, batch: 16}' \
     '{optimiser: adam, iterations: 250, batch: 8, rate: [3.0e-3, 1.0e-4], robust: 3}'
 config slow_gauss_newton '{optimiser: gauss_newton, iterations: 100, batch: 50, substeps: 2, robust: 3}'
-config slow_lbfgs '{optimiser: lbfgs, iterations: 250, substeps: 3}'
+config slow_lbfgs '{optimiser: lbfgs, iterations: 250, substeps: 8}'
 for name in slow_adam slow_gauss_newton slow_lbfgs; do
     fit $name $name || fail "fit $name"
     whole=$(residual)
