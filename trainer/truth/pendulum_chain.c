@@ -3,10 +3,8 @@
 // drawn per link, or, with `total_entropy`, from one common temperature.
 #include "truth/truth.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "truth/chain.h"
+#include "truth/numbers.h"
 
 // A normal variable; two for a vector.
 typedef struct spread {
@@ -24,35 +22,14 @@ typedef struct pendulum_chain {
 
 static const char *const conserved[] = {"energy", "angular momentum"};
 
-static pm_status read_number(pm_yaml map, const char *key, double low, double high,
-                             double *result) {
-    pm_yaml value;
-    PM_TRY(pm_yaml_require(map, key, &value));
-    return pm_yaml_double(value, low, high, result);
-}
-
-static pm_status read_numbers(pm_yaml map, const char *key, int count, pm_arena *arena,
-                              double *result) {
-    pm_yaml list;
-    double *value = NULL;
-    int found = 0;
-    PM_TRY(pm_yaml_require(map, key, &list));
-    PM_TRY(pm_yaml_doubles(list, arena, &found, &value));
-    if (found != count) {
-        return pm_yaml_fail(list, "expected %d numbers, found %d", count, found);
-    }
-    memcpy(result, value, (size_t)count * sizeof *result);
-    return PM_OK;
-}
-
 static pm_status read_spread(pm_yaml link, const char *key, int count, pm_arena *arena,
                              spread *result) {
     static const char *const keys[] = {"mean", "deviation", NULL};
     pm_yaml map;
     PM_TRY(pm_yaml_require(link, key, &map));
     PM_TRY(pm_yaml_allow(map, keys));
-    PM_TRY(read_numbers(map, "mean", count, arena, result->mean));
-    PM_TRY(read_numbers(map, "deviation", count, arena, result->deviation));
+    PM_TRY(pm_truth_numbers(map, "mean", count, arena, result->mean));
+    PM_TRY(pm_truth_numbers(map, "deviation", count, arena, result->deviation));
     return PM_OK;
 }
 
@@ -62,11 +39,11 @@ static pm_status read_link(pm_yaml map, int k, pm_arena *arena, pendulum_chain *
     const double tiny = 1e-12, huge = 1e12;
     pm_chain_link *link = &system->chain.link[k];
     PM_TRY(pm_yaml_allow(map, keys));
-    PM_TRY(read_number(map, "mass", tiny, huge, &link->mass));
-    PM_TRY(read_number(map, "C", 0, huge, &link->C));
-    PM_TRY(read_number(map, "l0", tiny, huge, &link->l0));
-    PM_TRY(read_number(map, "b", 0, huge, &link->b));
-    PM_TRY(read_number(map, "c", tiny, huge, &link->c));
+    PM_TRY(pm_truth_number(map, "mass", tiny, huge, &link->mass));
+    PM_TRY(pm_truth_number(map, "C", 0, huge, &link->C));
+    PM_TRY(pm_truth_number(map, "l0", tiny, huge, &link->l0));
+    PM_TRY(pm_truth_number(map, "b", 0, huge, &link->b));
+    PM_TRY(pm_truth_number(map, "c", tiny, huge, &link->c));
     PM_TRY(read_spread(map, "position", 2, arena, &system->position[k]));
     PM_TRY(read_spread(map, "momentum", 2, arena, &system->momentum[k]));
     if (!system->equilibrated) {
@@ -83,11 +60,12 @@ static pm_status read_system(pm_yaml block, pm_arena *arena, pendulum_chain *sys
                                        "links", NULL};
     pm_chain *chain = &system->chain;
     PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(read_number(block, "reference_temperature", 1e-3, 1e6, &chain->reference_temperature));
-    PM_TRY(read_number(block, "conductivity", 0, 1e9, &chain->conductivity));
+    PM_TRY(
+        pm_truth_number(block, "reference_temperature", 1e-3, 1e6, &chain->reference_temperature));
+    PM_TRY(pm_truth_number(block, "conductivity", 0, 1e9, &chain->conductivity));
     system->equilibrated = pm_yaml_exists(pm_yaml_get(block, "total_entropy"));
     if (system->equilibrated) {
-        PM_TRY(read_number(block, "total_entropy", -1e9, 1e9, &system->total_entropy));
+        PM_TRY(pm_truth_number(block, "total_entropy", -1e9, 1e9, &system->total_entropy));
     }
     pm_yaml links;
     PM_TRY(pm_yaml_require(block, "links", &links));

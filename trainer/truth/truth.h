@@ -70,5 +70,7 @@ void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const d
 
 // A chain of thermoelastic pendula (chain.h).
 pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
+// Two gases that exchange heat and volume through a moving wall.
+pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 
 #endif
