@@ -10,6 +10,8 @@
 
 // Below this many multiply-adds the call of a BLAS costs more than the product.
 #define SMALL_PRODUCT 4096
+// From so many rows on it pays to transpose the other factor first.
+#define MANY_ROWS 4
 // Partial sums of an inner product: one vector register of the widest instruction set.
 #define LANES 8
 #define CHOLESKY_BLOCK 64
@@ -18,18 +20,38 @@ void pm_linalg_init(void) {
     openblas_set_num_threads(1);
 }
 
-// c = a b, summing rank-one updates: vectorises along the rows of b.
+// WIDTH columns of one row of c, from column j on, kept in registers while they are summed.
+#define SUM_COLUMNS(WIDTH)                                        \
+    {                                                             \
+        double sum[WIDTH] = {0};                                  \
+        for (int l = 0; l < k; ++l) {                             \
+            const double factor = a_i[l * a_col];                 \
+            for (int v = 0; v < (WIDTH); ++v) {                   \
+                sum[v] += factor * b[(ptrdiff_t)l * n + (j + v)]; \
+            }                                                     \
+        }                                                         \
+        memcpy(row + j, sum, sizeof sum);                         \
+        j += (WIDTH);                                             \
+    }
+
+// c = a b: vectorises along the rows of b.
 PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdiff_t a_row,
                                     ptrdiff_t a_col, const double *restrict b, double *restrict c) {
     for (int i = 0; i < m; ++i) {
+        const double *a_i = a + i * a_row;
         double *restrict row = c + (ptrdiff_t)i * n;
-        memset(row, 0, (size_t)n * sizeof *row);
-        for (int l = 0; l < k; ++l) {
-            const double factor = a[i * a_row + l * a_col];
-            const double *restrict b_row = b + (ptrdiff_t)l * n;
-            for (int j = 0; j < n; ++j) {
-                row[j] += factor * b_row[j];
-            }
+        int j = 0;
+        while (j + LANES <= n) {
+            SUM_COLUMNS(LANES)
+        }
+        if (j + 4 <= n) {
+            SUM_COLUMNS(4)
+        }
+        if (j + 2 <= n) {
+            SUM_COLUMNS(2)
+        }
+        if (j < n) {
+            SUM_COLUMNS(1)
         }
     }
 }
@@ -49,6 +71,18 @@ static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
     }
     return ((lane[0] + lane[4]) + (lane[1] + lane[5])) +
            ((lane[2] + lane[6]) + (lane[3] + lane[7]));
+}
+
+// c = a b^T by way of b^T, for more than a few rows.
+static void small_nt_rows(int m, int n, int k, const double *a, ptrdiff_t a_row, ptrdiff_t a_col,
+                          const double *b, double *c) {
+    double transposed[SMALL_PRODUCT / MANY_ROWS];
+    for (int j = 0; j < n; ++j) {
+        for (int l = 0; l < k; ++l) {
+            transposed[l * n + j] = b[j * k + l];
+        }
+    }
+    small_nn(m, n, k, a, a_row, a_col, transposed, c);
 }
 
 // c = a b^T, an inner product per entry.
@@ -74,7 +108,9 @@ void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const doub
     }
     const ptrdiff_t a_row = transpose_a ? 1 : k;
     const ptrdiff_t a_col = transpose_a ? m : 1;
-    if (transpose_b) {
+    if (transpose_b && m >= MANY_ROWS) {
+        small_nt_rows(m, n, k, a, a_row, a_col, b, c);
+    } else if (transpose_b) {
         small_nt(m, n, k, a, a_row, a_col, b, c);
     } else {
         small_nn(m, n, k, a, a_row, a_col, b, c);

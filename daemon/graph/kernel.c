@@ -18,7 +18,11 @@ static size_t entries(pm_shape shape, int batch) {
 // --- elementwise with two operands ---
 //
 // One macro writes the four inner loops (each operand contiguous or repeated along a row) for each
-// operator; rows and items are collapsed into one loop where both operands allow it.
+// operator; rows and items are collapsed into one loop where both operands allow it, and the items
+// make the inner loop where rows are short.
+
+// Rows shorter than the widest vector register are not worth a loop.
+#define SHORT_ROW 8
 
 #define BINARY_ROW(n, EXPRESSION)              \
     if (ca == 1 && cb == 1) {                  \
@@ -45,25 +49,43 @@ static size_t entries(pm_shape shape, int batch) {
         }                                      \
     }
 
-#define BINARY_KERNEL(NAME, EXPRESSION)                                                  \
-    PM_SIMD_CLONES static void NAME##_row(ptrdiff_t n, const double *pa, ptrdiff_t ca,   \
-                                          const double *pb, ptrdiff_t cb, double *out) { \
-        BINARY_ROW(n, EXPRESSION)                                                        \
-    }                                                                                    \
-    void NAME(const pm_instruction *x, int batch) {                                      \
-        const int items = x->shape.batched ? batch : 1;                                  \
-        const pm_stride sa = x->stride_a, sb = x->stride_b;                              \
-        if (x->first != 0) { /* both operands have the result's shape: one long row */   \
-            NAME##_row(items *item_size(x->shape), x->a, 1, x->b, 1, x->out);            \
-            return;                                                                      \
-        }                                                                                \
-        double *out = x->out;                                                            \
-        for (int i = 0; i < items; ++i) {                                                \
-            for (int r = 0; r < x->shape.rows; ++r, out += x->shape.cols) {              \
-                NAME##_row(x->shape.cols, x->a + i * sa.item + r * sa.row, sa.col,       \
-                           x->b + i * sb.item + r * sb.row, sb.col, out);                \
-            }                                                                            \
-        }                                                                                \
+#define BINARY_KERNEL(NAME, EXPRESSION)                                                            \
+    PM_SIMD_CLONES static void NAME##_row(ptrdiff_t n, const double *pa, ptrdiff_t ca,             \
+                                          const double *pb, ptrdiff_t cb, double *out){BINARY_ROW( \
+        n, EXPRESSION)} PM_SIMD_CLONES static void NAME##_items(const pm_instruction *x,           \
+                                                                ptrdiff_t items) {                 \
+        const ptrdiff_t step = item_size(x->shape);                                                \
+        const ptrdiff_t step_a = x->stride_a.item, step_b = x->stride_b.item;                      \
+        for (int r = 0; r < x->shape.rows; ++r) {                                                  \
+            for (int c = 0; c < x->shape.cols; ++c) {                                              \
+                const double *pa = x->a + r * x->stride_a.row + c * x->stride_a.col;               \
+                const double *pb = x->b + r * x->stride_b.row + c * x->stride_b.col;               \
+                double *out = x->out + (ptrdiff_t)r * x->shape.cols + c;                           \
+                for (ptrdiff_t i = 0; i < items; ++i) {                                            \
+                    const double a = pa[i * step_a], b = pb[i * step_b];                           \
+                    out[i * step] = EXPRESSION;                                                    \
+                }                                                                                  \
+            }                                                                                      \
+        }                                                                                          \
+    }                                                                                              \
+    void NAME(const pm_instruction *x, int batch) {                                                \
+        const int items = x->shape.batched ? batch : 1;                                            \
+        const pm_stride sa = x->stride_a, sb = x->stride_b;                                        \
+        if (x->first != 0) { /* both operands have the result's shape: one long row */             \
+            NAME##_row(items *item_size(x->shape), x->a, 1, x->b, 1, x->out);                      \
+            return;                                                                                \
+        }                                                                                          \
+        if (x->shape.cols < SHORT_ROW && items > 1) {                                              \
+            NAME##_items(x, items);                                                                \
+            return;                                                                                \
+        }                                                                                          \
+        double *out = x->out;                                                                      \
+        for (int i = 0; i < items; ++i) {                                                          \
+            for (int r = 0; r < x->shape.rows; ++r, out += x->shape.cols) {                        \
+                NAME##_row(x->shape.cols, x->a + i * sa.item + r * sa.row, sa.col,                 \
+                           x->b + i * sb.item + r * sb.row, sb.col, out);                          \
+            }                                                                                      \
+        }                                                                                          \
     }
 
 BINARY_KERNEL(pm_run_add, a + b)
@@ -198,10 +220,16 @@ void pm_run_matmul_sum(const pm_instruction *x, int batch) {
 // Copies `count` columns of every row from one matrix into another.
 static void copy_columns(size_t rows, int count, const double *from, int from_cols, double *to,
                          int to_cols) {
-    for (size_t r = 0; r < rows; ++r, from += from_cols, to += to_cols) {
+    if (count < SHORT_ROW) {
         for (int c = 0; c < count; ++c) {
-            to[c] = from[c];
+            for (size_t r = 0; r < rows; ++r) {
+                to[r * (size_t)to_cols + (size_t)c] = from[r * (size_t)from_cols + (size_t)c];
+            }
         }
+        return;
+    }
+    for (size_t r = 0; r < rows; ++r, from += from_cols, to += to_cols) {
+        memcpy(to, from, (size_t)count * sizeof *to);
     }
 }
 

@@ -402,6 +402,22 @@ int pm_program_operations(const pm_program *program) {
     return program->ninstruction;
 }
 
+double pm_program_multiply_adds(const pm_program *program, int batch) {
+    double sum = 0;
+    for (int i = 0; i < program->ninstruction; ++i) {
+        const pm_instruction *x = &program->instruction[i];
+        const pm_shape a = x->shape_a;
+        const bool product = x->node->op == PM_OP_MATMUL || x->node->op == PM_OP_MATMUL_SUM;
+        if (product) {
+            const bool rows = x->node->op == PM_OP_MATMUL_SUM || (x->first & 1) != 0;
+            const bool batched = x->shape.batched || a.batched;
+            sum += (double)x->shape.rows * x->shape.cols * (rows ? a.rows : a.cols) *
+                   (batched ? batch : 1);
+        }
+    }
+    return sum;
+}
+
 size_t pm_program_bytes(const pm_program *program) {
     return program->memory_size * sizeof(double);
 }

@@ -23,8 +23,10 @@ double *pm_program_value(pm_program *program, pm_node x);
 // Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch cover these.
 void pm_program_run(pm_program *program, int batch);
 
-// For reports: operations per run, and bytes of planned memory.
+// For reports: operations per run, the work in them, and bytes of planned memory.
 int pm_program_operations(const pm_program *program);
+// Multiply-adds of the matrix products of one run.
+double pm_program_multiply_adds(const pm_program *program, int batch);
 size_t pm_program_bytes(const pm_program *program);
 
 #endif
