@@ -11,8 +11,8 @@
 
 // Keeps the robust scale away from zero when the fit is exact to rounding.
 #define SMALLEST_MEDIAN 1e-28
-#define LANES 2  // threads; fixed, so that sums have one order
-#define CHUNK 64 // samples per run of the graph: its values stay in the cache
+#define LANES 2   // threads; fixed, so that sums have one order
+#define CHUNK 128 // samples per run of the graph at most: its values stay in the cache
 
 // What a lane owns: a program of the graph, and its share of the sums.
 typedef struct lane {
@@ -224,14 +224,21 @@ static void add_gradient(lane *l) {
     }
 }
 
+// Samples per run, such that all lanes have about as many.
+static int chunk_of(int count) {
+    const int runs = LANES * ((count + LANES * CHUNK - 1) / (LANES * CHUNK));
+    return (count + runs - 1) / runs;
+}
+
 static void *work(void *context) {
     lane *l = context;
+    const int chunk = chunk_of(l->count);
     const pm_objective *o = l->objective;
     const size_t width = ((size_t)o->samples->unroll + 1) * (size_t)o->samples->nz;
     l->loss = 0;
     memset(l->gradient, 0, (size_t)o->size * sizeof *l->gradient);
-    for (int first = l->id * CHUNK; first < l->count; first += LANES * CHUNK) {
-        const int batch = l->count - first < CHUNK ? l->count - first : CHUNK;
+    for (int first = l->id * chunk; first < l->count; first += LANES * chunk) {
+        const int batch = l->count - first < chunk ? l->count - first : chunk;
         for (int i = 0; i < batch; ++i) {
             const int sample = l->index == NULL ? first + i : l->index[first + i];
             memcpy(l->window + (size_t)i * width, o->samples->z + (size_t)sample * width,
