@@ -166,12 +166,12 @@ static pm_status script_laws(const pm_evaluation *e, const char *folder) {
             "set key outside right top\nset lmargin 13\nset rmargin 24\n",
             e->count);
     write_time_axis(file, e);
-    fputs("set xlabel ''\nset title 'total energy drifts'\n", file);
+    fputs("set xlabel ''\nset title 'drift of the total energy'\n", file);
     write_log_axis(file, "|E(t) - E(0)|, J");
     fputs("plot ", file);
     write_band(file, "laws.txt", 2, colour_of(0), true);
     fputs("unset logscale y\nset format y '%g'\nset xlabel 'time, s'\nset key off\n"
-          "set title 'total entropy rises'\nset ylabel 'S(t) - S(0), J/K'\nplot ",
+          "set title 'change of the total entropy'\nset ylabel 'S(t) - S(0), J/K'\nplot ",
           file);
     write_band(file, "laws.txt", 2 + PM_PLOT_SPREAD, colour_of(2), true);
     return pm_plot_close(file, folder);
