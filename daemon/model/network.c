@@ -8,12 +8,9 @@
 
 // Spread of the initial values: biases put the kinks of the hidden layers where the data are.
 // Output weights start at zero, so that training first finds what the skip alone can do; with
-// hidden layers that interfere from the start, second-order training was seen to crawl. Constants
-// are the entries of operators: at zero, an operator and the potential it acts on would both lack a
-// gradient.
+// hidden layers that interfere from the start, second-order training was seen to crawl.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
-#define CONSTANT_SPREAD 0.3
 
 typedef char parameter_name[160];
 
@@ -56,10 +53,11 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
     const declaration d = {params, prefix};
     parameter_name full;
     if (spec->nfeature == 0) {
-        return declare(&d, "constant", 1, nout, true, CONSTANT_SPREAD, start);
+        return declare(&d, "constant", 1, nout, true, SKIP_SPREAD, start);
     }
     int nfeature = 0;
-    PM_TRY(pm_features_size(spec->nfeature, spec->feature, symbols, &nfeature));
+    PM_TRY(pm_spec_locate(spec->at,
+                          pm_features_size(spec->nfeature, spec->feature, symbols, &nfeature)));
     PM_TRY(declare(&d, "mean", 1, nfeature, false, 0, NULL));
     if (pm_params_add(params, join(full, prefix, "deviation"), 1, nfeature, false, 0, 1) == NULL) {
         return PM_ENOMEM;

@@ -91,20 +91,19 @@ static int frame_size(const pm_operator_spec *spec, const support *s) {
     return rows;
 }
 
-static int network_outputs(const pm_operator *operator, int rows) {
-    return rows * (operator->kind == PM_REVERSIBLE ? rows : operator->spec->rank);
+static int network_outputs(const pm_operator *op, int rows) {
+    return rows * (op->kind == PM_REVERSIBLE ? rows : op->spec->rank);
 }
 
 // --- declaration ---
 
-static pm_status check_groups(const pm_operator *operator, const pm_site * site) {
-    const pm_operator_spec *spec = operator->spec;
+static pm_status check_groups(const pm_operator *op, const pm_site *site) {
+    const pm_operator_spec *spec = op->spec;
     const support s = support_of(spec, site);
     for (int i = 0; i < spec->nacts; ++i) {
         if (position(&s, spec->acts_on[i]) == s.ngroup) {
-            return pm_fail(PM_ECONFIG,
-                           "%s: acts_on names \"%s\", which is not a group here", operator->prefix,
-                           spec->acts_on[i]);
+            return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is not a group here",
+                           op->prefix, spec->acts_on[i]);
         }
     }
     for (int i = 0; i < spec->ngiven; ++i) {
@@ -112,35 +111,31 @@ static pm_status check_groups(const pm_operator *operator, const pm_site * site)
         const int row = position(&s, pair->row), col = position(&s, pair->col);
         if (row == s.ngroup || col == s.ngroup || row == col ||
             s.group[row]->size != s.group[col]->size) {
-            return pm_fail(
-                PM_ECONFIG,
-                "%s: given pair [%s, %s] must name two groups here of equal size", operator->prefix,
-                pair->row, pair->col);
+            return pm_fail(PM_ECONFIG,
+                           "%s: given pair [%s, %s] must name two groups here of equal size",
+                           op->prefix, pair->row, pair->col);
         }
     }
-    if (operator->kind == PM_IRREVERSIBLE && spec->ngiven> 0) {
-        return pm_fail(PM_ECONFIG, "%s: a given pair is reversible", operator->prefix);
+    if (op->kind == PM_IRREVERSIBLE && spec->ngiven > 0) {
+        return pm_fail(PM_ECONFIG, "%s: a given pair is reversible", op->prefix);
     }
     return PM_OK;
 }
 
-static pm_status check_along(const pm_operator *operator, const pm_site * site, const support *s) {
-    const pm_operator_spec *spec = operator->spec;
+static pm_status check_along(const pm_operator *op, const pm_site *site, const support *s) {
+    const pm_operator_spec *spec = op->spec;
     int total = 0;
     PM_TRY(pm_features_size(spec->nalong, spec->along, &site->symbols, &total));
     for (int k = 0; k < spec->nalong; ++k) {
         int size = 0;
         PM_TRY(pm_feature_size(spec->along[k], &site->symbols, &size));
         if (size * spec->nalong != total) {
-            return pm_fail(
-                PM_ECONFIG,
-                "%s: the vectors of along differ in size: \"%s\" has %d", operator->prefix,
-                spec->along[k], size);
+            return pm_fail(PM_ECONFIG, "%s: the vectors of along differ in size: \"%s\" has %d",
+                           op->prefix, spec->along[k], size);
         }
         for (int i = 0; i < s->ngroup; ++i) {
             if (s->learned[i] && s->group[i]->size > 1 && s->group[i]->size != size) {
-                return pm_fail(PM_ECONFIG,
-                               "%s: \"%s\" has %d components, %s has %d", operator->prefix,
+                return pm_fail(PM_ECONFIG, "%s: \"%s\" has %d components, %s has %d", op->prefix,
                                spec->along[k], size, s->group[i]->name, s->group[i]->size);
             }
         }
@@ -155,52 +150,50 @@ static const char *join(operator_name buffer, const char *prefix, const char *na
     return buffer;
 }
 
-static pm_status declare_matrix(const pm_operator *operator, const pm_site * site, int rows,
+static pm_status declare_matrix(const pm_operator *op, const pm_site *site, int rows,
                                 pm_params *params) {
     operator_name name;
-    join(name, operator->prefix, "matrix");
-    const int nout = network_outputs(operator, rows);
-    if (operator->kind == PM_REVERSIBLE) {
-        return pm_network_declare(&operator->spec->network, &site->symbols, nout, NULL, params,
-                                  name);
+    join(name, op->prefix, "matrix");
+    const int nout = network_outputs(op, rows);
+    if (op->kind == PM_REVERSIBLE) {
+        return pm_network_declare(&op->spec->network, &site->symbols, nout, NULL, params, name);
     }
     double *start = malloc((size_t)nout * sizeof *start);
     if (start == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for an operator");
     }
     for (int i = 0; i < nout; ++i) {
-        start[i] = i / operator->spec->rank % 2 == 0 ? FACTOR_START : - FACTOR_START;
+        start[i] = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
     }
     const pm_status status =
-        pm_network_declare(&operator->spec->network, &site->symbols, nout, start, params, name);
+        pm_network_declare(&op->spec->network, &site->symbols, nout, start, params, name);
     free(start);
     return status;
 }
 
-pm_status pm_operator_declare(const pm_operator *operator, const pm_site * site,
-                              pm_params *params) {
-    const pm_operator_spec *spec = operator->spec;
+pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_params *params) {
+    const pm_operator_spec *spec = op->spec;
     if (!pm_operator_exists(spec)) {
         return PM_OK;
     }
-    PM_TRY(check_groups(operator, site));
+    PM_TRY(pm_spec_locate(spec->at, check_groups(op, site)));
     const support s = support_of(spec, site);
-    PM_TRY(check_along(operator, site, &s));
+    PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
     operator_name name;
-    if (pm_params_add(params, join(name, operator->prefix, "scale"), 1, s.n, false, 0, 1) == NULL ||
-        (spec->nalong > 0 && pm_params_add(params, join(name, operator->prefix, "along"), 1,
-                                           spec->nalong, false, 0, 1) == NULL)) {
+    if (pm_params_add(params, join(name, op->prefix, "scale"), 1, s.n, false, 0, 1) == NULL ||
+        (spec->nalong > 0 && pm_params_add(params, join(name, op->prefix, "along"), 1, spec->nalong,
+                                           false, 0, 1) == NULL)) {
         return PM_ENOMEM;
     }
     if (!spec->learned) {
         return PM_OK;
     }
-    return declare_matrix(operator, site, frame_size(spec, &s), params);
+    return declare_matrix(op, site, frame_size(spec, &s), params);
 }
 
-pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
-                            pm_normaliser_visit *visit, void *context) {
-    const pm_operator_spec *spec = operator->spec;
+pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
+                            void *context) {
+    const pm_operator_spec *spec = op->spec;
     if (!pm_operator_exists(spec)) {
         return PM_OK;
     }
@@ -209,19 +202,18 @@ pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
     for (int i = 0; i < s.ngroup; ++i) {
         group[i] = s.group[i]->name;
     }
-    const pm_normaliser scale = {PM_NORMALISE_SCALE, operator->prefix, s.ngroup, group,
-                                 &site->symbols};
+    const pm_normaliser scale = {PM_NORMALISE_SCALE, op->prefix, s.ngroup, group, &site->symbols};
     PM_TRY(visit(context, &scale));
     if (spec->nalong > 0) {
-        const pm_normaliser along = {PM_NORMALISE_ALONG, operator->prefix, spec->nalong,
-                                     spec->along, &site->symbols};
+        const pm_normaliser along = {PM_NORMALISE_ALONG, op->prefix, spec->nalong, spec->along,
+                                     &site->symbols};
         PM_TRY(visit(context, &along));
     }
     if (spec->learned && spec->network.nfeature > 0) {
         operator_name name;
-        const pm_normaliser features = {
-            PM_NORMALISE_FEATURES, join(name, operator->prefix, "matrix"), spec->network.nfeature,
-            spec->network.feature, &site->symbols};
+        const pm_normaliser features = {PM_NORMALISE_FEATURES, join(name, op->prefix, "matrix"),
+                                        spec->network.nfeature, spec->network.feature,
+                                        &site->symbols};
         PM_TRY(visit(context, &features));
     }
     return PM_OK;
@@ -232,7 +224,7 @@ pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
 // Everything about one operator while its expression is built.
 typedef struct construction {
     pm_graph *g;
-    const pm_operator *operator;
+    const pm_operator *op;
     support support;
     pm_node scale;  // [1][support.n]
     pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
@@ -244,33 +236,33 @@ static pm_node part_of(const construction *c, pm_node x, int i) {
 }
 
 // The vectors of the frame as rows, each divided by its typical length.
-static pm_node build_along(pm_graph *g, const pm_operator *operator, const pm_site * site,
+static pm_node build_along(pm_graph *g, const pm_operator *op, const pm_site *site,
                            const pm_params *params) {
-    const pm_operator_spec *spec = operator->spec;
+    const pm_operator_spec *spec = op->spec;
     if (spec->nalong == 0) {
         return PM_NO_NODE;
     }
     const pm_node side_by_side = pm_features_build(g, spec->nalong, spec->along, &site->symbols);
     const int size = pm_graph_shape(g, side_by_side).cols / spec->nalong;
-    const pm_node length = pm_network_param(g, params, operator->prefix, "along");
+    const pm_node length = pm_network_param(g, params, op->prefix, "along");
     return pm_div(g, pm_reshape(g, side_by_side, spec->nalong, size),
                   pm_reshape(g, length, spec->nalong, 1));
 }
 
-static pm_node build_matrix(pm_graph *g, const pm_operator *operator, const pm_site * site,
+static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *site,
                             const support *s, const pm_params *params) {
-    if (!operator->spec->learned) {
+    if (!op->spec->learned) {
         return PM_NO_NODE;
     }
     operator_name name;
-    const int rows = frame_size(operator->spec, s);
-    const int nout = network_outputs(operator, rows);
-    const pm_node entries = pm_network_build(g, &operator->spec->network, &site->symbols, nout,
-                                             params, join(name, operator->prefix, "matrix"));
+    const int rows = frame_size(op->spec, s);
+    const int nout = network_outputs(op, rows);
+    const pm_node entries = pm_network_build(g, &op->spec->network, &site->symbols, nout, params,
+                                             join(name, op->prefix, "matrix"));
     const pm_node matrix = pm_reshape(g, entries, rows, nout / rows);
     // C - C^T is formed before it is applied: C x and C^T x share the diagonal's terms, whose
     // rounding would stay behind.
-    return operator->kind == PM_REVERSIBLE ? pm_sub(g, matrix, pm_transpose(g, matrix)) : matrix;
+    return op->kind == PM_REVERSIBLE ? pm_sub(g, matrix, pm_transpose(g, matrix)) : matrix;
 }
 
 // U: components of the support, in scaled coordinates -> rows of the frame.
@@ -298,7 +290,7 @@ static pm_node from_frame(const construction *c, pm_node rows) {
             part[i] = pm_constant(c->g, 0, 1, size);
             continue;
         }
-        const int nrow = frame_rows(c->operator->spec, size);
+        const int nrow = frame_rows(c->op->spec, size);
         const pm_node x = pm_slice(c->g, rows, first, nrow);
         part[i] =
             c->along != PM_NO_NODE && size > 1 ? pm_matmul(c->g, x, false, c->along, false) : x;
@@ -310,7 +302,7 @@ static pm_node from_frame(const construction *c, pm_node rows) {
 // The matrix times x, or G G^T x, for a row x.
 static pm_node apply_matrix(const construction *c, pm_node x) {
     pm_graph *g = c->g;
-    if (c->operator->kind == PM_REVERSIBLE) {
+    if (c->op->kind == PM_REVERSIBLE) {
         return pm_matmul(g, x, false, c->matrix, true);
     }
     return pm_matmul(g, pm_matmul(g, x, false, c->matrix, false), false, c->matrix, true);
@@ -318,7 +310,7 @@ static pm_node apply_matrix(const construction *c, pm_node x) {
 
 // The given pairs: rate_row += c d_col, rate_col -= c d_row.
 static pm_node apply_given(const construction *c, pm_node d) {
-    const pm_operator_spec *spec = c->operator->spec;
+    const pm_operator_spec *spec = c->op->spec;
     pm_node rate = PM_NO_NODE;
     for (int k = 0; k < spec->ngiven; ++k) {
         const pm_given_pair *pair = &spec->given[k];
@@ -377,22 +369,22 @@ static pm_node extend(const construction *c, const pm_site *site, pm_node rate) 
     return pm_concat(c->g, site->ngroup, part);
 }
 
-pm_node pm_operator_build(pm_graph *g, const pm_operator *operator, const pm_site * site,
+pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
                           const pm_params *params, pm_node driving, pm_node normal,
                           pm_node *degeneracy) {
-    if (!pm_operator_exists(operator->spec) || driving == PM_NO_NODE) {
+    if (!pm_operator_exists(op->spec) || driving == PM_NO_NODE) {
         return PM_NO_NODE;
     }
-    construction c = {.g = g, .operator= operator, .support = support_of(operator->spec, site)};
-    c.scale = pm_network_param(g, params, operator->prefix, "scale");
-    c.along = build_along(g, operator, site, params);
-    c.matrix = build_matrix(g, operator, site, &c.support, params);
+    construction c = {.g = g, .op = op, .support = support_of(op->spec, site)};
+    c.scale = pm_network_param(g, params, op->prefix, "scale");
+    c.along = build_along(g, op, site, params);
+    c.matrix = build_matrix(g, op, site, &c.support, params);
     const pm_node d = restrict_to(&c, driving);
     if (normal == PM_NO_NODE) {
         return extend(&c, site, apply(&c, d));
     }
     const pm_node n = restrict_to(&c, normal);
-    if (operator->form == PM_HARD) {
+    if (op->form == PM_HARD) {
         return extend(&c, site, apply_projected(&c, d, n));
     }
     const pm_node residual = pm_div(g, apply(&c, n), c.scale);

@@ -43,16 +43,16 @@ typedef struct pm_operator {
 bool pm_operator_exists(const pm_operator_spec *spec);
 
 // Checks the spec against the site and declares the parameters. PM_ECONFIG, PM_ENOMEM.
-pm_status pm_operator_declare(const pm_operator *operator, const pm_site * site, pm_params *params);
+pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_params *params);
 
 // The rate [1][site->n] it causes. driving, normal: [1][site->n]. A missing normal (PM_NO_NODE)
 // asks for no degeneracy. PM_NO_NODE if there is no operator or nothing drives it. In the soft form
 // *degeneracy gains |K n|^2 in scaled coordinates (it may start as PM_NO_NODE).
-pm_node pm_operator_build(pm_graph *g, const pm_operator *operator, const pm_site * site,
+pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
                           const pm_params *params, pm_node driving, pm_node normal,
                           pm_node *degeneracy);
 
-pm_status pm_operator_visit(const pm_operator *operator, const pm_site * site,
-                            pm_normaliser_visit *visit, void *context);
+pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
+                            void *context);
 
 #endif

@@ -3,9 +3,15 @@
 
 #include <string.h>
 
-extern const pm_port_law pm_law_bracket, pm_law_exchange;
+// Every law: law_<name>.c defines pm_law_<name>.
+#define LAWS(LAW) LAW(bracket) LAW(exchange)
 
-static const pm_port_law *const laws[] = {&pm_law_bracket, &pm_law_exchange};
+#define DECLARATION(name) extern const pm_port_law pm_law_##name;
+#define ENTRY(name) &pm_law_##name,
+#define LISTED(name) ", " #name
+
+LAWS(DECLARATION)
+static const pm_port_law *const laws[] = {LAWS(ENTRY)};
 
 const pm_port_law *pm_port_law_find(const char *name) {
     for (size_t i = 0; i < sizeof laws / sizeof *laws; ++i) {
@@ -17,7 +23,7 @@ const pm_port_law *pm_port_law_find(const char *name) {
 }
 
 const char *pm_port_law_names(void) {
-    return "bracket, exchange";
+    return &(LAWS(LISTED))[2]; // without the first comma
 }
 
 pm_status pm_port_declare(pm_port_model *port) {

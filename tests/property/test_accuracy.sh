@@ -1,0 +1,43 @@
+#!/bin/sh
+# test_accuracy.sh PORTMET_TRAIN: the shipped weights on trajectories that training never saw. The
+# truth is simulated anew; medians per trajectory over 60 s must stay below the bounds, and neither
+# law may be violated at any step.
+set -u
+train=$1
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+
+# number FILE GROUP: the median error per trajectory of a group
+number() {
+    sed -n "s/.*\"$2\": {\"trajectory\": {.*\"median\": \([^,]*\),.*\"snapshot\".*/\1/p" "$1" | head -1
+}
+
+# scene NAME TRAJECTORIES GROUP BOUND...
+scene() {
+    name=$1 range=$2
+    shift 2
+    "$train" truth "configs/truth/$name.yaml" --trajectories "$range" -o "$folder/$name.h5" \
+        >/dev/null || failures=$((failures + 1))
+    "$train" evaluate "configs/$name.yaml" --data "$folder/$name.h5" --json >"$folder/$name.json" ||
+        failures=$((failures + 1))
+    while [ $# -ge 2 ]; do
+        found=$(number "$folder/$name.json" "$1")
+        if ! awk -v x="$found" -v b="$2" 'BEGIN { exit !(x != "" && x + 0 <= b + 0) }'; then
+            echo "FAILED: $name, $1: median error $found, at most $2"
+            failures=$((failures + 1))
+        fi
+        shift 2
+    done
+    if ! grep -q '"violations": 0,' "$folder/$name.json"; then
+        echo "FAILED: $name: a law was violated"
+        failures=$((failures + 1))
+    fi
+}
+
+scene double_pendulum 40:50 q 0.001 p 0.001 s 0.001
+scene double_pendulum_fast 40:50 q 0.002 p 0.002 s 0.002
+scene gas_containers 80:100 v 0.001 p 0.001 s 0.001
+
+[ $failures -eq 0 ] && echo "all well"
+exit $((failures > 0))
