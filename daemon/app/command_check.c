@@ -3,7 +3,7 @@
 #include <stdio.h>
 
 #include "app/command.h"
-#include "app/setup.h"
+#include "app/skipped.h"
 #include "net/channel.h"
 #include "sim/subsystem.h"
 
@@ -32,7 +32,12 @@ static void print_header(const pm_setup *setup, int rounds) {
                scene->reference_trajectory, setup->reference->ntrajectory, setup->reference->ntime,
                setup->reference->dt);
     }
-    printf("  digest     %016" PRIx64 "\n", setup->system->digest);
+    if (setup->initial != NULL) {
+        printf("  digest     %016" PRIx64 "\n", setup->system->digest);
+    } else {
+        printf("  start      none: no reference, and not every subsystem has an `initial`; a run "
+               "needs either\n");
+    }
 }
 
 static const char *form_name(pm_form form) {
@@ -92,49 +97,6 @@ static void print_port(const pm_setup *setup, int i) {
     print_weights(&model->params, &setup->system->port_provenance[i]);
 }
 
-static bool operator_is_empty(const pm_operator_spec *spec) {
-    return spec->ngiven == 0 && !spec->learned;
-}
-
-static void print_skipped(const pm_setup *setup) {
-    const pm_scene *scene = setup->scene;
-    printf("\nskipped\n");
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_part *part = &setup->system->part[i];
-        const char *name = scene->subsystem[i].name;
-        if (part->spec.form == PM_FREE) {
-            printf("  %s: free: energy and entropy are not defined, and neither law is checked\n",
-                   name);
-            continue;
-        }
-        if (!pm_part_has_entropy(part)) {
-            printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
-        }
-        if (operator_is_empty(&part->spec.reversible)) {
-            printf("  %s: reversible bulk: none\n", name);
-        }
-        if (operator_is_empty(&part->spec.irreversible)) {
-            printf("  %s: irreversible bulk: none\n", name);
-        }
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        const pm_port_spec *spec = &setup->system->port[i].spec;
-        if (spec->form == PM_FREE) {
-            continue;
-        }
-        if (operator_is_empty(&spec->reversible)) {
-            printf("  %s: reversible exchange: none\n", scene->port[i].name);
-        }
-        if (operator_is_empty(&spec->irreversible)) {
-            printf("  %s: irreversible exchange: none\n", scene->port[i].name);
-        }
-    }
-    if (setup->reference == NULL) {
-        printf("  no reference: no error table, and no state messages unless --record asks\n");
-    }
-    printf("  no recorder unless --record names a file\n");
-}
-
 static pm_status print_channels(const pm_scene *scene) {
     static const char *const words[] = {"TICK", "COMMAND", "REQUEST", "LEDGER"};
     char channel[PM_CHANNEL_SIZE];
@@ -170,14 +132,14 @@ static pm_status describe(const pm_setup *setup) {
     for (int i = 0; i < setup->scene->nport; ++i) {
         print_port(setup, i);
     }
-    print_skipped(setup);
+    pm_skipped_print(setup);
     return print_channels(setup->scene);
 }
 
 static pm_status execute(const pm_options *options) {
     pm_setup setup;
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, true));
+    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_DESCRIBE));
     status = describe(&setup);
 done:
     pm_setup_free(&setup);
@@ -192,6 +154,7 @@ const pm_command pm_command_check = {
         "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
         "hold: time stepping, subsystems with their variables, units and dataset columns, ports,\n"
         "the provenance of the weights, what a run will not compute, and the LCM channels.\n"
+        "A scene without a state to start from is described too, though it cannot run.\n"
         "Anything wrong ends it with one line and the exit code of its class.\n",
     .accepts = PM_OPTION_WEIGHTS,
     .execute = execute,

@@ -39,7 +39,7 @@ static pm_status fail_name(const pm_scene *scene, const char *name) {
 static pm_status execute(const pm_options *options) {
     pm_setup setup;
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, false));
+    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_SERVE));
     const int subsystem_id = pm_scene_find_subsystem(setup.scene, options->name);
     status = subsystem_id < 0 ? fail_name(setup.scene, options->name)
                               : serve(&setup, options, subsystem_id);

@@ -150,7 +150,7 @@ static pm_status execute(const pm_options *options) {
     pm_setup setup;
     pm_observer observer = {0};
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, true));
+    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_observer_open(&observer, &setup, options));
     status = options->in_process ? run_together(&setup, &observer)
                                  : run_processes(&setup, options, &observer);

@@ -5,19 +5,23 @@
 
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_options *options) {
-    *observer = (pm_observer){.options = options, .started = pm_clock()};
+    *observer = (pm_observer){.options = options, .scene = setup->scene, .started = pm_clock()};
     PM_TRY(pm_report_open(&observer->report, setup));
-    if (options->record != NULL) {
-        PM_TRY(pm_recording_open(&observer->recording, options->record, setup->scene));
+    return options->record == NULL ? PM_OK : pm_recording_check(options->record);
+}
+
+static pm_status record(pm_observer *observer, const pm_sample *sample) {
+    if (observer->recording == NULL) {
+        PM_TRY(pm_recording_open(&observer->recording, observer->options->record, observer->scene));
     }
-    return PM_OK;
+    return pm_recording_append(observer->recording, sample);
 }
 
 static pm_status observe(void *context, const pm_sample *sample) {
     pm_observer *observer = context;
     pm_report_add(observer->report, sample);
     pm_progress_update(&observer->progress, sample->step, NULL);
-    return observer->recording == NULL ? PM_OK : pm_recording_append(observer->recording, sample);
+    return observer->options->record == NULL ? PM_OK : record(observer, sample);
 }
 
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup) {
@@ -26,7 +30,7 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
     return (pm_lockstep_coordinator_options){
         .steps = setup->scene->steps,
         .session = observer->options->session,
-        .want_state = observer->recording != NULL || setup->reference != NULL,
+        .want_state = observer->options->record != NULL || setup->reference != NULL,
         .observer = {observer, observe},
     };
 }

@@ -5,33 +5,39 @@
 #include <string.h>
 
 #include "base/digest.h"
+#include "net/transport.h"
 
 // Relative difference of two time steps that are meant to be equal: rounding of decimal fractions.
 #define TIME_TOLERANCE 1e-9
 
-static bool needs_reference(const pm_scene *scene) {
+// The first subsystem whose state to start from must come from the reference, or NULL.
+static const pm_scene_subsystem *needs_reference(const pm_scene *scene) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         if (scene->subsystem[i].initial == NULL) {
-            return true;
+            return &scene->subsystem[i];
         }
     }
-    return false;
+    return NULL;
 }
 
 static pm_status load_reference(pm_setup *setup) {
     const pm_scene *scene = setup->scene;
-    PM_TRY(pm_dataset_load(&setup->reference, scene->reference));
+    const pm_status status = pm_dataset_load(&setup->reference, scene->reference);
+    if (status != PM_OK) {
+        return pm_fail(status, "%s: %s", scene->reference_at, pm_error());
+    }
     const pm_dataset *reference = setup->reference;
     if (scene->reference_trajectory < 0 || scene->reference_trajectory >= reference->ntrajectory) {
         return pm_fail(PM_ECONFIG, "%s: trajectory %d of the reference: %s holds %d, from 0",
-                       scene->path, scene->reference_trajectory, scene->reference,
-                       reference->ntrajectory);
+                       scene->reference_trajectory_at, scene->reference_trajectory,
+                       scene->reference, reference->ntrajectory);
     }
     PM_TRY(pm_columns_bind(&setup->columns, scene, reference, &setup->arena));
     const double stride = round(reference->dt / scene->dt);
     if (stride < 1 || fabs(reference->dt - stride * scene->dt) > TIME_TOLERANCE * reference->dt) {
-        return pm_fail(PM_EDATA, "%s: dt %g s: expected a whole multiple of the scene's dt %g s",
-                       scene->reference, reference->dt, scene->dt);
+        return pm_fail(PM_EDATA,
+                       "%s: %s: dt %g s: expected a whole multiple of the scene's dt %g s",
+                       scene->reference_at, scene->reference, reference->dt, scene->dt);
     }
     setup->stride = (int)stride;
     return PM_OK;
@@ -65,21 +71,25 @@ static void override(pm_scene *scene, const pm_options *options) {
     }
 }
 
-pm_status pm_setup_load(pm_setup *setup, const pm_options *options, bool compare) {
+pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose purpose) {
     *setup = (pm_setup){0};
     PM_TRY(pm_scene_load(&setup->scene, options->scene));
     const pm_scene *scene = setup->scene;
     PM_TRY(pm_system_load(&setup->system, scene, options->weights));
     // After the digest is made: hosts may reach the network differently, and only one counts steps.
     override(setup->scene, options);
-    const bool needed = needs_reference(scene);
-    if (needed && scene->reference == NULL) {
+    PM_TRY(pm_transport_check(scene->url));
+    const pm_scene_subsystem *needs = needs_reference(scene);
+    if (needs != NULL && scene->reference == NULL) {
+        if (purpose == PM_TO_DESCRIBE) {
+            return PM_OK;
+        }
         return pm_fail(PM_ECONFIG,
-                       "%s: no state to start from: expected `initial` in every subsystem, or a "
-                       "`reference` trajectory",
-                       scene->path);
+                       "%s: subsystem %s: no state to start from: expected `initial` in every "
+                       "subsystem, or a `reference` trajectory",
+                       needs->at, needs->name);
     }
-    if (scene->reference != NULL && (needed || compare)) {
+    if (scene->reference != NULL && (needs != NULL || purpose != PM_TO_SERVE)) {
         PM_TRY(load_reference(setup));
     }
     PM_TRY(find_initial(setup));

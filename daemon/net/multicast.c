@@ -11,13 +11,21 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-// LCM's own, where the URL leaves it out.
-#define DEFAULT_GROUP "239.255.76.67"
-
 // On one host a datagram takes microseconds; a busy machine may take its time to wake us.
 #define ECHO_TIMEOUT 500 // ms
 
-// Reads the group; checks that a port, if given, is one.
+// ":PORT", then the end or options.
+static bool is_port(const char *text) {
+    if (*text != ':') {
+        return false;
+    }
+    const size_t count = strspn(text + 1, "0123456789");
+    const char *end = text + 1 + count;
+    const long port = strtol(text + 1, NULL, 10);
+    return count > 0 && port >= 1 && port <= 65535 && (*end == 0 || *end == '?');
+}
+
+// Reads the group, and checks that a port follows.
 static pm_status parse(const char *url, struct in_addr *group) {
     const char *address = strstr(url, "://") + 3;
     const size_t host_size = strcspn(address, ":?");
@@ -25,22 +33,24 @@ static pm_status parse(const char *url, struct in_addr *group) {
     if (host_size < sizeof host) {
         memcpy(host, address, host_size);
     }
-    if (inet_pton(AF_INET, host_size == 0 ? DEFAULT_GROUP : host, group) != 1 ||
-        !IN_MULTICAST(ntohl(group->s_addr))) {
+    if (inet_pton(AF_INET, host, group) != 1 || !IN_MULTICAST(ntohl(group->s_addr))) {
         return pm_fail(PM_ECONFIG,
                        "transport \"%s\": expected an IPv4 multicast group, 224.0.0.0 to "
                        "239.255.255.255",
                        url);
     }
-    if (address[host_size] == ':') {
-        const char *text = address + host_size + 1;
-        char *end;
-        const long port = strtol(text, &end, 10);
-        if (end == text || (*end != 0 && *end != '?') || port < 1 || port > 65535) {
-            return pm_fail(PM_ECONFIG, "transport \"%s\": expected a port from 1 to 65535", url);
-        }
+    if (!is_port(address + host_size)) {
+        return pm_fail(PM_ECONFIG,
+                       "transport \"%s\": expected a port from 1 to 65535 after the group, as in "
+                       "udpm://239.255.76.67:7667",
+                       url);
     }
     return PM_OK;
+}
+
+pm_status pm_multicast_check_address(const char *url) {
+    struct in_addr group;
+    return parse(url, &group);
 }
 
 static pm_status no_way(const char *url, const char *what, const char *why) {

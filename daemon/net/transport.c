@@ -21,19 +21,28 @@ static const struct {
     {"memory://", &pm_transport_memory},
 };
 
-pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
-    const pm_transport_table *table = NULL;
+static pm_status find(const char *url, const pm_transport_table **table) {
     for (size_t i = 0; i < sizeof schemes / sizeof schemes[0]; ++i) {
         if (strncmp(url, schemes[i].scheme, strlen(schemes[i].scheme)) == 0) {
-            table = schemes[i].table;
+            *table = schemes[i].table;
+            return PM_OK;
         }
     }
-    if (table == NULL) {
-        return pm_fail(PM_ECONFIG,
-                       "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT or "
-                       "memory://",
-                       url);
-    }
+    return pm_fail(PM_ECONFIG,
+                   "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT or "
+                   "memory://",
+                   url);
+}
+
+pm_status pm_transport_check(const char *url) {
+    const pm_transport_table *table;
+    PM_TRY(find(url, &table));
+    return table->check(url);
+}
+
+pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
+    const pm_transport_table *table;
+    PM_TRY(find(url, &table));
     pm_transport *made = calloc(1, sizeof *made);
     if (made == NULL) {
         return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);

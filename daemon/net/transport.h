@@ -38,9 +38,12 @@ void pm_hub_close(pm_hub *hub); // after its endpoints; NULL is allowed
 
 // --- any transport ---
 
-// `hub` is needed for "memory://" and ignored otherwise. PM_ECONFIG: unknown scheme or malformed
-// address. PM_ENET: no socket or no way for multicast; then the error names the commands that mend
-// it. PM_ENOMEM.
+// The URL's shape; opens nothing. PM_ECONFIG: unknown scheme or malformed address.
+pm_status pm_transport_check(const char *url);
+
+// `hub` is needed for "memory://" and ignored otherwise. PM_ECONFIG: as pm_transport_check.
+// PM_ENET: no socket or no way for multicast; then the error names the commands that mend it.
+// PM_ENOMEM.
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub);
 void pm_transport_close(pm_transport *transport); // NULL is allowed
 

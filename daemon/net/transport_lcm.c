@@ -164,6 +164,6 @@ static int lcm_endpoint_file(const void *state) {
 }
 
 const pm_transport_table pm_transport_lcm = {
-    lcm_endpoint_open,    lcm_endpoint_close, lcm_endpoint_subscribe,
-    lcm_endpoint_publish, lcm_endpoint_wait,  lcm_endpoint_file,
+    pm_multicast_check_address, lcm_endpoint_open, lcm_endpoint_close, lcm_endpoint_subscribe,
+    lcm_endpoint_publish,       lcm_endpoint_wait, lcm_endpoint_file,
 };

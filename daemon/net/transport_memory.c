@@ -65,6 +65,11 @@ void pm_hub_close(pm_hub *hub) {
     }
 }
 
+static pm_status memory_check(const char *url) {
+    (void)url;
+    return PM_OK;
+}
+
 static pm_status memory_open(void **state, const char *url, pm_hub *hub) {
     if (hub == NULL) {
         return pm_fail(PM_ECONFIG, "transport \"%s\" works inside one process only", url);
@@ -204,5 +209,6 @@ static int memory_file(const void *state) {
 }
 
 const pm_transport_table pm_transport_memory = {
-    memory_open, memory_close, memory_subscribe, memory_publish, memory_wait, memory_file,
+    memory_check,   memory_open, memory_close, memory_subscribe,
+    memory_publish, memory_wait, memory_file,
 };

@@ -6,6 +6,7 @@
 
 // The functions of transport.h, on the transport's own state.
 typedef struct pm_transport_table {
+    pm_status (*check)(const char *url); // its scheme is one of the transport's
     pm_status (*open)(void **state, const char *url, pm_hub *hub);
     void (*close)(void *state);
     pm_status (*subscribe)(void *state, const char *channel, pm_message_handler *handler,

@@ -2,8 +2,11 @@
 // that is written when a block is full or a second has passed, so that a step pays for a copy only.
 #include "store/recording.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "base/progress.h"
 #include "store/hdf5_io.h"
@@ -164,6 +167,46 @@ static pm_status add_all(pm_recording *r) {
         PM_TRY(add_port(r, &scene->port[i]));
     }
     return pm_hdf5_flush(r->file);
+}
+
+// The folder of `path`, or NULL.
+static char *folder_of(const char *path) {
+    const char *slash = strrchr(path, '/');
+    if (slash == NULL) {
+        return strdup(".");
+    }
+    return slash == path ? strdup("/") : strndup(path, (size_t)(slash - path));
+}
+
+static pm_status check_folder(const char *path) {
+    char *folder = folder_of(path);
+    if (folder == NULL) {
+        return fail_memory();
+    }
+    pm_status status = PM_OK;
+    if (access(folder, W_OK | X_OK) != 0) {
+        status = pm_fail(PM_EFILE, "%s: cannot create a recording: folder %s: %s", path, folder,
+                         strerror(errno));
+    }
+    free(folder);
+    return status;
+}
+
+pm_status pm_recording_check(const char *path) {
+    struct stat there;
+    if (stat(path, &there) != 0) {
+        return *path == 0 ? pm_fail(PM_EFILE, "a recording needs a name") : check_folder(path);
+    }
+    if (!S_ISREG(there.st_mode)) {
+        return pm_fail(PM_EFILE,
+                       "%s: cannot create a recording: there is something that is not a "
+                       "file",
+                       path);
+    }
+    if (access(path, W_OK) != 0) {
+        return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));
+    }
+    return PM_OK;
 }
 
 pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene) {

@@ -43,6 +43,10 @@ void pm_sample_free(pm_sample *sample); // NULL is allowed
 
 typedef struct pm_recording pm_recording;
 
+// Whether a recording could be made at `path`: its folder can be written to, and what stands there,
+// if anything, is a file that may be overwritten. Changes nothing. PM_EFILE.
+pm_status pm_recording_check(const char *path);
+// Replaces the file at `path`. `scene` must outlive it. PM_EFILE, PM_ENOMEM.
 pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene);
 pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample);
 // Flushes and closes. PM_EFILE. NULL is allowed.

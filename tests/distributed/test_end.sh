@@ -76,5 +76,14 @@ for command in run coordinator; do
     ends $command $pid 7 'run "ip link set lo multicast on" and "ip route add 224.0.0.0/4 dev lo"'
 done
 
+# Such a run leaves an older recording alone, and begins none.
+echo old >"$folder/old.h5"
+for name in old new; do
+    start run run "$scene" --record "$folder/$name.h5"
+    ends run $pid 7 'cannot'
+done
+[ "$(cat "$folder/old.h5")" = old ] || fail "a recording was overwritten by a run that never began"
+[ ! -e "$folder/new.h5" ] || fail "a run that never began left a recording"
+
 no_orphans "at the end"
 finish

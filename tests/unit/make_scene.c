@@ -50,6 +50,13 @@ static const char *const part_text[] = {
     POTENTIALS "irreversible: {learned: {acts_on: [p, s], features: [q], hidden: [4], rank: 1}}\n",
 };
 
+// Operators of which the projection leaves nothing.
+static const char idle_text[] =
+    "energy: {features: [q, p, s], hidden: [4], skip: linear}\n"
+    "entropy: {given: s}\n"
+    "reversible: {learned: {acts_on: [p, s], features: [q], hidden: [4]}}\n"
+    "irreversible: {learned: {acts_on: [s], features: [q], hidden: [4], rank: 1}}\n";
+
 static const char port_text[] =
     "law: bracket\n"
     "reversible: {learned: {acts_on: [a.p, a.s, b.q, b.p], features: [b.q], hidden: [4]}}\n"
@@ -57,17 +64,17 @@ static const char port_text[] =
 
 static const pm_provenance provenance = {.command = "make_scene", .data = "none", .seed = SEED};
 
-static pm_status make_part(pm_system *system, int i, const char *path) {
-    pm_part *part = &system->part[i];
+static pm_status make_part(pm_system *system, pm_part *part, const char *text, uint64_t stream,
+                           const char *path) {
     pm_yaml_document *document;
     pm_yaml block;
     pm_rng rng;
-    PM_TRY(pm_yaml_parse(&document, part_text[i], "part", &block));
+    PM_TRY(pm_yaml_parse(&document, text, "part", &block));
     const pm_status status = pm_part_spec_read(block, &system->arena, &part->spec);
     pm_yaml_close(document);
     PM_TRY(status);
     PM_TRY(pm_part_declare(part));
-    pm_rng_init(&rng, SEED, (uint64_t)i);
+    pm_rng_init(&rng, SEED, stream);
     pm_params_randomise(&part->params, &rng);
     return pm_weights_save_part(path, part, &provenance);
 }
@@ -143,14 +150,18 @@ static pm_status make_scene(void) {
     }
     pm_scene *scene = NULL;
     pm_system *system = NULL;
+    pm_part idle = {0};
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, "scene.yaml"));
     PM_TRY_DONE(pm_system_new(&system, scene));
-    PM_TRY_DONE(make_part(system, 0, "left.h5"));
-    PM_TRY_DONE(make_part(system, 1, "right.h5"));
+    PM_TRY_DONE(make_part(system, &system->part[0], part_text[0], 0, "left.h5"));
+    PM_TRY_DONE(make_part(system, &system->part[1], part_text[1], 1, "right.h5"));
+    idle.layout = system->part[1].layout;
+    PM_TRY_DONE(make_part(system, &idle, idle_text, 3, "idle.h5"));
     PM_TRY_DONE(make_port(system, "joint.h5"));
     status = make_reference(system);
 done:
+    pm_part_free(&idle);
     pm_system_free(system);
     pm_scene_free(scene);
     return status;

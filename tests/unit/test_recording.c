@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 
@@ -223,6 +224,34 @@ static void a_recording_that_cannot_be_made_says_so(void **state) {
     pm_sample_free(NULL);
 }
 
+static void assert_refused(const char *path, const char *part) {
+    assert_int_equal(pm_recording_check(path), PM_EFILE);
+    if (strstr(pm_error(), part) == NULL) {
+        fail_msg("\"%s\" does not say \"%s\"", pm_error(), part);
+    }
+}
+
+static void a_check_tells_beforehand_and_changes_nothing(void **state) {
+    scratch *folder = *state;
+    char path[256];
+    snprintf(path, sizeof path, "%s", scratch_path(folder, "run.h5"));
+    assert_int_equal(pm_recording_check(path), PM_OK);
+    assert_int_equal(access(path, F_OK), -1);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs("old", file);
+    fclose(file);
+    assert_int_equal(pm_recording_check(path), PM_OK);
+    struct stat there;
+    assert_int_equal(stat(path, &there), 0);
+    assert_int_equal(there.st_size, 3);
+    assert_int_equal(pm_recording_check("run.h5"), PM_OK);
+    assert_refused("", "name");
+    assert_refused("/nonexistent/run.h5", "folder /nonexistent: No such file");
+    assert_refused(folder->folder, "not a file");
+    assert_refused("/dev/null", "not a file");
+}
+
 // The child's exit status says what went wrong. It may not write files beyond 40 kB, which a full
 // disk resembles.
 static void record_beyond_the_limit(const char *path) {
@@ -264,6 +293,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(variables_and_units_are_written, setup, teardown),
         cmocka_unit_test_setup_teardown(what_was_flushed_outlives_a_killed_writer, setup, teardown),
         cmocka_unit_test_setup_teardown(a_recording_that_cannot_be_made_says_so, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_check_tells_beforehand_and_changes_nothing, setup,
+                                        teardown),
         cmocka_unit_test_setup_teardown(a_full_disk_is_reported, setup, teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

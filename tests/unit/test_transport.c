@@ -148,6 +148,11 @@ static void test_refused_urls(void **context) {
         {"udpm://239.255.76.67:0", "a port from 1 to 65535"},
         {"udpm://239.255.76.67:65536?ttl=0", "a port from 1 to 65535"},
         {"udpm://239.255.76.67:12x", "a port from 1 to 65535"},
+        {"udpm://239.255.76.67", "a port from 1 to 65535"},
+        {"mpudpm://239.255.76.67?ttl=0", "a port from 1 to 65535"},
+        {"udpm://", "IPv4 multicast group"},
+        {"udpm://?ttl=1", "IPv4 multicast group"},
+        {"udpm://239.255.76.67:+7667", "a port from 1 to 65535"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
         pm_transport *transport = NULL;
@@ -159,12 +164,25 @@ static void test_refused_urls(void **context) {
     }
 }
 
+static void test_urls_are_checked_without_opening(void **context) {
+    (void)context;
+    static const char *const good[] = {"udpm://239.255.76.67:7667",
+                                       "udpm://239.255.76.67:7667?ttl=0",
+                                       "mpudpm://239.255.76.67:7667", "memory://"};
+    for (size_t i = 0; i < sizeof good / sizeof good[0]; ++i) {
+        assert_int_equal(pm_transport_check(good[i]), PM_OK);
+    }
+    assert_int_equal(pm_transport_check("carrier_pigeon://"), PM_ECONFIG);
+    assert_int_equal(pm_transport_check("udpm://239.255.76.67"), PM_ECONFIG);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_order_and_channels),
         cmocka_unit_test(test_handlers_may_publish),
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_refused_urls),
+        cmocka_unit_test(test_urls_are_checked_without_opening),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

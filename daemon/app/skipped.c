@@ -1,0 +1,151 @@
+// Finds operators that are absent, and operators of the hard form that act on so few components
+// that their projection (model/operator.h) leaves nothing of them.
+#include "app/skipped.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "model/operator.h"
+
+// --- operators that do nothing ---
+
+// One state, or what one end of a port exposes, as an operator sees it.
+typedef struct side {
+    const char *prefix; // of its groups in the operator
+    const pm_layout *layout;
+    const pm_part *part; // whose potentials depend on these groups
+} side;
+
+static bool acts_on(const pm_operator_spec *spec, const char *group) {
+    for (int i = 0; i < spec->nacts && spec->learned; ++i) {
+        if (strcmp(spec->acts_on[i], group) == 0) {
+            return true;
+        }
+    }
+    for (int i = 0; i < spec->ngiven; ++i) {
+        if (strcmp(spec->given[i].row, group) == 0 || strcmp(spec->given[i].col, group) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool is_letter(char c) {
+    return isalnum((unsigned char)c) || c == '_';
+}
+
+// Whether a feature is an expression of this group.
+static bool mentions(const char *feature, const char *group) {
+    const size_t length = strlen(group);
+    for (const char *at = feature; (at = strstr(at, group)) != NULL; ++at) {
+        if ((at == feature || !is_letter(at[-1])) && !is_letter(at[length])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool depends_on(const pm_potential_spec *potential, const char *group) {
+    for (int i = 0; i < potential->ngiven; ++i) {
+        if (strcmp(potential->given[i], group) == 0) {
+            return true;
+        }
+    }
+    for (int i = 0; i < potential->nterm; ++i) {
+        for (int k = 0; k < potential->term[i].nfeature; ++k) {
+            if (mentions(potential->term[i].feature[k], group)) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+// The components an operator acts on. `constrained`: its normal, dS of a reversible and dE of an
+// irreversible one, has a part in them.
+static int count_components(const pm_operator_spec *spec, pm_operator_kind kind, int nside,
+                            const side *sides, bool *constrained) {
+    int count = 0;
+    *constrained = false;
+    for (int i = 0; i < nside; ++i) {
+        const pm_part_spec *part = &sides[i].part->spec;
+        const pm_potential_spec *normal = kind == PM_REVERSIBLE ? &part->entropy : &part->energy;
+        for (int k = 0; k < sides[i].layout->ngroup; ++k) {
+            const pm_group *group = &sides[i].layout->group[k];
+            char name[PM_MAX_NAME];
+            snprintf(name, sizeof name, "%s%s", sides[i].prefix, group->name);
+            if (acts_on(spec, name)) {
+                count += group->size;
+                *constrained = *constrained || depends_on(normal, group->name);
+            }
+        }
+    }
+    return count;
+}
+
+// `what`: "reversible bulk".
+static void print_operator(const char *owner, const char *what, const pm_operator_spec *spec,
+                           pm_operator_kind kind, pm_form form, int nside, const side *sides) {
+    if (!pm_operator_exists(spec)) {
+        printf("  %s: %s: none\n", owner, what);
+        return;
+    }
+    bool constrained;
+    const int count = count_components(spec, kind, nside, sides, &constrained);
+    // The projection takes the direction of the normal; a skew matrix needs two more.
+    if (form == PM_HARD && count - constrained < (kind == PM_REVERSIBLE ? 2 : 1)) {
+        printf("  %s: %s: does nothing: it acts on %d component%s, and the projection leaves "
+               "nothing of it\n",
+               owner, what, count, count == 1 ? "" : "s");
+    }
+}
+
+// --- the list ---
+
+static void print_part(const char *name, const pm_part *part) {
+    if (part->spec.form == PM_FREE) {
+        printf("  %s: free: energy and entropy are not defined, and neither law is checked\n",
+               name);
+        return;
+    }
+    if (!pm_part_has_entropy(part)) {
+        printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
+    }
+    const side state = {"", &part->layout, part};
+    print_operator(name, "reversible bulk", &part->spec.reversible, PM_REVERSIBLE, part->spec.form,
+                   1, &state);
+    print_operator(name, "irreversible bulk", &part->spec.irreversible, PM_IRREVERSIBLE,
+                   part->spec.form, 1, &state);
+}
+
+static void print_port(const pm_scene_port *port, const pm_system *system,
+                       const pm_port_model *model) {
+    const pm_port_spec *spec = &model->spec;
+    if (spec->form == PM_FREE) {
+        return;
+    }
+    const side ends[2] = {
+        {"a.", &model->layout[0], &system->part[port->subsystem[0]]},
+        {"b.", &model->layout[1], &system->part[port->subsystem[1]]},
+    };
+    print_operator(port->name, "reversible exchange", &spec->reversible, PM_REVERSIBLE, spec->form,
+                   2, ends);
+    print_operator(port->name, "irreversible exchange", &spec->irreversible, PM_IRREVERSIBLE,
+                   spec->form, 2, ends);
+}
+
+void pm_skipped_print(const pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    printf("\nskipped\n");
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        print_part(scene->subsystem[i].name, &setup->system->part[i]);
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        print_port(&scene->port[i], setup->system, &setup->system->port[i]);
+    }
+    if (setup->reference == NULL) {
+        printf("  no reference: no error table, and no state messages unless --record asks\n");
+    }
+    printf("  no recorder unless --record names a file\n");
+}
