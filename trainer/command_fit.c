@@ -204,38 +204,57 @@ static pm_status save_weights(const fit *f) {
 
 // One file per component: two that share a name would overwrite each other.
 static pm_status check_file_names(const pm_scene *scene) {
-    const int count = scene->nsubsystem + scene->nport;
+    const int n = scene->nsubsystem, count = n + scene->nport;
     for (int i = 0; i < count; ++i) {
         for (int j = i + 1; j < count; ++j) {
-            const char *a = i < scene->nsubsystem ? scene->subsystem[i].weights
-                                                  : scene->port[i - scene->nsubsystem].weights;
-            const char *b = j < scene->nsubsystem ? scene->subsystem[j].weights
-                                                  : scene->port[j - scene->nsubsystem].weights;
+            const char *a = i < n ? scene->subsystem[i].weights : scene->port[i - n].weights;
+            const char *b = j < n ? scene->subsystem[j].weights : scene->port[j - n].weights;
             if (strcmp(base_name(a), base_name(b)) == 0) {
                 return pm_fail(PM_ECONFIG,
                                "%s: two components share the weights file %s; train a scene in "
                                "which each has its own",
-                               scene->path, base_name(a));
+                               j < n ? scene->subsystem[j].weights_at
+                                     : scene->port[j - n].weights_at,
+                               base_name(a));
             }
         }
     }
     return PM_OK;
 }
 
-static pm_status load_data(fit *f) {
-    const char *path = f->arguments->data != NULL ? f->arguments->data : f->training->data;
-    if (path == NULL) {
-        return pm_fail(PM_EUSAGE, "%s names no data: give --data FILE", f->arguments->config);
-    }
+static pm_status load_dataset(fit *f, const char *path) {
     PM_TRY(pm_dataset_load(&f->dataset, path));
     const double dt = f->training->scene->dt;
     if (f->dataset->dt < dt * (1 - 1e-9) || f->dataset->dt > dt * (1 + 1e-9)) {
         return pm_fail(PM_EDATA, "%s: states are %g s apart, the scene %s steps by %g s", path,
                        f->dataset->dt, f->training->scene->path, dt);
     }
-    const char *range =
-        f->arguments->trajectories != NULL ? f->arguments->trajectories : f->training->trajectories;
-    PM_TRY(pm_options_range(range, f->dataset->ntrajectory, &f->first, &f->end));
+    return PM_OK;
+}
+
+// The range of trajectories: the command line's, or the training file's with its place.
+static pm_status choose_trajectories(fit *f) {
+    const int count = f->dataset->ntrajectory;
+    if (f->arguments->trajectories != NULL || f->training->trajectories == NULL) {
+        return pm_options_range(f->arguments->trajectories, count, &f->first, &f->end);
+    }
+    return pm_options_range(f->training->trajectories, count, &f->first, &f->end) == PM_OK
+               ? PM_OK
+               : pm_fail(PM_ECONFIG, "%s: %s", f->training->trajectories_at, pm_error());
+}
+
+static pm_status load_data(fit *f) {
+    if (f->arguments->data != NULL) {
+        PM_TRY(load_dataset(f, f->arguments->data));
+    } else if (f->training->data != NULL) {
+        const pm_status status = load_dataset(f, f->training->data);
+        if (status != PM_OK) {
+            return pm_fail(status, "%s: %s", f->training->data_at, pm_error());
+        }
+    } else {
+        return pm_fail(PM_EUSAGE, "%s names no data: give --data FILE", f->arguments->config);
+    }
+    PM_TRY(choose_trajectories(f));
     const double *z = pm_dataset_state(f->dataset, f->first, 0);
     const size_t n =
         (size_t)(f->end - f->first) * (size_t)f->dataset->ntime * (size_t)f->dataset->ncolumn;

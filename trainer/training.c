@@ -53,6 +53,11 @@ static pm_status check_names(pm_yaml mapping, const char *what, const pm_scene *
     return PM_OK;
 }
 
+// A model may serve several components: the error, which has its place, tells which one it was.
+static pm_status name_component(pm_status status, const char *name) {
+    return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
+}
+
 static pm_status read_part(pm_training *t, pm_yaml root, pm_yaml mapping, int id) {
     const pm_scene_subsystem *scene = &t->scene->subsystem[id];
     pm_part *part = &t->system->part[id];
@@ -61,8 +66,7 @@ static pm_status read_part(pm_training *t, pm_yaml root, pm_yaml mapping, int id
     part->layout = scene->layout;
     PM_TRY(pm_part_spec_read(model, &t->arena, &part->spec));
     const pm_status status = pm_part_declare(part);
-    return status == PM_ECONFIG ? pm_yaml_fail(model, "for %s: %s", scene->name, pm_error())
-                                : status;
+    return name_component(status, scene->name);
 }
 
 static pm_status read_port(pm_training *t, pm_yaml root, pm_yaml mapping, int id) {
@@ -78,8 +82,7 @@ static pm_status read_port(pm_training *t, pm_yaml root, pm_yaml mapping, int id
                             scene->name, t->scene->path, scene->law);
     }
     const pm_status status = pm_port_declare(port);
-    return status == PM_ECONFIG ? pm_yaml_fail(model, "for %s: %s", scene->name, pm_error())
-                                : status;
+    return name_component(status, scene->name);
 }
 
 static pm_status read_models(pm_training *t, pm_yaml root) {
@@ -224,12 +227,17 @@ static pm_status read_data(pm_training *t, pm_yaml root) {
     if (pm_yaml_exists(value = pm_yaml_get(data, "file"))) {
         PM_TRY(pm_yaml_text(value, &t->arena, &t->data));
         t->data = resolve(t, t->data);
-        if (t->data == NULL) {
+        t->data_at = pm_yaml_where(value, &t->arena);
+        if (t->data == NULL || t->data_at == NULL) {
             return no_memory();
         }
     }
     if (pm_yaml_exists(value = pm_yaml_get(data, "trajectories"))) {
         PM_TRY(pm_yaml_text(value, &t->arena, &t->trajectories));
+        t->trajectories_at = pm_yaml_where(value, &t->arena);
+        if (t->trajectories_at == NULL) {
+            return no_memory();
+        }
     }
     return PM_OK;
 }
@@ -262,6 +270,16 @@ static pm_status make_digest(pm_training *t) {
     return PM_OK;
 }
 
+// What is wrong inside the scene has its place there.
+static pm_status load_scene(pm_training *t, pm_yaml at, const char *path) {
+    const pm_status status = pm_scene_load(&t->scene, path);
+    if (status != PM_EFILE) {
+        return status;
+    }
+    const char *where = pm_yaml_where(at, &t->arena);
+    return where == NULL ? no_memory() : pm_fail(status, "%s: %s", where, pm_error());
+}
+
 static pm_status read_all(pm_training *t, pm_yaml root) {
     static const char *const keys[] = {"scene", "data", "seed",   "models", "subsystems",
                                        "ports", "loss", "stages", NULL};
@@ -274,7 +292,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     if (scene == NULL) {
         return no_memory();
     }
-    PM_TRY(pm_scene_load(&t->scene, scene));
+    PM_TRY(load_scene(t, value, scene));
     PM_TRY(pm_system_new(&t->system, t->scene));
     int seed = 1;
     if (pm_yaml_exists(value = pm_yaml_get(root, "seed"))) {

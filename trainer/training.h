@@ -21,9 +21,10 @@ typedef struct pm_training {
     pm_arena arena; // owns all that follows
     const char *path;
     pm_scene *scene;
-    pm_system *system;        // models declared, weights not yet drawn
-    const char *data;         // dataset, or NULL: only from the command line
-    const char *trajectories; // "A:B", or NULL: all
+    pm_system *system;          // models declared, weights not yet drawn
+    const char *data, *data_at; // dataset, or NULL: only from the command line; and its place,
+                                // "file:line:column", for errors found later
+    const char *trajectories, *trajectories_at; // "A:B", or NULL: all
     uint64_t seed;
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];

@@ -54,7 +54,7 @@ static pm_status check_form(const pm_port_spec *spec) {
 }
 
 static pm_status declare(pm_port_model *port) {
-    PM_TRY(check_form(&port->spec));
+    PM_TRY(pm_spec_locate(port->spec.at, check_form(&port->spec)));
     static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
                                           {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     for (int own = 0; own < 2; ++own) {

@@ -1,4 +1,4 @@
-// Layouts of named groups.
+// Layouts of named groups, and where specs were read.
 #include <string.h>
 
 #include "model/spec.h"
@@ -12,15 +12,22 @@ const pm_group *pm_layout_find(const pm_layout *layout, const char *name) {
     return NULL;
 }
 
+bool pm_group_equal(const pm_group *a, const pm_group *b) {
+    return strcmp(a->name, b->name) == 0 && strcmp(a->unit, b->unit) == 0 && a->size == b->size;
+}
+
 bool pm_layout_equal(const pm_layout *a, const pm_layout *b) {
     if (a->ngroup != b->ngroup || a->nz != b->nz) {
         return false;
     }
     for (int i = 0; i < a->ngroup; ++i) {
-        const pm_group *x = &a->group[i], *y = &b->group[i];
-        if (strcmp(x->name, y->name) != 0 || strcmp(x->unit, y->unit) != 0 || x->size != y->size) {
+        if (!pm_group_equal(&a->group[i], &b->group[i])) {
             return false;
         }
     }
     return true;
+}
+
+pm_status pm_spec_locate(const char *at, pm_status status) {
+    return status == PM_ECONFIG && at != NULL ? pm_fail(status, "%s: %s", at, pm_error()) : status;
 }

@@ -29,31 +29,37 @@ static pm_operator irreversible(const pm_part *part) {
                          "irreversible"};
 }
 
-static pm_status declare_free(pm_part *part) {
-    const pm_part_spec *spec = &part->spec;
+static pm_status check_free(const pm_part_spec *spec) {
     if (pm_potential_exists(&spec->energy) || pm_potential_exists(&spec->entropy) ||
         pm_operator_exists(&spec->reversible) || pm_operator_exists(&spec->irreversible)) {
         return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no energy, entropy, "
                                    "reversible or irreversible operator");
     }
-    const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
-    return pm_flow_declare(&spec->rate, &site, &part->params, "rate");
+    return PM_OK;
+}
+
+static pm_status check_spec(const pm_part_spec *spec) {
+    if (spec->form == PM_FREE) {
+        return check_free(spec);
+    }
+    if (!pm_potential_exists(&spec->energy)) {
+        return pm_fail(PM_ECONFIG, "a subsystem needs an energy");
+    }
+    if (pm_operator_exists(&spec->irreversible) && !pm_potential_exists(&spec->entropy)) {
+        return pm_fail(PM_ECONFIG, "an irreversible operator needs an entropy");
+    }
+    return PM_OK;
 }
 
 pm_status pm_part_declare(pm_part *part) {
+    PM_TRY(pm_spec_locate(part->spec.at, check_spec(&part->spec)));
+    const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
     if (part->spec.form == PM_FREE) {
-        return declare_free(part);
-    }
-    if (!pm_potential_exists(&part->spec.energy)) {
-        return pm_fail(PM_ECONFIG, "a subsystem needs an energy");
-    }
-    if (pm_operator_exists(&part->spec.irreversible) && !pm_part_has_entropy(part)) {
-        return pm_fail(PM_ECONFIG, "an irreversible operator needs an entropy");
+        return pm_flow_declare(&part->spec.rate, &site, &part->params, "rate");
     }
     const pm_symbols symbols = state_symbols(part, NULL, PM_NO_NODE);
     PM_TRY(pm_potential_declare(&part->spec.energy, &symbols, &part->params, "energy"));
     PM_TRY(pm_potential_declare(&part->spec.entropy, &symbols, &part->params, "entropy"));
-    const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
     const pm_operator L = reversible(part), M = irreversible(part);
     PM_TRY(pm_operator_declare(&L, &site, &part->params));
     return pm_operator_declare(&M, &site, &part->params);

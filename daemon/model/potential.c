@@ -17,7 +17,7 @@ bool pm_potential_exists(const pm_potential_spec *spec) {
 pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *symbols,
                                pm_params *params, const char *prefix) {
     int size = 0;
-    PM_TRY(pm_features_size(spec->ngiven, spec->given, symbols, &size));
+    PM_TRY(pm_spec_locate(spec->at, pm_features_size(spec->ngiven, spec->given, symbols, &size)));
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
         PM_TRY(pm_network_declare(&spec->term[i], symbols, 1, NULL, params,

@@ -7,6 +7,8 @@
 
 #include <stdbool.h>
 
+#include "base/status.h"
+
 // --- layout of a state ---
 
 #define PM_MAX_GROUPS 16
@@ -28,8 +30,17 @@ typedef struct pm_layout {
 
 // The group called `name`, or NULL.
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name);
+// Same name, unit and size.
+bool pm_group_equal(const pm_group *a, const pm_group *b);
 // Same groups, names, units and sizes in the same order.
 bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
+
+// --- where a spec was read ---
+
+// A member `at` is the place, "file:line:column", where something stands that may prove wrong once
+// the layout is known; NULL: not read from a file. This puts it in front of the description of a
+// failure with PM_ECONFIG, and returns `status`.
+pm_status pm_spec_locate(const char *at, pm_status status);
 
 // --- networks ---
 
@@ -48,6 +59,7 @@ typedef struct pm_network_spec {
     const int *hidden;
     pm_activation activation;
     pm_skip skip;
+    const char *at; // its features
 } pm_network_spec;
 
 // --- potentials and operators ---
@@ -60,6 +72,7 @@ typedef struct pm_potential_spec {
     const double *given_coefficient; // ... times this [ngiven]; NULL: all 1
     int nterm;
     const pm_network_spec *term;
+    const char *at;
 } pm_potential_spec;
 
 // The known skew coupling xdot_row += c e_col, xdot_col -= c e_row between two groups of equal
@@ -86,6 +99,7 @@ typedef struct pm_operator_spec {
     int nalong;
     const char *const *along;
     int rank; // irreversible operators; columns of the factor G
+    const char *at;
 } pm_operator_spec;
 
 // hard: degeneracy by projection, both laws hold whatever the weights. soft: degeneracy is a
@@ -98,6 +112,7 @@ typedef struct pm_part_spec {
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // free only
+    const char *at;
 } pm_part_spec;
 
 // A port between ends a and b; groups are named "a.q", "b.s", co-energies "a.dE.s".
@@ -111,6 +126,7 @@ typedef struct pm_port_spec {
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // exchange, free only
+    const char *at;
 } pm_port_spec;
 
 #endif

@@ -23,8 +23,9 @@ static void list_columns(const pm_dataset *dataset, char text[LIST_SIZE]) {
     }
 }
 
-static pm_status find_column(const pm_scene *scene, const pm_scene_subsystem *subsystem,
-                             const pm_dataset *dataset, const char *name, int *position) {
+static pm_status find_column(const pm_scene_subsystem *subsystem, int component,
+                             const pm_dataset *dataset, int *position) {
+    const char *name = subsystem->column[component];
     for (int k = 0; k < dataset->ncolumn; ++k) {
         if (strcmp(dataset->column[k], name) == 0) {
             *position = k;
@@ -34,7 +35,7 @@ static pm_status find_column(const pm_scene *scene, const pm_scene_subsystem *su
     char list[LIST_SIZE];
     list_columns(dataset, list);
     return pm_fail(PM_EDATA, "%s: subsystem %s: column \"%s\" is not in the dataset, which has: %s",
-                   scene->path, subsystem->name, name, list);
+                   subsystem->column_at[component], subsystem->name, name, list);
 }
 
 static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dataset *dataset) {
@@ -42,15 +43,15 @@ static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dat
         const pm_scene_subsystem *subsystem = &scene->subsystem[s];
         if (subsystem->column == NULL) {
             return pm_fail(PM_ECONFIG, "%s: subsystem %s maps no columns of the dataset",
-                           scene->path, subsystem->name);
+                           subsystem->at, subsystem->name);
         }
         for (int i = 0; i < subsystem->layout.nz; ++i) {
             const int own = subsystem->first + i;
-            PM_TRY(find_column(scene, subsystem, dataset, subsystem->column[i], &c->column[own]));
+            PM_TRY(find_column(subsystem, i, dataset, &c->column[own]));
             for (int k = 0; k < own; ++k) {
                 if (c->column[k] == c->column[own]) {
                     return pm_fail(PM_ECONFIG, "%s: subsystem %s: column \"%s\" is mapped twice",
-                                   scene->path, subsystem->name, subsystem->column[i]);
+                                   subsystem->column_at[i], subsystem->name, subsystem->column[i]);
                 }
             }
         }
@@ -81,8 +82,8 @@ static pm_status bind_group(pm_columns *c, const pm_scene *scene,
             return pm_fail(PM_ECONFIG,
                            "%s: group %s.%s has %d components, but is measured from %s.%s, which "
                            "has %d",
-                           scene->path, subsystem->name, group->name, group->size, other->name,
-                           from->name, from->size);
+                           subsystem->group_at[group_id], subsystem->name, group->name, group->size,
+                           other->name, from->name, from->size);
         }
         base = other->first + from->first;
     }

@@ -25,6 +25,11 @@ static const char *const skip_names[] = {
 
 // --- reading ---
 
+static pm_status read_at(pm_yaml value, pm_arena *arena, const char **at) {
+    *at = pm_yaml_where(value, arena);
+    return *at == NULL ? pm_fail(PM_ENOMEM, "out of memory while reading a model") : PM_OK;
+}
+
 // Absent, or spelled "none".
 static bool is_none(pm_yaml value) {
     return !pm_yaml_exists(value) || pm_yaml_is_text(value, "none");
@@ -55,6 +60,8 @@ static pm_status read_names(pm_yaml block, const char *key, pm_arena *arena, int
 static pm_status read_network(pm_yaml block, pm_arena *arena, pm_network_spec *network) {
     int activation, skip;
     *network = (pm_network_spec){0};
+    const pm_yaml features = pm_yaml_get(block, "features");
+    PM_TRY(read_at(pm_yaml_exists(features) ? features : block, arena, &network->at));
     PM_TRY(read_names(block, "features", arena, &network->nfeature, &network->feature));
     PM_TRY(read_choice(block, "activation", activation_names, &activation));
     PM_TRY(read_choice(block, "skip", skip_names, &skip));
@@ -128,6 +135,7 @@ static pm_status read_potential(pm_yaml value, pm_arena *arena, pm_potential_spe
     if (is_none(value)) {
         return PM_OK;
     }
+    PM_TRY(read_at(value, arena, &potential->at));
     const int count = pm_yaml_is_list(value) ? pm_yaml_count(value) : 1;
     pm_network_spec *terms = pm_arena_array(arena, (size_t)count, sizeof *terms);
     if (terms == NULL) {
@@ -194,6 +202,7 @@ static pm_status read_operator(pm_yaml block, pm_arena *arena, bool reversible,
     if (is_none(block)) {
         return PM_OK;
     }
+    PM_TRY(read_at(block, arena, &op->at));
     PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
     const pm_yaml given = pm_yaml_get(block, "given");
     if (pm_yaml_exists(given)) {
@@ -235,6 +244,7 @@ pm_status pm_part_spec_read(pm_yaml block, pm_arena *arena, pm_part_spec *spec) 
     static const char *const keys[] = {MODEL_KEYS, NULL};
     pm_part_spec read;
     PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(read_at(block, arena, &read.at));
     PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
                       &read.irreversible, &read.rate));
     *spec = read;
@@ -246,6 +256,7 @@ pm_status pm_port_spec_read(pm_yaml block, pm_arena *arena, pm_port_spec *spec) 
     pm_port_spec read;
     pm_yaml law;
     PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(read_at(block, arena, &read.at));
     PM_TRY(pm_yaml_require(block, "law", &law));
     PM_TRY(pm_yaml_text(law, arena, &read.law));
     if (pm_port_law_find(read.law) == NULL) {

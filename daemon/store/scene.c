@@ -3,6 +3,7 @@
 // ports) is read once all of them are known.
 #include "store/scene.h"
 
+#include <arpa/inet.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -52,6 +53,11 @@ pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path) 
     return *path == NULL ? pm_scene_no_memory() : PM_OK;
 }
 
+pm_status pm_scene_read_at(pm_scene_reader *r, pm_yaml value, const char **at) {
+    *at = pm_yaml_where(value, r->arena);
+    return *at == NULL ? pm_scene_no_memory() : PM_OK;
+}
+
 // --- text that must not occur twice ---
 
 // By text, then by the order written, so that the error points at the later of two.
@@ -93,6 +99,45 @@ const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t s
 
 // --- sections of plain settings ---
 
+// A multicast group and a port, "239.255.76.67:7667", then the end or options.
+static bool is_group_and_port(const char *text) {
+    char host[INET_ADDRSTRLEN] = "";
+    struct in_addr group;
+    const size_t size = strcspn(text, ":");
+    if (size >= sizeof host || text[size] == '\0') {
+        return false;
+    }
+    memcpy(host, text, size);
+    const char *digits = text + size + 1;
+    const size_t count = strspn(digits, "0123456789");
+    const long port = strtol(digits, NULL, 10);
+    return inet_pton(AF_INET, host, &group) == 1 && IN_MULTICAST(ntohl(group.s_addr)) &&
+           count > 0 && port >= 1 && port <= 65535 &&
+           (digits[count] == '\0' || digits[count] == '?');
+}
+
+// Only the shape: whether messages get through is for the transport to tell.
+static pm_status read_url(pm_scene_reader *r) {
+    static const char memory[] = "memory://", *const lcm[] = {"udpm://", "mpudpm://"};
+    r->scene->url = DEFAULT_URL;
+    const pm_yaml value = pm_yaml_get(r->root, "url");
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_text(value, r->arena, &r->scene->url));
+    const char *url = r->scene->url;
+    bool good = strncmp(url, memory, strlen(memory)) == 0;
+    for (int i = 0; i < 2; ++i) {
+        const size_t length = strlen(lcm[i]);
+        good = good || (strncmp(url, lcm[i], length) == 0 && is_group_and_port(url + length));
+    }
+    return good ? PM_OK
+                : pm_yaml_fail(value,
+                               "expected udpm://GROUP:PORT or mpudpm://GROUP:PORT, the group from "
+                               "224.0.0.0 to 239.255.255.255, or memory://, found \"%.64s\"",
+                               url);
+}
+
 static pm_status read_time(pm_scene_reader *r) {
     static const char *const keys[] = {"dt", "steps", "integrator", "substeps", NULL};
     pm_scene *scene = r->scene;
@@ -105,10 +150,7 @@ static pm_status read_time(pm_scene_reader *r) {
     PM_TRY(pm_yaml_int(value, 1, 1000000000, &scene->steps));
     PM_TRY(pm_yaml_require(time, "integrator", &value));
     PM_TRY(pm_yaml_text(value, r->arena, &scene->integrator));
-    scene->integrator_at = pm_yaml_where(value, r->arena);
-    if (scene->integrator_at == NULL) {
-        return pm_scene_no_memory();
-    }
+    PM_TRY(pm_scene_read_at(r, value, &scene->integrator_at));
     scene->substeps = 1;
     value = pm_yaml_get(time, "substeps");
     return pm_yaml_exists(value) ? pm_yaml_int(value, 1, 100000, &scene->substeps) : PM_OK;
@@ -161,10 +203,11 @@ static pm_status read_reference(pm_scene_reader *r) {
     PM_TRY(pm_yaml_allow(reference, keys));
     PM_TRY(pm_yaml_require(reference, "file", &file));
     PM_TRY(pm_scene_read_path(r, file, &r->scene->reference));
+    PM_TRY(pm_scene_read_at(r, file, &r->scene->reference_at));
     const pm_yaml trajectory = pm_yaml_get(reference, "trajectory");
-    return pm_yaml_exists(trajectory)
-               ? pm_yaml_int(trajectory, 0, 1000000000, &r->scene->reference_trajectory)
-               : PM_OK;
+    const bool named = pm_yaml_exists(trajectory);
+    PM_TRY(pm_scene_read_at(r, named ? trajectory : reference, &r->scene->reference_trajectory_at));
+    return named ? pm_yaml_int(trajectory, 0, 1000000000, &r->scene->reference_trajectory) : PM_OK;
 }
 
 // --- the whole ---
@@ -176,11 +219,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
     PM_TRY(pm_scene_read_name(r, value, &r->scene->name));
-    r->scene->url = DEFAULT_URL;
-    value = pm_yaml_get(r->root, "url");
-    if (pm_yaml_exists(value)) {
-        PM_TRY(pm_yaml_text(value, r->arena, &r->scene->url));
-    }
+    PM_TRY(read_url(r));
     PM_TRY(read_time(r));
     PM_TRY(pm_scene_read_subsystems(r));
     PM_TRY(pm_scene_read_ports(r));

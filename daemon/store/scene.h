@@ -10,12 +10,16 @@
 #include "base/status.h"
 #include "model/spec.h"
 
+// A member `x_at` is the place, "file:line:column", where the scene names x: for errors found
+// later.
 typedef struct pm_scene_subsystem {
-    const char *name;
-    const char *weights; // path, resolved against the scene's folder
+    const char *name, *at;
+    const char *weights, *weights_at; // path, resolved against the scene's folder
     pm_layout layout;
+    const char *group_at[PM_MAX_GROUPS];
     // [nz] dataset column of each component, e.g. "q1x"; NULL if the scene maps no columns.
     const char *const *column;
+    const char *const *column_at;
     // [ngroup] a position measured from another subsystem's group: that subsystem (-1: none) and
     // group. The dataset's column then holds own + (that group's own column value).
     int relative_subsystem[PM_MAX_GROUPS];
@@ -26,11 +30,12 @@ typedef struct pm_scene_subsystem {
 
 typedef struct pm_scene_port {
     const char *name;
-    const char *law;
-    const char *weights;
-    int subsystem[2];        // ends a and b
-    pm_layout layout[2];     // exposed groups of each end
-    const int *component[2]; // [layout.nz] position of each exposed component in the end's state
+    const char *law, *law_at;
+    const char *weights, *weights_at;
+    int subsystem[2];         // ends a and b
+    pm_layout layout[2];      // exposed groups of each end
+    const char *expose_at[2]; // the list of them
+    const int *component[2];  // [layout.nz] position of each exposed component in the end's state
 } pm_scene_port;
 
 typedef struct pm_scene {
@@ -40,13 +45,13 @@ typedef struct pm_scene {
     const char *url;  // LCM provider
     double dt;        // s
     int steps;
-    const char *integrator;    // looked up later, by the layer that has the table
-    const char *integrator_at; // "file:line:column" where the scene names it
-    int substeps;              // per step
-    int window;                // steps granted at once
-    double patience;           // s to wait for a silent peer before giving up
-    const char *reference;     // dataset to compare with, or NULL
+    const char *integrator, *integrator_at; // looked up later, by the layer that has the table
+    int substeps;                           // per step
+    int window;                             // steps granted at once
+    double patience;                        // s to wait for a silent peer before giving up
+    const char *reference, *reference_at;   // dataset to compare with, or NULL
     int reference_trajectory;
+    const char *reference_trajectory_at;        // the whole reference where no trajectory is named
     double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
     int nsubsystem;
     pm_scene_subsystem *subsystem;

@@ -14,6 +14,7 @@ static pm_status read_law(pm_scene_reader *r, pm_scene_port *port, pm_yaml block
     pm_yaml law;
     PM_TRY(pm_yaml_require(block, "law", &law));
     PM_TRY(pm_yaml_text(law, r->arena, &port->law));
+    PM_TRY(pm_scene_read_at(r, law, &port->law_at));
     return pm_port_law_find(port->law) != NULL
                ? PM_OK
                : pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
@@ -53,6 +54,7 @@ static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, 
     int count;
     const char **name;
     PM_TRY(pm_yaml_require(expose, subsystem->name, &list));
+    PM_TRY(pm_scene_read_at(r, list, &port->expose_at[end]));
     PM_TRY(pm_yaml_texts(list, r->arena, &count, &name));
     if (count == 0) {
         return pm_yaml_fail(list, "expected at least one group of %s", subsystem->name);
@@ -98,6 +100,7 @@ static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml key,
     PM_TRY(read_exposed(r, port, 0, expose));
     PM_TRY(read_exposed(r, port, 1, expose));
     PM_TRY(pm_yaml_require(block, "weights", &weights));
+    PM_TRY(pm_scene_read_at(r, weights, &port->weights_at));
     return pm_scene_read_path(r, weights, &port->weights);
 }
 

@@ -31,6 +31,8 @@ pm_status pm_scene_check_channels(pm_scene_reader *r);
 pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name);
 // A path, resolved against the folder of the scene file.
 pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path);
+// Where a value stands, for errors found after the scene was read.
+pm_status pm_scene_read_at(pm_scene_reader *r, pm_yaml value, const char **at);
 // An error at the later of two equal texts; sorts the list.
 pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *what);
 

@@ -19,6 +19,9 @@ static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, 
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_yaml_require(block, "unit", &unit));
     PM_TRY(pm_yaml_text(unit, r->arena, &group.unit));
+    if (strchr(group.unit, ';') != NULL) {
+        return pm_yaml_fail(unit, "expected a unit without ';', found \"%.64s\"", group.unit);
+    }
     const pm_yaml list = pm_yaml_get(block, "columns"), size = pm_yaml_get(block, "size");
     if (pm_yaml_exists(list) == pm_yaml_exists(size)) {
         return pm_yaml_fail(block, "expected either \"columns\" (of a dataset) or \"size\"");
@@ -38,6 +41,31 @@ static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, 
     return PM_OK;
 }
 
+// Joins the groups' columns to those of the state.
+static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state,
+                              const char **const *columns) {
+    const pm_layout *layout = &subsystem->layout;
+    const char **column = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *column);
+    const char **at = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *at);
+    if (column == NULL || at == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        pm_yaml key, block;
+        pm_yaml_entry(state, i, &key, &block);
+        const pm_yaml list = pm_yaml_get(block, "columns");
+        for (int j = 0; j < group->size; ++j) {
+            const pm_yaml item = pm_yaml_is_list(list) ? pm_yaml_item(list, j) : list;
+            column[group->first + j] = columns[i][j];
+            PM_TRY(pm_scene_read_at(r, item, &at[group->first + j]));
+        }
+    }
+    subsystem->column = column;
+    subsystem->column_at = at;
+    return PM_OK;
+}
+
 static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state) {
     pm_layout *layout = &subsystem->layout;
     const char **columns[PM_MAX_GROUPS] = {NULL};
@@ -50,6 +78,7 @@ static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
         pm_yaml key, block;
         pm_yaml_entry(state, i, &key, &block);
         PM_TRY(read_group(r, layout, key, block, &columns[i]));
+        PM_TRY(pm_scene_read_at(r, key, &subsystem->group_at[i]));
         const bool mapped = subsystem == r->scene->subsystem ? columns[0] != NULL
                                                              : r->scene->subsystem->column != NULL;
         if ((columns[i] != NULL) != mapped) {
@@ -59,19 +88,7 @@ static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
                                 mapped ? "columns" : "size");
         }
     }
-    if (columns[0] == NULL) {
-        return PM_OK;
-    }
-    const char **column = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *column);
-    if (column == NULL) {
-        return pm_scene_no_memory();
-    }
-    for (int i = 0; i < layout->ngroup; ++i) {
-        memcpy(column + layout->group[i].first, columns[i],
-               (size_t)layout->group[i].size * sizeof *column);
-    }
-    subsystem->column = column;
-    return PM_OK;
+    return columns[0] == NULL ? PM_OK : join_columns(r, subsystem, state, columns);
 }
 
 static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml initial) {
@@ -106,9 +123,11 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsyste
     static const char *const keys[] = {"weights", "state", "initial", NULL};
     pm_yaml weights, state;
     PM_TRY(pm_scene_read_name(r, key, &subsystem->name));
+    PM_TRY(pm_scene_read_at(r, key, &subsystem->at));
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_yaml_require(block, "weights", &weights));
     PM_TRY(pm_scene_read_path(r, weights, &subsystem->weights));
+    PM_TRY(pm_scene_read_at(r, weights, &subsystem->weights_at));
     PM_TRY(pm_yaml_require(block, "state", &state));
     PM_TRY(read_state(r, subsystem, state));
     for (int i = 0; i < PM_MAX_GROUPS; ++i) {
@@ -149,6 +168,7 @@ static pm_status check_columns(pm_scene_reader *r, pm_yaml subsystems) {
     }
     return pm_scene_check_distinct(list, count, "dataset column");
 }
+
 // --- positions measured from a neighbour ---
 
 static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem, int group_id,

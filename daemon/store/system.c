@@ -21,15 +21,30 @@ static const char *describe(const pm_layout *layout, pm_arena *arena) {
     return text == NULL ? "?" : text;
 }
 
-// `who` is the subsystem or the end of a port, as text.
-static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *who,
-                              const char *path, pm_system *system) {
+// `who` is the subsystem or the end of a port, as text; `at` its place in the scene.
+static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *at,
+                              const char *who, const char *path, pm_system *system) {
     if (pm_layout_equal(declared, own)) {
         return PM_OK;
     }
-    return pm_fail(PM_EWEIGHTS, "%s: %s: the weights %s are made for %s; the scene says %s",
-                   system->scene->path, who, path, describe(own, &system->arena),
-                   describe(declared, &system->arena));
+    return pm_fail(PM_EWEIGHTS, "%s: %s: the weights %s are made for %s; the scene says %s", at,
+                   who, path, describe(own, &system->arena), describe(declared, &system->arena));
+}
+
+// Where the scene's first group that differs from the weights' stands, or its last group.
+static const char *differing_group(const pm_scene_subsystem *subsystem, const pm_layout *own) {
+    const pm_layout *declared = &subsystem->layout;
+    int i = 0;
+    while (i < declared->ngroup - 1 && i < own->ngroup &&
+           pm_group_equal(&declared->group[i], &own->group[i])) {
+        ++i;
+    }
+    return subsystem->group_at[i];
+}
+
+// A failure to load the weights that the scene names at a place.
+static pm_status load_failed(pm_status status, const char *at, const char *what, const char *name) {
+    return pm_fail(status, "%s: %s %s: %s", at, what, name, pm_error());
 }
 
 // The file to load: the scene's path, or the file of the same name in `weights_dir`. NULL: no
@@ -49,9 +64,14 @@ static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
     if (path == NULL || who == NULL) {
         return no_memory();
     }
-    PM_TRY(pm_weights_load_part(path, &system->arena, &system->part[id],
-                                &system->part_provenance[id]));
-    return check_layout(&subsystem->layout, &system->part[id].layout, who, path, system);
+    const pm_status status =
+        pm_weights_load_part(path, &system->arena, &system->part[id], &system->part_provenance[id]);
+    if (status != PM_OK) {
+        return load_failed(status, subsystem->weights_at, "subsystem", subsystem->name);
+    }
+    const pm_layout *own = &system->part[id].layout;
+    return check_layout(&subsystem->layout, own, differing_group(subsystem, own), who, path,
+                        system);
 }
 
 static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
@@ -62,12 +82,15 @@ static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
     if (path == NULL) {
         return no_memory();
     }
-    PM_TRY(pm_weights_load_port(path, &system->arena, &system->port[id],
-                                &system->port_provenance[id]));
+    const pm_status status =
+        pm_weights_load_port(path, &system->arena, &system->port[id], &system->port_provenance[id]);
+    if (status != PM_OK) {
+        return load_failed(status, port->weights_at, "port", port->name);
+    }
     if (strcmp(model->spec.law, port->law) != 0) {
         return pm_fail(PM_EWEIGHTS,
                        "%s: port %s: the weights %s are made for the law %s; the scene says %s",
-                       scene->path, port->name, path, model->spec.law, port->law);
+                       port->law_at, port->name, path, model->spec.law, port->law);
     }
     for (int end = 0; end < 2; ++end) {
         const char *who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
@@ -75,7 +98,8 @@ static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
         if (who == NULL) {
             return no_memory();
         }
-        PM_TRY(check_layout(&port->layout[end], &model->layout[end], who, path, system));
+        PM_TRY(check_layout(&port->layout[end], &model->layout[end], port->expose_at[end], who,
+                            path, system));
     }
     return PM_OK;
 }

@@ -20,7 +20,8 @@ typedef struct pm_system {
 } pm_system;
 
 // Loads every weights file the scene names; with `weights_dir`, DIR/<base name of the path>
-// instead. Layouts and laws must equal the scene's. PM_EWEIGHTS, PM_EFILE, PM_ENOMEM.
+// instead. Layouts and laws must equal the scene's. Errors point at the scene's entry. PM_EWEIGHTS,
+// PM_EFILE, PM_ENOMEM.
 pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *weights_dir);
 // Makes a system for training: it has the scene's layouts; specs and parameters are the caller's to
 // set. PM_ENOMEM.

@@ -80,56 +80,76 @@ expect 2 "does not know --record" check "$scene" --record x.h5
 edit 's/^time:/tome:/'
 expect 3 "bad.yaml:2:1: " check "$bad"
 edit 's/dt: 0.05/dt: soon/'
-expect 3 "bad.yaml:2:" check "$bad"
+expect 3 "bad.yaml:2:12: dt: " check "$bad"
 edit 's/between: \[left, right\]/between: [left, middle]/'
-expect 3 "middle" check "$bad"
+expect 3 'bad.yaml:19:21: between: there is no subsystem "middle"' check "$bad"
 edit 's/right: \[q, p, s\]/right: [q, p, x]/'
 expect 3 "bad.yaml:20:42: " check "$bad"
 edit 's/integrator: rk4/integrator: rk5/'
-expect 3 "rk4" check "$bad"
-expect 3 "bad.yaml:2:" run "$bad" --in-process
+expect 3 'bad.yaml:2:41: unknown integrator "rk5", expected one of: ' check "$bad"
+expect 3 "bad.yaml:2:41: " run "$bad" --in-process
 edit '/^reference:/d'
-expect 3 "initial" check "$bad"
+expect 3 "bad.yaml:4:3: subsystem left: no state to start from: expected \`initial\`" run "$bad" --in-process
+succeed "a run needs either" check "$bad"
+sed '/^time:/i url: "udpm://239.255.76.67"' "$scene" >"$bad"
+expect 3 "bad.yaml:2:6: url: expected udpm://" check "$bad"
+sed '/^time:/i url: "foo://239.255.76.67:7667"' "$scene" >"$bad"
+expect 3 "bad.yaml:2:6: url: expected udpm://" run "$bad" --in-process
+edit '14s|unit: kg m/s|unit: kg;m|'
+expect 3 "bad.yaml:14:17: unit: expected a unit without ';'" check "$bad"
+expect 3 "a port" run "$scene" --url udpm://239.255.76.67
+expect 3 "expected udpm://" node "$scene" left --url pigeon://here
 edit 's/trajectory: 0/trajectory: 1/'
-expect 3 "trajectory 1" check "$bad"
+expect 3 "bad.yaml:22:45: trajectory 1" check "$bad"
 
 # --- files: 4 ---
 expect 4 "nowhere.yaml" check "$folder/nowhere.yaml"
 edit 's/file: reference.h5/file: nowhere.h5/'
-expect 4 "nowhere.h5" run "$bad" --in-process
+expect 4 "bad.yaml:22:19: $folder/nowhere.h5: " run "$bad" --in-process
 edit 's/file: reference.h5/file: scene.yaml/'
-expect 4 "scene.yaml" run "$bad" --in-process
+expect 4 "bad.yaml:22:19: $folder/scene.yaml: " run "$bad" --in-process
 expect 4 "/nowhere/run.h5" run "$scene" --in-process --record /nowhere/run.h5
+expect 4 "/nowhere/run.h5" coordinator "$scene" --record /nowhere/run.h5
+expect 4 "not a file" run "$scene" --in-process --record "$folder"
 
 # --- datasets: 5 ---
 edit 's/file: reference.h5/file: nan.h5/'
-expect 5 "nan.h5" run "$bad" --in-process --record "$folder/none.h5"
+expect 5 "bad.yaml:22:19: $folder/nan.h5: " run "$bad" --in-process --record "$folder/none.h5"
 [ ! -e "$folder/none.h5" ] || fail "a recording was begun"
 edit 's/columns: \[s2\]/columns: [entropy]/'
-expect 5 "entropy" check "$bad"
+expect 5 'bad.yaml:15:32: subsystem right: column "entropy" is not in the dataset' check "$bad"
 edit 's/dt: 0.05/dt: 0.03/'
-expect 5 "0.03" check "$bad"
+expect 5 "bad.yaml:22:19: $folder/reference.h5: dt 0.05 s: expected a whole multiple" check "$bad"
 
-# --- weights: 6 ---
-expect 6 "nowhere/left.h5" run "$scene" --weights "$folder/nowhere"
+# --- weights: 6, with the place in the scene also when they come from elsewhere ---
+edit 's|weights: joint.h5|weights: nowhere/joint.h5|'
+expect 6 "bad.yaml:21:14: port joint: weights $folder/nowhere/joint.h5: " check "$bad"
+expect 6 "scene.yaml:5:14: subsystem left: weights $folder/nowhere/left.h5: " run "$scene" --weights "$folder/nowhere"
 spoil
 head -c 1000 "$folder/left.h5" >"$folder/spoilt/left.h5"
-expect 6 "left.h5" check "$scene" --weights "$folder/spoilt"
+expect 6 "scene.yaml:5:14: subsystem left: weights $folder/spoilt/left.h5: " check "$scene" --weights "$folder/spoilt"
 spoil
 cp "$folder/joint.h5" "$folder/spoilt/right.h5"
-expect 6 "right.h5" node "$scene" right --weights "$folder/spoilt"
+expect 6 "scene.yaml:11:14: subsystem right: $folder/spoilt/right.h5: " node "$scene" right --weights "$folder/spoilt"
 spoil
 cp "$folder/reference.h5" "$folder/spoilt/joint.h5"
-expect 6 "joint.h5" run "$scene" --weights "$folder/spoilt"
+expect 6 "scene.yaml:21:14: port joint: $folder/spoilt/joint.h5: " run "$scene" --weights "$folder/spoilt"
 edit 's/expose: {left: \[p, s\]/expose: {left: [s]/'
-expect 6 "joint.h5" check "$bad"
+expect 6 "bad.yaml:20:20: port joint, end left: the weights $folder/joint.h5 " check "$bad"
 edit 's/unit: kg m.s, columns: \[p2\]/unit: g m\/s, columns: [p2]/'
-expect 6 "right.h5" check "$bad"
+expect 6 "bad.yaml:14:7: subsystem right: the weights $folder/right.h5 " check "$bad"
 
 # --- what works ---
 succeed "port joint (bracket, hard)" check "$scene"
 succeed "left: irreversible bulk: none" check "$scene"
 succeed "pair_FLUX_left_right_joint" check "$scene"
+grep -q "does nothing" "$folder/out" && fail "every operator does something"
+spoil
+cp "$folder/idle.h5" "$folder/spoilt/right.h5"
+for line in "right: reversible bulk: does nothing: it acts on 2 components" \
+    "right: irreversible bulk: does nothing: it acts on 1 component,"; do
+    succeed "$line" check "$scene" --weights "$folder/spoilt"
+done
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
 succeed "pair: 7 steps of 0.05 s" run "$scene" --in-process --steps 7 --weights "$folder"

@@ -20,6 +20,7 @@ static const char *const names[NCOLUMN] = {"t1",  "q2x", "q2y", "s0",  "s1", "q0
                                            "q0x", "x",   "q1x", "q1y", "s2"};
 static const char *const mapped[3][3] = {
     {"q0x", "q0y", "s0"}, {"q1x", "q1y", "s1"}, {"q2x", "q2y", "s2"}};
+static const char *const place[3] = {"f:1:10", "f:1:20", "f:1:30"};
 
 static pm_scene_subsystem subsystem[3];
 static pm_scene scene;
@@ -33,6 +34,9 @@ static int setup(void **state) {
             .name = i == 0   ? "zero"
                     : i == 1 ? "one"
                              : "two",
+            .at = "f:1:1",
+            .group_at = {"f:1:5", "f:1:6"},
+            .column_at = place,
             .layout = {.ngroup = 2,
                        .nz = 3,
                        .group = {{.name = "q", .unit = "m", .size = 2},
@@ -132,7 +136,7 @@ static void a_missing_column_is_named_with_those_there_are(void **state) {
     (void)state;
     static const char *const wrong[3] = {"q1x", "q1z", "s1"};
     subsystem[1].column = wrong;
-    assert_bind_fails(PM_EDATA, "scene.yaml: subsystem one: column \"q1z\" is not in the dataset, "
+    assert_bind_fails(PM_EDATA, "f:1:20: subsystem one: column \"q1z\" is not in the dataset, "
                                 "which has: t1 q2x q2y s0 s1 q0y q0x x q1x q1y s2");
 }
 
@@ -149,12 +153,13 @@ static void a_long_list_of_columns_is_cut_short(void **state) {
 static void bad_maps_are_refused(void **state) {
     (void)state;
     subsystem[2].column = NULL;
-    assert_bind_fails(PM_ECONFIG, "subsystem two maps no columns");
+    assert_bind_fails(PM_ECONFIG, "f:1:1: subsystem two maps no columns");
     subsystem[2].column = mapped[1];
-    assert_bind_fails(PM_ECONFIG, "subsystem two: column \"q1x\" is mapped twice");
+    assert_bind_fails(PM_ECONFIG, "f:1:10: subsystem two: column \"q1x\" is mapped twice");
     subsystem[2].column = mapped[2];
     subsystem[0].relative_group[0] = 1;
-    assert_bind_fails(PM_ECONFIG, "group zero.q has 2 components, but is measured from one.s");
+    assert_bind_fails(PM_ECONFIG,
+                      "f:1:5: group zero.q has 2 components, but is measured from one.s");
     subsystem[0].relative_group[0] = 0;
     subsystem[2].relative_subsystem[0] = 0;
     assert_bind_fails(PM_ECONFIG, "column \"q0x\" is measured from itself");

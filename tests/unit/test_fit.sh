@@ -77,7 +77,7 @@ while read -r optimiser part stage; do
         fail "$optimiser: residual $(residual) from $start, expected at most $part of it"
 done <<'LIST'
 adam 0.9 {optimiser: adam, iterations: 30, batch: 16, rate: [1.0e-2, 1.0e-3], substeps: 1}
-lbfgs 0.1 {optimiser: lbfgs, iterations: 30, substeps: 2}
+lbfgs 0.1 {optimiser: lbfgs, iterations: 60, substeps: 2}
 gauss_newton 0.05 {optimiser: gauss_newton, iterations: 15, batch: 66, substeps: 2}
 LIST
 [ ! -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left its checkpoint"
@@ -143,10 +143,39 @@ bad "$stage:17" 'adam, lbfgs, gauss_newton|expected one of' 's/optimiser: adam/o
 bad "$stage:[0-9]*" iterations 's/iterations: 30/iterations: 0/'
 bad "$stage:[0-9]*" rate 's/rate: \[1.0e-2, 1.0e-3\]/rate: [-1]/'
 bad "$stage:[0-9]*" wrong 's/batch: 16/wrong: 16/'
-bad "[0-9]*:[0-9]*" 'there is no model "spring"' 's/upper: link/upper: spring/'
-bad "[0-9]*:[0-9]*" 'no subsystem "middle"' 's/{upper: link/{middle: link, upper: link/'
-bad "[0-9]*:[0-9]*" '"v"' 's/"ln|q|", s/"ln|v|", s/'
-bad "[0-9]*:[0-9]*" 'law exchange' 's/law: bracket/law: exchange/'
+parts=$(grep -n '^subsystems:' "$folder/adam.yaml" | cut -d: -f1)
+energy=$(grep -n '^    energy:' "$folder/adam.yaml" | cut -d: -f1)
+joint=$(grep -n '^  joint:' "$folder/adam.yaml" | cut -d: -f1)
+features=$(grep -n '"ln|q|", s' "$folder/adam.yaml" | cut -d: -f1)
+bad "$parts:21" 'there is no model "spring"' 's/upper: link/upper: spring/'
+bad "$parts:14" 'no subsystem "middle"' 's/{upper: link/{middle: link, upper: link/'
+bad "$features:20" '"v".* \(model of upper\)' 's/"ln|q|", s/"ln|v|", s/'
+bad "$features:20" 'feature "\|w\|\^2"' 's/\["ln|q|", s\]/["|w|^2"]/'
+bad "$((energy + 1)):7" '"w"' 's/{given: {s: 300.0}}/{given: {w: 300.0}}/'
+bad "$((link + 7)):17" 'given pair \[q, v\]' 's/\[\[q, p, 1.0\]\]/[[q, v, 1.0]]/'
+bad "$((link + 1)):5" 'form: free has a rate and nothing else' \
+    "$((link + 1))s/form: hard/form: free\n    rate: {features: [q, p, s]}/"
+bad "$((joint + 1)):5" 'law exchange.*joint' 's/law: bracket/law: exchange/'
+bad "$((joint + 1)):5" 'bracket cannot be free.* \(model of joint\)' \
+    "$((joint + 2))s/form: hard/form: free\n    rate: {}/"
+bad "1:22" 'trajectories "0:400": expected A:B with 0 <= A < B <= 3' \
+    '1s/^/data: {trajectories: "0:400"}\n/'
+
+# bad_file LINE:COLUMN FILE SED-EXPRESSION: a file that the training file names is missing
+bad_file() {
+    sed "$3" "$folder/adam.yaml" >"$folder/bad.yaml"
+    "$train" fit "$folder/bad.yaml" -o "$folder/bad" >"$folder/out" 2>"$folder/err"
+    found=$?
+    [ $found -eq 4 ] || fail "$3: expected exit code 4, found $found"
+    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "$3: expected one line"
+    grep -qF "bad.yaml:$1: $folder/$2: " "$folder/err" || fail "$3: expected bad.yaml:$1 and $2"
+}
+bad_file 1:14 nowhere.h5 '1s/^/data: {file: nowhere.h5}\n/'
+bad_file "$(grep -n '^scene:' "$folder/adam.yaml" | cut -d: -f1):8" middle.yaml \
+    's/^scene: scene.yaml/scene: middle.yaml/'
+# On the command line the same range is a usage error.
+fit adam bad --trajectories 0:400
+[ $? -eq 2 ] || fail "--trajectories 0:400: expected exit code 2"
 
 [ $failures -eq 0 ] && echo "all well"
 exit $((failures > 0))

@@ -143,8 +143,12 @@ static void networks_are_their_formulas(void **state) {
                            0.4 * x[0] + 0.6 * x[1] + x[0] * x[0] + 5 * x[0] * x[1] +
                                4 * x[1] * x[1]};
     for (int i = 0; i < 9; ++i) {
-        const pm_network_spec spec = {
-            2, feature, 1, hidden, (pm_activation)(i % 3), (pm_skip)(i / 3)};
+        const pm_network_spec spec = {.nfeature = 2,
+                                      .feature = feature,
+                                      .nhidden = 1,
+                                      .hidden = hidden,
+                                      .activation = (pm_activation)(i % 3),
+                                      .skip = (pm_skip)(i / 3)};
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
         pm_params params = {0};

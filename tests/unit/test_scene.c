@@ -5,8 +5,10 @@
 #include "store/scene.h"
 #include "yaml_case.h"
 
+#define GOOD_URL "\"udpm://239.255.76.67:7667?ttl=1\""
+
 static const char good[] = "scene: pair\n"
-                           "url: \"udpm://239.255.76.67:7667?ttl=1\"\n"
+                           "url: " GOOD_URL "\n"
                            "time: {dt: 0.3, steps: 200, integrator: rk4, substeps: 8}\n"
                            "subsystems:\n"
                            "  upper:\n"
@@ -55,7 +57,9 @@ static void test_settings(void **state) {
     assert_string_equal(scene->integrator_at, "dir/t.yaml:3:41");
     assert_int_equal(scene->substeps, 8);
     assert_string_equal(scene->reference, "dir/ref.h5");
+    assert_string_equal(scene->reference_at, "dir/t.yaml:23:19");
     assert_int_equal(scene->reference_trajectory, 3);
+    assert_string_equal(scene->reference_trajectory_at, "dir/t.yaml:23:39");
     assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
     assert_true(scene->window == 4 && scene->patience == 2.5);
     pm_scene_free(scene);
@@ -70,6 +74,11 @@ static void test_subsystems(void **state) {
     assert_string_equal(upper->name, "upper");
     assert_string_equal(upper->weights, "dir/w/upper.h5");
     assert_string_equal(lower->weights, "/abs/lower.h5");
+    assert_string_equal(upper->at, "dir/t.yaml:5:3");
+    assert_string_equal(upper->weights_at, "dir/t.yaml:6:14");
+    assert_string_equal(upper->group_at[2], "dir/t.yaml:10:7");
+    assert_string_equal(upper->column_at[3], "dir/t.yaml:9:40");
+    assert_string_equal(upper->column_at[4], "dir/t.yaml:10:31");
     assert_true(upper->first == 0 && upper->layout.nz == 5 && upper->layout.ngroup == 3);
     assert_true(lower->first == 5 && lower->layout.nz == 3 && lower->layout.ngroup == 2);
     assert_string_equal(upper->layout.group[1].name, "p");
@@ -96,7 +105,11 @@ static void test_ports(void **state) {
     assert_int_equal(pm_scene_find_port(scene, "joint"), 0);
     assert_int_equal(pm_scene_find_port(scene, "upper"), -1);
     assert_string_equal(port->law, "bracket");
+    assert_string_equal(port->law_at, "dir/t.yaml:19:10");
     assert_string_equal(port->weights, "dir/w/joint.h5");
+    assert_string_equal(port->weights_at, "dir/t.yaml:22:14");
+    assert_string_equal(port->expose_at[0], "dir/t.yaml:21:36");
+    assert_string_equal(port->expose_at[1], "dir/t.yaml:21:21");
     assert_true(port->subsystem[0] == 1 && port->subsystem[1] == 0);
     // End b exposes [s, q] of the state q p s: components 4, then 0 and 1.
     const int a[] = {0, 1, 2}, b[] = {4, 0, 1};
@@ -131,6 +144,18 @@ static const yaml_case bad[] = {
     {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
     {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
     {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, ports"},
+    // the URL's shape
+    {GOOD_URL, "foo://239.255.76.67:7667", "foo",
+     "url: expected udpm://GROUP:PORT or mpudpm://GROUP:PORT"},
+    {GOOD_URL, "udpm://239.255.76.67", "udpm", "url: expected udpm://GROUP:PORT"},
+    {GOOD_URL, "mpudpm://239.255.76.67?ttl=1", "mpudpm", "found \"mpudpm://239.255.76.67?ttl=1\""},
+    {GOOD_URL, "udpm://239.255.76.67:65536", "udpm", "url: expected udpm://GROUP:PORT"},
+    {GOOD_URL, "udpm://239.255.76.67:0", "udpm", "url: expected udpm://GROUP:PORT"},
+    {GOOD_URL, "udpm://239.255.76.67:7667ttl=1", "udpm", "url: expected udpm://GROUP:PORT"},
+    {GOOD_URL, "udpm://239.255.76.67:+7667", "udpm", "url: expected udpm://GROUP:PORT"},
+    {GOOD_URL, "udpm://240.0.0.1:7667", "udpm", "the group from 224.0.0.0 to 239.255.255.255"},
+    {GOOD_URL, "udpm://a.name.longer.than.any.address:7667", "udpm", "found \"udpm://a.name"},
+    // time, laws and the rest
     {"dt: 0.3", "dt: -0.3", "-0.3", "dt: expected a number > 0, found \"-0.3\""},
     {"dt: 0.3", "dt: fast", "fast", "dt: expected a number > 0, found \"fast\""},
     {"steps: 200", "steps: 0", "0", "steps: expected a whole number >= 1"},
@@ -147,6 +172,8 @@ static const yaml_case bad[] = {
     {"  lower:", "  2nd:", "2nd", "expected a name of a letter"},
     {"weights: w/upper.h5", "weight: w/upper.h5", "weight", "unknown key \"weight\"; allowed"},
     {"      q: {unit: m, columns: [q1x", "      q: {columns: [q1x", "{", "q: missing key \"unit\""},
+    {"unit: J/K, columns: s1", "unit: J;K, columns: s1", "J;K",
+     "unit: expected a unit without ';'"},
     {"columns: [q1x, q1y]", "columns: []", "[]", "expected 1 to"},
     {"columns: [q1x, q1y]", "columns: [q1x, q1x]", "q1x]", "dataset column \"q1x\" occurs twice"},
     {"columns: [s2]", "columns: [s1]", "s1]", "dataset column \"s1\" occurs twice"},

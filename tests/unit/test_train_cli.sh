@@ -76,11 +76,11 @@ succeed '"trajectories": 1' evaluate "$scene" --json --data "$data" --record "$n
 # What was recorded is a dataset that the same rollouts fit.
 succeed '"high": 0, "mean": 0}' evaluate "$scene" --json --data "$new"
 expect 5 "nan.h5" evaluate "$scene" --data "$folder/nan.h5"
-expect 5 "\"q1\" is not in the dataset" evaluate "$scene" \
+expect 5 "scene.yaml:7:30: subsystem left: column \"q1\" is not in the dataset" evaluate "$scene" \
     --data configs/reference/double_pendulum.h5
 sed 's/dt: 0.05/dt: 0.03/' "$scene" >"$folder/bad.yaml"
 expect 5 "no multiple" evaluate "$folder/bad.yaml" --data "$data"
-expect 6 "nowhere/left.h5" evaluate "$scene" --data "$data" --weights "$folder/nowhere"
+expect 6 "scene.yaml:5:14: subsystem left: weights $folder/nowhere/left.h5: " evaluate "$scene" --data "$data" --weights "$folder/nowhere"
 expect 4 "/nowhere/new.h5" evaluate "$scene" --data "$data" --record /nowhere/new.h5
 expect 4 "/nowhere/plots" evaluate "$scene" --data "$data" --plot /nowhere/plots
 if command -v gnuplot >/dev/null; then
