@@ -8,6 +8,7 @@
 //     soft:  rate = K d,         and |K n|^2 is the penalty
 // where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
 // frame). P is equation (2) of the hard form, a projection orthogonal in scaled coordinates.
+// It is applied twice, since the first pass leaves the rounding of what it takes away.
 #ifndef PM_MODEL_OPERATOR_H
 #define PM_MODEL_OPERATOR_H
 

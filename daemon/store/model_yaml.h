@@ -11,7 +11,7 @@
 //     given: [[q, p, 1.0]]          # both; or none
 //     learned: {acts_on: [p, s], along: ["q/|q|^2"], features: ["ln|q|"], hidden: [8]}
 //   irreversible:
-//     learned: {acts_on: s, rank: 1, features: [s], hidden: [8], activation: softplus}
+//     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
 //   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
 //
 // Networks: features and hidden are empty unless given, activation tanh (or softplus, silu), skip

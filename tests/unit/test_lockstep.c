@@ -8,34 +8,9 @@
 #include <cmocka.h>
 #include <string.h>
 
+#include "allocations.h"
 #include "company.h"
 #include "net/codec.h"
-
-// --- counting our own allocations (linked with --wrap) ---
-
-static long allocations;
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *memory, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *memory, size_t size);
-
-void *__wrap_malloc(size_t size) {
-    ++allocations;
-    return __real_malloc(size);
-}
-
-void *__wrap_calloc(size_t count, size_t size) {
-    ++allocations;
-    return __real_calloc(count, size);
-}
-
-void *__wrap_realloc(void *memory, size_t size) {
-    ++allocations;
-    return __real_realloc(memory, size);
-}
 
 static long count_allocations(void) {
     return allocations;

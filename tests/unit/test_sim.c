@@ -10,35 +10,10 @@
 
 #include <cmocka.h>
 
+#include "allocations.h"
 #include "sim/assembly.h"
 #include "sim/ledger.h"
 #include "tests/property/world.h"
-
-// --- counting our own allocations (linked with --wrap) ---
-
-static long allocations;
-
-void *__real_malloc(size_t size);
-void *__real_calloc(size_t count, size_t size);
-void *__real_realloc(void *memory, size_t size);
-void *__wrap_malloc(size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_realloc(void *memory, size_t size);
-
-void *__wrap_malloc(size_t size) {
-    ++allocations;
-    return __real_malloc(size);
-}
-
-void *__wrap_calloc(size_t count, size_t size) {
-    ++allocations;
-    return __real_calloc(count, size);
-}
-
-void *__wrap_realloc(void *memory, size_t size) {
-    ++allocations;
-    return __real_realloc(memory, size);
-}
 
 // --- scenes ---
 
