@@ -21,7 +21,6 @@
 
 #define WORLDS 300
 #define BATCH 4
-#define MAX_NZ 32
 // Rounding, relative to the sum of the magnitudes that cancel. The scenes' own tolerances.
 #define ENERGY_TOLERANCE 1e-12
 #define ENTROPY_TOLERANCE 1e-15
@@ -312,8 +311,9 @@ static void rollouts_keep_both_laws(void **state) {
     }
 }
 
-// The first state of the scene's reference; false if the weights are not there.
-static bool load_shipped(const char *path, pm_scene **scene, pm_system **system, double *z) {
+// With the first state of the scene's reference, in the scene's arena; false if the weights are not
+// there.
+static bool load_shipped(const char *path, pm_scene **scene, pm_system **system, double **z) {
     assert_int_equal(pm_scene_load(scene, path), PM_OK);
     if ((*scene)->reference == NULL || access((*scene)->subsystem[0].weights, R_OK) != 0) {
         return false;
@@ -323,7 +323,9 @@ static bool load_shipped(const char *path, pm_scene **scene, pm_system **system,
     assert_int_equal(pm_system_load(system, *scene, NULL), PM_OK);
     assert_int_equal(pm_dataset_load(&dataset, (*scene)->reference), PM_OK);
     assert_int_equal(pm_columns_bind(&columns, *scene, dataset, &(*scene)->arena), PM_OK);
-    pm_columns_to_state(&columns, pm_dataset_state(dataset, (*scene)->reference_trajectory, 0), z);
+    *z = pm_arena_array(&(*scene)->arena, columns.nz, sizeof **z);
+    assert_non_null(*z);
+    pm_columns_to_state(&columns, pm_dataset_state(dataset, (*scene)->reference_trajectory, 0), *z);
     pm_dataset_free(dataset);
     return true;
 }
@@ -335,8 +337,8 @@ static void shipped_weights_keep_both_laws(void **state) {
     for (size_t i = 0; i < found.gl_pathc; ++i) {
         pm_scene *scene = NULL;
         pm_system *system = NULL;
-        double z[MAX_NZ];
-        if (load_shipped(found.gl_pathv[i], &scene, &system, z) &&
+        double *z = NULL;
+        if (load_shipped(found.gl_pathv[i], &scene, &system, &z) &&
             system->port[0].spec.form == PM_HARD) {
             const world nameless = {.seed = 0};
             print_message("    %s\n", found.gl_pathv[i]);
