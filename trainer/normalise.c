@@ -166,7 +166,8 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples) {
     const pm_node z = pm_input(g, true, 1, samples->nz);
     for (int i = 0; i < count; ++i) {
         const pm_scene_subsystem *s = &system->scene->subsystem[i];
-        state[i].z = pm_slice(g, z, s->first, s->layout.nz);
+        state[i].z = state[i].to = pm_slice(g, z, s->first, s->layout.nz);
+        state[i].from = PM_NO_NODE;
     }
     pm_build_coenergies(g, system, state);
     PM_TRY_DONE(visit_all(c, system, state));

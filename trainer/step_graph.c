@@ -3,10 +3,8 @@
 
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        const pm_part *part = &system->part[i];
         pm_state_nodes *s = &state[i];
-        pm_gradient(g, pm_part_energy(g, part, s->z), PM_NO_NODE, 1, &s->z, &s->dE);
-        pm_gradient(g, pm_part_entropy(g, part, s->z), PM_NO_NODE, 1, &s->z, &s->dS);
+        pm_part_coenergies(g, &system->part[i], s->from, s->to, &s->dE, &s->dS);
     }
 }
 
@@ -88,8 +86,10 @@ void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk
     for (int substep = 0; substep < substeps; ++substep) {
         for (int stage = 0; stage < rk->nstage; ++stage) {
             for (int i = 0; i < count; ++i) {
-                work->state[i].z =
-                    combine(g, z[i], h, stage, rk->a[stage], work->k + i * rk->nstage);
+                pm_state_nodes *s = &work->state[i];
+                s->to = combine(g, z[i], h, stage, rk->a[stage], work->k + i * rk->nstage);
+                s->from = rk->discrete ? z[i] : PM_NO_NODE;
+                s->z = rk->discrete ? pm_scale(g, pm_add(g, s->from, s->to), 0.5) : s->to;
             }
             pm_build_rates(g, system, work->state, degeneracy);
             for (int i = 0; i < count; ++i) {

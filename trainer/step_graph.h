@@ -7,12 +7,14 @@
 #include "sim/integrator.h"
 #include "store/system.h"
 
-// z, dE, dS of every subsystem at one state, and the time derivative; PM_NO_NODE where absent.
+// One subsystem at a stage: the state z at which operators and ports are taken, the states between
+// which co-energies are (from: PM_NO_NODE unless discrete), dE, dS and the time derivative.
+// PM_NO_NODE where absent.
 typedef struct pm_state_nodes {
-    pm_node z, dE, dS, zdot;
+    pm_node z, from, to, dE, dS, zdot;
 } pm_state_nodes;
 
-// Fills dE and dS of state [nsubsystem] from its z.
+// Fills dE and dS of state [nsubsystem] from `from` and `to`.
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state);
 
 // What a port shows at both ends, from the subsystems' states.

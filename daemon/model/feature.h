@@ -38,6 +38,19 @@ pm_status pm_feature_size(const char *expression, const pm_symbols *symbols, int
 // The expression's value [1][size]; it must have passed pm_feature_size.
 pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *symbols);
 
+// --- discrete derivatives, between two states ---
+
+// Whether every expression of a list has a discrete derivative: the scalar ones and x itself.
+bool pm_features_are_discrete(int count, const char *const *expression);
+
+// Adds to covector[i] [1][size of symbol i] (PM_NO_NODE: zero so far) the discrete derivative of
+// sum weight . features between the states of `from` and `to`, which list the same symbols. For
+// every feature f it satisfies  D f . (x_to - x_from) = f(x_to) - f(x_from)  (Gonzalez, J.
+// Nonlinear Sci. 6 (1996) 449). weight: [1][sum of sizes].
+void pm_features_discrete(pm_graph *g, int count, const char *const *expression,
+                          const pm_symbols *from, const pm_symbols *to, pm_node weight,
+                          pm_node *covector);
+
 // Sizes and values of a list of at most PM_MAX_FEATURES, side by side: [1][sum of sizes].
 pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,
                            int *size);

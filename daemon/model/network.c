@@ -121,9 +121,14 @@ pm_node pm_network_build(pm_graph *g, const pm_network_spec *spec, const pm_symb
     if (spec->nfeature == 0) {
         return pm_network_param(g, params, prefix, "constant");
     }
-    pm_node x = pm_features_build(g, spec->nfeature, spec->feature, symbols);
-    x = pm_div(g, pm_sub(g, x, pm_network_param(g, params, prefix, "mean")),
-               pm_network_param(g, params, prefix, "deviation"));
+    const pm_node features = pm_features_build(g, spec->nfeature, spec->feature, symbols);
+    return pm_network_build_from(g, spec, features, nout, params, prefix);
+}
+
+pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
+                              const pm_params *params, const char *prefix) {
+    const pm_node x = pm_div(g, pm_sub(g, features, pm_network_param(g, params, prefix, "mean")),
+                             pm_network_param(g, params, prefix, "deviation"));
     const int n = pm_graph_shape(g, x).cols;
     pm_node out = PM_NO_NODE;
     if (spec->nhidden > 0) {

@@ -16,6 +16,10 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
 pm_node pm_network_build(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,
                          int nout, const pm_params *params, const char *prefix);
 
+// The same from the features' values [1][sum of sizes]; the network must have features.
+pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
+                              const pm_params *params, const char *prefix);
+
 // The parameter "<prefix>.<name>" as a graph node; it must have been declared.
 pm_node pm_network_param(pm_graph *g, const pm_params *params, const char *prefix,
                          const char *name);

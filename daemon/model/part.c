@@ -90,6 +90,40 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
     return pm_potential_build(g, &part->spec.entropy, &symbols, &part->params, "entropy");
 }
 
+bool pm_part_is_discrete(const pm_part *part) {
+    return pm_potential_is_discrete(&part->spec.energy) &&
+           pm_potential_is_discrete(&part->spec.entropy);
+}
+
+static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spec *spec,
+                        const char *prefix, pm_node z_from, pm_node z_to) {
+    const pm_symbols from = state_symbols(part, g, z_from), to = state_symbols(part, g, z_to);
+    pm_node covector[PM_MAX_SYMBOLS];
+    for (int i = 0; i < from.count; ++i) {
+        covector[i] = PM_NO_NODE;
+    }
+    pm_potential_discrete(g, spec, &from, &to, &part->params, prefix, covector);
+    pm_node sum = PM_NO_NODE;
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        if (covector[i] != PM_NO_NODE) {
+            const int first = part->layout.group[i].first;
+            sum = pm_add_or(g, sum, pm_place(g, covector[i], first, part->layout.nz));
+        }
+    }
+    return sum;
+}
+
+void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
+                        pm_node *dS) {
+    if (z_from != PM_NO_NODE) {
+        *dE = discrete(g, part, &part->spec.energy, "energy", z_from, z_to);
+        *dS = discrete(g, part, &part->spec.entropy, "entropy", z_from, z_to);
+        return;
+    }
+    pm_gradient(g, pm_part_energy(g, part, z_to), PM_NO_NODE, 1, &z_to, dE);
+    pm_gradient(g, pm_part_entropy(g, part, z_to), PM_NO_NODE, 1, &z_to, dS);
+}
+
 pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
                      pm_node *degeneracy) {
     const pm_site site = site_of(part, g, z, dE, dS);

@@ -29,6 +29,13 @@ bool pm_part_has_entropy(const pm_part *part);
 pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z);
 pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
 
+// The co-energies dE and dS [1][nz] of a step from z_from to z_to: their discrete derivatives, or
+// the derivatives at z_to where z_from is PM_NO_NODE. PM_NO_NODE where E or S does not depend on z.
+void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
+                        pm_node *dS);
+// Whether the part has discrete derivatives: all its features do.
+bool pm_part_is_discrete(const pm_part *part);
+
 // The bulk term [1][nz] (PM_NO_NODE if nothing acts), and the squared degeneracy residual
 // |L dS|^2 + |M dE|^2 [1][1] in scaled coordinates (PM_NO_NODE where the form makes it zero).
 // dE and dS may be PM_NO_NODE.

@@ -15,6 +15,16 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
 pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *symbols,
                            const pm_params *params, const char *prefix);
 
+// Its discrete derivative between the states of `from` and `to`, as covector[i] per symbol
+// (starting at PM_NO_NODE): the partial derivatives of each network at the mean of its features,
+// carried to the states by the features' own discrete derivatives. Exact for a network that is
+// quadratic in its features, D . (z_to - z_from) = E_to - E_from; otherwise to third order in the
+// step.
+void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
+                           const pm_symbols *to, const pm_params *params, const char *prefix,
+                           pm_node *covector);
+bool pm_potential_is_discrete(const pm_potential_spec *spec);
+
 pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *symbols,
                              const char *prefix, pm_normaliser_visit *visit, void *context);
 

@@ -21,6 +21,15 @@ static const pm_integrator integrators[] = {
      .order = 2,
      .a = {{0}, {0.5}, {0, 0.5}, {0, 0, 0.5}, {0, 0, 0, 0.5}},
      .b = {0, 0, 0, 0, 1}},
+    // Discrete gradients (Gonzalez 1996; for thermoelastic systems Romero, Int. J. Numer. Meth.
+    // Engng 79 (2009) 706) by fixed-point iteration from the Euler predictor: energy is conserved
+    // as well as the iteration has converged, whatever the step.
+    {.name = "discrete_gradient",
+     .nstage = 6,
+     .order = 2,
+     .a = {{0}, {1}, {0, 1}, {0, 0, 1}, {0, 0, 0, 1}, {0, 0, 0, 0, 1}},
+     .b = {0, 0, 0, 0, 0, 1},
+     .discrete = true},
 };
 
 const pm_integrator *pm_integrator_find(const char *name) {
@@ -33,5 +42,5 @@ const pm_integrator *pm_integrator_find(const char *name) {
 }
 
 const char *pm_integrator_names(void) {
-    return "euler, heun, rk4, midpoint";
+    return "euler, heun, rk4, midpoint, discrete_gradient";
 }

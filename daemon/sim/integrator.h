@@ -2,6 +2,8 @@
 #ifndef PM_SIM_INTEGRATOR_H
 #define PM_SIM_INTEGRATOR_H
 
+#include <stdbool.h>
+
 #define PM_MAX_STAGES 16
 
 // k_i = f(z + h sum_j a[i][j] k_j), z' = z + h sum_i b[i] k_i.
@@ -11,6 +13,9 @@ typedef struct pm_integrator {
     int order; // of convergence
     double a[PM_MAX_STAGES][PM_MAX_STAGES];
     double b[PM_MAX_STAGES]; // all >= 0, so that booked entropy production keeps its sign
+    // Stages are iterates of the new state z': co-energies are discrete derivatives between z and
+    // the iterate, operators and ports are taken at their mean.
+    bool discrete;
 } pm_integrator;
 
 // The method called `name`, or NULL. _names lists all, separated by ", ".

@@ -37,12 +37,13 @@ struct pm_subsystem {
     pm_arena arena;
 
     double *z, *stage_z, *safe_z; // [nz] state, stage state, state after the last full step
+    double *at_z;                 // [nz] where operators and ports are evaluated
     double *k;                    // [nstage][nz]
     int stage, substep;
     bool exposed; // dE and dS belong to stage_z
 
-    pm_program *exposure; // z -> E, S, dE, dS
-    double *exposure_z;
+    pm_program *exposure;               // z -> E, S, dE, dS
+    double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
     const double *E, *S, *dE, *dS;
     pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
     double *bulk_z, *bulk_dE, *bulk_dS;
@@ -60,10 +61,10 @@ static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
     pm_graph *g = NULL;
     PM_TRY(pm_graph_open(&g));
     const pm_node z = pm_input(g, true, 1, s->nz);
+    const pm_node from = s->integrator->discrete ? pm_input(g, true, 1, s->nz) : PM_NO_NODE;
     const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
     pm_node dE, dS;
-    pm_gradient(g, E, PM_NO_NODE, 1, &z, &dE);
-    pm_gradient(g, S, PM_NO_NODE, 1, &z, &dS);
+    pm_part_coenergies(g, part, from, z, &dE, &dS);
     pm_node output[4];
     int count = 0;
     for (int i = 0; i < 4; ++i) {
@@ -76,6 +77,7 @@ static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
     pm_status status = pm_program_open(&s->exposure, g, count, output, 1);
     if (status == PM_OK) {
         s->exposure_z = pm_program_value(s->exposure, z);
+        s->exposure_from = from == PM_NO_NODE ? NULL : pm_program_value(s->exposure, from);
         count = 0;
         s->E = pm_program_value(s->exposure, output[count++]);
         s->S = S == PM_NO_NODE ? NULL : pm_program_value(s->exposure, output[count++]);
@@ -176,14 +178,15 @@ static pm_status open_joints(pm_subsystem *s) {
 static pm_status open_state(pm_subsystem *s) {
     const size_t nz = (size_t)s->nz;
     double *memory =
-        pm_arena_array(&s->arena, (3 + (size_t)s->integrator->nstage) * nz, sizeof *memory);
+        pm_arena_array(&s->arena, (4 + (size_t)s->integrator->nstage) * nz, sizeof *memory);
     if (memory == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the state of %s", s->scene->name);
     }
     s->z = memory;
     s->stage_z = memory + nz;
     s->safe_z = memory + 2 * nz;
-    s->k = memory + 3 * nz;
+    s->at_z = memory + 3 * nz;
+    s->k = memory + 4 * nz;
     return PM_OK;
 }
 
@@ -197,6 +200,12 @@ static pm_status open_all(pm_subsystem *s) {
     s->substeps = scene->substeps;
     s->h = scene->dt / scene->substeps;
     const pm_part *part = &s->system->part[s->id];
+    if (s->integrator->discrete && !pm_part_is_discrete(part)) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: integrator %s needs energies and entropies of the features x, |x|, "
+                       "ln|x|, |x|^2 and <x,y> alone; subsystem %s has others",
+                       scene->integrator_at, s->integrator->name, s->scene->name);
+    }
     PM_TRY(open_state(s));
     PM_TRY(open_exposure(s, part));
     PM_TRY(open_bulk(s, part));
@@ -278,11 +287,15 @@ void pm_subsystem_expose(pm_subsystem *s) {
         return;
     }
     copy(s->exposure_z, s->stage_z, s->nz);
+    copy(s->exposure_from, s->z, s->nz);
     pm_program_run(s->exposure, 1);
+    for (int c = 0; c < s->nz; ++c) {
+        s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
+    }
     for (int i = 0; i < s->njoint; ++i) {
         joint *j = &s->joint[i];
         for (int c = 0; c < j->ny; ++c) {
-            j->y[c] = s->stage_z[j->component[c]];
+            j->y[c] = s->at_z[j->component[c]];
             j->e[c] = value_at(s->dE, j->component[c]);
             j->eta[c] = value_at(s->dS, j->component[c]);
         }
@@ -314,7 +327,7 @@ void pm_subsystem_bulk(pm_subsystem *s) {
         ++s->booking.skipped;
         return;
     }
-    copy(s->bulk_z, s->stage_z, s->nz);
+    copy(s->bulk_z, s->at_z, s->nz);
     copy(s->bulk_dE, s->dE, s->nz);
     copy(s->bulk_dS, s->dS, s->nz);
     pm_program_run(s->bulk, 1);
