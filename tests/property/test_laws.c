@@ -323,7 +323,7 @@ static bool load_shipped(const char *path, pm_scene **scene, pm_system **system,
     assert_int_equal(pm_system_load(system, *scene, NULL), PM_OK);
     assert_int_equal(pm_dataset_load(&dataset, (*scene)->reference), PM_OK);
     assert_int_equal(pm_columns_bind(&columns, *scene, dataset, &(*scene)->arena), PM_OK);
-    *z = pm_arena_array(&(*scene)->arena, columns.nz, sizeof **z);
+    *z = pm_arena_array(&(*scene)->arena, (size_t)columns.nz, sizeof **z);
     assert_non_null(*z);
     pm_columns_to_state(&columns, pm_dataset_state(dataset, (*scene)->reference_trajectory, 0), *z);
     pm_dataset_free(dataset);
