@@ -45,10 +45,13 @@ pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_sam
         .z = calloc(count, sizeof *s.z),
         .residual = calloc((size_t)samples->unroll, sizeof *s.residual),
         .work = {calloc(count, sizeof *s.work.state),
-                 calloc(count * PM_MAX_STAGES, sizeof *s.work.k)},
+                 calloc(count * PM_MAX_STAGES, sizeof *s.work.k),
+                 calloc((size_t)system->scene->nport + 1, sizeof *s.work.last),
+                 calloc((size_t)system->scene->nz, sizeof *s.work.responding)},
     };
     pm_status status = PM_OK;
-    if (s.z == NULL || s.residual == NULL || s.work.state == NULL || s.work.k == NULL) {
+    if (s.z == NULL || s.residual == NULL || s.work.state == NULL || s.work.k == NULL ||
+        s.work.last == NULL || s.work.responding == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a loss");
     } else {
         build(g, system, samples, loss, &s, nodes);
@@ -57,5 +60,7 @@ pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_sam
     free(s.residual);
     free(s.work.state);
     free(s.work.k);
+    free(s.work.last);
+    free(s.work.responding);
     return status;
 }

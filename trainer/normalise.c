@@ -167,7 +167,7 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples) {
     for (int i = 0; i < count; ++i) {
         const pm_scene_subsystem *s = &system->scene->subsystem[i];
         state[i].z = state[i].to = pm_slice(g, z, s->first, s->layout.nz);
-        state[i].from = PM_NO_NODE;
+        state[i].from = state[i].response = PM_NO_NODE;
     }
     pm_build_coenergies(g, system, state);
     PM_TRY_DONE(visit_all(c, system, state));

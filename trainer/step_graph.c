@@ -40,31 +40,48 @@ void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
     for (int i = 0; i < 2; ++i) {
         const pm_state_nodes *s = &state[scene->subsystem[i]];
         end[i] = (pm_port_nodes){expose(g, scene, i, s->z), expose(g, scene, i, s->dE),
-                                 expose(g, scene, i, s->dS)};
+                                 expose(g, scene, i, s->dS), expose(g, scene, i, s->response)};
     }
 }
 
-void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
+static void add_port(pm_graph *g, const pm_system *system, int port, pm_state_nodes *state,
+                     pm_node *last, pm_node *degeneracy) {
+    const pm_scene_port *scene = &system->scene->port[port];
+    const pm_port_model *model = &system->port[port];
+    pm_port_nodes end[2];
+    pm_build_port_nodes(g, system, port, state, end);
+    if (last != NULL) {
+        last[port] = pm_port_predict(g, model, last[port], end);
+    }
+    for (int own = 0; own < 2; ++own) {
+        const int id = scene->subsystem[own];
+        const pm_node rate = model->law->rate(g, model, (pm_end)own, end, degeneracy);
+        if (rate != PM_NO_NODE) {
+            const int nz = system->scene->subsystem[id].layout.nz;
+            state[id].zdot = pm_add_or(g, state[id].zdot, place(g, scene, own, rate, nz));
+        }
+    }
+}
+
+void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node *last,
                     pm_node *degeneracy) {
-    const pm_scene *scene = system->scene;
-    pm_build_coenergies(g, system, state);
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
         pm_state_nodes *s = &state[i];
         s->zdot = pm_part_bulk(g, &system->part[i], s->z, s->dE, s->dS, degeneracy);
     }
-    for (int i = 0; i < scene->nport; ++i) {
-        const pm_port_model *model = &system->port[i];
-        pm_port_nodes end[2];
-        pm_build_port_nodes(g, system, i, state, end);
-        for (int own = 0; own < 2; ++own) {
-            const int id = scene->port[i].subsystem[own];
-            const pm_node rate = model->law->rate(g, model, (pm_end)own, end, degeneracy);
-            if (rate != PM_NO_NODE) {
-                const int nz = scene->subsystem[id].layout.nz;
-                state[id].zdot =
-                    pm_add_or(g, state[id].zdot, place(g, &scene->port[i], own, rate, nz));
-            }
-        }
+    for (int i = 0; i < system->scene->nport; ++i) {
+        add_port(g, system, i, state, last, degeneracy);
+    }
+}
+
+// How much each co-energy rises per unit of rate when the rate lasts for h.
+static void build_responses(pm_graph *g, const pm_system *system, pm_state_nodes *state, double h,
+                            bool *responding) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        pm_state_nodes *s = &state[i];
+        pm_system_responding(system, i, responding);
+        s->response = pm_part_response(g, &system->part[i], s->dE, s->to, responding);
+        s->response = s->response == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, s->response, h);
     }
 }
 
@@ -80,18 +97,38 @@ static pm_node combine(pm_graph *g, pm_node z, double h, int n, const double *we
     return pm_add_or(g, z, sum);
 }
 
+// The subsystems at one stage: where, and between which states.
+static void place_stage(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
+                        int stage, const pm_node *z, const pm_step_work *work) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        pm_state_nodes *s = &work->state[i];
+        s->to = combine(g, z[i], h, stage, rk->a[stage], work->k + i * rk->nstage);
+        s->from = PM_NO_NODE;
+        s->z = s->to;
+        s->response = PM_NO_NODE;
+        if (rk->discrete) {
+            s->from = z[i];
+            // A node of its own: the response is the derivative by the new state alone.
+            s->to = pm_offset(g, s->to, 0);
+            s->z = pm_scale(g, pm_add(g, s->from, s->to), 0.5);
+        }
+    }
+}
+
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
                    int substeps, pm_node *z, pm_node *degeneracy, const pm_step_work *work) {
     const int count = system->scene->nsubsystem;
     for (int substep = 0; substep < substeps; ++substep) {
+        for (int i = 0; i < system->scene->nport; ++i) {
+            work->last[i] = PM_NO_NODE;
+        }
         for (int stage = 0; stage < rk->nstage; ++stage) {
-            for (int i = 0; i < count; ++i) {
-                pm_state_nodes *s = &work->state[i];
-                s->to = combine(g, z[i], h, stage, rk->a[stage], work->k + i * rk->nstage);
-                s->from = rk->discrete ? z[i] : PM_NO_NODE;
-                s->z = rk->discrete ? pm_scale(g, pm_add(g, s->from, s->to), 0.5) : s->to;
+            place_stage(g, system, rk, h, stage, z, work);
+            pm_build_coenergies(g, system, work->state);
+            if (rk->discrete) {
+                build_responses(g, system, work->state, h, work->responding);
             }
-            pm_build_rates(g, system, work->state, degeneracy);
+            pm_build_rates(g, system, work->state, work->last, degeneracy);
             for (int i = 0; i < count; ++i) {
                 work->k[i * rk->nstage + stage] = work->state[i].zdot;
             }

@@ -8,10 +8,10 @@
 #include "store/system.h"
 
 // One subsystem at a stage: the state z at which operators and ports are taken, the states between
-// which co-energies are (from: PM_NO_NODE unless discrete), dE, dS and the time derivative.
-// PM_NO_NODE where absent.
+// which co-energies are (from: PM_NO_NODE unless discrete), dE, dS, the response of dE to a rate,
+// and the time derivative. PM_NO_NODE where absent.
 typedef struct pm_state_nodes {
-    pm_node z, from, to, dE, dS, zdot;
+    pm_node z, from, to, dE, dS, response, zdot;
 } pm_state_nodes;
 
 // Fills dE and dS of state [nsubsystem] from `from` and `to`.
@@ -21,15 +21,18 @@ void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *s
 void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
                          const pm_state_nodes *state, pm_port_nodes end[2]);
 
-// Fills dE, dS and zdot; adds the squared degeneracy residuals to *degeneracy.
-void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
+// Fills zdot from z, dE and dS; adds the squared degeneracy residuals to *degeneracy. `last`
+// [nport]: the irreversible rates of the iteration before, replaced by those of this one
+// (prediction.h); all PM_NO_NODE at first. Used only where states have a response.
+void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node *last,
                     pm_node *degeneracy);
 
 // Replaces z [nsubsystem] by the states after `substeps` steps of length h. `work` has room for
-// nsubsystem states and nsubsystem * rk->nstage nodes.
+// nsubsystem states, nsubsystem * rk->nstage and nport nodes, and nz of one subsystem.
 typedef struct pm_step_work {
     pm_state_nodes *state;
-    pm_node *k;
+    pm_node *k, *last;
+    bool *responding;
 } pm_step_work;
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
                    int substeps, pm_node *z, pm_node *degeneracy, const pm_step_work *work);

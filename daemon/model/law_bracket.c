@@ -43,8 +43,8 @@ static pm_status check_spec(const pm_port_spec *spec) {
 
 static pm_status declare(pm_port_model *port) {
     PM_TRY(pm_spec_locate(port->spec.at, check_spec(&port->spec)));
-    static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
-                                          {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
+    static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
+                                          {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     const pm_site site = site_of(port, NULL, none);
     const pm_operator L = reversible(port), M = irreversible(port);
     PM_TRY(pm_operator_declare(&L, &site, &port->params));
@@ -63,16 +63,23 @@ static pm_node both_ends(pm_graph *g, const pm_port_model *port, pm_node a, pm_n
     return pm_concat(g, 2, part);
 }
 
-static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
-                    pm_node *degeneracy) {
+// The rate of both ends that one operator causes: L driven by e, M by eta.
+static pm_node build(pm_graph *g, const pm_port_model *port, const pm_operator *op,
+                     const pm_port_nodes end[2], pm_node *degeneracy) {
     const pm_site site = site_of(port, g, end);
     const pm_node e = both_ends(g, port, end[0].e, end[1].e);
     const pm_node eta = both_ends(g, port, end[0].eta, end[1].eta);
+    return op->kind == PM_REVERSIBLE
+               ? pm_operator_build(g, op, &site, &port->params, e, eta, degeneracy)
+               : pm_operator_build(g, op, &site, &port->params, eta, e, degeneracy);
+}
+
+static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
+                    pm_node *degeneracy) {
     const pm_operator L = reversible(port), M = irreversible(port);
     pm_node residual = PM_NO_NODE;
-    const pm_node sum =
-        pm_add_or(g, pm_operator_build(g, &L, &site, &port->params, e, eta, &residual),
-                  pm_operator_build(g, &M, &site, &port->params, eta, e, &residual));
+    const pm_node from_energy = build(g, port, &L, end, &residual);
+    const pm_node sum = pm_add_or(g, from_energy, build(g, port, &M, end, &residual));
     // The penalty is the port's, not an end's: counted once.
     if (own == PM_END_A) {
         *degeneracy = pm_add_or(g, *degeneracy, residual);
@@ -80,6 +87,13 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     return sum == PM_NO_NODE
                ? PM_NO_NODE
                : pm_slice(g, sum, own == PM_END_A ? 0 : port->layout[0].nz, port->layout[own].nz);
+}
+
+static pm_node irreversible_rate(pm_graph *g, const pm_port_model *port,
+                                 const pm_port_nodes end[2]) {
+    const pm_operator M = irreversible(port);
+    pm_node counted_in_rate = PM_NO_NODE;
+    return build(g, port, &M, end, &counted_in_rate);
 }
 
 static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],
@@ -90,4 +104,4 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
     return pm_operator_visit(&M, &site, visitor, context);
 }
 
-const pm_port_law pm_law_bracket = {"bracket", true, declare, rate, visit};
+const pm_port_law pm_law_bracket = {"bracket", true, declare, rate, irreversible_rate, visit};

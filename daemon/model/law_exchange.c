@@ -55,8 +55,8 @@ static pm_status check_form(const pm_port_spec *spec) {
 
 static pm_status declare(pm_port_model *port) {
     PM_TRY(pm_spec_locate(port->spec.at, check_form(&port->spec)));
-    static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
-                                          {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
+    static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
+                                          {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     for (int own = 0; own < 2; ++own) {
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, NULL, (pm_end)own, none);
@@ -110,4 +110,4 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
     return PM_OK;
 }
 
-const pm_port_law pm_law_exchange = {"exchange", false, declare, rate, visit};
+const pm_port_law pm_law_exchange = {"exchange", false, declare, rate, NULL, visit};

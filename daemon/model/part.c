@@ -124,6 +124,22 @@ void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_nod
     pm_gradient(g, pm_part_entropy(g, part, z_to), PM_NO_NODE, 1, &z_to, dS);
 }
 
+pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z_to,
+                         const bool *wanted) {
+    const int nz = part->layout.nz;
+    pm_node diagonal = PM_NO_NODE;
+    for (int c = 0; c < nz && dE != PM_NO_NODE; ++c) {
+        pm_node row = PM_NO_NODE;
+        if (wanted[c]) {
+            pm_gradient(g, pm_slice(g, dE, c, 1), PM_NO_NODE, 1, &z_to, &row);
+        }
+        if (row != PM_NO_NODE) {
+            diagonal = pm_add_or(g, diagonal, pm_place(g, pm_slice(g, row, c, 1), c, nz));
+        }
+    }
+    return diagonal;
+}
+
 pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
                      pm_node *degeneracy) {
     const pm_site site = site_of(part, g, z, dE, dS);

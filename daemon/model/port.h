@@ -13,9 +13,11 @@ typedef enum pm_end { PM_END_A = 0, PM_END_B = 1 } pm_end;
 typedef struct pm_port_model pm_port_model;
 
 // What one end of a port shows to the other at a stage, as graph nodes: y [1][ny], the co-energies
-// e = dE/dy [1][ny] and eta = dS/dy [1][ny] (PM_NO_NODE if the subsystem has no entropy).
+// e = dE/dy [1][ny] and eta = dS/dy [1][ny] (PM_NO_NODE if the subsystem has no entropy), and by
+// how much e rises during the step per unit of rate [1][ny] (prediction.h; PM_NO_NODE if no
+// integrator asks).
 typedef struct pm_port_nodes {
-    pm_node y, e, eta;
+    pm_node y, e, eta, response;
 } pm_port_nodes;
 
 typedef struct pm_port_law {
@@ -27,6 +29,9 @@ typedef struct pm_port_law {
     // pm_end. May return PM_NO_NODE. `degeneracy` as in pm_part_bulk.
     pm_node (*rate)(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
                     pm_node *degeneracy);
+    // The irreversible part of both ends' rates, side by side [1][ny_a + ny_b]; PM_NO_NODE: none.
+    // NULL: the law has no such part.
+    pm_node (*irreversible)(pm_graph *g, const pm_port_model *port, const pm_port_nodes end[2]);
     // As pm_part_visit.
     pm_status (*visit)(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],
                        pm_normaliser_visit *visit, void *context);

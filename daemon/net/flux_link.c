@@ -70,6 +70,6 @@ bool pm_flux_link_take(const pm_flux_link *link, int64_t key, pm_port_values *ne
         return false;
     }
     const portmet_flux_t *flux = &link->inbox[slot];
-    *neighbour = (pm_port_values){flux->ny, flux->y, flux->e, flux->eta};
+    *neighbour = (pm_port_values){flux->ny, flux->y, flux->e, flux->eta, NULL};
     return true;
 }

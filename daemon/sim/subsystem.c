@@ -15,14 +15,19 @@ typedef struct joint {
     int ny;
     const int *component; // [ny] position in z of what is exposed
     pm_port_values shown; // what it shows: arrays below
-    double *y, *e, *eta;
+    double *y, *e, *eta, *response;
     // The port law's graph, and where its numbers go in and out. NULL where a law needs none.
     pm_program *program;
     struct {
-        double *y, *e, *eta;
+        double *y, *e, *eta, *response;
         int ny;
     } input[2];
     const double *rate; // [ny]; NULL if the law gives nothing
+    const double *law_e; // [ny] co-energies the law was evaluated at: own e, or its prediction
+    // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted
+    double *last;
+    const double *next;
+    int nboth;
     pm_flux flux;       // booked over the last step
     pm_flux booking;    // over the step under way
 } joint;
@@ -44,7 +49,7 @@ struct pm_subsystem {
 
     pm_program *exposure;               // z -> E, S, dE, dS
     double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
-    const double *E, *S, *dE, *dS;
+    const double *E, *S, *dE, *dS, *response;
     pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
     double *bulk_z, *bulk_dE, *bulk_dS;
     const double *bulk_rate;
@@ -57,6 +62,18 @@ struct pm_subsystem {
 
 // --- building the graphs ---
 
+// By how much dE rises per unit of rate, where a port's prediction asks for it.
+static pm_node build_response(pm_subsystem *s, pm_graph *g, const pm_part *part, pm_node dE,
+                              pm_node z) {
+    bool *wanted = pm_arena_array(&s->arena, (size_t)s->nz, sizeof *wanted);
+    if (wanted == NULL || !s->integrator->discrete) {
+        return PM_NO_NODE;
+    }
+    pm_system_responding(s->system, s->id, wanted);
+    const pm_node response = pm_part_response(g, part, dE, z, wanted);
+    return response == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, response, s->h);
+}
+
 static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
     pm_graph *g = NULL;
     PM_TRY(pm_graph_open(&g));
@@ -65,13 +82,14 @@ static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
     const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
     pm_node dE, dS;
     pm_part_coenergies(g, part, from, z, &dE, &dS);
-    pm_node output[4];
+    const pm_node wanted[] = {E, S, dE, dS, build_response(s, g, part, dE, z)};
+    const double **const value[] = {&s->E, &s->S, &s->dE, &s->dS, &s->response};
+    pm_node output[5];
     int count = 0;
-    for (int i = 0; i < 4; ++i) {
-        const pm_node wanted = (const pm_node[]){E, S, dE, dS}[i];
-        if (wanted != PM_NO_NODE) {
-            output[count++] =
-                pm_broadcast_to(g, wanted, (pm_shape){true, 1, pm_graph_shape(g, wanted).cols});
+    for (int i = 0; i < 5; ++i) {
+        if (wanted[i] != PM_NO_NODE) {
+            output[count++] = pm_broadcast_to(
+                g, wanted[i], (pm_shape){true, 1, pm_graph_shape(g, wanted[i]).cols});
         }
     }
     pm_status status = pm_program_open(&s->exposure, g, count, output, 1);
@@ -79,10 +97,10 @@ static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
         s->exposure_z = pm_program_value(s->exposure, z);
         s->exposure_from = from == PM_NO_NODE ? NULL : pm_program_value(s->exposure, from);
         count = 0;
-        s->E = pm_program_value(s->exposure, output[count++]);
-        s->S = S == PM_NO_NODE ? NULL : pm_program_value(s->exposure, output[count++]);
-        s->dE = dE == PM_NO_NODE ? NULL : pm_program_value(s->exposure, output[count++]);
-        s->dS = dS == PM_NO_NODE ? NULL : pm_program_value(s->exposure, output[count++]);
+        for (int i = 0; i < 5; ++i) {
+            *value[i] =
+                wanted[i] == PM_NO_NODE ? NULL : pm_program_value(s->exposure, output[count++]);
+        }
     }
     pm_graph_close(g);
     return status;
@@ -109,33 +127,50 @@ static pm_status open_bulk(pm_subsystem *s, const pm_part *part) {
     return status;
 }
 
+// What both ends show, as inputs of the law's graph.
+static void build_inputs(const pm_subsystem *s, pm_graph *g, const joint *j, pm_port_nodes end[2]) {
+    const pm_scene_port *scene = &s->system->scene->port[j->port_id];
+    for (int i = 0; i < 2; ++i) {
+        const int ny = scene->layout[i].nz;
+        const bool entropy = pm_part_has_entropy(&s->system->part[scene->subsystem[i]]);
+        end[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
+                                 entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE,
+                                 s->integrator->discrete ? pm_input(g, true, 1, ny) : PM_NO_NODE};
+    }
+}
+
+static double *value_of(pm_program *program, pm_node x) {
+    return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
+}
+
 static pm_status open_law(pm_subsystem *s, joint *j) {
     const pm_port_model *model = &s->system->port[j->port_id];
-    const pm_scene_port *scene = &s->system->scene->port[j->port_id];
     pm_graph *g = NULL;
     PM_TRY(pm_graph_open(&g));
     pm_port_nodes end[2];
-    for (int i = 0; i < 2; ++i) {
-        const int ny = model->layout[i].nz;
-        const bool entropy = pm_part_has_entropy(&s->system->part[scene->subsystem[i]]);
-        end[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
-                                 entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE};
-        j->input[i].ny = ny;
-    }
+    build_inputs(s, g, j, end);
+    const pm_port_nodes shown[2] = {end[0], end[1]};
+    const pm_node last = pm_input(g, true, 1, j->nboth);
+    const pm_node next = pm_port_predict(g, model, last, end);
     pm_node degeneracy = PM_NO_NODE;
     const pm_node rate = model->law->rate(g, model, j->end, end, &degeneracy);
     pm_status status = PM_OK;
     if (rate != PM_NO_NODE) {
-        status = pm_program_open(&j->program, g, 1, &rate, 1);
+        const pm_node output[] = {rate, end[j->end].e, next};
+        status = pm_program_open(&j->program, g, next == PM_NO_NODE ? 2 : 3, output, 1);
     }
     if (j->program != NULL) {
         for (int i = 0; i < 2; ++i) {
-            j->input[i].y = pm_program_value(j->program, end[i].y);
-            j->input[i].e = pm_program_value(j->program, end[i].e);
-            j->input[i].eta =
-                end[i].eta == PM_NO_NODE ? NULL : pm_program_value(j->program, end[i].eta);
+            j->input[i].ny = model->layout[i].nz;
+            j->input[i].y = value_of(j->program, shown[i].y);
+            j->input[i].e = value_of(j->program, shown[i].e);
+            j->input[i].eta = value_of(j->program, shown[i].eta);
+            j->input[i].response = value_of(j->program, shown[i].response);
         }
-        j->rate = pm_program_value(j->program, rate);
+        j->rate = value_of(j->program, rate);
+        j->law_e = value_of(j->program, end[j->end].e);
+        j->next = value_of(j->program, next);
+        j->last = next == PM_NO_NODE ? NULL : value_of(j->program, last);
     }
     pm_graph_close(g);
     return status;
@@ -146,15 +181,19 @@ static pm_status open_joint(pm_subsystem *s, joint *j, int port_id, pm_end end) 
     *j = (joint){.port_id = port_id,
                  .end = end,
                  .ny = scene->layout[end].nz,
+                 .nboth = scene->layout[0].nz + scene->layout[1].nz,
                  .component = scene->component[end]};
-    double *memory = pm_arena_array(&s->arena, 3 * (size_t)j->ny, sizeof *memory);
+    const ptrdiff_t ny = j->ny;
+    double *memory = pm_arena_array(&s->arena, 4 * (size_t)ny, sizeof *memory);
     if (memory == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for port %s", scene->name);
     }
     j->y = memory;
-    j->e = memory + j->ny;
-    j->eta = memory + 2 * j->ny;
-    j->shown = (pm_port_values){j->ny, j->y, j->e, j->eta};
+    j->e = memory + ny;
+    j->eta = memory + 2 * ny;
+    j->response = memory + 3 * ny;
+    j->shown = (pm_port_values){j->ny, j->y, j->e, j->eta,
+                                s->integrator->discrete ? j->response : NULL};
     return open_law(s, j);
 }
 
@@ -298,6 +337,7 @@ void pm_subsystem_expose(pm_subsystem *s) {
             j->y[c] = s->at_z[j->component[c]];
             j->e[c] = value_at(s->dE, j->component[c]);
             j->eta[c] = value_at(s->dS, j->component[c]);
+            j->response[c] = value_at(s->response, j->component[c]);
         }
     }
     s->exposed = true;
@@ -355,14 +395,19 @@ void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighb
         copy(j->input[i].y, shown[i]->y, shown[i]->ny);
         copy(j->input[i].e, shown[i]->e, shown[i]->ny);
         copy(j->input[i].eta, shown[i]->eta, shown[i]->ny);
+        copy(j->input[i].response, shown[i]->response, shown[i]->ny);
+    }
+    if (j->last != NULL && s->stage == 0) {
+        memset(j->last, 0, (size_t)j->nboth * sizeof *j->last);
     }
     pm_program_run(j->program, 1);
+    copy(j->last, j->next, j->nboth);
     double *k = s->k + (ptrdiff_t)s->stage * s->nz;
     for (int c = 0; c < j->ny; ++c) {
         k[j->component[c]] += j->rate[c];
     }
     double total[2] = {0}, gross[2] = {0};
-    book(stage_weight(s), j->ny, j->e, j->eta, j->rate, total, gross);
+    book(stage_weight(s), j->ny, j->law_e, j->eta, j->rate, total, gross);
     j->booking.energy += total[0];
     j->booking.entropy += total[1];
     j->booking.energy_gross += gross[0];

@@ -20,6 +20,7 @@ typedef struct pm_subsystem pm_subsystem;
 typedef struct pm_port_values {
     int ny;
     const double *y, *e, *eta; // state, dE/dy, dS/dy; eta is all zero without entropy
+    const double *response;    // rise of e per unit of rate; NULL unless pm_system_has_response
 } pm_port_values;
 
 // Builds the graphs of subsystem `subsystem_id` and starts it at its initial state (zero if the

@@ -222,3 +222,20 @@ int pm_system_without_energy(const pm_system *system) {
     }
     return -1;
 }
+
+void pm_system_responding(const pm_system *system, int subsystem, bool *component) {
+    const pm_scene *scene = system->scene;
+    memset(component, 0, (size_t)scene->subsystem[subsystem].layout.nz * sizeof *component);
+    for (int i = 0; i < 2 * scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i / 2];
+        const pm_end end = (pm_end)(i % 2);
+        const pm_layout *layout = &port->layout[end];
+        for (int k = 0; k < layout->ngroup && port->subsystem[end] == subsystem; ++k) {
+            const pm_group *group = &layout->group[k];
+            for (int c = 0; c < group->size; ++c) {
+                component[port->component[end][group->first + c]] |=
+                    pm_port_responds(&system->port[i / 2], end, group->name);
+            }
+        }
+    }
+}

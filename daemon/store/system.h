@@ -6,6 +6,7 @@
 
 #include "model/part.h"
 #include "model/port.h"
+#include "model/prediction.h"
 #include "store/scene.h"
 #include "store/weights.h"
 
@@ -29,6 +30,9 @@ pm_status pm_system_new(pm_system **system, const pm_scene *scene);
 // All parts, then all ports, by one number: how many there are, and the numbers each carries.
 int pm_system_components(const pm_system *system);
 pm_params *pm_system_params(const pm_system *system, int component);
+// Marks the components of a subsystem's state on which some port's irreversible exchange acts
+// (prediction.h). component: [nz], all written.
+void pm_system_responding(const pm_system *system, int subsystem, bool *component);
 void pm_system_free(pm_system *system); // NULL is allowed
 
 // The first subsystem in which energy and entropy are not defined (form: free), so that neither are

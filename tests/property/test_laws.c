@@ -238,7 +238,7 @@ static void bracket_keeps_both_laws(void **state) {
             input[i] = pm_input(g, true, 1, port->layout[i / 3].nz);
         }
         for (int i = 0; i < 2; ++i) {
-            end[i] = (pm_port_nodes){input[3 * i], input[3 * i + 1], input[3 * i + 2]};
+            end[i] = (pm_port_nodes){input[3 * i], input[3 * i + 1], input[3 * i + 2], PM_NO_NODE};
         }
         for (int i = 0; i < 2; ++i) {
             output[i] = port->law->rate(g, port, (pm_end)i, end, &degeneracy);

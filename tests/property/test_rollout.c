@@ -159,7 +159,9 @@ static void graph_step(const world *w, const double *z0, double *z) {
     pm_program *program = NULL;
     pm_state_nodes nodes[2];
     pm_node k[2 * PM_MAX_STAGES], part[2], degeneracy = PM_NO_NODE;
-    const pm_step_work work = {nodes, k};
+    pm_node last[1];
+    bool responding[NZ];
+    const pm_step_work work = {nodes, k, last, responding};
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node input = pm_input(g, true, 1, scene->nz);
     for (int i = 0; i < 2; ++i) {

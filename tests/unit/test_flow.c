@@ -83,8 +83,8 @@ static void port_sees_both_ends(void **state) {
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
         const pm_node input[2] = {pm_input(g, true, 1, NZ), pm_input(g, true, 1, NZ)};
-        const pm_port_nodes shown[2] = {{input[0], PM_NO_NODE, PM_NO_NODE},
-                                        {input[1], PM_NO_NODE, PM_NO_NODE}};
+        const pm_port_nodes shown[2] = {{input[0], PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
+                                        {input[1], PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
         pm_node degeneracy = PM_NO_NODE;
         const pm_node rate = port.law->rate(g, &port, (pm_end)end, shown, &degeneracy);
         assert_rate(g, rate, 2, input, z, expected[end]);
