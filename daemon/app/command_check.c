@@ -97,6 +97,17 @@ static void print_port(const pm_setup *setup, int i) {
     print_weights(&model->params, &setup->system->port_provenance[i]);
 }
 
+static void print_processes(const pm_scene *scene) {
+    printf("\nprocesses\n");
+    for (int i = 0; i < scene->nprocess; ++i) {
+        printf("  %s:", scene->process[i].name);
+        for (int k = 0; k < scene->process[i].count; ++k) {
+            printf(" %s", scene->subsystem[scene->process[i].subsystem[k]].name);
+        }
+        printf("\n");
+    }
+}
+
 static pm_status print_channels(const pm_scene *scene) {
     static const char *const words[] = {"TICK", "COMMAND", "REQUEST", "LEDGER"};
     char channel[PM_CHANNEL_SIZE];
@@ -105,19 +116,11 @@ static pm_status print_channels(const pm_scene *scene) {
         PM_TRY(pm_channel_scene(channel, scene, words[i]));
         printf("  %s\n", channel);
     }
-    for (int i = 0; i < scene->nport; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            PM_TRY(pm_channel_flux(channel, scene, i, (pm_end)end));
-            printf("  %s\n", channel);
-        }
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY(pm_channel_subsystem(channel, scene, "REPORT", i));
+    for (int i = 0; i < scene->nprocess; ++i) {
+        PM_TRY(pm_channel_process(channel, scene, "FLUX", i));
         printf("  %s\n", channel);
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY(pm_channel_subsystem(channel, scene, "STATE", i));
-        printf("  %s (if recorded or compared)\n", channel);
+        PM_TRY(pm_channel_process(channel, scene, "REPORT", i));
+        printf("  %s\n", channel);
     }
     return PM_OK;
 }
@@ -133,6 +136,7 @@ static pm_status describe(const pm_setup *setup) {
         print_port(setup, i);
     }
     pm_skipped_print(setup);
+    print_processes(setup->scene);
     return print_channels(setup->scene);
 }
 

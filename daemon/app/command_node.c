@@ -1,4 +1,4 @@
-// portmetd node: one subsystem in this process.
+// portmetd node: one process of a scene, with its subsystems.
 #include <stdio.h>
 
 #include "app/command.h"
@@ -6,17 +6,16 @@
 #include "app/stop.h"
 #include "net/lockstep.h"
 
-static pm_status serve(const pm_setup *setup, const pm_options *options, int subsystem_id) {
+static pm_status serve(const pm_setup *setup, const pm_options *options, int process_id) {
     pm_transport *transport = NULL;
     pm_lockstep_node *node = NULL;
     const pm_lockstep_node_options node_options = {
-        .z = setup->initial + setup->scene->subsystem[subsystem_id].first,
+        .z = setup->initial,
         .session = options->session,
     };
     pm_status status;
     PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
-    PM_TRY_DONE(
-        pm_lockstep_node_open(&node, setup->system, subsystem_id, transport, &node_options));
+    PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, &pm_stop_requested);
 done:
     pm_lockstep_node_close(node);
@@ -27,12 +26,12 @@ done:
 static pm_status fail_name(const pm_scene *scene, const char *name) {
     char list[256] = "";
     size_t used = 0;
-    for (int i = 0; i < scene->nsubsystem && used < sizeof list; ++i) {
+    for (int i = 0; i < scene->nprocess && used < sizeof list; ++i) {
         const int length = snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : ", ",
-                                    scene->subsystem[i].name);
+                                    scene->process[i].name);
         used += length < 0 ? 0 : (size_t)length;
     }
-    return pm_fail(PM_EUSAGE, "%s: no subsystem called \"%s\"; there are: %s", scene->path, name,
+    return pm_fail(PM_EUSAGE, "%s: no process called \"%s\"; there are: %s", scene->path, name,
                    list);
 }
 
@@ -40,9 +39,9 @@ static pm_status execute(const pm_options *options) {
     pm_setup setup;
     pm_status status;
     PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_SERVE));
-    const int subsystem_id = pm_scene_find_subsystem(setup.scene, options->name);
-    status = subsystem_id < 0 ? fail_name(setup.scene, options->name)
-                              : serve(&setup, options, subsystem_id);
+    const int process_id = pm_scene_find_process(setup.scene, options->name);
+    status =
+        process_id < 0 ? fail_name(setup.scene, options->name) : serve(&setup, options, process_id);
 done:
     pm_setup_free(&setup);
     return status;
@@ -51,15 +50,16 @@ done:
 const pm_command pm_command_node = {
     .name = "node",
     .arguments = "SCENE NAME",
-    .summary = "serve one subsystem of a scene",
-    .help =
-        "Serves the subsystem NAME: publishes its energy and entropy flux through its ports,\n"
-        "listens to its neighbours, and steps when the coordinator grants it. Ends when the run\n"
-        "does. Scene, weights and initial state must be the same on every host; a node that\n"
-        "differs is refused. By hand, one in each terminal or on each host, in any order:\n\n"
-        "  portmetd node SCENE NAME1\n"
-        "  portmetd node SCENE NAME2\n"
-        "  portmetd coordinator SCENE\n",
+    .summary = "serve one process of a scene",
+    .help = "Serves the process NAME, one subsystem or those that the scene's `processes` list:\n"
+            "publishes their energy and entropy fluxes through the ports that lead to other "
+            "processes,\n"
+            "listens to these, and steps when the coordinator grants it. Ends when the run does. "
+            "Scene, weights and initial state must be the same on every host; a node that\n"
+            "differs is refused. By hand, one in each terminal or on each host, in any order:\n\n"
+            "  portmetd node SCENE NAME1\n"
+            "  portmetd node SCENE NAME2\n"
+            "  portmetd coordinator SCENE\n",
     .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,
 };

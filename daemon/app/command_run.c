@@ -1,5 +1,5 @@
-// portmetd run: a whole scene with one command. Over LCM it launches one process per subsystem and
-// is the coordinator itself; with --in-process all of them live in this thread.
+// portmetd run: a whole scene with one command. Over LCM it launches the scene's processes and is
+// the coordinator itself; with --in-process all subsystems live in this thread.
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,8 +20,8 @@ static pm_status launch_nodes(pm_launch *launch, const pm_setup *setup, const pm
                               int64_t session) {
     char number[24];
     snprintf(number, sizeof number, "%" PRId64, session);
-    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
-        const char *name = setup->scene->subsystem[i].name;
+    for (int i = 0; i < setup->scene->nprocess; ++i) {
+        const char *name = setup->scene->process[i].name;
         const char *argv[MAX_ARGUMENTS] = {"portmetd", "node",  "--session",
                                            number,     "--url", setup->scene->url};
         int count = 6;
@@ -73,7 +73,7 @@ static pm_status run_processes(const pm_setup *setup, const pm_options *options,
     PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
-    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nsubsystem));
+    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
     PM_TRY_DONE(launch_nodes(launch, setup, options, coordinator_options.session));
     status = conduct(coordinator, launch);
     if (status == PM_OK) {
@@ -90,59 +90,30 @@ done:
 
 // --- in this thread ---
 
-// Everything that --in-process opens; zeroed members are not open.
-typedef struct company {
-    pm_hub *hub;
-    int count;
-    pm_transport **transport; // [count]
-    pm_lockstep_node **node;  // [count]
-    pm_transport *coordinator_transport;
-    pm_lockstep_coordinator *coordinator;
-} company;
-
-static void dismiss(company *c) {
-    pm_lockstep_coordinator_close(c->coordinator);
-    pm_transport_close(c->coordinator_transport);
-    for (int i = 0; i < c->count; ++i) {
-        pm_lockstep_node_close(c->node[i]);
-        pm_transport_close(c->transport[i]);
-    }
-    pm_hub_close(c->hub);
-}
-
-static pm_status gather(company *c, const pm_setup *setup, pm_observer *observer) {
-    const char *url = "memory://";
-    PM_TRY(pm_hub_open(&c->hub, NULL));
-    for (int i = 0; i < c->count; ++i) {
-        const pm_lockstep_node_options options = {.z = setup->initial +
-                                                       setup->scene->subsystem[i].first};
-        PM_TRY(pm_transport_open(&c->transport[i], url, c->hub));
-        PM_TRY(pm_lockstep_node_open(&c->node[i], setup->system, i, c->transport[i], &options));
-    }
-    const pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
-    PM_TRY(pm_transport_open(&c->coordinator_transport, url, c->hub));
-    return pm_lockstep_coordinator_open(&c->coordinator, setup->system, c->coordinator_transport,
-                                        &options);
-}
-
+// All subsystems are one process's, which shares a hub with the coordinator.
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
-    pm_arena arena = {0};
-    const size_t count = (size_t)setup->scene->nsubsystem;
-    company c = {.transport = pm_arena_array(&arena, count, sizeof(pm_transport *)),
-                 .node = pm_arena_array(&arena, count, sizeof(pm_lockstep_node *))};
-    pm_status status = PM_OK;
-    if (c.transport == NULL || c.node == NULL) {
-        status = pm_fail(PM_ENOMEM, "run: out of memory");
-        goto done;
-    }
-    c.count = (int)count;
-    PM_TRY_DONE(gather(&c, setup, observer));
-    status = pm_lockstep_run_together(c.coordinator, c.count, c.node, &pm_stop_requested);
-    status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(c.coordinator),
+    const char *url = "memory://";
+    const pm_lockstep_node_options node_options = {.z = setup->initial};
+    const pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
+    pm_hub *hub = NULL;
+    pm_transport *transport[2] = {NULL, NULL};
+    pm_lockstep_node *node = NULL;
+    pm_lockstep_coordinator *coordinator = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_hub_open(&hub, NULL));
+    PM_TRY_DONE(pm_transport_open(&transport[0], url, hub));
+    PM_TRY_DONE(pm_transport_open(&transport[1], url, hub));
+    PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, 0, transport[0], &node_options));
+    PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport[1], &options));
+    status = pm_lockstep_run_together(coordinator, 1, &node, &pm_stop_requested);
+    status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "in one process");
 done:
-    dismiss(&c);
-    pm_arena_free(&arena);
+    pm_lockstep_coordinator_close(coordinator);
+    pm_lockstep_node_close(node);
+    pm_transport_close(transport[1]);
+    pm_transport_close(transport[0]);
+    pm_hub_close(hub);
     return status;
 }
 
@@ -163,9 +134,10 @@ done:
 const pm_command pm_command_run = {
     .name = "run",
     .arguments = "SCENE",
-    .summary = "run a scene: one process per subsystem, and a coordinator",
+    .summary = "run a scene: its processes, and a coordinator",
     .help =
-        "Launches `portmetd node` once per subsystem, coordinates them over LCM, and prints mean\n"
+        "Launches `portmetd node` once per process, by default one for each subsystem, coordinates "
+        "them over LCM, and prints mean\n"
         "fluxes, errors against the scene's reference trajectory, the ledger of both laws, and "
         "the\n"
         "speed. It starts from each subsystem's `initial`, else from the reference's first state.\n"

@@ -62,13 +62,14 @@ static pm_status find_initial(pm_setup *setup) {
     return PM_OK;
 }
 
-static void override(pm_scene *scene, const pm_options *options) {
+static pm_status override(pm_scene *scene, const pm_options *options) {
     if (options->url != NULL) {
         scene->url = options->url;
     }
     if (options->steps != 0) {
         scene->steps = (int)options->steps;
     }
+    return options->in_process ? pm_scene_join_processes(scene) : PM_OK;
 }
 
 pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose purpose) {
@@ -77,7 +78,7 @@ pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose p
     const pm_scene *scene = setup->scene;
     PM_TRY(pm_system_load(&setup->system, scene, options->weights));
     // After the digest is made: hosts may reach the network differently, and only one counts steps.
-    override(setup->scene, options);
+    PM_TRY(override(setup->scene, options));
     PM_TRY(pm_transport_check(scene->url));
     const pm_scene_subsystem *needs = needs_reference(scene);
     if (needs != NULL && scene->reference == NULL) {

@@ -13,7 +13,7 @@ typedef enum pm_purpose { PM_TO_SERVE, PM_TO_COORDINATE, PM_TO_DESCRIBE } pm_pur
 
 typedef struct pm_setup {
     pm_arena arena;
-    pm_scene *scene; // with the options' URL and number of steps in place
+    pm_scene *scene; // with the options' URL, number of steps and --in-process in place
     pm_system *system;
     pm_dataset *reference; // NULL: the scene names none, or nobody needs it
     pm_columns columns;    // of the reference

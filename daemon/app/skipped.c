@@ -145,7 +145,7 @@ void pm_skipped_print(const pm_setup *setup) {
         print_port(&scene->port[i], setup->system, &setup->system->port[i]);
     }
     if (setup->reference == NULL) {
-        printf("  no reference: no error table, and no state messages unless --record asks\n");
+        printf("  no reference: no error table, and no states in reports unless --record asks\n");
     }
     printf("  no recorder unless --record names a file\n");
 }

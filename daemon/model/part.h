@@ -33,8 +33,8 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
 // the derivatives at z_to where z_from is PM_NO_NODE. PM_NO_NODE where E or S does not depend on z.
 void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
                         pm_node *dS);
-// By how much dE rises when a component of z_to does: the diagonal of its derivative [1][nz], at the
-// components marked in `wanted` [nz], zero elsewhere. PM_NO_NODE if it is zero everywhere.
+// By how much dE rises when a component of z_to does: the diagonal of its derivative [1][nz], at
+// the components marked in `wanted` [nz], zero elsewhere. PM_NO_NODE if it is zero everywhere.
 pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z_to,
                          const bool *wanted);
 // Whether the part has discrete derivatives: all its features do.

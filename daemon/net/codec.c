@@ -3,6 +3,7 @@
 // its length (terminator included) in front.
 #include "net/codec.h"
 
+#include <endian.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
@@ -13,8 +14,10 @@ typedef enum field_kind {
     FIELD_I32,
     FIELD_I64,
     FIELD_DOUBLE,
-    FIELD_COUNT,   // an int32_t that counts the elements of later arrays
-    FIELD_DOUBLES, // an array; `count` is the offset of its FIELD_COUNT
+    FIELD_COUNT,    // an int32_t that counts the elements of later arrays
+    FIELD_COUNT_TO, // the same; the caller's count is the largest allowed
+    FIELD_DOUBLES,  // an array; `count` is the offset of its FIELD_COUNT
+    FIELD_I64S,     // likewise
     FIELD_TEXT
 } field_kind;
 
@@ -35,15 +38,17 @@ typedef struct wire_type {
 
 #define F(kind, type, name) \
     { FIELD_##kind, offsetof(portmet_##type##_t, name), 0 }
-#define ARRAY(type, name, length) \
-    { FIELD_DOUBLES, offsetof(portmet_##type##_t, name), offsetof(portmet_##type##_t, length) }
+#define ARRAY(kind, type, name, length) \
+    { FIELD_##kind, offsetof(portmet_##type##_t, name), offsetof(portmet_##type##_t, length) }
 
 static const wire_type flux_type = {
     __portmet_flux_t_get_hash,
-    10,
+    13,
     {F(I64, flux, session), F(I64, flux, step), F(I32, flux, round), F(DOUBLE, flux, time),
-     F(DOUBLE, flux, energy_flux), F(DOUBLE, flux, entropy_flux), F(COUNT, flux, ny),
-     ARRAY(flux, y, ny), ARRAY(flux, e, ny), ARRAY(flux, eta, ny)},
+     F(COUNT, flux, nend), ARRAY(DOUBLES, flux, energy_flux, nend),
+     ARRAY(DOUBLES, flux, entropy_flux, nend), F(COUNT, flux, ny), ARRAY(DOUBLES, flux, y, ny),
+     ARRAY(DOUBLES, flux, e, ny), ARRAY(DOUBLES, flux, eta, ny), F(COUNT, flux, nresponse),
+     ARRAY(DOUBLES, flux, response, nresponse)},
 };
 
 static const wire_type tick_type = {
@@ -55,26 +60,29 @@ static const wire_type tick_type = {
 
 static const wire_type report_type = {
     __portmet_report_t_get_hash,
-    20,
+    23,
     {F(I64, report, session),
      F(I64, report, digest),
      F(I8, report, kind),
      F(I8, report, code),
      F(I64, report, step),
      F(DOUBLE, report, time),
-     F(DOUBLE, report, energy),
-     F(DOUBLE, report, entropy),
-     F(DOUBLE, report, bulk_energy),
-     F(DOUBLE, report, bulk_entropy),
-     F(DOUBLE, report, bulk_energy_gross),
-     F(DOUBLE, report, bulk_entropy_gross),
-     F(I64, report, evaluated),
-     F(I64, report, skipped),
-     F(COUNT, report, nport),
-     ARRAY(report, energy_flux, nport),
-     ARRAY(report, entropy_flux, nport),
-     ARRAY(report, energy_gross, nport),
-     ARRAY(report, entropy_gross, nport),
+     F(COUNT_TO, report, npart),
+     ARRAY(DOUBLES, report, energy, npart),
+     ARRAY(DOUBLES, report, entropy, npart),
+     ARRAY(DOUBLES, report, bulk_energy, npart),
+     ARRAY(DOUBLES, report, bulk_entropy, npart),
+     ARRAY(DOUBLES, report, bulk_energy_gross, npart),
+     ARRAY(DOUBLES, report, bulk_entropy_gross, npart),
+     ARRAY(I64S, report, evaluated, npart),
+     ARRAY(I64S, report, skipped, npart),
+     F(COUNT_TO, report, nend),
+     ARRAY(DOUBLES, report, energy_flux, nend),
+     ARRAY(DOUBLES, report, entropy_flux, nend),
+     ARRAY(DOUBLES, report, energy_gross, nend),
+     ARRAY(DOUBLES, report, entropy_gross, nend),
+     F(COUNT_TO, report, nz),
+     ARRAY(DOUBLES, report, z, nz),
      F(TEXT, report, message)},
 };
 
@@ -84,13 +92,6 @@ static const wire_type ledger_type = {
     {F(I64, ledger, session), F(I64, ledger, step), F(DOUBLE, ledger, time),
      F(DOUBLE, ledger, energy), F(DOUBLE, ledger, entropy), F(DOUBLE, ledger, energy_residual),
      F(DOUBLE, ledger, entropy_residual), F(I64, ledger, violations)},
-};
-
-static const wire_type state_type = {
-    __portmet_state_t_get_hash,
-    5,
-    {F(I64, state, session), F(I64, state, step), F(DOUBLE, state, time), F(COUNT, state, nz),
-     ARRAY(state, z, nz)},
 };
 
 static const wire_type command_type = {
@@ -115,8 +116,8 @@ static int32_t get_count(const char *message, size_t offset) {
     return count;
 }
 
-static double *get_array(const char *message, size_t offset) {
-    double *array;
+static char *get_array(const char *message, size_t offset) {
+    char *array;
     memcpy(&array, message + offset, sizeof array);
     return array;
 }
@@ -157,18 +158,22 @@ static bool read_bits(reader *r, size_t size, uint64_t *bits) {
     return true;
 }
 
-static pm_drop read_doubles(reader *r, size_t count, char *target) {
+// `count` numbers of eight bytes.
+static pm_drop read_words(reader *r, size_t count, bool must_be_finite, char *target) {
+    bool finite = true;
+    if (r->left / 8 < count) {
+        return PM_DROP_LENGTH;
+    }
     for (size_t i = 0; i < count; ++i) {
         uint64_t bits;
-        if (!read_bits(r, 8, &bits)) {
-            return PM_DROP_LENGTH;
-        }
-        if (!is_finite_bits(bits)) {
-            return PM_DROP_NUMBER;
-        }
+        memcpy(&bits, r->at + 8 * i, sizeof bits);
+        bits = be64toh(bits);
+        finite = finite && is_finite_bits(bits);
         memcpy(target + 8 * i, &bits, sizeof bits);
     }
-    return PM_KEEP;
+    r->at += 8 * count;
+    r->left -= 8 * count;
+    return finite || !must_be_finite ? PM_KEEP : PM_DROP_NUMBER;
 }
 
 static pm_drop read_text(reader *r, char *target) {
@@ -198,7 +203,8 @@ static pm_drop read_text(reader *r, char *target) {
 }
 
 static pm_drop read_integer(reader *r, field_kind kind, char *target) {
-    const size_t size = kind == FIELD_I64 ? 8 : kind == FIELD_I32 || kind == FIELD_COUNT ? 4 : 1;
+    const bool is_count = kind == FIELD_COUNT || kind == FIELD_COUNT_TO;
+    const size_t size = kind == FIELD_I64 ? 8 : kind == FIELD_I32 || is_count ? 4 : 1;
     uint64_t bits;
     if (!read_bits(r, size, &bits)) {
         return PM_DROP_LENGTH;
@@ -214,6 +220,12 @@ static pm_drop read_integer(reader *r, field_kind kind, char *target) {
         return PM_KEEP;
     case FIELD_COUNT:
         return memcmp(target, &word, 4) == 0 ? PM_KEEP : PM_DROP_COUNT;
+    case FIELD_COUNT_TO:
+        if (word > (uint32_t)get_count(target, 0)) {
+            return PM_DROP_COUNT;
+        }
+        memcpy(target, &word, 4);
+        return PM_KEEP;
     case FIELD_BOOLEAN:
         memcpy(target, &byte, 1);
         return byte <= 1 ? PM_KEEP : PM_DROP_NUMBER;
@@ -237,11 +249,11 @@ static pm_drop decode(const wire_type *type, void *message, const void *data, si
         const field *f = &type->field[i];
         pm_drop drop;
         if (f->kind == FIELD_DOUBLE) {
-            drop = read_doubles(&r, 1, m + f->offset);
-        } else if (f->kind == FIELD_DOUBLES) {
-            // The count was found equal to the caller's, which its memory holds.
+            drop = read_words(&r, 1, true, m + f->offset);
+        } else if (f->kind == FIELD_DOUBLES || f->kind == FIELD_I64S) {
+            // The count was found to be one that the caller's memory holds.
             const size_t count = (size_t)get_count(m, f->count);
-            drop = read_doubles(&r, count, (char *)get_array(m, f->offset));
+            drop = read_words(&r, count, f->kind == FIELD_DOUBLES, get_array(m, f->offset));
         } else if (f->kind == FIELD_TEXT) {
             drop = read_text(&r, m + f->offset);
         } else {
@@ -274,13 +286,23 @@ static void write_bits(writer *w, size_t size, uint64_t bits) {
     w->left -= size;
 }
 
-static void write_doubles(writer *w, size_t count, const char *source) {
+// `count` numbers of eight bytes.
+static void write_words(writer *w, size_t count, bool must_be_finite, const char *source) {
+    bool finite = true;
+    if (w->failed || w->left / 8 < count) {
+        w->failed = true;
+        return;
+    }
     for (size_t i = 0; i < count; ++i) {
         uint64_t bits;
         memcpy(&bits, source + 8 * i, sizeof bits);
-        w->failed = w->failed || !is_finite_bits(bits);
-        write_bits(w, 8, bits);
+        finite = finite && is_finite_bits(bits);
+        bits = htobe64(bits);
+        memcpy(w->at + 8 * i, &bits, sizeof bits);
     }
+    w->at += 8 * count;
+    w->left -= 8 * count;
+    w->failed = must_be_finite && !finite;
 }
 
 static void write_text(writer *w, const char *text) {
@@ -302,6 +324,7 @@ static void write_integer(writer *w, field_kind kind, const char *source) {
         return;
     case FIELD_I32:
     case FIELD_COUNT:
+    case FIELD_COUNT_TO:
         memcpy(&word, source, 4);
         write_bits(w, 4, word);
         return;
@@ -317,10 +340,10 @@ static size_t encode(const wire_type *type, const void *message, void *data, siz
     for (int i = 0; i < type->nfield; ++i) {
         const field *f = &type->field[i];
         if (f->kind == FIELD_DOUBLE) {
-            write_doubles(&w, 1, m + f->offset);
-        } else if (f->kind == FIELD_DOUBLES) {
+            write_words(&w, 1, true, m + f->offset);
+        } else if (f->kind == FIELD_DOUBLES || f->kind == FIELD_I64S) {
             const size_t count = (size_t)get_count(m, f->count);
-            write_doubles(&w, count, (const char *)get_array(m, f->offset));
+            write_words(&w, count, f->kind == FIELD_DOUBLES, get_array(m, f->offset));
         } else if (f->kind == FIELD_TEXT) {
             write_text(&w, get_text(m, f->offset));
         } else {
@@ -342,6 +365,7 @@ static size_t size_of(const wire_type *type, const void *message) {
             break;
         case FIELD_I32:
         case FIELD_COUNT:
+        case FIELD_COUNT_TO:
             size += 4;
             break;
         case FIELD_I64:
@@ -349,6 +373,7 @@ static size_t size_of(const wire_type *type, const void *message) {
             size += 8;
             break;
         case FIELD_DOUBLES:
+        case FIELD_I64S:
             size += 8 * (size_t)get_count(m, f->count);
             break;
         case FIELD_TEXT:
@@ -376,7 +401,6 @@ CODEC(flux)
 CODEC(tick)
 CODEC(report)
 CODEC(ledger)
-CODEC(state)
 CODEC(command)
 CODEC(request)
 

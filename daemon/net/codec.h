@@ -2,12 +2,13 @@
 // nothing is allocated. Same bytes as the code that lcm-gen generates, whose structs are used here;
 // but its decoders trust the sender, and these do not.
 //
-// _decode: `message` comes with the expected array counts (ny, nz, nport) set and its array
-// pointers at that many doubles. Length, fingerprint, counts, text and numbers are checked; PM_KEEP
-// is the only result after which the message may be read. Text then points into `data`. Counts and
-// array pointers are never changed. _encode: writes at most `capacity` bytes and returns how many;
-// 0 if they do not suffice or a number is not finite. Text is cut after PM_TEXT_MAX characters;
-// control characters become blanks. _size: the bytes that encoding takes.
+// _decode: `message` comes with its array counts set and its array pointers at that many numbers.
+// A flux must have exactly these counts; a report's are the largest it may have, and are replaced
+// by what it has. Length, fingerprint, counts, text and numbers are checked; PM_KEEP is the only
+// result after which the message may be read. Text then points into `data`. Array pointers are
+// never changed. _encode: writes at most `capacity` bytes and returns how many; 0 if they do not
+// suffice or a number is not finite. Text is cut after PM_TEXT_MAX characters; control characters
+// become blanks. _size: the bytes that encoding takes.
 #ifndef PM_NET_CODEC_H
 #define PM_NET_CODEC_H
 
@@ -20,7 +21,6 @@
 #include "portmet_ledger_t.h"
 #include "portmet_report_t.h"
 #include "portmet_request_t.h"
-#include "portmet_state_t.h"
 #include "portmet_tick_t.h"
 
 #define PM_TEXT_MAX 1023 // characters, without the terminator
@@ -43,10 +43,6 @@ size_t pm_report_size(const portmet_report_t *message);
 pm_drop pm_ledger_decode(portmet_ledger_t *message, const void *data, size_t size);
 size_t pm_ledger_encode(const portmet_ledger_t *message, void *data, size_t capacity);
 size_t pm_ledger_size(const portmet_ledger_t *message);
-
-pm_drop pm_state_decode(portmet_state_t *message, const void *data, size_t size);
-size_t pm_state_encode(const portmet_state_t *message, void *data, size_t capacity);
-size_t pm_state_size(const portmet_state_t *message);
 
 pm_drop pm_command_decode(portmet_command_t *message, const void *data, size_t size);
 size_t pm_command_encode(const portmet_command_t *message, void *data, size_t capacity);

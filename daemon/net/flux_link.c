@@ -1,51 +1,77 @@
-// A port's outgoing and incoming fluxes.
+// A neighbour's fluxes, and where in them each port's are.
 #include "net/flux_link.h"
 
 #include "net/channel.h"
+#include "sim/integrator.h"
 
-// The neighbour may ask for the round it is in, which is ours or the one before.
-#define SENT_DEPTH 2
+bool pm_flux_leaves(const pm_scene *scene, int port_id, pm_end end) {
+    const int *subsystem = scene->port[port_id].subsystem;
+    return scene->subsystem[subsystem[end]].process != scene->subsystem[subsystem[1 - end]].process;
+}
 
-static pm_status make_flux(pm_arena *arena, portmet_flux_t *flux, int ny) {
-    double *memory = pm_arena_array(arena, 3 * (size_t)ny, sizeof(double));
-    if (memory == NULL) {
-        return pm_fail(PM_ENOMEM, "flux of %d numbers: out of memory", ny);
+// Walks through a process's ends in the order of its messages, up to the one given (port_id -1: all
+// of them); how many ends and components come before it.
+static void measure(const pm_scene *scene, int process_id, int port_id, pm_end end, int *nend,
+                    int *ny) {
+    const pm_scene_process *process = &scene->process[process_id];
+    *nend = *ny = 0;
+    for (int i = 0; i < process->count; ++i) {
+        for (int k = 0; k < 2 * scene->nport; ++k) {
+            const pm_scene_port *port = &scene->port[k / 2];
+            if (port->subsystem[k % 2] != process->subsystem[i] ||
+                !pm_flux_leaves(scene, k / 2, (pm_end)(k % 2))) {
+                continue;
+            }
+            if (k / 2 == port_id && k % 2 == (int)end) {
+                return;
+            }
+            *nend += 1;
+            *ny += port->layout[k % 2].nz;
+        }
     }
-    *flux = (portmet_flux_t){.ny = ny, .y = memory, .e = memory + ny, .eta = memory + 2 * ny};
+}
+
+pm_status pm_flux_make(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
+                       int process_id) {
+    int nend, ny;
+    measure(scene, process_id, -1, PM_END_A, &nend, &ny);
+    const pm_integrator *integrator = pm_integrator_find(scene->integrator);
+    const int nresponse = integrator != NULL && integrator->discrete ? ny : 0;
+    const size_t count = 2 * (size_t)nend + 3 * (size_t)ny + (size_t)nresponse;
+    double *memory = pm_arena_array(arena, count, sizeof(double));
+    if (memory == NULL) {
+        return pm_fail(PM_ENOMEM, "flux of %zu numbers: out of memory", count);
+    }
+    *flux = (portmet_flux_t){.nend = nend,
+                             .energy_flux = memory,
+                             .entropy_flux = memory + nend,
+                             .ny = ny,
+                             .y = memory + 2 * nend,
+                             .e = memory + 2 * nend + ny,
+                             .eta = memory + 2 * nend + 2 * ny,
+                             .nresponse = nresponse,
+                             .response = memory + 2 * nend + 3 * ny};
     return PM_OK;
 }
 
-pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene, int port_id,
-                            pm_end own) {
-    const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
-    const pm_scene_port *port = &scene->port[port_id];
-    link->neighbour = scene->subsystem[port->subsystem[other]].name;
-    PM_TRY(pm_channel_flux(link->channel, scene, port_id, other));
-    PM_TRY(pm_channel_flux(link->sent.channel, scene, port_id, own));
-    const portmet_flux_t shape = {.ny = port->layout[own].nz};
-    PM_TRY(pm_outbox_init(&link->sent, arena, SENT_DEPTH, pm_flux_size(&shape)));
-    PM_TRY(make_flux(arena, &link->scratch, port->layout[other].nz));
+int pm_flux_first(const pm_scene *scene, int port_id, pm_end end) {
+    const int subsystem_id = scene->port[port_id].subsystem[end];
+    int nend, ny;
+    measure(scene, scene->subsystem[subsystem_id].process, port_id, end, &nend, &ny);
+    return ny;
+}
+
+pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,
+                            int process_id) {
+    link->process_id = process_id;
+    link->neighbour = scene->process[process_id].name;
+    PM_TRY(pm_channel_process(link->channel, scene, "FLUX", process_id));
+    PM_TRY(pm_flux_make(&link->scratch, arena, scene, process_id));
     for (int i = 0; i < PM_INBOX_DEPTH; ++i) {
-        PM_TRY(make_flux(arena, &link->inbox[i], port->layout[other].nz));
+        PM_TRY(pm_flux_make(&link->inbox[i], arena, scene, process_id));
         link->inbox_key[i] = -1;
     }
     return PM_OK;
-}
-
-pm_status pm_flux_link_send(pm_flux_link *link, pm_transport *transport, int64_t key,
-                            const portmet_flux_t *head, const pm_port_values *shown) {
-    portmet_flux_t message = *head;
-    message.ny = shown->ny;
-    message.y = (double *)shown->y;
-    message.e = (double *)shown->e;
-    message.eta = (double *)shown->eta;
-    unsigned char *data = pm_outbox_data(&link->sent, key);
-    const size_t size = pm_flux_encode(&message, data, link->sent.capacity);
-    if (size == 0) {
-        return pm_fail(PM_ENUMERIC, "channel %s: not finite in round %d of step %lld",
-                       link->sent.channel, message.round, (long long)message.step);
-    }
-    return pm_outbox_publish(&link->sent, transport, key, size);
 }
 
 pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present) {
@@ -64,12 +90,7 @@ pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present) {
     return PM_KEEP;
 }
 
-bool pm_flux_link_take(const pm_flux_link *link, int64_t key, pm_port_values *neighbour) {
+const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key) {
     const int slot = (int)(key % PM_INBOX_DEPTH);
-    if (link->inbox_key[slot] != key) {
-        return false;
-    }
-    const portmet_flux_t *flux = &link->inbox[slot];
-    *neighbour = (pm_port_values){flux->ny, flux->y, flux->e, flux->eta, NULL};
-    return true;
+    return link->inbox_key[slot] == key ? &link->inbox[slot] : NULL;
 }

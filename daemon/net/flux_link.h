@@ -1,11 +1,13 @@
-// One of a node's ports on the wire: the fluxes it sends, kept for requests, and the neighbour's,
-// kept until their round comes.
+// What one process hears from another: the neighbour's fluxes, kept until their round comes. And
+// the shape of a process's flux message.
 #ifndef PM_NET_FLUX_LINK_H
 #define PM_NET_FLUX_LINK_H
 
+#include "base/arena.h"
+#include "model/port.h"
 #include "net/codec.h"
-#include "net/outbox.h"
-#include "sim/subsystem.h"
+#include "net/transport.h"
+#include "store/scene.h"
 
 // A neighbour is at most one round ahead: it needs our flux of a round to finish it.
 #define PM_INBOX_DEPTH 2
@@ -13,9 +15,9 @@
 // Storage the caller owns. Rounds are counted from the start of the run ("key").
 typedef struct pm_flux_link {
     struct pm_lockstep_node *node; // whose it is
-    const char *neighbour;         // name
-    char channel[PM_CHANNEL_SIZE]; // of the neighbour's fluxes
-    pm_outbox sent;                // own fluxes
+    int process_id;                // the neighbour
+    const char *neighbour;         // its name
+    char channel[PM_CHANNEL_SIZE]; // of its fluxes
     portmet_flux_t scratch;        // being decoded
     portmet_flux_t inbox[PM_INBOX_DEPTH];
     int64_t inbox_key[PM_INBOX_DEPTH]; // -1: empty
@@ -23,20 +25,29 @@ typedef struct pm_flux_link {
     double heard;                      // s, when
 } pm_flux_link;
 
-// Names, shapes and memory (from the arena) of the end `own` of a port. PM_ECONFIG, PM_ENOMEM.
-pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene, int port_id,
-                            pm_end own);
-
-// Publishes what this end shows. `head` has all of the message but ny, y, e and eta. PM_ENUMERIC:
-// not finite.
-pm_status pm_flux_link_send(pm_flux_link *link, pm_transport *transport, int64_t key,
-                            const portmet_flux_t *head, const pm_port_values *shown);
+// Name, shape and memory (from the arena) for the messages of process `process_id`. PM_ECONFIG,
+// PM_ENOMEM.
+pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,
+                            int process_id);
 
 // Keeps the message in `scratch`, which is of round `key`, unless round `present` no longer needs
 // it or cannot have led to it.
 pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present);
 
-// What the neighbour shows in round `key`; false if that has not arrived.
-bool pm_flux_link_take(const pm_flux_link *link, int64_t key, pm_port_values *neighbour);
+// The neighbour's message of round `key`; NULL if that has not arrived.
+const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
+
+// --- the shape of a process's flux message ---
+
+// Whether a port's end leads from its process to another one; only such ends are in messages.
+bool pm_flux_leaves(const pm_scene *scene, int port_id, pm_end end);
+
+// Sets nend and ny, and makes arrays of these lengths in the arena. PM_ENOMEM.
+pm_status pm_flux_make(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
+                       int process_id);
+
+// Where the components that a port shows at this end, which leaves its process, begin in the arrays
+// y, e and eta of that process's messages.
+int pm_flux_first(const pm_scene *scene, int port_id, pm_end end);
 
 #endif

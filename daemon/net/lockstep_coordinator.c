@@ -19,6 +19,14 @@
 
 typedef enum phase { RUNNING, CLOSING, FINISHED } phase;
 
+// A step whose reports are being gathered.
+typedef struct gathering {
+    int64_t step;
+    int missing; // members that have not reported it
+    bool *has;   // [nmember]
+    pm_sample *sample;
+} gathering;
+
 struct pm_lockstep_coordinator {
     pm_arena arena;
     const pm_system *system;
@@ -38,8 +46,9 @@ struct pm_lockstep_coordinator {
     pm_waiting waiting;
 
     int nmember;
-    pm_member *member; // [nmember]
-    pm_sample *sample;
+    pm_member *member;    // [nmember]
+    int depth;            // steps that are gathered at once
+    gathering *gathering; // [depth] by step modulo depth
     pm_ledger ledger;
     char tick_channel[PM_CHANNEL_SIZE], ledger_channel[PM_CHANNEL_SIZE];
     char command_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
@@ -85,22 +94,21 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
     return pm_transport_publish(c->transport, c->tick_channel, data, size);
 }
 
-static pm_status publish_ledger(pm_lockstep_coordinator *c) {
+static pm_status publish_ledger(const pm_lockstep_coordinator *c, const pm_sample *sample) {
     const portmet_ledger_t message = {
         .session = c->session,
-        .step = c->completed,
-        .time = c->sample->time,
+        .step = sample->step,
+        .time = sample->time,
         .energy = c->ledger.energy,
         .entropy = c->ledger.entropy,
-        .energy_residual = c->sample->energy_residual,
-        .entropy_residual = c->sample->entropy_residual,
+        .energy_residual = sample->energy_residual,
+        .entropy_residual = sample->entropy_residual,
         .violations = c->ledger.violations,
     };
     unsigned char data[128];
     const size_t size = pm_ledger_encode(&message, data, sizeof data);
     if (size == 0) {
-        return pm_fail(PM_ENUMERIC, "the ledger is not finite after step %lld",
-                       (long long)c->completed);
+        return pm_fail(PM_ENUMERIC, "the ledger is not finite after step %ld", sample->step);
     }
     return pm_transport_publish(c->transport, c->ledger_channel, data, size);
 }
@@ -119,49 +127,67 @@ static pm_status publish_command(pm_lockstep_coordinator *c) {
 
 // --- a step ---
 
+static gathering *gathering_of(const pm_lockstep_coordinator *c, int64_t step) {
+    return &c->gathering[step % c->depth];
+}
+
+// Makes room for the reports of a step.
+static void begin_gathering(pm_lockstep_coordinator *c, int64_t step) {
+    gathering *g = gathering_of(c, step);
+    g->step = step;
+    g->missing = c->nmember;
+    memset(g->has, 0, (size_t)c->nmember * sizeof *g->has);
+    g->sample->step = (long)step;
+    g->sample->time = (double)step * c->system->scene->dt;
+}
+
 static bool has_step(const pm_lockstep_coordinator *c, const pm_member *member, int64_t step) {
-    return pm_member_has_report(member, step) &&
-           (!c->want_state || pm_member_has_state(member, step));
+    const gathering *g = gathering_of(c, step);
+    return g->step == step && g->has[member->id];
 }
 
-static bool step_is_complete(const pm_lockstep_coordinator *c, int64_t step) {
-    for (int i = 0; i < c->nmember; ++i) {
-        if (!has_step(c, &c->member[i], step)) {
-            return false;
-        }
+// Steps whose reports are all there; -1: not even the initial state.
+static int64_t gathered(const pm_lockstep_coordinator *c) {
+    int64_t step = c->completed;
+    while (step < c->steps && gathering_of(c, step + 1)->step == step + 1 &&
+           gathering_of(c, step + 1)->missing == 0) {
+        ++step;
     }
-    return true;
+    return step;
 }
 
-static void fill_sample(pm_lockstep_coordinator *c, int64_t step) {
-    c->sample->step = (long)step;
-    c->sample->time = (double)step * c->system->scene->dt;
-    for (int i = 0; i < c->nmember; ++i) {
-        pm_member_fill_sample(&c->member[i], step, c->sample);
-    }
+static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
+    PM_TRY(pm_ledger_book(&c->ledger, sample));
+    return c->observer.step == NULL ? PM_OK : c->observer.step(c->observer.context, sample);
 }
 
-// Books every step whose reports are all there, and grants on.
+static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
+    const int64_t limit = complete + c->system->scene->window;
+    c->granted = limit < c->steps ? limit : c->steps;
+    return publish_tick(c);
+}
+
+// Grants on from the last step whose reports are all there, and books up to it while the processes
+// compute.
 static pm_status complete_steps(pm_lockstep_coordinator *c) {
-    while (c->completed < c->steps && step_is_complete(c, c->completed + 1)) {
-        fill_sample(c, c->completed + 1);
+    const int64_t complete = gathered(c);
+    if (complete == c->completed) {
+        return PM_OK;
+    }
+    c->progressed = true;
+    if (complete < c->steps) {
+        PM_TRY(grant(c, complete));
+    }
+    while (c->completed < complete) {
         c->completed += 1;
-        c->progressed = true;
-        PM_TRY(pm_ledger_book(&c->ledger, c->sample));
-        PM_TRY(publish_ledger(c));
-        if (c->observer.step != NULL) {
-            PM_TRY(c->observer.step(c->observer.context, c->sample));
+        PM_TRY(book(c, gathering_of(c, c->completed)->sample));
+        if (c->completed == complete) {
+            PM_TRY(publish_ledger(c, gathering_of(c, complete)->sample));
         }
+        begin_gathering(c, c->completed + c->depth);
     }
     if (c->completed == c->steps) {
         close_run(c);
-        return PM_OK;
-    }
-    const int64_t limit = c->completed + c->system->scene->window;
-    const int64_t granted = limit < c->steps ? limit : c->steps;
-    if (c->completed >= 0 && granted > c->granted) {
-        c->granted = granted;
-        PM_TRY(publish_tick(c));
     }
     return PM_OK;
 }
@@ -179,22 +205,18 @@ static void list_silent(const pm_lockstep_coordinator *c, char *list, size_t siz
             continue;
         }
         const int length =
-            snprintf(list + used, size - used, "%s%s", used > 0 ? ", " : "", m->subsystem->name);
+            snprintf(list + used, size - used, "%s%s", used > 0 ? ", " : "", m->name);
         used += length < 0 ? 0 : (size_t)length;
     }
 }
 
-static pm_status request_missing(pm_lockstep_coordinator *c) {
+static pm_status request_missing(const pm_lockstep_coordinator *c) {
     const int64_t step = c->completed + 1;
     for (int i = 0; i < c->nmember; ++i) {
         const pm_member *m = &c->member[i];
-        if (!pm_member_has_report(m, step)) {
-            PM_TRY(pm_waiting_request(c->transport, c->request_channel, c->session, "",
-                                      m->report_channel, step, 0));
-        }
-        if (c->want_state && !pm_member_has_state(m, step)) {
-            PM_TRY(pm_waiting_request(c->transport, c->request_channel, c->session, "",
-                                      m->state_channel, step, 0));
+        if (!has_step(c, m, step)) {
+            PM_TRY(pm_waiting_request(c->transport, c->request_channel, c->session, "", m->channel,
+                                      step, 0));
         }
     }
     return PM_OK;
@@ -269,7 +291,7 @@ static void count(pm_lockstep_coordinator *c, pm_drop drop) {
 
 static pm_drop accept_hello(pm_member *m) {
     pm_lockstep_coordinator *c = m->coordinator;
-    const portmet_report_t *report = &m->report_scratch;
+    const portmet_report_t *report = &m->scratch;
     if (report->session != 0 && report->session != c->session) {
         return PM_DROP_SESSION;
     }
@@ -281,7 +303,7 @@ static pm_drop accept_hello(pm_member *m) {
         check(c, pm_fail(PM_ENET,
                          "node %s holds another scene, weights or initial state: digest "
                          "%016llx, expected %016llx",
-                         m->subsystem->name, (unsigned long long)report->digest,
+                         m->name, (unsigned long long)report->digest,
                          (unsigned long long)c->system->digest));
         return PM_KEEP;
     }
@@ -289,22 +311,30 @@ static pm_drop accept_hello(pm_member *m) {
     return PM_KEEP;
 }
 
-// Reports and states are of use beyond the last complete step, as far as granted.
-static pm_drop judge_step(const pm_lockstep_coordinator *c, int64_t step) {
-    if (step < 0 || step > c->granted) {
+// Takes what is new: steps beyond the last complete one, as far as granted.
+static pm_drop accept_done(pm_member *m) {
+    pm_lockstep_coordinator *c = m->coordinator;
+    const int64_t first = m->scratch.step;
+    const int rows = pm_member_rows(m);
+    if (first < 0 || first > c->granted || rows - 1 > c->granted - first) {
         return PM_DROP_RANGE;
     }
-    return step <= c->completed ? PM_DROP_REPEATED : PM_KEEP;
-}
-
-static pm_drop accept_done(pm_member *m) {
-    const pm_drop drop = judge_step(m->coordinator, m->report_scratch.step);
-    return drop == PM_KEEP ? pm_member_keep_report(m) : drop;
+    pm_drop drop = PM_DROP_REPEATED;
+    for (int row = 0; row < rows; ++row) {
+        gathering *g = gathering_of(c, first + row);
+        if (g->step == first + row && !g->has[m->id]) {
+            pm_member_fill(m, row, g->sample);
+            g->has[m->id] = true;
+            g->missing -= 1;
+            drop = PM_KEEP;
+        }
+    }
+    return drop;
 }
 
 static pm_drop accept_report(pm_member *m) {
     pm_lockstep_coordinator *c = m->coordinator;
-    const portmet_report_t *report = &m->report_scratch;
+    const portmet_report_t *report = &m->scratch;
     if (report->kind == PORTMET_REPORT_T_HELLO) {
         return accept_hello(m);
     }
@@ -317,8 +347,8 @@ static pm_drop accept_report(pm_member *m) {
         return accept_done(m);
     case PORTMET_REPORT_T_FAILED: {
         const bool known = report->code >= PM_EUSAGE && report->code <= PM_EINTERRUPTED;
-        check(c, pm_fail(known ? (pm_status)report->code : PM_ENET, "node %s failed: %s",
-                         m->subsystem->name, report->message));
+        check(c, pm_fail(known ? (pm_status)report->code : PM_ENET, "node %s failed: %s", m->name,
+                         report->message));
         return PM_KEEP;
     }
     case PORTMET_REPORT_T_BYE:
@@ -332,29 +362,9 @@ static pm_drop accept_report(pm_member *m) {
 static void on_report(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
     pm_member *m = context;
-    pm_drop drop = pm_report_decode(&m->report_scratch, data, size);
+    pm_drop drop = pm_member_decode(m, data, size, m->coordinator->want_state);
     if (drop == PM_KEEP) {
         drop = accept_report(m);
-    }
-    count(m->coordinator, drop);
-}
-
-static pm_drop accept_state(pm_member *m) {
-    pm_lockstep_coordinator *c = m->coordinator;
-    if (m->state_scratch.session != c->session) {
-        return PM_DROP_SESSION;
-    }
-    m->alive = true;
-    const pm_drop drop = judge_step(c, m->state_scratch.step);
-    return drop == PM_KEEP ? pm_member_keep_state(m) : drop;
-}
-
-static void on_state(void *context, const char *channel, const void *data, size_t size) {
-    (void)channel;
-    pm_member *m = context;
-    pm_drop drop = pm_state_decode(&m->state_scratch, data, size);
-    if (drop == PM_KEEP) {
-        drop = accept_state(m);
     }
     count(m->coordinator, drop);
 }
@@ -364,7 +374,7 @@ static pm_drop answer(pm_lockstep_coordinator *c, const portmet_request_t *reque
         return PM_DROP_SESSION;
     }
     for (int i = 0; i < c->nmember; ++i) {
-        if (strcmp(c->member[i].subsystem->name, request->sender) == 0) {
+        if (strcmp(c->member[i].name, request->sender) == 0) {
             c->member[i].alive = true;
         }
     }
@@ -387,17 +397,37 @@ static void on_request(void *context, const char *channel, const void *data, siz
 
 // --- opening ---
 
-static pm_status open_member(pm_lockstep_coordinator *c, int subsystem_id) {
-    const pm_scene *scene = c->system->scene;
-    pm_member *m = &c->member[subsystem_id];
-    m->coordinator = c;
-    // Nodes run at most `window` steps beyond the last complete one.
-    PM_TRY(pm_member_init(m, &c->arena, scene, subsystem_id, scene->window + 1));
-    PM_TRY(pm_transport_subscribe(c->transport, m->report_channel, on_report, m));
-    if (!c->want_state) {
-        return PM_OK;
+static pm_status open_members(pm_lockstep_coordinator *c) {
+    c->member = pm_arena_array(&c->arena, (size_t)c->nmember, sizeof *c->member);
+    if (c->member == NULL) {
+        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
     }
-    return pm_transport_subscribe(c->transport, m->state_channel, on_state, m);
+    for (int i = 0; i < c->nmember; ++i) {
+        pm_member *m = &c->member[i];
+        m->coordinator = c;
+        PM_TRY(pm_member_init(m, &c->arena, c->system->scene, i));
+        PM_TRY(pm_transport_subscribe(c->transport, m->channel, on_report, m));
+    }
+    return PM_OK;
+}
+
+// Processes run at most `window` steps beyond the last complete one.
+static pm_status open_gatherings(pm_lockstep_coordinator *c) {
+    const int depth = c->system->scene->window + 1;
+    c->gathering = pm_arena_array(&c->arena, (size_t)depth, sizeof *c->gathering);
+    bool *has = pm_arena_array(&c->arena, (size_t)depth * (size_t)c->nmember, sizeof *has);
+    if (c->gathering == NULL || has == NULL) {
+        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
+    }
+    for (int i = 0; i < depth; ++i) {
+        c->gathering[i].has = has + (size_t)i * (size_t)c->nmember;
+        PM_TRY(pm_sample_new(&c->gathering[i].sample, c->system->scene));
+        c->depth = i + 1;
+    }
+    for (int i = 0; i < depth; ++i) {
+        begin_gathering(c, i);
+    }
+    return PM_OK;
 }
 
 static pm_status prepare(pm_lockstep_coordinator *c) {
@@ -406,15 +436,9 @@ static pm_status prepare(pm_lockstep_coordinator *c) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
                        (long long)c->steps, (long long)PM_STEPS_MAX);
     }
-    PM_TRY(pm_sample_new(&c->sample, scene));
     pm_ledger_init(&c->ledger, c->system);
-    c->member = pm_arena_array(&c->arena, (size_t)c->nmember, sizeof *c->member);
-    if (c->member == NULL) {
-        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
-    }
-    for (int i = 0; i < c->nmember; ++i) {
-        PM_TRY(open_member(c, i));
-    }
+    PM_TRY(open_members(c));
+    PM_TRY(open_gatherings(c));
     PM_TRY(pm_channel_scene(c->tick_channel, scene, "TICK"));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
     PM_TRY(pm_channel_scene(c->command_channel, scene, "COMMAND"));
@@ -448,7 +472,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->steps = given->steps > 0 ? given->steps : system->scene->steps;
     c->completed = -1;
     c->progressed = true;
-    c->nmember = system->scene->nsubsystem;
+    c->nmember = system->scene->nprocess;
     const pm_status status = prepare(c);
     if (status != PM_OK) {
         pm_lockstep_coordinator_close(c);
@@ -460,7 +484,9 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
 
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *c) {
     if (c != NULL) {
-        pm_sample_free(c->sample);
+        for (int i = 0; i < c->depth; ++i) {
+            pm_sample_free(c->gathering[i].sample);
+        }
         pm_arena_free(&c->arena);
         free(c);
     }

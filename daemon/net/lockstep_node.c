@@ -1,4 +1,4 @@
-// A node: says HELLO, then computes rounds as far as ticks and neighbours' fluxes allow. Message
+// A process: says HELLO, then computes rounds as far as ticks and neighbours' fluxes allow. Message
 // handlers only store and answer; pm_lockstep_node_poll computes.
 #include "net/lockstep_node.h"
 
@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "net/channel.h"
-#include "net/flux_link.h"
+#include "net/crew.h"
 #include "net/reporter.h"
 #include "net/waiting.h"
 
@@ -17,13 +17,16 @@
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the end
 
+// Steps of one poll at most: then messages and the stop flag are looked at.
+#define STEPS_AT_ONCE 16
+
 typedef enum phase { HELLO, RUNNING, FAILING, LEAVING, FINISHED } phase;
 
 struct pm_lockstep_node {
     pm_arena arena;
     const pm_system *system;
     const char *name;
-    pm_subsystem *subsystem;
+    pm_crew crew;
     pm_transport *transport;
     int64_t wanted_session; // 0: any
 
@@ -42,13 +45,11 @@ struct pm_lockstep_node {
     int rounds;   // per step
     int64_t step; // being computed, or next
     int round;
-    bool exposed;    // the round has begun
-    int coupled;     // ports whose neighbour's flux has been used in this round
-    bool progressed; // since the last poll; a new wait begins
+    bool started;                // the round
+    const pm_flux_link *missing; // the neighbour whose flux it waits for, or NULL
+    bool progressed;             // since the last poll; a new wait begins
     pm_waiting waiting;
 
-    int nlink;
-    pm_flux_link *link; // [nlink], in the scene's order of ports
     pm_reporter reporter;
     char tick_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
     char request_channel[PM_CHANNEL_SIZE];
@@ -93,73 +94,55 @@ static int64_t round_key(const pm_lockstep_node *node) {
     return node->step * node->rounds + node->round;
 }
 
+// The books of the step just completed; published when no more steps are granted, or enough of them
+// are gathered.
 static pm_status report(pm_lockstep_node *node) {
-    const pm_books books = pm_subsystem_books(node->subsystem);
-    return pm_reporter_done(&node->reporter, node->session, node->step, time_of(node, node->step),
-                            &books, node->want_state ? pm_subsystem_state(node->subsystem) : NULL);
+    PM_TRY(pm_reporter_done(&node->reporter, node->session, node->step, time_of(node, node->step),
+                            &node->crew, node->want_state));
+    return node->step < node->granted ? PM_OK : pm_reporter_flush(&node->reporter);
 }
 
 static pm_status start_round(pm_lockstep_node *node) {
-    pm_subsystem_expose(node->subsystem);
-    const pm_books books = pm_subsystem_books(node->subsystem);
-    portmet_flux_t head = {
+    const portmet_flux_t head = {
         .session = node->session,
         .step = node->step,
         .round = node->round,
         .time = time_of(node, node->step),
     };
-    for (int i = 0; i < node->nlink; ++i) {
-        head.energy_flux = books.flux[i].energy;
-        head.entropy_flux = books.flux[i].entropy;
-        PM_TRY(pm_flux_link_send(&node->link[i], node->transport, round_key(node), &head,
-                                 pm_subsystem_values(node->subsystem, i)));
-    }
-    // While the neighbours' fluxes travel.
-    pm_subsystem_bulk(node->subsystem);
-    node->exposed = true;
-    node->coupled = 0;
+    PM_TRY(pm_crew_start_round(&node->crew, node->transport, round_key(node), &head));
+    node->started = true;
+    node->progressed = true;
     return PM_OK;
 }
 
-// Uses what the neighbours have sent, in the order of ports.
-static void couple_arrived(pm_lockstep_node *node) {
-    pm_port_values neighbour;
-    while (node->coupled < node->nlink &&
-           pm_flux_link_take(&node->link[node->coupled], round_key(node), &neighbour)) {
-        pm_subsystem_couple(node->subsystem, node->coupled, &neighbour);
-        node->coupled += 1;
-        node->progressed = true;
-    }
-}
-
 static pm_status finish_round(pm_lockstep_node *node) {
-    pm_subsystem_advance(node->subsystem);
-    node->exposed = false;
+    pm_crew_advance(&node->crew);
+    node->started = false;
     node->round += 1;
     if (node->round < node->rounds) {
         return PM_OK;
     }
-    PM_TRY(pm_subsystem_end_step(node->subsystem));
+    PM_TRY(pm_crew_end_step(&node->crew));
     node->step += 1;
     node->round = 0;
     return report(node);
 }
 
 static bool may_start(const pm_lockstep_node *node) {
-    return !node->exposed && node->step < node->granted;
+    return !node->started && node->step < node->granted;
 }
 
-// As far as the neighbours' fluxes allow, but no further than the end of a step: then messages and
-// the stop flag are looked at.
+// As far as the neighbours' fluxes and the time between two polls allow.
 static pm_status run_rounds(pm_lockstep_node *node) {
-    const int64_t step = node->step;
-    while (node->step == step && (node->exposed || may_start(node))) {
-        if (!node->exposed) {
+    const int64_t end = node->step + STEPS_AT_ONCE;
+    while (node->step < end && (node->started || may_start(node))) {
+        if (!node->started) {
             PM_TRY(start_round(node));
-            node->progressed = true;
         }
-        couple_arrived(node);
-        if (node->coupled < node->nlink) {
+        bool used;
+        node->missing = pm_crew_couple(&node->crew, round_key(node), &used);
+        node->progressed = node->progressed || used;
+        if (node->missing != NULL) {
             return PM_OK;
         }
         PM_TRY(finish_round(node));
@@ -175,7 +158,7 @@ static pm_status await(pm_lockstep_node *node) {
         pm_waiting_start(&node->waiting, node->now);
         node->progressed = false;
     }
-    const pm_flux_link *l = node->exposed ? &node->link[node->coupled] : NULL;
+    const pm_flux_link *l = node->started ? node->missing : NULL;
     const double heard = l != NULL ? l->heard : node->coordinator_heard;
     const double patience = node->system->scene->patience;
     if (pm_waiting_over(&node->waiting, heard, patience, node->now)) {
@@ -184,6 +167,8 @@ static pm_status await(pm_lockstep_node *node) {
                        node->now - node->waiting.since, node->round, (long long)node->step);
     }
     if (pm_waiting_ask(&node->waiting, node->now) && node->step < node->steps) {
+        // Who waits has time to tell what it has.
+        PM_TRY(pm_reporter_flush(&node->reporter));
         PM_TRY(pm_waiting_request(node->transport, node->request_channel, node->session, node->name,
                                   l != NULL ? l->channel : node->tick_channel, node->step,
                                   node->round));
@@ -214,6 +199,7 @@ static void repeat_failure(pm_lockstep_node *node) {
     } else if (node->now >= node->next) {
         node->next = node->now + FAILED_INTERVAL;
         // The first failure counts, not that telling it failed too.
+        (void)pm_reporter_flush(&node->reporter);
         const int64_t session = node->session != 0 ? node->session : node->wanted_session;
         (void)pm_reporter_say(&node->reporter, session, PORTMET_REPORT_T_FAILED, node->status,
                               node->message);
@@ -225,11 +211,10 @@ static void note_life(pm_lockstep_node *node) {
         node->coordinator_heard = node->now;
         node->coordinator_alive = false;
     }
-    for (int i = 0; i < node->nlink; ++i) {
-        if (node->link[i].alive) {
-            node->link[i].heard = node->now;
-            node->link[i].alive = false;
-        }
+    for (int i = 0; i < node->crew.nlink; ++i) {
+        pm_flux_link *link = &node->crew.link[i];
+        link->heard = link->alive ? node->now : link->heard;
+        link->alive = false;
     }
 }
 
@@ -387,10 +372,9 @@ static void note_sender(pm_lockstep_node *node, const char *sender) {
     if (sender[0] == 0) {
         node->coordinator_alive = true;
     }
-    for (int i = 0; i < node->nlink; ++i) {
-        if (strcmp(node->link[i].neighbour, sender) == 0) {
-            node->link[i].alive = true;
-        }
+    for (int i = 0; i < node->crew.nlink; ++i) {
+        pm_flux_link *link = &node->crew.link[i];
+        link->alive = link->alive || strcmp(link->neighbour, sender) == 0;
     }
 }
 
@@ -405,11 +389,9 @@ static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) 
     }
     note_sender(node, request->sender);
     check(node, pm_reporter_repeat(&node->reporter, request));
-    for (int i = 0; i < node->nlink; ++i) {
-        if (strcmp(request->channel, node->link[i].sent.channel) == 0) {
-            const int64_t key = request->step * node->rounds + request->round;
-            check(node, pm_outbox_repeat(&node->link[i].sent, node->transport, key));
-        }
+    if (strcmp(request->channel, node->crew.sent.channel) == 0) {
+        const int64_t key = request->step * node->rounds + request->round;
+        check(node, pm_outbox_repeat(&node->crew.sent, node->transport, key));
     }
     return PM_KEEP;
 }
@@ -450,15 +432,6 @@ static void on_flux(void *context, const char *channel, const void *data, size_t
 
 // --- opening ---
 
-static pm_status open_link(pm_lockstep_node *node, int port) {
-    pm_flux_link *link = &node->link[port];
-    link->node = node;
-    PM_TRY(pm_flux_link_init(link, &node->arena, node->system->scene,
-                             pm_subsystem_port_id(node->subsystem, port),
-                             pm_subsystem_end(node->subsystem, port)));
-    return pm_transport_subscribe(node->transport, link->channel, on_flux, link);
-}
-
 static pm_status subscribe(pm_lockstep_node *node) {
     const pm_scene *scene = node->system->scene;
     PM_TRY(pm_channel_scene(node->tick_channel, scene, "TICK"));
@@ -469,37 +442,31 @@ static pm_status subscribe(pm_lockstep_node *node) {
     return pm_transport_subscribe(node->transport, node->request_channel, on_request, node);
 }
 
-static pm_status prepare(pm_lockstep_node *node, int subsystem_id, const double *z) {
-    PM_TRY(pm_subsystem_open(&node->subsystem, node->system, subsystem_id));
-    if (z != NULL) {
-        pm_subsystem_set_state(node->subsystem, z);
+static pm_status prepare(pm_lockstep_node *node, int process_id, const double *z) {
+    PM_TRY(pm_crew_init(&node->crew, &node->arena, node->system, process_id, z));
+    node->rounds = pm_subsystem_rounds(node->crew.part[0].subsystem);
+    for (int i = 0; i < node->crew.nlink; ++i) {
+        pm_flux_link *link = &node->crew.link[i];
+        link->node = node;
+        PM_TRY(pm_transport_subscribe(node->transport, link->channel, on_flux, link));
     }
-    node->rounds = pm_subsystem_rounds(node->subsystem);
-    node->nlink = pm_subsystem_nport(node->subsystem);
-    node->link = pm_arena_array(&node->arena, (size_t)node->nlink, sizeof *node->link);
-    if (node->link == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
-    }
-    for (int i = 0; i < node->nlink; ++i) {
-        PM_TRY(open_link(node, i));
-    }
-    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, subsystem_id, node->nlink,
-                            node->transport));
+    PM_TRY(
+        pm_reporter_init(&node->reporter, &node->arena, node->system, process_id, node->transport));
     return subscribe(node);
 }
 
-pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int subsystem_id,
+pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int process_id,
                                 pm_transport *transport, const pm_lockstep_node_options *options) {
-    const pm_scene_subsystem *own = &system->scene->subsystem[subsystem_id];
+    const char *name = system->scene->process[process_id].name;
     pm_lockstep_node *made = calloc(1, sizeof *made);
     if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", own->name);
+        return pm_fail(PM_ENOMEM, "%s: out of memory", name);
     }
     made->system = system;
-    made->name = own->name;
+    made->name = name;
     made->transport = transport;
     made->wanted_session = options == NULL ? 0 : options->session;
-    const pm_status status = prepare(made, subsystem_id, options == NULL ? NULL : options->z);
+    const pm_status status = prepare(made, process_id, options == NULL ? NULL : options->z);
     if (status != PM_OK) {
         pm_lockstep_node_close(made);
         return status;
@@ -510,7 +477,7 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
 
 void pm_lockstep_node_close(pm_lockstep_node *node) {
     if (node != NULL) {
-        pm_subsystem_close(node->subsystem);
+        pm_crew_free(&node->crew);
         pm_arena_free(&node->arena);
         free(node);
     }

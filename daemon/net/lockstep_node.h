@@ -1,6 +1,7 @@
-// One subsystem of a distributed run: a state machine driven by messages and time. It computes the
-// steps that the coordinator grants, exchanges one flux per port and round with its neighbours, and
-// reports every step. Nothing in here blocks; lockstep.h has the loops that drive it.
+// One process of a distributed run, with its subsystems: a state machine driven by messages and
+// time. It computes the steps that the coordinator grants, exchanges one message per round with
+// each neighbouring process, and reports every step. Nothing in here blocks; lockstep.h has the
+// loops that drive it.
 //
 // Life: HELLO until a tick opens a session -> report of the initial state -> rounds and reports ->
 // END: linger to answer requests -> finished. Whatever it waits for longer than a few milliseconds
@@ -17,7 +18,7 @@
 typedef struct pm_lockstep_node pm_lockstep_node;
 
 typedef struct pm_lockstep_node_options {
-    const double *z; // [nz] of the subsystem: where it starts; NULL: at the scene's initial state
+    const double *z; // [scene->nz] where all start; NULL: at the scene's initial state
     int64_t session; // joins only this one; 0: whichever coordinator has the same digest
 } pm_lockstep_node_options;
 
@@ -25,7 +26,7 @@ typedef struct pm_lockstep_node_options {
 // outlive it; once it is closed, nobody may wait on the transport any more. `options` may be NULL.
 // PM_ECONFIG (a channel's name is too long or means two things), PM_ENET, PM_ENOMEM, and what
 // pm_subsystem_open returns.
-pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int subsystem_id,
+pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int process_id,
                                 pm_transport *transport, const pm_lockstep_node_options *options);
 void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 

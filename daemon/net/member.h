@@ -1,5 +1,5 @@
-// What the coordinator holds of one node: its last reports and states, until every other node has
-// reported the same step.
+// What the coordinator knows of one process: its channel, which numbers of a sample are its, and
+// whether it is alive.
 #ifndef PM_NET_MEMBER_H
 #define PM_NET_MEMBER_H
 
@@ -12,33 +12,28 @@
 // Storage the caller owns.
 typedef struct pm_member {
     struct pm_lockstep_coordinator *coordinator; // whose it is
-    int subsystem_id;
-    const pm_scene_subsystem *subsystem;
-    char report_channel[PM_CHANNEL_SIZE], state_channel[PM_CHANNEL_SIZE];
-    int nport;
-    int *port;                       // [nport] 2 * position in the scene + end
-    portmet_report_t report_scratch; // being decoded
-    portmet_state_t state_scratch;
-    int depth;                // steps kept
-    portmet_report_t *report; // [depth], by step modulo depth; step -1: empty
-    portmet_state_t *state;   // [depth]
-    bool alive;               // heard of since the last poll
-    bool left;                // said BYE
-    double heard;             // s, when heard of
+    int id;                                      // of the process
+    const char *name;
+    const pm_scene *scene;
+    char channel[PM_CHANNEL_SIZE];       // of its reports
+    int nend, nz;                        // ends of ports and components of its subsystems
+    int *end;                            // [nend] 2 * position of the port in the scene + end
+    portmet_report_t scratch;            // being decoded
+    int32_t most_part, most_end, most_z; // numbers in a report
+    bool alive;                          // heard of since the last poll
+    bool left;                           // said BYE
+    double heard;                        // s, when heard of
 } pm_member;
 
-// Names, shapes and memory (from the arena). PM_ECONFIG, PM_ENOMEM.
-pm_status pm_member_init(pm_member *member, pm_arena *arena, const pm_scene *scene,
-                         int subsystem_id, int depth);
+// Name, shape and memory (from the arena). PM_ECONFIG, PM_ENOMEM.
+pm_status pm_member_init(pm_member *member, pm_arena *arena, const pm_scene *scene, int process_id);
 
-bool pm_member_has_report(const pm_member *member, int64_t step);
-bool pm_member_has_state(const pm_member *member, int64_t step);
+// Decodes a report into `scratch`; a DONE is found to be of whole rows, with the state or without
+// it as `with_state` says.
+pm_drop pm_member_decode(pm_member *member, const void *data, size_t size, bool with_state);
 
-// Keep what is in the scratch message; PM_DROP_REPEATED if it is there already. Its step is >= 0.
-pm_drop pm_member_keep_report(pm_member *member);
-pm_drop pm_member_keep_state(pm_member *member);
-
-// Writes this node's part of a step's sample; z if the state is there.
-void pm_member_fill_sample(const pm_member *member, int64_t step, pm_sample *sample);
+int pm_member_rows(const pm_member *member); // steps in `scratch`
+// Writes this process's part of a step's sample: row `row` of `scratch`.
+void pm_member_fill(const pm_member *member, int row, pm_sample *sample);
 
 #endif

@@ -1,57 +1,14 @@
-// Checks an LCM address and the way to its multicast group.
+// Tries the way to a multicast group.
 #include "net/multicast.h"
 
-#include <arpa/inet.h>
 #include <errno.h>
-#include <netinet/in.h>
 #include <poll.h>
-#include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 // On one host a datagram takes microseconds; a busy machine may take its time to wake us.
 #define ECHO_TIMEOUT 500 // ms
-
-// ":PORT", then the end or options.
-static bool is_port(const char *text) {
-    if (*text != ':') {
-        return false;
-    }
-    const size_t count = strspn(text + 1, "0123456789");
-    const char *end = text + 1 + count;
-    const long port = strtol(text + 1, NULL, 10);
-    return count > 0 && port >= 1 && port <= 65535 && (*end == 0 || *end == '?');
-}
-
-// Reads the group, and checks that a port follows.
-static pm_status parse(const char *url, struct in_addr *group) {
-    const char *address = strstr(url, "://") + 3;
-    const size_t host_size = strcspn(address, ":?");
-    char host[INET_ADDRSTRLEN] = "";
-    if (host_size < sizeof host) {
-        memcpy(host, address, host_size);
-    }
-    if (inet_pton(AF_INET, host, group) != 1 || !IN_MULTICAST(ntohl(group->s_addr))) {
-        return pm_fail(PM_ECONFIG,
-                       "transport \"%s\": expected an IPv4 multicast group, 224.0.0.0 to "
-                       "239.255.255.255",
-                       url);
-    }
-    if (!is_port(address + host_size)) {
-        return pm_fail(PM_ECONFIG,
-                       "transport \"%s\": expected a port from 1 to 65535 after the group, as in "
-                       "udpm://239.255.76.67:7667",
-                       url);
-    }
-    return PM_OK;
-}
-
-pm_status pm_multicast_check_address(const char *url) {
-    struct in_addr group;
-    return parse(url, &group);
-}
 
 static pm_status no_way(const char *url, const char *what, const char *why) {
     return pm_fail(PM_ENET, "transport \"%s\": %s: %s; for this host only, " PM_MULTICAST_REMEDY,
@@ -84,9 +41,7 @@ static pm_status echo(int file, const char *url, struct in_addr group) {
     return PM_OK;
 }
 
-pm_status pm_multicast_check(const char *url) {
-    struct in_addr group;
-    PM_TRY(parse(url, &group));
+pm_status pm_multicast_check(const char *url, struct in_addr group) {
     const int file = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (file < 0) {
         return pm_fail(PM_ENET, "transport \"%s\": no socket: %s", url, strerror(errno));

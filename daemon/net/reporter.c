@@ -1,50 +1,94 @@
-// A node's reports and states.
+// A process's reports.
 #include "net/reporter.h"
 
 #include <string.h>
 
 #include "net/channel.h"
 
-static pm_status make_report(pm_reporter *r, pm_arena *arena, portmet_report_t *report, int nport) {
-    const size_t n = (size_t)nport;
-    double *memory = pm_arena_array(arena, 4 * n, sizeof(double));
-    if (memory == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", r->subsystem->name);
+#define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps: no fragments
+
+// --- shape and memory ---
+
+// Numbers of one step of a process.
+static void count_numbers(const pm_scene *scene, int process_id, int *npart, int *nend, int *nz) {
+    const pm_scene_process *process = &scene->process[process_id];
+    *npart = process->count;
+    *nend = *nz = 0;
+    for (int i = 0; i < process->count; ++i) {
+        *nz += scene->subsystem[process->subsystem[i]].layout.nz;
     }
+    for (int k = 0; k < 2 * scene->nport; ++k) {
+        *nend += scene->subsystem[scene->port[k / 2].subsystem[k % 2]].process == process_id;
+    }
+}
+
+int pm_report_rows(const pm_scene *scene, int process_id) {
+    int npart, nend, nz;
+    count_numbers(scene, process_id, &npart, &nend, &nz);
+    const size_t size = sizeof(double) * (8 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
+    const int most = size < LARGEST_REPORT ? (int)(LARGEST_REPORT / size) : 1;
+    const int half = scene->window > 1 ? scene->window / 2 : 1;
+    return half < most ? half : most;
+}
+
+pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
+                         int process_id) {
+    int npart, nend, nz;
+    count_numbers(scene, process_id, &npart, &nend, &nz);
+    const int rows = pm_report_rows(scene, process_id);
     *report = (portmet_report_t){
-        .digest = r->digest,
-        .nport = nport,
-        .energy_flux = memory,
-        .entropy_flux = memory + n,
-        .energy_gross = memory + 2 * n,
-        .entropy_gross = memory + 3 * n,
-        .message = "",
-    };
+        .npart = rows * npart, .nend = rows * nend, .nz = rows * nz, .message = ""};
+    const size_t p = (size_t)report->npart, e = (size_t)report->nend, z = (size_t)report->nz;
+    double *memory = pm_arena_array(arena, 6 * p + 4 * e + z, sizeof *memory);
+    int64_t *counts = pm_arena_array(arena, 2 * p, sizeof *counts);
+    if (memory == NULL || counts == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory for a report",
+                       scene->process[process_id].name);
+    }
+    double **const of_part[] = {
+        &report->energy,       &report->entropy,           &report->bulk_energy,
+        &report->bulk_entropy, &report->bulk_energy_gross, &report->bulk_entropy_gross};
+    double **const of_end[] = {&report->energy_flux, &report->entropy_flux, &report->energy_gross,
+                               &report->entropy_gross};
+    for (int i = 0; i < 6; ++i, memory += p) {
+        *of_part[i] = memory;
+    }
+    for (int i = 0; i < 4; ++i, memory += e) {
+        *of_end[i] = memory;
+    }
+    report->z = memory;
+    report->evaluated = counts;
+    report->skipped = counts + p;
     return PM_OK;
 }
 
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
-                           int subsystem_id, int nport, pm_transport *transport) {
+                           int process_id, pm_transport *transport) {
+    pm_reporter *r = reporter;
     const pm_scene *scene = system->scene;
-    reporter->subsystem = &scene->subsystem[subsystem_id];
-    reporter->transport = transport;
-    reporter->digest = (int64_t)system->digest;
-    PM_TRY(pm_channel_subsystem(reporter->report.channel, scene, "REPORT", subsystem_id));
-    PM_TRY(pm_channel_subsystem(reporter->state.channel, scene, "STATE", subsystem_id));
-    PM_TRY(make_report(reporter, arena, &reporter->done, nport));
-    PM_TRY(make_report(reporter, arena, &reporter->word, nport));
-    const size_t size = pm_report_size(&reporter->done);
-    reporter->word_capacity = size + PM_TEXT_MAX;
-    reporter->word_data = pm_arena_alloc(arena, reporter->word_capacity);
-    if (reporter->word_data == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", reporter->subsystem->name);
-    }
-    // The coordinator may miss the report of any granted step.
+    r->scene = scene;
+    r->process = &scene->process[process_id];
+    r->transport = transport;
+    count_numbers(scene, process_id, &r->npart, &r->nend, &r->nz);
+    r->capacity = pm_report_rows(scene, process_id);
+    PM_TRY(pm_channel_process(r->sent.channel, scene, "REPORT", process_id));
+    PM_TRY(pm_report_make(&r->done, arena, scene, process_id));
+    // The coordinator may miss the report of any granted step, and a report may hold only one.
     const int depth = scene->window + 1;
-    PM_TRY(pm_outbox_init(&reporter->report, arena, depth, size));
-    const portmet_state_t shape = {.nz = reporter->subsystem->layout.nz};
-    return pm_outbox_init(&reporter->state, arena, depth, pm_state_size(&shape));
+    PM_TRY(pm_outbox_init(&r->sent, arena, depth, pm_report_size(&r->done)));
+    r->word = (portmet_report_t){.digest = (int64_t)system->digest};
+    r->word_capacity = pm_report_size(&(portmet_report_t){.message = ""}) + PM_TEXT_MAX;
+    r->word_data = pm_arena_alloc(arena, r->word_capacity);
+    r->first = pm_arena_array(arena, (size_t)depth, sizeof *r->first);
+    r->last = pm_arena_array(arena, (size_t)depth, sizeof *r->last);
+    r->done.digest = r->word.digest;
+    r->done.kind = PORTMET_REPORT_T_DONE;
+    return r->word_data != NULL && r->first != NULL && r->last != NULL
+               ? PM_OK
+               : pm_fail(PM_ENOMEM, "%s: out of memory", r->process->name);
 }
+
+// --- words ---
 
 pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
                           const char *message) {
@@ -54,67 +98,89 @@ pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, p
     m->code = (int8_t)code;
     m->message = (char *)message;
     const size_t size = pm_report_encode(m, reporter->word_data, reporter->word_capacity);
-    return pm_transport_publish(reporter->transport, reporter->report.channel, reporter->word_data,
+    return pm_transport_publish(reporter->transport, reporter->sent.channel, reporter->word_data,
                                 size);
 }
 
-static pm_status not_finite(const pm_reporter *reporter, const char *what, int64_t step) {
-    return pm_fail(PM_ENUMERIC, "subsystem %s: %s not finite after %lld steps",
-                   reporter->subsystem->name, what, (long long)step);
-}
+// --- steps ---
 
-static pm_status publish_state(pm_reporter *reporter, int64_t session, int64_t step, double time,
-                               const double *z) {
-    const portmet_state_t message = {
-        .session = session,
-        .step = step,
-        .time = time,
-        .nz = reporter->subsystem->layout.nz,
-        .z = (double *)z,
-    };
-    unsigned char *data = pm_outbox_data(&reporter->state, step);
-    const size_t size = pm_state_encode(&message, data, reporter->state.capacity);
-    if (size == 0) {
-        return not_finite(reporter, "the state is", step);
+// One subsystem's books as number `part` and ends from `end` on; returns the next end.
+static int add_books(portmet_report_t *m, int part, int end, const pm_books *books, int nport) {
+    m->energy[part] = books->energy;
+    m->entropy[part] = books->entropy;
+    m->bulk_energy[part] = books->bulk_energy;
+    m->bulk_entropy[part] = books->bulk_entropy;
+    m->bulk_energy_gross[part] = books->bulk_gross[0];
+    m->bulk_entropy_gross[part] = books->bulk_gross[1];
+    m->evaluated[part] = books->evaluated;
+    m->skipped[part] = books->skipped;
+    for (int i = 0; i < nport; ++i, ++end) {
+        m->energy_flux[end] = books->flux[i].energy;
+        m->entropy_flux[end] = books->flux[i].entropy;
+        m->energy_gross[end] = books->flux[i].energy_gross;
+        m->entropy_gross[end] = books->flux[i].entropy_gross;
     }
-    return pm_outbox_publish(&reporter->state, reporter->transport, step, size);
+    return end;
 }
 
 pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step, double time,
-                           const pm_books *books, const double *z) {
-    portmet_report_t *m = &reporter->done;
-    m->session = session;
-    m->kind = PORTMET_REPORT_T_DONE;
-    m->step = step;
-    m->time = time;
-    m->energy = books->energy;
-    m->entropy = books->entropy;
-    m->bulk_energy = books->bulk_energy;
-    m->bulk_entropy = books->bulk_entropy;
-    m->bulk_energy_gross = books->bulk_gross[0];
-    m->bulk_entropy_gross = books->bulk_gross[1];
-    m->evaluated = books->evaluated;
-    m->skipped = books->skipped;
-    for (int i = 0; i < m->nport; ++i) {
-        m->energy_flux[i] = books->flux[i].energy;
-        m->entropy_flux[i] = books->flux[i].entropy;
-        m->energy_gross[i] = books->flux[i].energy_gross;
-        m->entropy_gross[i] = books->flux[i].entropy_gross;
+                           const pm_crew *crew, bool with_state) {
+    pm_reporter *r = reporter;
+    portmet_report_t *m = &r->done;
+    if (r->rows == 0) {
+        m->session = session;
+        m->step = step;
+        m->time = time;
+        m->nz = 0;
     }
-    unsigned char *data = pm_outbox_data(&reporter->report, step);
-    const size_t size = pm_report_encode(m, data, reporter->report.capacity);
+    int end = r->rows * r->nend;
+    for (int i = 0; i < crew->count; ++i) {
+        const pm_crew_part *part = &crew->part[i];
+        const pm_books books = pm_subsystem_books(part->subsystem);
+        end = add_books(m, r->rows * r->npart + i, end, &books, part->nport);
+        if (with_state) {
+            const int nz = r->scene->subsystem[r->process->subsystem[i]].layout.nz;
+            memcpy(m->z + m->nz, pm_subsystem_state(part->subsystem), (size_t)nz * sizeof *m->z);
+            m->nz += nz;
+        }
+    }
+    r->rows += 1;
+    return r->rows < r->capacity ? PM_OK : pm_reporter_flush(r);
+}
+
+pm_status pm_reporter_flush(pm_reporter *reporter) {
+    pm_reporter *r = reporter;
+    portmet_report_t *m = &r->done;
+    if (r->rows == 0) {
+        return PM_OK;
+    }
+    m->npart = r->rows * r->npart;
+    m->nend = r->rows * r->nend;
+    const int64_t last = m->step + r->rows - 1;
+    r->rows = 0;
+    unsigned char *data = pm_outbox_data(&r->sent, r->count);
+    const size_t size = pm_report_encode(m, data, r->sent.capacity);
     if (size == 0) {
-        return not_finite(reporter, "energy, entropy or a flux is", step);
+        return pm_fail(PM_ENUMERIC,
+                       "process %s: a state, energy, entropy or flux is not finite after step "
+                       "%lld to %lld",
+                       r->process->name, (long long)m->step, (long long)last);
     }
-    PM_TRY(pm_outbox_publish(&reporter->report, reporter->transport, step, size));
-    return z == NULL ? PM_OK : publish_state(reporter, session, step, time, z);
+    r->first[r->count % r->sent.depth] = m->step;
+    r->last[r->count % r->sent.depth] = last;
+    return pm_outbox_publish(&r->sent, r->transport, r->count++, size);
 }
 
 pm_status pm_reporter_repeat(const pm_reporter *reporter, const portmet_request_t *request) {
-    const pm_outbox *const outbox[] = {&reporter->report, &reporter->state};
-    for (int i = 0; i < 2; ++i) {
-        if (strcmp(request->channel, outbox[i]->channel) == 0) {
-            PM_TRY(pm_outbox_repeat(outbox[i], reporter->transport, request->step));
+    const pm_reporter *r = reporter;
+    if (strcmp(request->channel, r->sent.channel) != 0) {
+        return PM_OK;
+    }
+    const int64_t oldest = r->count > r->sent.depth ? r->count - r->sent.depth : 0;
+    for (int64_t i = oldest; i < r->count; ++i) {
+        const int64_t slot = i % r->sent.depth;
+        if (r->first[slot] <= request->step && request->step <= r->last[slot]) {
+            return pm_outbox_repeat(&r->sent, r->transport, i);
         }
     }
     return PM_OK;

@@ -1,5 +1,6 @@
-// LCM as a transport; the only file that calls liblcm. Messages are received raw and queued without
-// limit: LCM's default queue silently keeps the oldest 30.
+// LCM as a transport; the only file that calls liblcm. It publishes; receiving is our own
+// (receiver.h), or liblcm's where the URL says so: then raw, and queued without limit, as LCM's
+// default queue silently keeps the oldest 30.
 #include <ctype.h>
 #include <errno.h>
 #include <lcm/lcm.h>
@@ -10,11 +11,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "net/lcm_url.h"
 #include "net/multicast.h"
+#include "net/receiver.h"
 #include "net/transport_table.h"
-
-// Bytes of kernel buffer: about 9600 small messages, where the usual default holds 256.
-#define RECEIVE_BUFFER "recv_buf_size=4000000"
 
 // Messages handed out by one wait at most, so that a flood cannot keep the caller from its own
 // work.
@@ -28,12 +28,14 @@ typedef struct subscription {
 
 typedef struct lcm_endpoint {
     lcm_t *lcm;
+    pm_receiver *receiver; // NULL: liblcm receives, with what follows
     int file;
     subscription *subscriptions;
 } lcm_endpoint;
 
 static void lcm_endpoint_close(void *state) {
     lcm_endpoint *e = state;
+    pm_receiver_close(e->receiver);
     if (e->lcm != NULL) {
         lcm_destroy(e->lcm);
     }
@@ -45,27 +47,28 @@ static void lcm_endpoint_close(void *state) {
     free(e);
 }
 
-// The URL with a large receive buffer, unless it names one itself; NULL: out of memory.
-static char *with_buffer(const char *url) {
-    const char *joint = strchr(url, '?') == NULL ? "?" : "&";
-    const char *option = RECEIVE_BUFFER;
-    if (strstr(url, "recv_buf_size=") != NULL) {
-        joint = option = "";
-    }
-    const size_t size = strlen(url) + strlen(joint) + strlen(option) + 1;
+// The address and those options that liblcm knows; NULL: out of memory.
+static char *provider_of(const char *url, const pm_lcm_url *parsed) {
+    const size_t size = strlen(url) + 64;
     char *text = malloc(size);
-    if (text != NULL) {
-        snprintf(text, size, "%s%s%s", url, joint, option);
+    if (text == NULL) {
+        return NULL;
     }
+    const char *ttl = strstr(url, "ttl=");
+    snprintf(text, size, "%.*s?recv_buf_size=%d%s%.*s", (int)strcspn(url, "?"), url,
+             parsed->receive_buffer, ttl == NULL ? "" : "&",
+             ttl == NULL ? 0 : (int)strcspn(ttl, "&"), ttl == NULL ? "" : ttl);
     return text;
 }
 
 static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub) {
     (void)hub;
-    PM_TRY(pm_multicast_check(url));
+    pm_lcm_url parsed;
+    PM_TRY(pm_lcm_url_parse(url, &parsed));
+    PM_TRY(pm_multicast_check(url, parsed.group.sin_addr));
     pm_status status = PM_OK;
     lcm_endpoint *e = calloc(1, sizeof *e);
-    char *provider = with_buffer(url);
+    char *provider = provider_of(url, &parsed);
     if (e == NULL || provider == NULL) {
         status = pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
         goto done;
@@ -75,7 +78,12 @@ static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub) {
         status = pm_fail(PM_ENET, "transport \"%s\": LCM cannot open it", url);
         goto done;
     }
-    e->file = lcm_get_fileno(e->lcm);
+    if (parsed.receives_itself) {
+        PM_TRY_DONE(pm_receiver_open(&e->receiver, url, &parsed));
+        e->file = pm_receiver_file(e->receiver);
+    } else {
+        e->file = lcm_get_fileno(e->lcm);
+    }
     *state = e;
 done:
     free(provider);
@@ -93,6 +101,9 @@ static void receive(const lcm_recv_buf_t *buffer, const char *channel, void *con
 static pm_status lcm_endpoint_subscribe(void *state, const char *channel,
                                         pm_message_handler *handler, void *context) {
     lcm_endpoint *e = state;
+    if (e->receiver != NULL) {
+        return pm_receiver_subscribe(e->receiver, channel, handler, context);
+    }
     subscription *s = calloc(1, sizeof *s);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
@@ -142,6 +153,9 @@ static pm_status lcm_endpoint_publish(void *state, const char *channel, const vo
 
 static pm_status lcm_endpoint_wait(void *state, double seconds, int *handled) {
     const lcm_endpoint *e = state;
+    if (e->receiver != NULL) {
+        return pm_receiver_wait(e->receiver, seconds, handled);
+    }
     const double whole = floor(seconds);
     const struct timespec timeout = {(time_t)whole, (long)(1e9 * (seconds - whole))};
     struct pollfd file = {e->file, POLLIN, 0};
@@ -159,11 +173,16 @@ static pm_status lcm_endpoint_wait(void *state, double seconds, int *handled) {
     return PM_OK;
 }
 
+static pm_status lcm_endpoint_check(const char *url) {
+    pm_lcm_url parsed;
+    return pm_lcm_url_parse(url, &parsed);
+}
+
 static int lcm_endpoint_file(const void *state) {
     return ((const lcm_endpoint *)state)->file;
 }
 
 const pm_transport_table pm_transport_lcm = {
-    pm_multicast_check_address, lcm_endpoint_open, lcm_endpoint_close, lcm_endpoint_subscribe,
-    lcm_endpoint_publish,       lcm_endpoint_wait, lcm_endpoint_file,
+    lcm_endpoint_check,   lcm_endpoint_open, lcm_endpoint_close, lcm_endpoint_subscribe,
+    lcm_endpoint_publish, lcm_endpoint_wait, lcm_endpoint_file,
 };

@@ -25,10 +25,17 @@ static const pm_integrator integrators[] = {
     // Engng 79 (2009) 706) by fixed-point iteration from the Euler predictor: energy is conserved
     // as well as the iteration has converged, whatever the step.
     {.name = "discrete_gradient",
-     .nstage = 6,
+     .nstage = 8,
      .order = 2,
-     .a = {{0}, {1}, {0, 1}, {0, 0, 1}, {0, 0, 0, 1}, {0, 0, 0, 0, 1}},
-     .b = {0, 0, 0, 0, 0, 1},
+     .a = {{0},
+           {1},
+           {0, 1},
+           {0, 0, 1},
+           {0, 0, 0, 1},
+           {0, 0, 0, 0, 1},
+           {0, 0, 0, 0, 0, 1},
+           {0, 0, 0, 0, 0, 0, 1}},
+     .b = {0, 0, 0, 0, 0, 0, 0, 1},
      .discrete = true},
 };
 

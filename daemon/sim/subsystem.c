@@ -22,14 +22,14 @@ typedef struct joint {
         double *y, *e, *eta, *response;
         int ny;
     } input[2];
-    const double *rate; // [ny]; NULL if the law gives nothing
+    const double *rate;  // [ny]; NULL if the law gives nothing
     const double *law_e; // [ny] co-energies the law was evaluated at: own e, or its prediction
     // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted
     double *last;
     const double *next;
     int nboth;
-    pm_flux flux;       // booked over the last step
-    pm_flux booking;    // over the step under way
+    pm_flux flux;    // booked over the last step
+    pm_flux booking; // over the step under way
 } joint;
 
 struct pm_subsystem {
@@ -192,8 +192,8 @@ static pm_status open_joint(pm_subsystem *s, joint *j, int port_id, pm_end end) 
     j->e = memory + ny;
     j->eta = memory + 2 * ny;
     j->response = memory + 3 * ny;
-    j->shown = (pm_port_values){j->ny, j->y, j->e, j->eta,
-                                s->integrator->discrete ? j->response : NULL};
+    j->shown =
+        (pm_port_values){j->ny, j->y, j->e, j->eta, s->integrator->discrete ? j->response : NULL};
     return open_law(s, j);
 }
 

@@ -213,8 +213,8 @@ static pm_status read_reference(pm_scene_reader *r) {
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
-    static const char *const keys[] = {"scene",     "url",  "time",     "subsystems", "ports",
-                                       "reference", "laws", "lockstep", NULL};
+    static const char *const keys[] = {"scene",     "url",       "time", "subsystems", "ports",
+                                       "processes", "reference", "laws", "lockstep",   NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
@@ -226,7 +226,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(read_reference(r));
     PM_TRY(read_laws(r));
     PM_TRY(read_lockstep(r));
-    return pm_scene_check_channels(r);
+    return pm_scene_read_processes(r);
 }
 
 static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {

@@ -26,7 +26,15 @@ typedef struct pm_scene_subsystem {
     int relative_group[PM_MAX_GROUPS];
     const double *initial; // [nz] or NULL
     int first;             // of its first component in the concatenated state of the scene
+    int process;           // which process serves it
 } pm_scene_subsystem;
+
+// Subsystems that one process serves; by default each has its own, of the same name.
+typedef struct pm_scene_process {
+    const char *name;
+    int count;
+    int *subsystem; // [count] positions in the scene, rising
+} pm_scene_process;
 
 typedef struct pm_scene_port {
     const char *name;
@@ -57,7 +65,9 @@ typedef struct pm_scene {
     pm_scene_subsystem *subsystem;
     int nport;
     pm_scene_port *port;
-    int nz; // components of all subsystems
+    int nprocess;
+    pm_scene_process *process; // by their first subsystems
+    int nz;                    // components of all subsystems
 } pm_scene;
 
 // Reads and checks a scene: keys, types, names, neighbours, units, ports. The caller frees it.
@@ -67,8 +77,12 @@ pm_status pm_scene_load(pm_scene **scene, const char *path);
 pm_status pm_scene_parse(pm_scene **scene, const char *text, const char *path);
 void pm_scene_free(pm_scene *scene); // NULL is allowed
 
-// The position of a subsystem or port, or -1.
+// The position of a subsystem, port or process, or -1.
 int pm_scene_find_subsystem(const pm_scene *scene, const char *name);
 int pm_scene_find_port(const pm_scene *scene, const char *name);
+int pm_scene_find_process(const pm_scene *scene, const char *name);
+
+// Gives all subsystems to one process, "all". PM_ENOMEM.
+pm_status pm_scene_join_processes(pm_scene *scene);
 
 #endif

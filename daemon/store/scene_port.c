@@ -1,14 +1,9 @@
-// Reading the ports of a scene: which law joins which groups of which two subsystems; and the check
-// of the channels that all names make together.
+// Reading the ports of a scene: which law joins which groups of which two subsystems.
 #include "store/scene_reader.h"
 
 #include <string.h>
 
 #include "model/port.h"
-
-#define MAX_CHANNEL 63 // characters of an LCM channel
-
-// --- ports ---
 
 static pm_status read_law(pm_scene_reader *r, pm_scene_port *port, pm_yaml block) {
     pm_yaml law;
@@ -122,49 +117,4 @@ pm_status pm_scene_read_ports(pm_scene_reader *r) {
         PM_TRY(read_port(r, &scene->port[i], key, block));
     }
     return PM_OK;
-}
-
-// --- channels: the names together must fit LCM, and tell every stream of messages apart ---
-
-static pm_status check_length(pm_yaml at, const char *channel) {
-    const size_t length = strlen(channel);
-    return length <= MAX_CHANNEL
-               ? PM_OK
-               : pm_yaml_fail(at,
-                              "the channel %s would have %zu characters, at most %d are possible: "
-                              "choose shorter names",
-                              channel, length, MAX_CHANNEL);
-}
-
-pm_status pm_scene_check_channels(pm_scene_reader *r) {
-    const pm_scene *scene = r->scene;
-    const pm_yaml subsystems = pm_yaml_get(r->root, "subsystems");
-    const pm_yaml ports = pm_yaml_get(r->root, "ports");
-    const int count = scene->nsubsystem + 2 * scene->nport;
-    pm_scene_named *list = pm_arena_array(r->arena, (size_t)count, sizeof *list);
-    if (list == NULL) {
-        return pm_scene_no_memory();
-    }
-    for (int i = 0; i < count; ++i) {
-        pm_yaml key, block;
-        if (i < scene->nsubsystem) {
-            pm_yaml_entry(subsystems, i, &key, &block);
-            list[i].text =
-                pm_arena_printf(r->arena, "%s_REPORT_%s", scene->name, scene->subsystem[i].name);
-        } else {
-            const int from = (i - scene->nsubsystem) % 2;
-            const pm_scene_port *port = &scene->port[(i - scene->nsubsystem) / 2];
-            pm_yaml_entry(ports, (i - scene->nsubsystem) / 2, &key, &block);
-            list[i].text =
-                pm_arena_printf(r->arena, "%s_FLUX_%s_%s_%s", scene->name,
-                                scene->subsystem[port->subsystem[from]].name,
-                                scene->subsystem[port->subsystem[1 - from]].name, port->name);
-        }
-        if (list[i].text == NULL) {
-            return pm_scene_no_memory();
-        }
-        list[i].at = key;
-        PM_TRY(check_length(key, list[i].text));
-    }
-    return pm_scene_check_distinct(list, count, "the channel");
 }

@@ -21,11 +21,11 @@ typedef struct pm_scene_named {
     pm_yaml at;
 } pm_scene_named;
 
-// The sections `subsystems` and, after it, `ports`; then the check that the names make channels
-// that fit LCM and tell every stream of messages apart.
+// The sections `subsystems` and, after it, `ports` and `processes`, which also checks that the names
+// make channels that fit LCM.
 pm_status pm_scene_read_subsystems(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
-pm_status pm_scene_check_channels(pm_scene_reader *r);
+pm_status pm_scene_read_processes(pm_scene_reader *r);
 
 // A name: a letter, then letters, digits or '_'.
 pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name);

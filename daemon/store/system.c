@@ -126,6 +126,7 @@ static uint64_t digest_system(const pm_system *system) {
     digest = pm_digest_integer(digest, scene->nsubsystem);
     for (int i = 0; i < scene->nsubsystem; ++i) {
         digest = pm_digest_text(digest, scene->subsystem[i].name);
+        digest = pm_digest_integer(digest, scene->subsystem[i].process);
         digest = digest_layout(digest, &scene->subsystem[i].layout);
         digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i].digest);
     }

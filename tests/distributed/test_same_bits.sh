@@ -13,6 +13,12 @@ for window in 1 4; do
     "$same_recording" "$folder/plain.h5" "$record" || fail "window $window"
 done
 
+# Both subsystems in one process, which talk without sockets.
+sed "/^time:/i processes: {both: [left, right]}" "$scene" >"$folder/scene_both.yaml"
+start run run "$folder/scene_both.yaml" --quiet --record "$folder/both.h5"
+ends run $pid 0 ""
+"$same_recording" "$folder/plain.h5" "$folder/both.h5" || fail "one process"
+
 # Two runs of the same scene at once keep apart.
 start one run "$scene" --quiet --record "$folder/one.h5"
 one=$pid

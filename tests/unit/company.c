@@ -19,7 +19,7 @@ static pm_status compare(void *context, const pm_sample *sample) {
         assert_int_equal(pm_assembly_step(c->assembly), PM_OK);
     }
     const pm_sample *plain = pm_assembly_sample(c->assembly);
-    const size_t n = (size_t)c->count, number = sizeof(double);
+    const size_t n = (size_t)c->nlink, number = sizeof(double);
     assert_int_equal(sample->step, c->steps_seen);
     assert_memory_equal(&sample->time, &plain->time, number);
     assert_memory_equal(sample->z, plain->z, (size_t)c->f.scene->nz * number);
@@ -43,10 +43,12 @@ static pm_status compare(void *context, const pm_sample *sample) {
     return PM_OK;
 }
 
-// Everything but the nodes.
-void company_open(company *c, int count, int window, pm_hub *hub, int64_t session) {
-    *c = (company){.count = count, .fail_at_step = -1, .now = START};
-    fixture_open(&c->f, count, 1234);
+static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub, int64_t session) {
+    *c = (company){.nlink = nlink, .count = count, .fail_at_step = -1, .now = START};
+    fixture_open(&c->f, nlink, 1234);
+    if (count != nlink) {
+        fixture_deal(&c->f, count);
+    }
     c->f.scene->window = window;
     c->f.scene->patience = PATIENCE;
     assert_int_equal(pm_assembly_open(&c->assembly, c->f.system), PM_OK);
@@ -66,9 +68,20 @@ void company_open(company *c, int count, int window, pm_hub *hub, int64_t sessio
                      PM_OK);
 }
 
+// Everything but the nodes.
+void company_open(company *c, int count, int window, pm_hub *hub, int64_t session) {
+    open_dealt(c, count, count, window, hub, session);
+}
+
+void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub) {
+    open_dealt(c, nlink, count, window, hub, 0);
+    for (int i = 0; i < count; ++i) {
+        company_add(c, i, c->f.system, 0);
+    }
+}
+
 void company_add(company *c, int i, const pm_system *system, int64_t session) {
-    const pm_lockstep_node_options options = {.z = c->f.z + c->f.scene->subsystem[i].first,
-                                              .session = session};
+    const pm_lockstep_node_options options = {.z = c->f.z, .session = session};
     assert_int_equal(pm_lockstep_node_open(&c->node[i], system, i, c->transport[i], &options),
                      PM_OK);
 }

@@ -19,7 +19,7 @@ typedef struct company {
     long allocations_at_step_5;
     long fail_at_step; // the observer fails there; -1: never
     double now;        // s, virtual
-    int count;
+    int nlink, count;  // subsystems, and the processes that serve them
     pm_transport *transport[MAX_NODES];
     pm_lockstep_node *node[MAX_NODES]; // NULL: absent
     pm_transport *coordinator_transport;
@@ -27,10 +27,11 @@ typedef struct company {
     long (*count_allocations)(void); // NULL: not of interest
 } company;
 
-// A hub, and everything but the nodes: scene and plain loop with `count` links, endpoints,
-// coordinator.
+// A hub, and everything but the nodes: scene and plain loop with `count` links, each its own
+// process, or dealt out to `count` processes; endpoints, coordinator.
 pm_hub *company_hub(const pm_hub_faults *faults);
 void company_open(company *c, int count, int window, pm_hub *hub, int64_t session);
+void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub);
 // Node i of the company, whose scene and weights are `system`.
 void company_add(company *c, int i, const pm_system *system, int64_t session);
 // Both, with all nodes.

@@ -113,6 +113,23 @@ void fixture_open(fixture *f, int nlink, uint64_t seed) {
     }
 }
 
+void fixture_deal(fixture *f, int nprocess) {
+    static const char *const names[] = {"one", "two", "three", "four", "five"};
+    pm_scene *scene = f->scene;
+    const size_t size = (size_t)scene->nsubsystem;
+    scene->process = pm_arena_array(&scene->arena, (size_t)nprocess, sizeof *scene->process);
+    scene->nprocess = nprocess;
+    for (int i = 0; i < nprocess; ++i) {
+        int *list = pm_arena_array(&scene->arena, size, sizeof *list);
+        scene->process[i] = (pm_scene_process){.name = names[i], .subsystem = list};
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        pm_scene_process *process = &scene->process[i % nprocess];
+        scene->subsystem[i].process = i % nprocess;
+        process->subsystem[process->count++] = i;
+    }
+}
+
 void fixture_close(fixture *f) {
     pm_system_free(f->system);
     pm_scene_free(f->scene);

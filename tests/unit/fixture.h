@@ -16,6 +16,9 @@ typedef struct fixture {
 // between link1 and link2 and so on. dt 0.02 s, rk4, 2 substeps, window 1. Weights and state follow
 // from `seed`. Stops the test on failure.
 void fixture_open(fixture *f, int nlink, uint64_t seed);
+// Deals the links out to processes 1 to `nprocess` in turn, so that neighbours are apart where they
+// can be.
+void fixture_deal(fixture *f, int nprocess);
 void fixture_close(fixture *f);
 
 #endif

@@ -142,7 +142,7 @@ expect 6 "bad.yaml:14:7: subsystem right: the weights $folder/right.h5 " check "
 # --- what works ---
 succeed "port joint (bracket, hard)" check "$scene"
 succeed "left: irreversible bulk: none" check "$scene"
-succeed "pair_FLUX_left_right_joint" check "$scene"
+succeed "pair_FLUX_left" check "$scene"
 grep -q "does nothing" "$folder/out" && fail "every operator does something"
 spoil
 cp "$folder/idle.h5" "$folder/spoilt/right.h5"

@@ -14,23 +14,29 @@
 #include "net/codec.h"
 
 #define COUNT 3 // elements of every array
+#define ARRAYS 11
 #define CAPACITY 4096
 
 // --- one message of each type, and uniform access to it ---
 
-static double values[4][COUNT] = {{1.5, -0.0, 5e-324}, {1e308, -2, 3}, {4, 5, 6}, {7, 8, -9}};
+static double values[5][COUNT] = {
+    {1.5, -0.0, 5e-324}, {1e308, -2, 3}, {4, 5, 6}, {7, 8, -9}, {-1e-9, 0, 11}};
+static int64_t counts[2][COUNT] = {{100, INT64_MAX, 0}, {INT64_MIN, -1, 10}};
 
 static const portmet_flux_t flux = {
     .session = INT64_MAX,
     .step = 7,
     .round = 3,
     .time = 0.1,
-    .energy_flux = -2.5,
-    .entropy_flux = 1e-9,
+    .nend = COUNT,
+    .energy_flux = values[3],
+    .entropy_flux = values[4],
     .ny = COUNT,
     .y = values[0],
     .e = values[1],
     .eta = values[2],
+    .nresponse = COUNT,
+    .response = values[1],
 };
 static const portmet_tick_t tick = {
     .session = 11,
@@ -48,19 +54,22 @@ static const portmet_report_t report = {
     .code = 9,
     .step = 12,
     .time = 3.6,
-    .energy = 1,
-    .entropy = 2,
-    .bulk_energy = 3,
-    .bulk_entropy = 4,
-    .bulk_energy_gross = 5,
-    .bulk_entropy_gross = 6,
-    .evaluated = 100,
-    .skipped = 10,
-    .nport = COUNT,
-    .energy_flux = values[0],
-    .entropy_flux = values[1],
-    .energy_gross = values[2],
-    .entropy_gross = values[3],
+    .npart = COUNT,
+    .energy = values[0],
+    .entropy = values[1],
+    .bulk_energy = values[2],
+    .bulk_entropy = values[3],
+    .bulk_energy_gross = values[4],
+    .bulk_entropy_gross = values[0],
+    .evaluated = counts[0],
+    .skipped = counts[1],
+    .nend = COUNT - 1,
+    .energy_flux = values[1],
+    .entropy_flux = values[2],
+    .energy_gross = values[3],
+    .entropy_gross = values[4],
+    .nz = COUNT - 2,
+    .z = values[3],
     .message = "link2: z[3] is nan",
 };
 static const portmet_ledger_t ledger = {
@@ -73,15 +82,14 @@ static const portmet_ledger_t ledger = {
     .entropy_residual = -0.,
     .violations = 2,
 };
-static const portmet_state_t state = {
-    .session = 11, .step = 1, .time = 0.3, .nz = COUNT, .z = values[1]};
 static const portmet_command_t command = {
     .session = 11, .kind = PORTMET_COMMAND_T_ABORT, .code = 7, .reason = "gr\xc3\xbc\xc3\x9f dich"};
 static const portmet_request_t request = {
-    .session = 11, .sender = "", .channel = "scene_FLUX_a_b_joint", .step = 3, .round = 1};
+    .session = 11, .sender = "", .channel = "scene_FLUX_a", .step = 3, .round = 1};
 
 // Memory for decoding, kept at exact sizes so that a sanitizer sees any byte too many.
-static double *decoded[4];
+static double *decoded[ARRAYS];
+static int64_t *decoded_counts[2];
 
 // Encodes with our code and with lcm-gen's; decodes with ours and, if kept, encodes again to
 // `back`.
@@ -110,35 +118,46 @@ typedef struct codec_case {
         return drop;                                                                             \
     }
 
-CODEC_CASE(flux, .ny = COUNT, .y = decoded[0], .e = decoded[1], .eta = decoded[2])
+CODEC_CASE(flux, .nend = COUNT, .energy_flux = decoded[0], .entropy_flux = decoded[1], .ny = COUNT,
+           .y = decoded[2], .e = decoded[3], .eta = decoded[4], .nresponse = COUNT,
+           .response = decoded[5])
 CODEC_CASE(tick, .session = 0)
-CODEC_CASE(report, .nport = COUNT, .energy_flux = decoded[0], .entropy_flux = decoded[1],
-           .energy_gross = decoded[2], .entropy_gross = decoded[3])
+CODEC_CASE(report, .npart = COUNT, .energy = decoded[0], .entropy = decoded[1],
+           .bulk_energy = decoded[2], .bulk_entropy = decoded[3], .bulk_energy_gross = decoded[4],
+           .bulk_entropy_gross = decoded[5], .evaluated = decoded_counts[0],
+           .skipped = decoded_counts[1], .nend = COUNT, .energy_flux = decoded[6],
+           .entropy_flux = decoded[7], .energy_gross = decoded[8], .entropy_gross = decoded[9],
+           .nz = COUNT, .z = decoded[10])
 CODEC_CASE(ledger, .session = 0)
-CODEC_CASE(state, .nz = COUNT, .z = decoded[0])
 CODEC_CASE(command, .session = 0)
 CODEC_CASE(request, .session = 0)
 
 #define ROW(type) \
     { #type, ours_##type, theirs_##type, size_##type, decode_##type }
-static const codec_case cases[] = {ROW(flux),  ROW(tick),    ROW(report), ROW(ledger),
-                                   ROW(state), ROW(command), ROW(request)};
+static const codec_case cases[] = {ROW(flux),   ROW(tick),    ROW(report),
+                                   ROW(ledger), ROW(command), ROW(request)};
 #define NCASE (sizeof cases / sizeof cases[0])
 
 static int make_memory(void **context) {
     (void)context;
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < ARRAYS; ++i) {
         decoded[i] = malloc(COUNT * sizeof(double));
         assert_non_null(decoded[i]);
+    }
+    for (int i = 0; i < 2; ++i) {
+        decoded_counts[i] = malloc(COUNT * sizeof(int64_t));
+        assert_non_null(decoded_counts[i]);
     }
     return 0;
 }
 
 static int free_memory(void **context) {
     (void)context;
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < ARRAYS; ++i) {
         free(decoded[i]);
     }
+    free(decoded_counts[0]);
+    free(decoded_counts[1]);
     return 0;
 }
 
@@ -172,19 +191,6 @@ static void put(unsigned char *at, size_t size, uint64_t bits) {
     for (size_t i = 0; i < size; ++i) {
         at[i] = (unsigned char)(bits >> (8 * (size - 1 - i)));
     }
-}
-
-// Where a four-byte big-endian `word` first stands after the fingerprint.
-static size_t find_word(const unsigned char *data, size_t size, uint32_t word) {
-    unsigned char bytes[4];
-    put(bytes, 4, word);
-    for (size_t i = 8; i + 4 <= size; ++i) {
-        if (memcmp(data + i, bytes, 4) == 0) {
-            return i;
-        }
-    }
-    fail_msg("no word %u in the message", word);
-    return 0;
 }
 
 // --- tests ---
@@ -239,27 +245,37 @@ static void test_foreign_types_are_dropped(void **context) {
     }
 }
 
+// A count at the place `at` of a message, that is refused whatever follows it.
+static void assert_count_dropped(const codec_case *c, uint32_t count, size_t at) {
+    unsigned char data[CAPACITY] = {0};
+    const size_t size = c->ours(data, sizeof data);
+    put(data + at, 4, count);
+    assert_drop(c, data, size, PM_DROP_COUNT);
+    assert_drop(c, data, at + 4, PM_DROP_COUNT);
+    if (at + 4 <= 92) {
+        assert_drop(c, data, 92, PM_DROP_COUNT);
+    }
+}
+
 // The datagrams that crash lcm-gen's decoders: a huge or negative count in a short message.
 static void test_hostile_counts_are_dropped(void **context) {
     (void)context;
-    static const uint32_t hostile[] = {0x10000000, 0x20000001, 0x7fffffff, 0xffffffff,
-                                       0x80000000, 0,          COUNT - 1,  COUNT + 1};
-    static const size_t array_case[] = {0, 2, 4};
-    for (size_t i = 0; i < sizeof array_case / sizeof array_case[0]; ++i) {
-        const codec_case *c = &cases[array_case[i]];
-        unsigned char data[CAPACITY] = {0};
-        const size_t size = c->ours(data, sizeof data);
-        const size_t at = i == 0 ? find_word(data + 20, size - 20, COUNT) + 20 //
-                                 : find_word(data, size, COUNT);
-        for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {
-            put(data + at, 4, hostile[j]);
-            assert_drop(c, data, size, PM_DROP_COUNT);
-            assert_drop(c, data, at + 4, PM_DROP_COUNT);
-            if (at + 4 <= 92) {
-                assert_drop(c, data, 92, PM_DROP_COUNT);
-            }
-        }
+    static const uint32_t hostile[] = {0x10000000, 0x20000001, 0x7fffffff,
+                                       0xffffffff, 0x80000000, COUNT + 1};
+    const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
+    const size_t report_parts = 8 + 8 + 8 + 1 + 1 + 8 + 8;
+    const size_t report_ends = report_parts + 4 + 8 * 8 * COUNT;
+    const size_t report_z = report_ends + 4 + 4 * 8 * (COUNT - 1);
+    for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {
+        assert_count_dropped(&cases[0], hostile[j], flux_ends);
+        assert_count_dropped(&cases[0], hostile[j], flux_y);
+        assert_count_dropped(&cases[2], hostile[j], report_parts);
+        assert_count_dropped(&cases[2], hostile[j], report_ends);
+        assert_count_dropped(&cases[2], hostile[j], report_z);
     }
+    // A flux has the counts of the scene, and no fewer.
+    assert_count_dropped(&cases[0], COUNT - 1, flux_ends);
+    assert_count_dropped(&cases[0], 0, flux_y);
 }
 
 static void test_numbers_must_be_finite(void **context) {
@@ -269,14 +285,14 @@ static void test_numbers_must_be_finite(void **context) {
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
         portmet_flux_t f = flux;
         double array[COUNT] = {1, 2, bad[i]};
-        double *const scalar[] = {&f.time, &f.energy_flux, &f.entropy_flux};
-        double **const member[] = {&f.y, &f.e, &f.eta};
-        for (int j = 0; j < 6; ++j) {
+        double **const member[] = {&f.energy_flux, &f.entropy_flux, &f.y,
+                                   &f.e,           &f.eta,          &f.response};
+        for (int j = 0; j < 7; ++j) {
             f = flux;
-            if (j < 3) {
-                *scalar[j] = bad[i];
+            if (j == 6) {
+                f.time = bad[i];
             } else {
-                *member[j - 3] = array;
+                *member[j] = array;
             }
             const int size = portmet_flux_t_encode(data, 0, sizeof data, &f);
             assert_drop(&cases[0], data, (size_t)size, PM_DROP_NUMBER);
@@ -291,7 +307,7 @@ static void test_numbers_must_be_finite(void **context) {
 
 static void test_text_must_be_clean(void **context) {
     (void)context;
-    const codec_case *c = &cases[5];
+    const codec_case *c = &cases[4];
     unsigned char good[CAPACITY], data[CAPACITY];
     const size_t size = c->ours(good, sizeof good);
     const size_t length_at = 8 + 8 + 1 + 1;
@@ -324,7 +340,7 @@ static void test_text_is_made_clean(void **context) {
     unsigned char data[CAPACITY];
     const size_t size = pm_command_encode(&message, data, sizeof data);
     assert_int_equal(size, pm_command_size(&message));
-    assert_drop(&cases[5], data, size, PM_KEEP);
+    assert_drop(&cases[4], data, size, PM_KEEP);
     assert_int_equal(pm_command_decode(&message, data, size), PM_KEEP);
     assert_int_equal(strlen(message.reason), PM_TEXT_MAX);
     assert_int_equal(message.reason[1], ' ');

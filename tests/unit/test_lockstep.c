@@ -34,6 +34,25 @@ static void test_same_bits_as_plain_loop(void **context) {
     }
 }
 
+// However the subsystems are dealt out to processes, and whatever happens between these.
+static void test_same_bits_in_any_processes(void **context) {
+    (void)context;
+    for (int count = 1; count < MAX_NODES; ++count) {
+        for (uint64_t seed = 0; seed < 4; ++seed) {
+            const double part = seed == 0 ? 0 : 0.2;
+            const pm_hub_faults faults = {
+                .seed = seed, .drop = part, .duplicate = part, .delay = part, .max_delay = 12};
+            pm_hub *hub = company_hub(&faults);
+            company c;
+            company_open_dealt(&c, MAX_NODES, count, 1 + 5 * (int)seed, hub);
+            company_run(&c);
+            assert_all_ok(&c);
+            company_close(&c);
+            pm_hub_close(hub);
+        }
+    }
+}
+
 static void test_same_bits_under_faults(void **context) {
     (void)context;
     for (uint64_t seed = 1; seed <= 24; ++seed) {
@@ -335,6 +354,7 @@ static void test_together_and_interrupted(void **context) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_bits_as_plain_loop),
+        cmocka_unit_test(test_same_bits_in_any_processes),
         cmocka_unit_test(test_same_bits_under_faults),
         cmocka_unit_test(test_no_requests_without_loss),
         cmocka_unit_test(test_steps_allocate_nothing),
