@@ -48,19 +48,19 @@ static void add_port(pm_graph *g, const pm_system *system, int port, pm_state_no
                      pm_node *last, pm_node *degeneracy) {
     const pm_scene_port *scene = &system->scene->port[port];
     const pm_port_model *model = &system->port[port];
-    pm_port_nodes end[2];
-    pm_build_port_nodes(g, system, port, state, end);
-    if (last != NULL) {
-        last[port] = pm_port_predict(g, model, last[port], end);
-    }
+    pm_node next = PM_NO_NODE;
     for (int own = 0; own < 2; ++own) {
         const int id = scene->subsystem[own];
-        const pm_node rate = model->law->rate(g, model, (pm_end)own, end, degeneracy);
+        pm_port_nodes end[2];
+        pm_build_port_nodes(g, system, port, state, end);
+        const pm_node rate =
+            pm_port_rate(g, model, (pm_end)own, end, last[port], &next, degeneracy);
         if (rate != PM_NO_NODE) {
             const int nz = system->scene->subsystem[id].layout.nz;
             state[id].zdot = pm_add_or(g, state[id].zdot, place(g, scene, own, rate, nz));
         }
     }
+    last[port] = next;
 }
 
 void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node *last,

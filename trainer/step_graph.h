@@ -23,7 +23,7 @@ void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
 
 // Fills zdot from z, dE and dS; adds the squared degeneracy residuals to *degeneracy. `last`
 // [nport]: the irreversible rates of the iteration before, replaced by those of this one
-// (prediction.h); all PM_NO_NODE at first. Used only where states have a response.
+// (prediction.h); all PM_NO_NODE at first.
 void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node *last,
                     pm_node *degeneracy);
 

@@ -3,6 +3,9 @@
 
 #include <stdio.h>
 
+// Square of the smallest change of normalised features that a discrete slope is corrected for.
+#define SMALLEST_CHANGE 1e-12
+
 typedef char term_prefix[96];
 
 static const char *prefix_of(term_prefix buffer, const char *prefix, int term) {
@@ -45,30 +48,52 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
 }
 
 bool pm_potential_is_discrete(const pm_potential_spec *spec) {
+    bool all = pm_features_are_discrete(spec->ngiven, spec->given);
     for (int i = 0; i < spec->nterm; ++i) {
-        if (!pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature)) {
-            return false;
-        }
+        all = all && pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature);
     }
-    return true;
+    return all;
 }
 
 // The known linear form: its coefficients.
-static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *symbols,
-                           pm_node *covector) {
+static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
+                           const pm_symbols *to, pm_node *covector) {
     for (int i = 0; i < spec->ngiven; ++i) {
         int size = 1;
-        pm_feature_size(spec->given[i], symbols, &size);
+        pm_feature_size(spec->given[i], from, &size);
         const double coefficient = spec->given_coefficient == NULL ? 1 : spec->given_coefficient[i];
         const pm_node weight = pm_constant(g, coefficient, 1, size);
-        pm_features_discrete(g, 1, &spec->given[i], symbols, symbols, weight, covector);
+        pm_features_discrete(g, 1, &spec->given[i], from, to, weight, covector);
     }
+}
+
+// The slope of a network between two values of its features: the derivative at their mean,
+// corrected along the change so that slope . change is the change of the output (Gonzalez 1996). A
+// change too small to be told from rounding needs no correction.
+static pm_node discrete_slope(pm_graph *g, const pm_network_spec *network, pm_node before,
+                              pm_node after, const pm_params *params, const char *prefix) {
+    const pm_node mean = pm_scale(g, pm_add(g, before, after), 0.5);
+    const pm_node at_mean = pm_network_build_from(g, network, mean, 1, params, prefix);
+    pm_node slope;
+    pm_gradient(g, at_mean, PM_NO_NODE, 1, &mean, &slope);
+    const bool linear = network->nhidden == 0 && network->skip != PM_SKIP_QUADRATIC;
+    if (slope == PM_NO_NODE || linear) {
+        return slope;
+    }
+    const pm_node scale = pm_network_param(g, params, prefix, "deviation");
+    const pm_node change = pm_sub(g, after, before);
+    const pm_node scaled = pm_div(g, change, scale);
+    const pm_node rise = pm_sub(g, pm_network_build_from(g, network, after, 1, params, prefix),
+                                pm_network_build_from(g, network, before, 1, params, prefix));
+    const pm_node missing = pm_sub(g, rise, pm_dot(g, slope, change));
+    const pm_node square = pm_offset(g, pm_dot(g, scaled, scaled), SMALLEST_CHANGE);
+    return pm_add(g, slope, pm_mul(g, pm_div(g, missing, square), pm_div(g, scaled, scale)));
 }
 
 void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, const pm_params *params, const char *prefix,
                            pm_node *covector) {
-    discrete_given(g, spec, from, covector);
+    discrete_given(g, spec, from, to, covector);
     for (int i = 0; i < spec->nterm; ++i) {
         const pm_network_spec *network = &spec->term[i];
         if (network->nfeature == 0) {
@@ -77,14 +102,10 @@ void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_
         term_prefix term;
         const pm_node before = pm_features_build(g, network->nfeature, network->feature, from);
         const pm_node after = pm_features_build(g, network->nfeature, network->feature, to);
-        const pm_node mean = pm_scale(g, pm_add(g, before, after), 0.5);
-        const pm_node value =
-            pm_network_build_from(g, network, mean, 1, params, prefix_of(term, prefix, i));
-        pm_node weight;
-        pm_gradient(g, value, PM_NO_NODE, 1, &mean, &weight);
-        if (weight != PM_NO_NODE) {
-            pm_features_discrete(g, network->nfeature, network->feature, from, to, weight,
-                                 covector);
+        const pm_node slope =
+            discrete_slope(g, network, before, after, params, prefix_of(term, prefix, i));
+        if (slope != PM_NO_NODE) {
+            pm_features_discrete(g, network->nfeature, network->feature, from, to, slope, covector);
         }
     }
 }

@@ -19,49 +19,57 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     return false;
 }
 
-// The rate solves r = f(e + R (r - last)), R the response: with the change d = f(e) - last and
-// J = df/de, r - last = (1 - J R)^-1 d, taken along d. Measured by the power it moves, R d . d, the
-// slope is -R d . J R d / R d . d, and positive for a law that dissipates.
-static pm_node newton_change(pm_graph *g, pm_node rate, pm_node last, const pm_node e[2],
-                             const pm_node response[2]) {
-    const pm_node change = last == PM_NO_NODE ? rate : pm_sub(g, rate, last);
-    const pm_node rise = pm_mul(g, change, pm_concat(g, 2, response)); // R d
+// Both ends' responses and e, side by side in rates [1][ny_a + ny_b].
+typedef struct exchange {
+    pm_node e[2], response;
+    int n[2];
+} exchange;
+
+// The change of the rate that solves r = f(e + R (r - last)), R the response: with the lack
+// d = f(e) - last and J = df/de it is (1 - J R)^-1 d, taken along d. Measured by the power it
+// moves, d . R d, the slope is -R d . J R d / d . R d, and positive for a law that dissipates.
+static pm_node newton_change(pm_graph *g, const exchange *x, pm_node rate, pm_node last) {
+    const pm_node lack = last == PM_NO_NODE ? rate : pm_sub(g, rate, last);
+    const pm_node rise = pm_mul(g, lack, x->response);
     pm_node row[2];
-    pm_gradient(g, rate, rise, 2, e, row); // R d . J
-    pm_node slope = PM_NO_NODE;
-    int first = 0;
+    pm_gradient(g, rate, rise, 2, x->e, row); // R d . J
+    pm_node moved = pm_offset(g, pm_dot(g, lack, rise), SMALLEST_CHANGE), all = moved;
     for (int i = 0; i < 2; ++i) {
-        const int n = pm_graph_shape(g, e[i]).cols;
         if (row[i] != PM_NO_NODE) {
-            slope = pm_add_or(g, slope, pm_dot(g, row[i], pm_slice(g, rise, first, n)));
+            const pm_node own_rise = pm_slice(g, rise, i == 0 ? 0 : x->n[0], x->n[i]);
+            all = pm_sub(g, all, pm_dot(g, row[i], own_rise));
         }
-        first += n;
     }
-    if (slope == PM_NO_NODE) {
-        return rise;
-    }
-    const pm_node moved = pm_offset(g, pm_dot(g, change, rise), SMALLEST_CHANGE);
-    return pm_mul(g, rise, pm_div(g, moved, pm_sub(g, moved, slope)));
+    return pm_mul(g, lack, pm_div(g, moved, all));
 }
 
-pm_node pm_port_predict(pm_graph *g, const pm_port_model *port, pm_node last,
-                        pm_port_nodes end[2]) {
-    if (port->law->irreversible == NULL || end[0].response == PM_NO_NODE ||
-        end[1].response == PM_NO_NODE) {
-        return PM_NO_NODE;
-    }
-    const pm_node rate = port->law->irreversible(g, port, end);
+// The part of `wanted` along `direction`, measured by the power they move.
+static pm_node along(pm_graph *g, const exchange *x, pm_node direction, pm_node wanted) {
+    const pm_node rise = pm_mul(g, direction, x->response);
+    const pm_node square = pm_offset(g, pm_dot(g, direction, rise), SMALLEST_CHANGE);
+    return pm_mul(g, direction, pm_div(g, pm_dot(g, wanted, rise), square));
+}
+
+pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port_nodes end[2],
+                     pm_node last, pm_node *next, pm_node *degeneracy) {
+    *next = PM_NO_NODE;
+    const bool stiff = port->law->irreversible != NULL && end[0].response != PM_NO_NODE &&
+                       end[1].response != PM_NO_NODE;
+    const pm_node rate = stiff ? port->law->irreversible(g, port, end) : PM_NO_NODE;
     if (rate == PM_NO_NODE) {
-        return PM_NO_NODE;
+        return port->law->rate(g, port, own, end, degeneracy);
     }
-    const pm_node e[2] = {end[0].e, end[1].e};
     const pm_node response[2] = {end[0].response, end[1].response};
-    const pm_node rise = newton_change(g, rate, last, e, response);
-    int first = 0;
+    const exchange x = {
+        {end[0].e, end[1].e}, pm_concat(g, 2, response), {port->layout[0].nz, port->layout[1].nz}};
+    const pm_node change = newton_change(g, &x, rate, last);
+    const pm_node rise = pm_mul(g, change, x.response);
     for (int i = 0; i < 2; ++i) {
-        const int n = port->layout[i].nz;
-        end[i].e = pm_add(g, end[i].e, pm_slice(g, rise, first, n));
-        first += n;
+        end[i].e = pm_add(g, end[i].e, pm_slice(g, rise, i == 0 ? 0 : x.n[0], x.n[i]));
     }
-    return port->law->irreversible(g, port, end);
+    const pm_node predicted = port->law->irreversible(g, port, end);
+    *next = along(g, &x, predicted, pm_add_or(g, last, change));
+    const pm_node correction = pm_sub(g, *next, predicted);
+    return pm_add(g, port->law->rate(g, port, own, end, degeneracy),
+                  pm_slice(g, correction, own == PM_END_A ? 0 : x.n[0], x.n[own]));
 }

@@ -151,9 +151,8 @@ static pm_status open_law(pm_subsystem *s, joint *j) {
     build_inputs(s, g, j, end);
     const pm_port_nodes shown[2] = {end[0], end[1]};
     const pm_node last = pm_input(g, true, 1, j->nboth);
-    const pm_node next = pm_port_predict(g, model, last, end);
-    pm_node degeneracy = PM_NO_NODE;
-    const pm_node rate = model->law->rate(g, model, j->end, end, &degeneracy);
+    pm_node next, degeneracy = PM_NO_NODE;
+    const pm_node rate = pm_port_rate(g, model, j->end, end, last, &next, &degeneracy);
     pm_status status = PM_OK;
     if (rate != PM_NO_NODE) {
         const pm_node output[] = {rate, end[j->end].e, next};

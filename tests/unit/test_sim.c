@@ -91,7 +91,9 @@ static void tableaux_meet_their_order(void **state) {
         assert_non_null(rk);
         assert_string_equal(rk->name, name);
         assert_in_range(rk->nstage, 1, PM_MAX_STAGES);
-        check_tableau(rk);
+        if (!rk->discrete) {
+            check_tableau(rk);
+        }
     }
     assert_in_range(count, 4, 100);
     assert_null(pm_integrator_find("rk5"));

@@ -1,0 +1,249 @@
+// Discrete gradients: what they are exact for, what a step of them keeps, and the stiff exchange
+// that they make stable.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "graph/program.h"
+#include "sim/assembly.h"
+#include "sim/ledger.h"
+#include "world.h"
+
+#define WORLDS 40
+#define NZ 5
+// Two states a factor of twenty apart in length are still exact to this.
+#define EXACTNESS 1e-9
+
+// Every feature that has a discrete derivative.
+static const char every_feature[] =
+    "energy:\n"
+    "  - {given: {s: 25.0}}\n"
+    "  - {features: [\"ln|q|\", \"|p|\", s], hidden: [5, 4], skip: quadratic}\n"
+    "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear}\n"
+    "entropy: [{given: s}, {features: [\"ln|q|\", s], hidden: [3]}]\n"
+    "reversible: {given: [[q, p, 1.0]]}\n"
+    "irreversible: {learned: {acts_on: [s], rank: 1}}\n";
+
+static const char springs[] = "law: bracket\n"
+                              "reversible: {given: [[a.p, b.q, 1.0]]}\n"
+                              "irreversible: {learned: {acts_on: [a.s, b.s], rank: 1, features: "
+                              "[\"|a.q|\"], hidden: [3]}}\n";
+
+// --- exactness ---
+
+typedef struct values {
+    double E, S, dE[NZ], dS[NZ];
+} values;
+
+// E and S at `to`, and their slopes between the two states; from NULL: their derivatives at `to`.
+static values slopes(const pm_part *part, const double *from, const double *to) {
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z_to = pm_input(g, true, 1, NZ);
+    const pm_node z_from = from == NULL ? PM_NO_NODE : pm_input(g, true, 1, NZ);
+    pm_node output[4] = {pm_part_energy(g, part, z_to), pm_part_entropy(g, part, z_to)};
+    pm_part_coenergies(g, part, z_from, z_to, &output[2], &output[3]);
+    assert_int_equal(pm_program_open(&program, g, 4, output, 1), PM_OK);
+    memcpy(pm_program_value(program, z_to), to, NZ * sizeof *to);
+    if (from != NULL) {
+        memcpy(pm_program_value(program, z_from), from, NZ * sizeof *from);
+    }
+    pm_program_run(program, 1);
+    values v = {.E = *pm_program_value(program, output[0]),
+                .S = *pm_program_value(program, output[1])};
+    memcpy(v.dE, pm_program_value(program, output[2]), sizeof v.dE);
+    memcpy(v.dS, pm_program_value(program, output[3]), sizeof v.dS);
+    pm_program_close(program);
+    pm_graph_close(g);
+    return v;
+}
+
+static double change(const double *slope, const double *from, const double *to) {
+    double sum = 0;
+    for (int i = 0; i < NZ; ++i) {
+        sum += slope[i] * (to[i] - from[i]);
+    }
+    return sum;
+}
+
+// Steps from a thousandth of the state to twenty times shorter vectors.
+static void slopes_are_exact(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_of_text(&w, seed, world_scene, every_feature, springs);
+        const pm_part *part = &w.system->part[0];
+        double to[NZ];
+        for (int i = 0; i < NZ; ++i) {
+            const double size = seed % 3 == 0 ? 1e-3 : 1;
+            to[i] = seed % 5 == 0 && i < 4 ? w.z[i] / 20 : w.z[i] + size * pm_rng_normal(&w.rng);
+        }
+        const values start = slopes(part, NULL, w.z), end = slopes(part, w.z, to);
+        world_check(&w, "change of E", change(end.dE, w.z, to), end.E - start.E, EXACTNESS);
+        world_check(&w, "change of S", change(end.dS, w.z, to), end.S - start.S, EXACTNESS);
+        world_close(&w);
+    }
+}
+
+static void slopes_of_no_change_are_derivatives(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_of_text(&w, seed, world_scene, every_feature, springs);
+        const pm_part *part = &w.system->part[0];
+        const values slope = slopes(part, w.z, w.z), derivative = slopes(part, NULL, w.z);
+        for (int i = 0; i < NZ; ++i) {
+            world_check(&w, "dE", slope.dE[i], derivative.dE[i], 1e-12 * (1 + fabs(slope.dE[i])));
+            world_check(&w, "dS", slope.dS[i], derivative.dS[i], 1e-12 * (1 + fabs(slope.dS[i])));
+        }
+        world_close(&w);
+    }
+}
+
+// --- steps ---
+
+static double total(int n, const double *x) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += x[i];
+    }
+    return sum;
+}
+
+// The largest change of the total energy over `steps` steps; checks that entropy does not fall.
+static double energy_drift(const world *w, const char *integrator, double dt, int steps) {
+    w->scene->integrator = integrator;
+    w->scene->dt = dt;
+    pm_assembly *assembly = NULL;
+    assert_int_equal(pm_assembly_open(&assembly, w->system), PM_OK);
+    pm_assembly_set_state(assembly, w->z);
+    const pm_sample *sample = pm_assembly_sample(assembly);
+    const double start = total(2, sample->energy);
+    double entropy = total(2, sample->entropy), drift = 0;
+    for (int i = 0; i < steps; ++i) {
+        if (pm_assembly_step(assembly) != PM_OK) {
+            drift = INFINITY;
+            break;
+        }
+        const double S = total(2, sample->entropy);
+        if (strcmp(integrator, "discrete_gradient") == 0) {
+            world_check(w, "fall of S", fmin(S - entropy, 0), 0, 1e-9);
+        }
+        entropy = S;
+        drift = fmax(drift, fabs(total(2, sample->energy) - start));
+    }
+    pm_assembly_close(assembly);
+    return drift;
+}
+
+// As far as the iteration converges, which it does fast for these steps.
+static void steps_keep_energy_and_entropy(void **state) {
+    (void)state;
+    double midpoint = 0;
+    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+        world w;
+        world_of_text(&w, seed, world_scene, every_feature, springs);
+        for (int i = 0; i < 2 * NZ; ++i) {
+            w.z[i] = (i % NZ < 4 ? 2 : 0) + 0.3 * w.z[i]; // away from where ln|q| bends most
+        }
+        world_check(&w, "drift of E", energy_drift(&w, "discrete_gradient", 0.005, 50), 0, 1e-9);
+        midpoint = fmax(midpoint, energy_drift(&w, "midpoint", 0.005, 50));
+        world_close(&w);
+    }
+    if (!(midpoint > 1e-6)) {
+        fail_msg("the midpoint rule drifts by %g only: nothing was tested", midpoint);
+    }
+}
+
+// --- stiff exchange ---
+
+static const char bodies[] =
+    "scene: bodies\n"
+    "time: {dt: 1, steps: 20, integrator: discrete_gradient}\n"
+    "subsystems:\n"
+    "  a: {weights: a.h5, state: {s: {unit: J/K, size: 1}}}\n"
+    "  b: {weights: b.h5, state: {s: {unit: J/K, size: 1}}}\n"
+    "ports:\n"
+    "  contact: {law: bracket, between: [a, b], weights: c.h5, expose: {a: [s], b: [s]}}\n";
+static const char body[] = "energy:\n"
+                           "  - {given: {s: 300.0}}\n"
+                           "  - {features: [s], skip: quadratic}\n"
+                           "entropy: {given: s}\n";
+static const char contact[] = "law: bracket\n"
+                              "irreversible: {learned: {acts_on: [a.s, b.s], rank: 1}}\n";
+
+static void set(pm_params *params, const char *name, int count, const double *value) {
+    const pm_param_entry *entry = pm_params_find(params, name);
+    assert_non_null(entry);
+    assert_int_equal(entry->rows * entry->cols, count);
+    memcpy(entry->value, value, (size_t)count * sizeof *value);
+}
+
+// Two bodies of 300 + 10 s kelvin; conduction relaxes their temperatures `rate` times per second.
+static void two_bodies(world *w, double rate) {
+    world_of_text(w, 1, bodies, body, contact);
+    set(&w->system->port[0].params, "irreversible.scale", 2, (const double[]){1, 1});
+    for (int i = 0; i < 2; ++i) {
+        set(&w->system->part[i].params, "energy.0.mean", 1, (const double[]){0});
+        set(&w->system->part[i].params, "energy.0.deviation", 1, (const double[]){1});
+        set(&w->system->part[i].params, "energy.0.linear", 1, (const double[]){0});
+        set(&w->system->part[i].params, "energy.0.quadratic", 1, (const double[]){5});
+    }
+    // The law is K (T_b - T_a)/T into a, K the square of the factor: the difference of the
+    // temperatures decays by 2 K 10/300 per second.
+    const double factor = sqrt(rate * 300 / (2 * 10));
+    set(&w->system->port[0].params, "irreversible.matrix.constant", 2,
+        (const double[]){factor, -factor});
+    w->z[0] = 1;
+    w->z[1] = -1;
+}
+
+static double temperature_difference(double s_a, double s_b) {
+    return 10 * (s_a - s_b);
+}
+
+// At rates far above one per step the temperatures meet at once, where an explicit step explodes;
+// at low ones they relax as they should.
+static void exchange_is_stable_at_any_rate(void **state) {
+    (void)state;
+    static const double rates[] = {1e-3, 1e-2, 1, 30, 1e3, 1e6};
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; ++i) {
+        world w;
+        two_bodies(&w, rates[i]);
+        world_check(&w, "drift of E", energy_drift(&w, "discrete_gradient", 1, 20), 0, 1e-9);
+        pm_assembly *assembly = NULL;
+        assert_int_equal(pm_assembly_open(&assembly, w.system), PM_OK);
+        pm_assembly_set_state(assembly, w.z);
+        assert_int_equal(pm_assembly_step(assembly), PM_OK);
+        const double *z = pm_assembly_sample(assembly)->z;
+        const double before = temperature_difference(w.z[0], w.z[1]);
+        // The rule's own factor for a linear decay: the slope is taken at the mean of both ends.
+        const double expected = before * (1 - rates[i] / 2) / (1 + rates[i] / 2);
+        world_check(&w, "difference after a step", temperature_difference(z[0], z[1]), expected,
+                    0.02 * fabs(before));
+        pm_assembly_close(assembly);
+        world_close(&w);
+    }
+    world w;
+    two_bodies(&w, 30);
+    if (!(energy_drift(&w, "rk4", 1, 20) > 1)) {
+        world_fail(&w, "rk4 is stable too: the exchange is not stiff");
+    }
+    world_close(&w);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(slopes_are_exact),
+        cmocka_unit_test(slopes_of_no_change_are_derivatives),
+        cmocka_unit_test(steps_keep_energy_and_entropy),
+        cmocka_unit_test(exchange_is_stable_at_any_rate),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
