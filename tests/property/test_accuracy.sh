@@ -37,7 +37,7 @@ scene() {
 
 scene double_pendulum 40:50 q 0.001 p 0.001 s 0.001
 scene double_pendulum_fast 40:50 q 0.002 p 0.002 s 0.002
-scene gas_containers 80:100 v 0.001 p 0.001 s 0.001
+scene gas_containers 80:100 v 0.0005 p 0.0005 s 0.0005
 
 [ $failures -eq 0 ] && echo "all well"
 exit $((failures > 0))
