@@ -22,9 +22,6 @@ static void book(pm_rollout *rollout, const pm_assembly *assembly) {
         snprintf(rollout->violation, sizeof rollout->violation, "trajectory %d: %.200s",
                  rollout->trajectory, pm_error());
     }
-    const pm_ledger *ledger = &rollout->ledger;
-    rollout->energy_drift =
-        fmax(rollout->energy_drift, fabs(ledger->energy - ledger->first_energy));
 }
 
 // The state just reached.

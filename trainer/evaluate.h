@@ -22,7 +22,6 @@ typedef struct pm_rollout {
     double *entropy;  // [ntime] J/K, likewise
     pm_ledger ledger;
     char violation[256];     // what the ledger says of a hard component that violates a law, or ""
-    double energy_drift;     // J, largest |E(t) - E(0)|
     double seconds_per_step; // of the scene
 } pm_rollout;
 

@@ -25,7 +25,7 @@ static summary summarise(const pm_evaluation *e) {
         }
         s.violations += ledger->violations;
         s.steps += ledger->steps;
-        s.energy_drift = fmax(s.energy_drift, r->energy_drift);
+        s.energy_drift = fmax(s.energy_drift, r->ledger.energy_drift);
         s.entropy_change += (ledger->entropy - ledger->first_entropy) / e->count;
         s.entropy_fall = fmax(s.entropy_fall, ledger->worst_entropy_fall);
         s.seconds_per_step += r->seconds_per_step / e->count;
@@ -186,7 +186,7 @@ static void json_rollouts(const pm_evaluation *e) {
             json_number(e->columns.group_name[g], r->error[g],
                         g + 1 < e->columns.ngroup ? ", " : "}, ");
         }
-        json_number("energy_drift", r->energy_drift, i + 1 < e->count ? "},\n" : "}\n");
+        json_number("energy_drift", r->ledger.energy_drift, i + 1 < e->count ? "},\n" : "}\n");
     }
     printf("  ]\n");
 }

@@ -181,6 +181,7 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
                 ledger->worst_entropy_at, ledger->worst_entropy_step);
     printf("  steps in violation: %ld; largest fall of the total entropy over a step: %.2e J/K\n",
            ledger->violations, ledger->worst_entropy_fall);
+    printf("  largest drift of the total energy: %.2e J\n", ledger->energy_drift);
 }
 
 static const char *plural(int count) {

@@ -107,6 +107,7 @@ static void book_totals(pm_ledger *ledger, const pm_sample *sample) {
     } else {
         ledger->worst_entropy_fall = fmax(ledger->worst_entropy_fall, ledger->entropy - entropy);
     }
+    ledger->energy_drift = fmax(ledger->energy_drift, fabs(energy - ledger->first_energy));
     ledger->energy = energy;
     ledger->entropy = entropy;
     ledger->steps = sample->step;

@@ -16,6 +16,7 @@ typedef struct pm_ledger {
     long steps;
     double first_energy, energy;        // J, total at the first and the last sample
     double first_entropy, entropy;      // J/K
+    double energy_drift;                // J, largest |total E - first total E|
     double worst_energy, worst_entropy; // largest energy residual; smallest entropy residual (<= 0)
     long worst_energy_step, worst_entropy_step;
     const char *worst_energy_at, *worst_entropy_at; // name of the port or subsystem; NULL: none

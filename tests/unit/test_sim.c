@@ -235,7 +235,7 @@ static void ledger_finds_violations(void **state) {
                                 c[i].name);
             assert_non_null(strstr(pm_error(), c[i].name));
         }
-        assert_true(ledger.first_energy == 0 && ledger.energy == 2);
+        assert_true(ledger.first_energy == 0 && ledger.energy == 2 && ledger.energy_drift == 2);
         assert_true(ledger.worst_entropy_fall == 0.5 && ledger.steps == 1);
         pm_sample_free(sample);
     }
