@@ -30,10 +30,10 @@ typedef struct bench {
 
 static void print_header(const study_question *question) {
     printf("\n%s: %s\n", question->name, question->asks);
-    printf("%-26s %7s %6s %8s  %-23s  %-23s  %8s %6s\n", "", "", "CPU", "one step",
-           "median error, %", "mean error, %", "energy,", "S falls,");
-    printf("%-26s %7s %6s %8s  %7s %7s %7s  %7s %7s %7s  %8s %6s\n", "", "weights", "s", "%", "q",
-           "p", "s", "q", "p", "s", "J", "% steps");
+    printf("%-26s %7s %6s %8s  %-23s  %-23s  %9s %7s\n", "", "", "CPU", "one step",
+           "median error, %", "mean error, %", "own E", "S falls");
+    printf("%-26s %7s %6s %8s  %7s %7s %7s  %7s %7s %7s  %9s %7s\n", "", "weights", "s", "%", "q",
+           "p", "s", "q", "p", "s", "drifts, J", "% steps");
 }
 
 static void print_score(const study_variant *variant, const study_made *made,
@@ -47,7 +47,7 @@ static void print_score(const study_variant *variant, const study_made *made,
     for (int g = 0; g < STUDY_GROUPS; ++g) {
         printf(" %7.2g", 100 * s->mean[g]);
     }
-    printf("  %8.1e %6.1f\n", s->laws.energy_median, 100 * s->laws.falls);
+    printf("  %9.1e %7.1f\n", s->laws.own_median, 100 * s->laws.falls);
     printf("    predicted: %s\n", variant->predicted);
     if (s->failures > 0) {
         printf("    %d rollouts became non-finite\n", s->failures);
@@ -63,16 +63,20 @@ static void print_growth(const study_score *s) {
         }
         printf(" %%\n");
     }
-    printf("    whole: energy strays by %.1e J (median), %.1e (worst); momentum by %.1e, %.1e; "
-           "entropy falls on %.1f %% of the steps, by up to %.1e J/K; %d rollouts non-finite\n",
-           s->laws.energy_median, s->laws.energy_worst, s->laws.momentum_median,
-           s->laws.momentum_worst, 100 * s->laws.falls, s->laws.fall, s->failures);
+    const study_laws *l = &s->laws;
+    printf(
+        "    median and worst: energy strays by %.1e %.1e J, the model's own by %.1e %.1e J,\n"
+        "    angular momentum by %.1e %.1e kg m^2/s; entropy falls by up to %.1e J/K, on %.1f %% "
+        "of the steps;\n    %d rollouts became non-finite\n",
+        l->energy_median, l->energy_worst, l->own_median, l->own_worst, l->momentum_median,
+        l->momentum_worst, l->fall, 100 * l->falls, s->failures);
     fflush(stdout);
 }
 
 static void write_csv_header(FILE *csv) {
     fprintf(csv, "question,variant,data,weights,cpu_s,elapsed_s,step_median,step_mean,"
                  "q_median,p_median,s_median,q_mean,p_mean,s_mean,energy_median_J,energy_worst_J,"
+                 "own_energy_median_J,own_energy_worst_J,"
                  "momentum_median,momentum_worst,entropy_falls,entropy_fall_J_per_K,nonfinite\n");
 }
 
@@ -86,8 +90,9 @@ static void write_csv(FILE *csv, const study_question *question, const study_var
     for (int g = 0; g < STUDY_GROUPS; ++g) {
         fprintf(csv, ",%.6g", s->mean[g]);
     }
-    fprintf(csv, ",%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d\n", s->laws.energy_median, s->laws.energy_worst,
-            s->laws.momentum_median, s->laws.momentum_worst, s->laws.falls, s->laws.fall,
+    const study_laws *l = &s->laws;
+    fprintf(csv, ",%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d\n", l->energy_median, l->energy_worst,
+            l->own_median, l->own_worst, l->momentum_median, l->momentum_worst, l->falls, l->fall,
             s->failures);
     fflush(csv);
 }
@@ -156,10 +161,24 @@ static bool is_asked(const char *name, int count, char **names) {
     return count == 0;
 }
 
+static pm_status check_names(const study *s, int count, char **names) {
+    for (int i = 0; i < count; ++i) {
+        bool found = false;
+        for (int k = 0; k < s->count; ++k) {
+            found = found || strcmp(names[i], s->question[k].name) == 0;
+        }
+        if (!found) {
+            return pm_fail(PM_EUSAGE, "there is no question \"%s\"", names[i]);
+        }
+    }
+    return PM_OK;
+}
+
 static pm_status run(bench *b, int count, char **names) {
     char path[4096];
     snprintf(path, sizeof path, "%s/study.yaml", b->source);
     PM_TRY(study_load(&b->study, path));
+    PM_TRY(check_names(&b->study, count, names));
     if ((mkdir(WORK, 0777) != 0 && errno != EEXIST) ||
         (mkdir(PICTURES, 0777) != 0 && errno != EEXIST)) {
         return pm_fail(PM_EFILE, PICTURES ": %s", strerror(errno));

@@ -45,12 +45,19 @@ static account take_account(const pm_truth_model *model, int reached, const doub
     return a;
 }
 
+// Of values [count], which are sorted.
+static void take_extremes(int count, double *value, double *median, double *worst) {
+    *median = pm_box_of(count, value).median;
+    *worst = value[count - 1];
+}
+
 static pm_status measure_laws(const pm_evaluation *e, const pm_truth *truth, study_laws *laws) {
-    double *energy = calloc(2 * (size_t)e->count, sizeof *energy);
+    const bool has_energy = pm_system_without_energy(e->system) < 0;
+    double *energy = calloc(3 * (size_t)e->count, sizeof *energy);
     if (energy == NULL) {
         return no_memory();
     }
-    double *momentum = energy + e->count;
+    double *momentum = energy + e->count, *own = momentum + e->count;
     long falls = 0, steps = 0;
     *laws = (study_laws){.fall = 0};
     for (int i = 0; i < e->count; ++i) {
@@ -58,14 +65,14 @@ static pm_status measure_laws(const pm_evaluation *e, const pm_truth *truth, stu
                                        pm_dataset_state(e->predicted, i, 0));
         energy[i] = a.energy;
         momentum[i] = a.momentum;
+        own[i] = has_energy ? e->rollout[i].energy_drift : NAN;
         falls += a.falls;
         steps += a.steps;
         laws->fall = fmax(laws->fall, a.fall);
     }
-    laws->energy_median = pm_box_of(e->count, energy).median;
-    laws->energy_worst = energy[e->count - 1];
-    laws->momentum_median = pm_box_of(e->count, momentum).median;
-    laws->momentum_worst = momentum[e->count - 1];
+    take_extremes(e->count, energy, &laws->energy_median, &laws->energy_worst);
+    take_extremes(e->count, momentum, &laws->momentum_median, &laws->momentum_worst);
+    take_extremes(e->count, own, &laws->own_median, &laws->own_worst);
     laws->falls = steps > 0 ? (double)falls / (double)steps : 0;
     free(energy);
     return PM_OK;

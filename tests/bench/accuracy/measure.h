@@ -1,6 +1,7 @@
 // What a training came to: its rollouts against the truth, and against the laws. Energy, angular
-// momentum and entropy are those of the simulator's own formulas at the predicted states, so that
-// forms which have no energy of their own are measured like those which have.
+// momentum and entropy are those of the simulator's formulas at the predicted states, so that a
+// form which has no energy is measured like those which have; besides, the drift of the energy that
+// the model itself has learned, which tells what its structure is worth apart from its error.
 #ifndef TESTS_BENCH_MEASURE_H
 #define TESTS_BENCH_MEASURE_H
 
@@ -20,6 +21,7 @@ typedef struct study_truth {
 // How predicted trajectories keep the laws.
 typedef struct study_laws {
     double energy_median, energy_worst;     // J, largest |E(t) - E(0)| of a trajectory
+    double own_median, own_worst;           // J, likewise of the model's energy; NaN: it has none
     double momentum_median, momentum_worst; // kg m^2/s, likewise
     double falls;                           // of the steps, on which the entropy falls
     double fall;                            // J/K, the largest
