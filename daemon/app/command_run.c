@@ -114,8 +114,8 @@ static pm_status gather(company *c, const pm_setup *setup, pm_observer *observer
     const char *url = "memory://";
     PM_TRY(pm_hub_open(&c->hub, NULL));
     for (int i = 0; i < c->count; ++i) {
-        const pm_lockstep_node_options options = {.z = setup->initial +
-                                                       setup->scene->subsystem[i].first};
+        const pm_lockstep_node_options options = {
+            .z = setup->initial + setup->scene->subsystem[i].first, .load = &setup->load};
         PM_TRY(pm_transport_open(&c->transport[i], url, c->hub));
         PM_TRY(pm_lockstep_node_open(&c->node[i], setup->system, i, c->transport[i], &options));
     }

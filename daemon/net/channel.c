@@ -33,9 +33,9 @@ pm_status pm_channel_subsystem(char *channel, const pm_scene *scene, const char 
 
 static pm_status print_flux(char *channel, const pm_scene *scene, int port_id, pm_end from) {
     const pm_scene_port *port = &scene->port[port_id];
-    return print(channel, "%s_FLUX_%s_%s_%s", scene->name,
-                 scene->subsystem[port->subsystem[from]].name,
-                 scene->subsystem[port->subsystem[1 - from]].name, port->name);
+    const int own = (int)from;
+    return print(channel, "%s_FLUX_%s_%s_%s", scene->name, pm_scene_end_name(scene, port, own),
+                 pm_scene_end_name(scene, port, 1 - own), port->name);
 }
 
 pm_status pm_channel_flux(char *channel, const pm_scene *scene, int port_id, pm_end from) {

@@ -13,6 +13,7 @@
 // Storage the caller owns. Rounds are counted from the start of the run ("key").
 typedef struct pm_flux_link {
     struct pm_lockstep_node *node; // whose it is
+    int port;                      // of the subsystem
     const char *neighbour;         // name
     char channel[PM_CHANNEL_SIZE]; // of the neighbour's fluxes
     pm_outbox sent;                // own fluxes
@@ -23,7 +24,8 @@ typedef struct pm_flux_link {
     double heard;                      // s, when
 } pm_flux_link;
 
-// Names, shapes and memory (from the arena) of the end `own` of a port. PM_ECONFIG, PM_ENOMEM.
+// Names, shapes and memory (from the arena) of the end `own` of a port between two subsystems.
+// PM_ECONFIG, PM_ENOMEM.
 pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene, int port_id,
                             pm_end own);
 

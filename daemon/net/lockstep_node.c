@@ -43,12 +43,13 @@ struct pm_lockstep_node {
     int64_t step; // being computed, or next
     int round;
     bool exposed;    // the round has begun
-    int coupled;     // ports whose neighbour's flux has been used in this round
+    int coupled;     // ports done in this round ...
+    int taken;       // ... and links among them, whose neighbour's flux has been used
     bool progressed; // since the last poll; a new wait begins
     pm_waiting waiting;
 
-    int nlink;
-    pm_flux_link *link; // [nlink], in the scene's order of ports
+    int nport, nlink;
+    pm_flux_link *link; // [nlink], in the scene's order of ports; loads have none
     pm_reporter reporter;
     char tick_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
     char request_channel[PM_CHANNEL_SIZE];
@@ -109,24 +110,29 @@ static pm_status start_round(pm_lockstep_node *node) {
         .time = time_of(node, node->step),
     };
     for (int i = 0; i < node->nlink; ++i) {
-        head.energy_flux = books.flux[i].energy;
-        head.entropy_flux = books.flux[i].entropy;
-        PM_TRY(pm_flux_link_send(&node->link[i], node->transport, round_key(node), &head,
-                                 pm_subsystem_values(node->subsystem, i)));
+        pm_flux_link *link = &node->link[i];
+        head.energy_flux = books.flux[link->port].energy;
+        head.entropy_flux = books.flux[link->port].entropy;
+        PM_TRY(pm_flux_link_send(link, node->transport, round_key(node), &head,
+                                 pm_subsystem_values(node->subsystem, link->port)));
     }
     // While the neighbours' fluxes travel.
     pm_subsystem_bulk(node->subsystem);
     node->exposed = true;
-    node->coupled = 0;
+    node->coupled = node->taken = 0;
     return PM_OK;
 }
 
-// Uses what the neighbours have sent, in the order of ports.
+// Uses what the neighbours have sent, in the order of ports. A load waits for nobody.
 static void couple_arrived(pm_lockstep_node *node) {
     pm_port_values neighbour;
-    while (node->coupled < node->nlink &&
-           pm_flux_link_take(&node->link[node->coupled], round_key(node), &neighbour)) {
-        pm_subsystem_couple(node->subsystem, node->coupled, &neighbour);
+    while (node->coupled < node->nport) {
+        const bool load = pm_subsystem_is_load(node->subsystem, node->coupled);
+        if (!load && !pm_flux_link_take(&node->link[node->taken], round_key(node), &neighbour)) {
+            return;
+        }
+        pm_subsystem_couple(node->subsystem, node->coupled, load ? NULL : &neighbour);
+        node->taken += load ? 0 : 1;
         node->coupled += 1;
         node->progressed = true;
     }
@@ -159,7 +165,7 @@ static pm_status run_rounds(pm_lockstep_node *node) {
             node->progressed = true;
         }
         couple_arrived(node);
-        if (node->coupled < node->nlink) {
+        if (node->coupled < node->nport) {
             return PM_OK;
         }
         PM_TRY(finish_round(node));
@@ -175,7 +181,7 @@ static pm_status await(pm_lockstep_node *node) {
         pm_waiting_start(&node->waiting, node->now);
         node->progressed = false;
     }
-    const pm_flux_link *l = node->exposed ? &node->link[node->coupled] : NULL;
+    const pm_flux_link *l = node->exposed ? &node->link[node->taken] : NULL;
     const double heard = l != NULL ? l->heard : node->coordinator_heard;
     const double patience = node->system->scene->patience;
     if (pm_waiting_over(&node->waiting, heard, patience, node->now)) {
@@ -451,8 +457,9 @@ static void on_flux(void *context, const char *channel, const void *data, size_t
 // --- opening ---
 
 static pm_status open_link(pm_lockstep_node *node, int port) {
-    pm_flux_link *link = &node->link[port];
+    pm_flux_link *link = &node->link[node->nlink++];
     link->node = node;
+    link->port = port;
     PM_TRY(pm_flux_link_init(link, &node->arena, node->system->scene,
                              pm_subsystem_port_id(node->subsystem, port),
                              pm_subsystem_end(node->subsystem, port)));
@@ -469,22 +476,26 @@ static pm_status subscribe(pm_lockstep_node *node) {
     return pm_transport_subscribe(node->transport, node->request_channel, on_request, node);
 }
 
-static pm_status prepare(pm_lockstep_node *node, int subsystem_id, const double *z) {
+static pm_status prepare(pm_lockstep_node *node, int subsystem_id,
+                         const pm_lockstep_node_options *options) {
     PM_TRY(pm_subsystem_open(&node->subsystem, node->system, subsystem_id));
-    if (z != NULL) {
-        pm_subsystem_set_state(node->subsystem, z);
+    pm_subsystem_set_load(node->subsystem, options->load);
+    if (options->z != NULL) {
+        pm_subsystem_set_state(node->subsystem, options->z);
     }
     node->rounds = pm_subsystem_rounds(node->subsystem);
-    node->nlink = pm_subsystem_nport(node->subsystem);
-    node->link = pm_arena_array(&node->arena, (size_t)node->nlink, sizeof *node->link);
+    node->nport = pm_subsystem_nport(node->subsystem);
+    node->link = pm_arena_array(&node->arena, (size_t)node->nport, sizeof *node->link);
     if (node->link == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
     }
-    for (int i = 0; i < node->nlink; ++i) {
-        PM_TRY(open_link(node, i));
+    for (int i = 0; i < node->nport; ++i) {
+        if (!pm_subsystem_is_load(node->subsystem, i)) {
+            PM_TRY(open_link(node, i));
+        }
     }
-    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, subsystem_id, node->nlink,
-                            node->transport));
+    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, subsystem_id,
+                            pm_subsystem_books(node->subsystem).nflux, node->transport));
     return subscribe(node);
 }
 
@@ -498,8 +509,10 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     made->system = system;
     made->name = own->name;
     made->transport = transport;
-    made->wanted_session = options == NULL ? 0 : options->session;
-    const pm_status status = prepare(made, subsystem_id, options == NULL ? NULL : options->z);
+    const pm_lockstep_node_options plain = {0};
+    const pm_lockstep_node_options *given = options == NULL ? &plain : options;
+    made->wanted_session = given->session;
+    const pm_status status = prepare(made, subsystem_id, given);
     if (status != PM_OK) {
         pm_lockstep_node_close(made);
         return status;

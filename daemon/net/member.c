@@ -36,7 +36,8 @@ static pm_status make_state(const pm_member *member, pm_arena *arena, portmet_st
     return PM_OK;
 }
 
-// The ports that end at the subsystem, in the scene's order: as its own reports list them.
+// The ports that end at the subsystem, in the scene's order, then the world's ends of its loads: as
+// its own reports list them.
 static pm_status list_ports(pm_member *member, pm_arena *arena, const pm_scene *scene) {
     member->port = pm_arena_array(arena, 2 * (size_t)scene->nport, sizeof *member->port);
     if (member->port == NULL) {
@@ -45,6 +46,12 @@ static pm_status list_ports(pm_member *member, pm_arena *arena, const pm_scene *
     for (int i = 0; i < 2 * scene->nport; ++i) {
         if (scene->port[i / 2].subsystem[i % 2] == member->subsystem_id) {
             member->port[member->nport++] = i;
+        }
+    }
+    for (int i = 0, count = member->nport; i < count; ++i) {
+        const int other = member->port[i] ^ 1;
+        if (scene->port[other / 2].load[other % 2] >= 0) {
+            member->port[member->nport++] = other;
         }
     }
     return PM_OK;

@@ -16,7 +16,7 @@ typedef struct pm_member {
     const pm_scene_subsystem *subsystem;
     char report_channel[PM_CHANNEL_SIZE], state_channel[PM_CHANNEL_SIZE];
     int nport;
-    int *port;                       // [nport] 2 * position in the scene + end
+    int *port; // [nport] 2 * position in the scene + end; those of the world come last
     portmet_report_t report_scratch; // being decoded
     portmet_state_t state_scratch;
     int depth;                // steps kept

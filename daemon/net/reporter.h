@@ -12,14 +12,14 @@ typedef struct pm_reporter {
     pm_transport *transport;
     int64_t digest;           // of scene, weights and initial state; in every report
     pm_outbox report, state;  // by step
-    portmet_report_t done;    // with arrays [nport]
+    portmet_report_t done;    // with arrays [nport], as pm_books.flux
     portmet_report_t word;    // without numbers: its arrays stay zero
     unsigned char *word_data; // [word_capacity]
     size_t word_capacity;
 } pm_reporter;
 
 // Names of channels, and memory (from the arena) for the reports of as many steps as the
-// coordinator may miss. PM_ECONFIG, PM_ENOMEM.
+// coordinator may miss. `nport`: pm_books.nflux. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int subsystem_id, int nport, pm_transport *transport);
 

@@ -13,6 +13,9 @@ typedef struct pm_integrator {
     double b[PM_MAX_STAGES]; // all >= 0, so that booked entropy production keeps its sign
 } pm_integrator;
 
+// When a stage is evaluated, as a fraction of the integrator's step.
+double pm_integrator_time(const pm_integrator *rk, int stage);
+
 // The method called `name`, or NULL. _names lists all, separated by ", ".
 const pm_integrator *pm_integrator_find(const char *name);
 const char *pm_integrator_names(void);

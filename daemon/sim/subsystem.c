@@ -23,8 +23,14 @@ typedef struct joint {
         int ny;
     } input[2];
     const double *rate; // [ny]; NULL if the law gives nothing
-    pm_flux flux;       // booked over the last step
     pm_flux booking;    // over the step under way
+    // At a load: the values at the world's end, and their rate.
+    const pm_scene_world *load; // NULL: the other end is a subsystem
+    const int *world_component;
+    pm_port_values world;
+    double *world_y, *world_e, *world_eta;
+    const double *world_rate;
+    pm_flux world_booking;
 } joint;
 
 struct pm_subsystem {
@@ -40,6 +46,9 @@ struct pm_subsystem {
     double *k;                    // [nstage][nz]
     int stage, substep;
     bool exposed; // dE and dS belong to stage_z
+    const pm_load *load;
+    double *prescribed; // [scene->nprescribed] at the stage
+    long step;
 
     pm_program *exposure; // z -> E, S, dE, dS
     double *exposure_z;
@@ -51,7 +60,7 @@ struct pm_subsystem {
     int njoint;
     joint *joint;
     pm_books books, booking;
-    pm_flux *flux; // [njoint] for books
+    pm_flux *flux; // for books
 };
 
 // --- building the graphs ---
@@ -109,22 +118,24 @@ static pm_status open_bulk(pm_subsystem *s, const pm_part *part) {
 
 static pm_status open_law(pm_subsystem *s, joint *j) {
     const pm_port_model *model = &s->system->port[j->port_id];
-    const pm_scene_port *scene = &s->system->scene->port[j->port_id];
     pm_graph *g = NULL;
     PM_TRY(pm_graph_open(&g));
     pm_port_nodes end[2];
     for (int i = 0; i < 2; ++i) {
         const int ny = model->layout[i].nz;
-        const bool entropy = pm_part_has_entropy(&s->system->part[scene->subsystem[i]]);
+        const bool entropy = pm_system_end_has_entropy(s->system, j->port_id, i);
         end[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
                                  entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE};
         j->input[i].ny = ny;
     }
     pm_node degeneracy = PM_NO_NODE;
-    const pm_node rate = model->law->rate(g, model, j->end, end, &degeneracy);
+    const pm_end other = j->end == PM_END_A ? PM_END_B : PM_END_A;
+    const pm_node rate[2] = {model->law->rate(g, model, j->end, end, &degeneracy),
+                             j->load == NULL ? PM_NO_NODE
+                                             : model->law->rate(g, model, other, end, &degeneracy)};
     pm_status status = PM_OK;
-    if (rate != PM_NO_NODE) {
-        status = pm_program_open(&j->program, g, 1, &rate, 1);
+    if (rate[0] != PM_NO_NODE) {
+        status = pm_program_open(&j->program, g, rate[1] == PM_NO_NODE ? 1 : 2, rate, 1);
     }
     if (j->program != NULL) {
         for (int i = 0; i < 2; ++i) {
@@ -133,10 +144,27 @@ static pm_status open_law(pm_subsystem *s, joint *j) {
             j->input[i].eta =
                 end[i].eta == PM_NO_NODE ? NULL : pm_program_value(j->program, end[i].eta);
         }
-        j->rate = pm_program_value(j->program, rate);
+        j->rate = pm_program_value(j->program, rate[0]);
+        j->world_rate = rate[1] == PM_NO_NODE ? NULL : pm_program_value(j->program, rate[1]);
     }
     pm_graph_close(g);
     return status;
+}
+
+// Room for what the world shows at its end.
+static pm_status open_world(pm_subsystem *s, joint *j, const pm_scene_port *port, int end) {
+    const int ny = port->layout[end].nz;
+    double *memory = pm_arena_array(&s->arena, 3 * (size_t)ny, sizeof *memory);
+    if (memory == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for port %s", port->name);
+    }
+    j->load = &s->system->scene->load[port->load[end]];
+    j->world_component = port->component[end];
+    j->world_y = memory;
+    j->world_e = memory + ny;
+    j->world_eta = memory + 2 * ny;
+    j->world = (pm_port_values){ny, j->world_y, j->world_e, j->world_eta};
+    return PM_OK;
 }
 
 static pm_status open_joint(pm_subsystem *s, joint *j, int port_id, pm_end end) {
@@ -153,6 +181,9 @@ static pm_status open_joint(pm_subsystem *s, joint *j, int port_id, pm_end end) 
     j->e = memory + j->ny;
     j->eta = memory + 2 * j->ny;
     j->shown = (pm_port_values){j->ny, j->y, j->e, j->eta};
+    if (scene->load[1 - end] >= 0) {
+        PM_TRY(open_world(s, j, scene, 1 - (int)end));
+    }
     return open_law(s, j);
 }
 
@@ -160,7 +191,8 @@ static pm_status open_joints(pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
     s->joint = pm_arena_array(&s->arena, 2 * (size_t)scene->nport, sizeof *s->joint);
     s->flux = pm_arena_array(&s->arena, 2 * (size_t)scene->nport, sizeof *s->flux);
-    if (s->joint == NULL || s->flux == NULL) {
+    s->prescribed = pm_arena_array(&s->arena, (size_t)scene->nprescribed, sizeof *s->prescribed);
+    if (s->joint == NULL || s->flux == NULL || s->prescribed == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the ports of %s", s->scene->name);
     }
     for (int i = 0; i < scene->nport; ++i) {
@@ -249,6 +281,14 @@ pm_end pm_subsystem_end(const pm_subsystem *s, int port) {
     return s->joint[port].end;
 }
 
+bool pm_subsystem_is_load(const pm_subsystem *s, int port) {
+    return s->joint[port].load != NULL;
+}
+
+void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load) {
+    s->load = load;
+}
+
 int pm_subsystem_rounds(const pm_subsystem *s) {
     return s->substeps * s->integrator->nstage;
 }
@@ -328,6 +368,32 @@ void pm_subsystem_bulk(pm_subsystem *s) {
     ++s->booking.evaluated;
 }
 
+// What the world shows at its end of a port, at the time of the stage.
+static const pm_port_values *prescribe(pm_subsystem *s, joint *j) {
+    assert(s->load != NULL);
+    const double fraction =
+        (s->substep + pm_integrator_time(s->integrator, s->stage)) / s->substeps;
+    pm_load_at(s->load, s->step, fraction, s->prescribed);
+    const double *value = s->prescribed + j->load->first;
+    const int nz = j->load->layout.nz;
+    for (int c = 0; c < j->world.ny; ++c) {
+        j->world_y[c] = value[j->world_component[c]];
+        j->world_e[c] = value[nz + j->world_component[c]];
+        j->world_eta[c] = value[2 * nz + j->world_component[c]];
+    }
+    return &j->world;
+}
+
+static void book_flux(double weight, const pm_port_values *shown, const double *rate,
+                      pm_flux *booking) {
+    double total[2] = {0}, gross[2] = {0};
+    book(weight, shown->ny, shown->e, shown->eta, rate, total, gross);
+    booking->energy += total[0];
+    booking->entropy += total[1];
+    booking->energy_gross += gross[0];
+    booking->entropy_gross += gross[1];
+}
+
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour) {
     joint *j = &s->joint[port];
     if (j->program == NULL) {
@@ -336,7 +402,7 @@ void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighb
     }
     const pm_port_values *shown[2];
     shown[j->end] = &j->shown;
-    shown[1 - j->end] = neighbour;
+    shown[1 - j->end] = j->load != NULL ? prescribe(s, j) : neighbour;
     for (int i = 0; i < 2; ++i) {
         assert(shown[i]->ny == j->input[i].ny);
         copy(j->input[i].y, shown[i]->y, shown[i]->ny);
@@ -348,12 +414,10 @@ void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighb
     for (int c = 0; c < j->ny; ++c) {
         k[j->component[c]] += j->rate[c];
     }
-    double total[2] = {0}, gross[2] = {0};
-    book(stage_weight(s), j->ny, j->e, j->eta, j->rate, total, gross);
-    j->booking.energy += total[0];
-    j->booking.entropy += total[1];
-    j->booking.energy_gross += gross[0];
-    j->booking.entropy_gross += gross[1];
+    book_flux(stage_weight(s), &j->shown, j->rate, &j->booking);
+    if (j->world_rate != NULL) {
+        book_flux(stage_weight(s), &j->world, j->world_rate, &j->world_booking);
+    }
     ++s->booking.evaluated;
 }
 
@@ -388,7 +452,7 @@ static void clear_booking(pm_subsystem *s) {
     const long evaluated = s->booking.evaluated, skipped = s->booking.skipped;
     s->booking = (pm_books){.evaluated = evaluated, .skipped = skipped};
     for (int i = 0; i < s->njoint; ++i) {
-        s->joint[i].booking = (pm_flux){0};
+        s->joint[i].booking = s->joint[i].world_booking = (pm_flux){0};
     }
 }
 
@@ -397,8 +461,12 @@ static void close_books(pm_subsystem *s) {
     s->books.energy = s->E[0];
     s->books.entropy = value_at(s->S, 0);
     s->books.flux = s->flux;
+    s->books.nflux = s->njoint;
     for (int i = 0; i < s->njoint; ++i) {
         s->flux[i] = s->joint[i].booking;
+        if (s->joint[i].load != NULL) {
+            s->flux[s->books.nflux++] = s->joint[i].world_booking;
+        }
     }
     clear_booking(s);
 }
@@ -408,6 +476,7 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->stage_z, s->z, s->nz);
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
+    s->step = 0;
     s->exposed = false;
     s->booking = (pm_books){0};
     clear_booking(s);
@@ -442,6 +511,16 @@ static pm_status check_potentials(const pm_subsystem *s) {
                    s->scene->name, s->E[0], value_at(s->S, 0));
 }
 
+static pm_status check_load(const pm_subsystem *s) {
+    if (s->load == NULL || s->step < s->load->end) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EDATA,
+                   "subsystem %s: what its load follows ends after %ld steps: take fewer steps, or "
+                   "a longer trajectory",
+                   s->scene->name, s->load->end);
+}
+
 pm_status pm_subsystem_end_step(pm_subsystem *s) {
     assert(s->stage == 0 && s->substep == s->substeps);
     s->substep = 0;
@@ -450,6 +529,9 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
         pm_subsystem_expose(s);
         status = check_potentials(s);
     }
+    if (status == PM_OK) {
+        status = check_load(s);
+    }
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
         copy(s->stage_z, s->z, s->nz);
@@ -457,6 +539,7 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
         return status;
     }
     copy(s->safe_z, s->z, s->nz);
+    ++s->step;
     close_books(s);
     return PM_OK;
 }
@@ -477,7 +560,12 @@ void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     sample->bulk_gross[2 * i + 1] = books->bulk_gross[1];
     sample->evaluated[i] = books->evaluated;
     sample->skipped[i] = books->skipped;
-    for (int j = 0; j < s->njoint; ++j) {
-        sample->flux[s->joint[j].port_id][s->joint[j].end] = books->flux[j];
+    int world = s->njoint;
+    for (int k = 0; k < s->njoint; ++k) {
+        const joint *j = &s->joint[k];
+        sample->flux[j->port_id][j->end] = books->flux[k];
+        if (j->load != NULL) {
+            sample->flux[j->port_id][1 - j->end] = books->flux[world++];
+        }
     }
 }

@@ -1,5 +1,5 @@
-// Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_port.c), and by them
-// only.
+// Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_load.c,
+// scene_port.c), and by them only.
 #ifndef PM_STORE_SCENE_READER_H
 #define PM_STORE_SCENE_READER_H
 
@@ -21,9 +21,10 @@ typedef struct pm_scene_named {
     pm_yaml at;
 } pm_scene_named;
 
-// The sections `subsystems` and, after it, `ports`; then the check that the names make channels
-// that fit LCM and tell every stream of messages apart.
+// The sections `subsystems` and, after it, `loads` and `ports`; then the check that the names make
+// channels that fit LCM and tell every stream of messages apart.
 pm_status pm_scene_read_subsystems(pm_scene_reader *r);
+pm_status pm_scene_read_loads(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_check_channels(pm_scene_reader *r);
 

@@ -143,7 +143,7 @@ static const yaml_case bad[] = {
     {"scene: pair\n", "", "url", "missing key \"scene\""},
     {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
     {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
-    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, ports"},
+    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, loads"},
     // the URL's shape
     {GOOD_URL, "foo://239.255.76.67:7667", "foo",
      "url: expected udpm://GROUP:PORT or mpudpm://GROUP:PORT"},
