@@ -36,17 +36,43 @@ static pm_node place(pm_graph *g, const pm_scene_port *port, int end, pm_node ra
     return sum;
 }
 
+pm_node pm_build_load(pm_graph *g, const pm_system *system, pm_node load, double fraction) {
+    const int n = system->scene->nprescribed;
+    if (load == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    int order = fraction == 0 ? 0 : PM_LOAD_ORDER - 1;
+    pm_node value = pm_slice(g, load, order * n, n);
+    while (--order >= 0) {
+        value = pm_add(g, pm_scale(g, value, fraction), pm_slice(g, load, order * n, n));
+    }
+    return value;
+}
+
+// What the world shows at its end of a port, in place of a subsystem's state and co-energies.
+static pm_state_nodes world_nodes(pm_graph *g, const pm_scene_world *load, pm_node prescribed) {
+    const int nz = load->layout.nz;
+    return (pm_state_nodes){
+        .z = pm_slice(g, prescribed, load->first, nz),
+        .dE = pm_slice(g, prescribed, load->first + nz, nz),
+        .dS = load->entropy ? pm_slice(g, prescribed, load->first + 2 * nz, nz) : PM_NO_NODE,
+    };
+}
+
 void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
-                         const pm_state_nodes *state, pm_port_nodes end[2]) {
+                         const pm_state_nodes *state, pm_node prescribed, pm_port_nodes end[2]) {
     const pm_scene_port *scene = &system->scene->port[port];
     for (int i = 0; i < 2; ++i) {
-        const pm_state_nodes *s = &state[scene->subsystem[i]];
-        end[i] = (pm_port_nodes){expose(g, scene, i, s->z), expose(g, scene, i, s->dE),
-                                 expose(g, scene, i, s->dS)};
+        const pm_state_nodes s =
+            scene->subsystem[i] >= 0
+                ? state[scene->subsystem[i]]
+                : world_nodes(g, &system->scene->load[scene->load[i]], prescribed);
+        end[i] = (pm_port_nodes){expose(g, scene, i, s.z), expose(g, scene, i, s.dE),
+                                 expose(g, scene, i, s.dS)};
     }
 }
 
-void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
+void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node prescribed,
                     pm_node *degeneracy) {
     const pm_scene *scene = system->scene;
     pm_build_coenergies(g, system, state);
@@ -57,9 +83,12 @@ void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
     for (int i = 0; i < scene->nport; ++i) {
         const pm_port_model *model = &system->port[i];
         pm_port_nodes end[2];
-        pm_build_port_nodes(g, system, i, state, end);
+        pm_build_port_nodes(g, system, i, state, prescribed, end);
         for (int own = 0; own < 2; ++own) {
             const int id = scene->port[i].subsystem[own];
+            if (id < 0) {
+                continue;
+            }
             const pm_node rate = model->law->rate(g, model, (pm_end)own, end, degeneracy);
             if (rate != PM_NO_NODE) {
                 const int nz = scene->subsystem[id].layout.nz;
@@ -83,7 +112,8 @@ static pm_node combine(pm_graph *g, pm_node z, double h, int n, const double *we
 }
 
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
-                   int substeps, pm_node *z, pm_node *degeneracy, const pm_step_work *work) {
+                   int substeps, pm_node *z, pm_node load, pm_node *degeneracy,
+                   const pm_step_work *work) {
     const int count = system->scene->nsubsystem;
     for (int substep = 0; substep < substeps; ++substep) {
         for (int stage = 0; stage < rk->nstage; ++stage) {
@@ -91,7 +121,9 @@ void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk
                 work->state[i].z =
                     combine(g, z[i], h, stage, rk->a[stage], work->k + i * rk->nstage);
             }
-            pm_build_rates(g, system, work->state, degeneracy);
+            const double fraction = (substep + pm_integrator_time(rk, stage)) / substeps;
+            pm_build_rates(g, system, work->state, pm_build_load(g, system, load, fraction),
+                           degeneracy);
             for (int i = 0; i < count; ++i) {
                 work->k[i * rk->nstage + stage] = work->state[i].zdot;
             }
