@@ -49,7 +49,7 @@ static void take_numbers(const pm_load *load) {
 pm_status pm_load_bind(pm_load *load, const pm_scene *scene, const pm_dataset *dataset, int stride,
                        pm_arena *arena) {
     const size_t n = (size_t)scene->nprescribed;
-    *load = (pm_load){.n = scene->nprescribed, .stride = stride, .end = LONG_MAX, .scene = scene};
+    *load = (pm_load){.n = scene->nprescribed, .stride = 1, .end = LONG_MAX, .scene = scene};
     load->column = pm_arena_array(arena, n, sizeof *load->column);
     load->value = pm_arena_array(arena, n, sizeof *load->value);
     if (load->column == NULL || load->value == NULL) {
@@ -68,6 +68,7 @@ pm_status pm_load_bind(pm_load *load, const pm_scene *scene, const pm_dataset *d
                            scene->path);
         }
         intervals = (size_t)dataset->ntime - 1;
+        load->stride = stride;
         load->end = (long)intervals * stride;
     }
     load->coefficient =

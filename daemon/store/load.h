@@ -26,9 +26,9 @@ typedef struct pm_load {
     double *value; // [n] work space
 } pm_load;
 
-// Finds the columns, and takes memory from the arena. `dataset` may be NULL if all are numbers.
-// `stride` is its dt over the scene's. PM_ECONFIG (no dataset), PM_EDATA (a column it does not
-// have, one state alone), PM_ENOMEM.
+// Finds the columns, and takes memory from the arena. `stride` is the dataset's dt over the
+// scene's. If all are numbers, `dataset` may be NULL. PM_ECONFIG (no dataset), PM_EDATA (a column
+// it does not have, one state alone), PM_ENOMEM.
 pm_status pm_load_bind(pm_load *load, const pm_scene *scene, const pm_dataset *dataset, int stride,
                        pm_arena *arena);
 

@@ -88,6 +88,14 @@ const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t
     return buffer;
 }
 
+const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = strlen(pm_scene_subsystem_names(scene, buffer, size));
+    for (int i = 0; i < scene->nload && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, ", %s", scene->load[i].name);
+    }
+    return buffer;
+}
+
 const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size) {
     size_t used = 0;
     for (int i = 0; i < layout->ngroup && used < size; ++i) {

@@ -36,8 +36,8 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
         if (port->subsystem[end] < 0 && port->load[end] < 0) {
             char names[512];
             return pm_yaml_fail(pm_yaml_item(between, end),
-                                "there is no subsystem \"%.64s\"; subsystems: %s", name[end],
-                                pm_scene_subsystem_names(r->scene, names, sizeof names));
+                                "there is no subsystem or load \"%.64s\"; there are: %s", name[end],
+                                pm_scene_end_names(r->scene, names, sizeof names));
         }
     }
     if (port->load[0] >= 0 && port->load[1] >= 0) {

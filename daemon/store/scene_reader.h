@@ -39,6 +39,7 @@ pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *w
 
 // "a, b, c" in the buffer, for messages that name what exists.
 const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size);
+const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size); // and loads
 const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size);
 
 pm_status pm_scene_no_memory(void);
