@@ -28,6 +28,17 @@ keeps chain_10 20
 same_bits chain_10 20
 keeps gas_containers 400
 same_bits gas_containers 400
+# said PATTERN: a line of what `check` printed last.
+said() {
+    grep -Eq "$1" "$folder/check.out" || fail "check: expected \"$1\""
+}
+"$portmetd" check "$configs/driven_lower.yaml" >"$folder/check.out" || fail "driven_lower: check"
+said '^load pivot: prescribed by the world'
+said '^  p +2 x kg m/s +dE vx vy$'
+said '^  s +1 x J/K +dE T  dS 1$'
+said '^  end a +pivot exposes p s$'
+! grep -q FLUX "$folder/check.out" || fail "check: nobody sends fluxes in driven_lower"
+
 keeps driven_upper 100
 keeps driven_lower 100
 same_bits driven_lower 100
