@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/progress.h"
 #include "options.h"
@@ -77,21 +78,30 @@ static pm_status note_convergence(pm_dataset *dataset, const double *difference)
                         : pm_dataset_note(dataset, "convergence", "%s", text);
 }
 
-// Fills the dataset and `difference` [ntrajectory]; `check` [ntime][ncolumn] is work space.
+// Those components of the states z [ntime][nz] that are columns.
+static void keep_columns(const pm_truth *truth, const double *z, pm_dataset *dataset,
+                         int trajectory) {
+    const size_t nz = (size_t)truth->model.ode.nz, ncolumn = (size_t)dataset->ncolumn;
+    for (int j = 0; j < truth->ntime; ++j) {
+        memcpy(pm_dataset_state(dataset, trajectory, j), z + (size_t)j * nz, ncolumn * sizeof *z);
+    }
+}
+
+// Fills the dataset and `difference` [ntrajectory]; `z` and `check` [ntime][nz] are work space.
 static pm_status run_all(const pm_truth *truth, int first, pm_dataset *dataset, double *difference,
-                         double *check, const volatile sig_atomic_t *stop) {
+                         double *z, double *check, const volatile sig_atomic_t *stop) {
     pm_truth_report report;
     pm_progress progress;
     pm_status status = PM_OK;
     pm_truth_report_init(&report);
     pm_progress_init(&progress, "truth", dataset->ntrajectory);
     for (int i = 0; i < dataset->ntrajectory && status == PM_OK; ++i) {
-        double *z = pm_dataset_state(dataset, i, 0);
         status = *stop ? pm_fail(PM_EINTERRUPTED, "truth: interrupted, nothing written")
                        : pm_truth_run(truth, first + i, z, check);
         if (status == PM_OK) {
             pm_truth_report_add(&report, truth, z);
             difference[i] = pm_truth_difference(truth, z, check);
+            keep_columns(truth, z, dataset, i);
             pm_progress_update(&progress, i + 1, NULL);
         }
     }
@@ -105,18 +115,19 @@ static pm_status run_all(const pm_truth *truth, int first, pm_dataset *dataset, 
 
 static pm_status simulate(const pm_truth *truth, int first, pm_dataset *dataset,
                           const volatile sig_atomic_t *stop) {
-    const size_t nstate = (size_t)truth->ntime * (size_t)dataset->ncolumn;
+    const size_t nstate = (size_t)truth->ntime * (size_t)truth->model.ode.nz;
     double *difference = calloc((size_t)dataset->ntrajectory, sizeof *difference);
-    double *check = calloc(nstate, sizeof *check);
+    double *z = calloc(nstate, sizeof *z), *check = calloc(nstate, sizeof *check);
     pm_status status = PM_OK;
-    if (difference == NULL || check == NULL) {
+    if (difference == NULL || z == NULL || check == NULL) {
         status = pm_fail(PM_ENOMEM, "truth: out of memory");
         goto done;
     }
-    PM_TRY_DONE(run_all(truth, first, dataset, difference, check, stop));
+    PM_TRY_DONE(run_all(truth, first, dataset, difference, z, check, stop));
     PM_TRY_DONE(note_convergence(dataset, difference));
 done:
     free(difference);
+    free(z);
     free(check);
     return status;
 }
@@ -147,7 +158,7 @@ pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *s
     int first = 0, end = 0;
     PM_TRY_DONE(pm_truth_load(&truth, a.config));
     PM_TRY_DONE(pm_options_range(a.trajectories, truth->ntrajectory, &first, &end));
-    PM_TRY_DONE(pm_dataset_new(&dataset, end - first, truth->ntime, truth->model.ode.nz, truth->dt,
+    PM_TRY_DONE(pm_dataset_new(&dataset, end - first, truth->ntime, truth->model.ncolumn, truth->dt,
                                truth->model.column));
     PM_TRY_DONE(add_notes(dataset, truth, first, command));
     PM_TRY_DONE(simulate(truth, first, dataset, stop));

@@ -63,8 +63,11 @@ static void score(const pm_evaluation *e, pm_rollout *rollout, const double *pre
 }
 
 // `z` [nz] is work space.
-static void roll(const pm_evaluation *e, pm_assembly *assembly, int index, double *z) {
+static void roll(const pm_evaluation *e, pm_assembly *assembly, pm_load *load, int index,
+                 double *z) {
     pm_rollout *rollout = &e->rollout[index];
+    pm_load_follow(load, e->truth, rollout->trajectory);
+    pm_assembly_set_load(assembly, load);
     const size_t row_size = (size_t)e->truth->ncolumn * sizeof *z;
     pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, 0), z);
     pm_assembly_set_state(assembly, z);
@@ -128,20 +131,25 @@ static void report_failure(pool *p, pm_status status) {
 static void *work(void *context) {
     pool *p = context;
     const pm_system *system = p->evaluation->system;
+    const pm_evaluation *e = p->evaluation;
+    pm_arena arena = {0};
+    pm_load load;
     pm_assembly *assembly = NULL;
-    double *z = calloc((size_t)system->scene->nz + 1, sizeof *z);
-    const pm_status status = z == NULL ? pm_fail(PM_ENOMEM, "evaluate: out of memory")
-                                       : pm_assembly_open(&assembly, system);
-    if (status == PM_OK) {
-        for (int index = take(p); index >= 0; index = take(p)) {
-            roll(p->evaluation, assembly, index, z);
-            report_done(p);
-        }
-    } else {
+    double *z = pm_arena_array(&arena, (size_t)system->scene->nz, sizeof *z);
+    pm_status status = z == NULL ? pm_fail(PM_ENOMEM, "evaluate: out of memory") : PM_OK;
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(pm_load_bind(&load, system->scene, e->truth, e->stride, &arena));
+    PM_TRY_DONE(pm_assembly_open(&assembly, system));
+    for (int index = take(p); index >= 0; index = take(p)) {
+        roll(e, assembly, &load, index, z);
+        report_done(p);
+    }
+done:
+    if (status != PM_OK) {
         report_failure(p, status);
     }
     pm_assembly_close(assembly);
-    free(z);
+    pm_arena_free(&arena);
     return NULL;
 }
 

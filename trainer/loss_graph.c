@@ -18,7 +18,7 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
     const bool derivative = loss->residual == PM_RESIDUAL_DERIVATIVE;
     const pm_integrator *rk = derivative ? pm_integrator_find("euler") : loss->integrator;
     const int substeps = derivative ? 1 : loss->substeps;
-    nodes->input = pm_input(g, true, 1, (unroll + 1) * nz);
+    nodes->input = pm_input(g, true, 1, pm_samples_width(samples));
     nodes->degeneracy = PM_NO_NODE;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         s->z[i] =
@@ -26,7 +26,11 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
     }
     const pm_node scale = pm_param(g, samples->scale, 1, nz);
     for (int step = 0; step < unroll; ++step) {
-        pm_build_step(g, system, rk, scene->dt / substeps, substeps, s->z, &nodes->degeneracy,
+        const pm_node load = samples->nload == 0
+                                 ? PM_NO_NODE
+                                 : pm_slice(g, nodes->input, pm_samples_load(samples, step),
+                                            PM_LOAD_ORDER * samples->nload);
+        pm_build_step(g, system, rk, scene->dt / substeps, substeps, s->z, load, &nodes->degeneracy,
                       &s->work);
         const pm_node target = pm_slice(g, nodes->input, (step + 1) * nz, nz);
         const pm_node predicted = pm_concat(g, scene->nsubsystem, s->z);

@@ -16,7 +16,7 @@ typedef struct pm_loss {
 } pm_loss;
 
 typedef struct pm_loss_nodes {
-    pm_node input;      // [1][(1 + unroll) nz] batched: a window of samples.h
+    pm_node input;      // [1][pm_samples_width] batched: a window of samples.h
     pm_node residual;   // [1][unroll nz]: (z - z_data) / scale after each step
     pm_node degeneracy; // [1][1]: mean squared degeneracy residual; PM_NO_NODE in the hard form
 } pm_loss_nodes;

@@ -212,7 +212,7 @@ static void *work(void *context) {
     lane *l = context;
     const pm_normal *n = l->normal;
     const pm_samples *samples = n->context.samples;
-    const size_t width = ((size_t)samples->unroll + 1) * (size_t)samples->nz;
+    const size_t width = (size_t)pm_samples_width(samples);
     memset(l->hessian, 0, (size_t)n->size * (size_t)n->size * sizeof *l->hessian);
     memset(l->gradient, 0, (size_t)n->size * sizeof *l->gradient);
     for (int first = l->id * CHUNK; first < l->count; first += LANES * CHUNK) {

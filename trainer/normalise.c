@@ -20,6 +20,7 @@ typedef struct set {
     pm_node node;
     int count;                 // expressions
     int size[PM_MAX_FEATURES]; // components of each
+    int twin[PM_MAX_FEATURES]; // of a scale: the group of the same name at the other end, or -1
 } set;
 
 typedef struct collection {
@@ -35,6 +36,18 @@ static pm_param_entry *entry_of(const collection *c, const char *prefix, const c
     return pm_params_find(c->params, full);
 }
 
+// The group that the other end of a port calls the same: "b.s" for "a.s".
+static int find_twin(const pm_normaliser *n, int own) {
+    const char *dot = strchr(n->expression[own], '.');
+    for (int i = 0; i < n->count && dot != NULL; ++i) {
+        const char *other = strchr(n->expression[i], '.');
+        if (i != own && other != NULL && strcmp(dot, other) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
 static pm_status collect(void *context, const pm_normaliser *n) {
     collection *c = context;
     if (c->count == MAX_SETS) {
@@ -47,6 +60,7 @@ static pm_status collect(void *context, const pm_normaliser *n) {
     s->deviation = entry_of(c, n->prefix, name[n->kind]);
     for (int i = 0; i < n->count; ++i) {
         PM_TRY(pm_feature_size(n->expression[i], n->symbols, &s->size[i]));
+        s->twin[i] = n->kind == PM_NORMALISE_SCALE ? find_twin(n, i) : -1;
     }
     const pm_node node = pm_features_build(c->g, n->count, n->expression, n->symbols);
     s->node = pm_broadcast_to(c->g, node, (pm_shape){true, 1, pm_graph_shape(c->g, node).cols});
@@ -70,7 +84,7 @@ static void fix_features(const set *s, const double *value, int count, int cols)
     }
 }
 
-// Root mean square over components [first, first + size).
+// Root mean square over components [first, first + size); 0 only if all are.
 static double pooled_rms(const double *value, int count, int cols, int first, int size) {
     double square = 0;
     for (int i = 0; i < count; ++i) {
@@ -79,13 +93,19 @@ static double pooled_rms(const double *value, int count, int cols, int first, in
             square += x * x / ((double)count * size);
         }
     }
-    return square > 0 ? sqrt(square) : 1;
+    return sqrt(square);
 }
 
 static void fix_scale(const set *s, const double *value, int count, int cols) {
-    double square = 0;
+    double typical[PM_MAX_FEATURES], square = 0;
     for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
-        const double rms = pooled_rms(value, count, cols, first, s->size[k]);
+        typical[k] = pooled_rms(value, count, cols, first, s->size[k]);
+    }
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        // The world shows no state at its end of a load: what it trades counts as it does at the
+        // subsystem's.
+        const double own = typical[k] > 0 || s->twin[k] < 0 ? typical[k] : typical[s->twin[k]];
+        const double rms = own > 0 ? own : 1;
         for (int c = first; c < first + s->size[k]; ++c) {
             s->deviation->value[c] = rms;
             square += rms * rms / cols;
@@ -98,8 +118,8 @@ static void fix_scale(const set *s, const double *value, int count, int cols) {
 
 static void fix_along(const set *s, const double *value, int count, int cols) {
     for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
-        s->deviation->value[k] =
-            pooled_rms(value, count, cols, first, s->size[k]) * sqrt((double)s->size[k]);
+        const double rms = pooled_rms(value, count, cols, first, s->size[k]);
+        s->deviation->value[k] = (rms > 0 ? rms : 1) * sqrt((double)s->size[k]);
     }
 }
 
@@ -111,7 +131,8 @@ static void fix(const set *s, const double *value, int count, int cols) {
 
 // --- running the graphs ---
 
-static pm_status visit_all(collection *c, pm_system *system, const pm_state_nodes *state) {
+static pm_status visit_all(collection *c, pm_system *system, const pm_state_nodes *state,
+                           pm_node prescribed) {
     const pm_scene *scene = system->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         c->params = &system->part[i].params;
@@ -120,14 +141,14 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
     }
     for (int i = 0; i < scene->nport; ++i) {
         pm_port_nodes end[2];
-        pm_build_port_nodes(c->g, system, i, state, end);
+        pm_build_port_nodes(c->g, system, i, state, prescribed, end);
         c->params = &system->port[i].params;
         PM_TRY(system->port[i].law->visit(&system->port[i], c->g, end, collect, c));
     }
     return PM_OK;
 }
 
-static pm_status run_and_fix(collection *c, pm_node z, const pm_samples *samples) {
+static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *samples) {
     if (c->count == 0) {
         return PM_OK;
     }
@@ -137,11 +158,8 @@ static pm_status run_and_fix(collection *c, pm_node z, const pm_samples *samples
     }
     pm_program *program = NULL;
     PM_TRY(pm_program_open(&program, c->g, c->count, output, samples->count));
-    const size_t nz = (size_t)samples->nz, window = ((size_t)samples->unroll + 1) * nz;
-    double *input = pm_program_value(program, z);
-    for (size_t i = 0; i < (size_t)samples->count; ++i) {
-        memcpy(input + i * nz, samples->z + i * window, nz * sizeof *input);
-    }
+    memcpy(pm_program_value(program, window), samples->z,
+           (size_t)samples->count * (size_t)pm_samples_width(samples) * sizeof *samples->z);
     pm_program_run(program, samples->count);
     for (int i = 0; i < c->count; ++i) {
         fix(&c->set[i], pm_program_value(program, output[i]), samples->count,
@@ -163,15 +181,18 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples) {
     }
     PM_TRY_DONE(pm_graph_open(&g));
     c->g = g;
-    const pm_node z = pm_input(g, true, 1, samples->nz);
+    const pm_node window = pm_input(g, true, 1, pm_samples_width(samples));
     for (int i = 0; i < count; ++i) {
         const pm_scene_subsystem *s = &system->scene->subsystem[i];
-        state[i].z = state[i].to = pm_slice(g, z, s->first, s->layout.nz);
+        state[i].z = state[i].to = pm_slice(g, window, s->first, s->layout.nz);
         state[i].from = state[i].response = PM_NO_NODE;
     }
     pm_build_coenergies(g, system, state);
-    PM_TRY_DONE(visit_all(c, system, state));
-    PM_TRY_DONE(run_and_fix(c, z, samples));
+    const pm_node load = samples->nload == 0 ? PM_NO_NODE
+                                             : pm_slice(g, window, pm_samples_load(samples, 0),
+                                                        PM_LOAD_ORDER * samples->nload);
+    PM_TRY_DONE(visit_all(c, system, state, pm_build_load(g, system, load, 0)));
+    PM_TRY_DONE(run_and_fix(c, window, samples));
 done:
     pm_graph_close(g);
     free(c);

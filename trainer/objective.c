@@ -19,7 +19,7 @@ typedef struct lane {
     pm_objective *objective;
     int id;
     pm_program *program;
-    double *window; // [CHUNK][1 + unroll][nz], the program's input
+    double *window; // [CHUNK][pm_samples_width], the program's input
     double loss;
     double *gradient; // [size]
     // The work at hand.
@@ -234,7 +234,7 @@ static void *work(void *context) {
     lane *l = context;
     const int chunk = chunk_of(l->count);
     const pm_objective *o = l->objective;
-    const size_t width = ((size_t)o->samples->unroll + 1) * (size_t)o->samples->nz;
+    const size_t width = (size_t)pm_samples_width(o->samples);
     l->loss = 0;
     memset(l->gradient, 0, (size_t)o->size * sizeof *l->gradient);
     for (int first = l->id * chunk; first < l->count; first += LANES * chunk) {

@@ -41,29 +41,31 @@ static void pool_scales(pm_samples *s, const pm_scene *scene, const double *squa
     }
 }
 
-static void cut(pm_samples *s, const double *state, int ntrajectory, int ntime,
-                pm_residual residual, double *square, long *nsquare) {
-    const size_t nz = (size_t)s->nz;
+// The windows of one trajectory of states, whose loads `load` follows; returns the end of them.
+static double *cut(const pm_samples *s, const double *state, int ntime, pm_residual residual,
+                   const pm_load *load, double *window, double *square) {
+    const size_t nz = (size_t)s->nz, nload = PM_LOAD_ORDER * (size_t)s->nload;
     const int margin = margin_of(residual);
     const int last = residual == PM_RESIDUAL_DERIVATIVE ? ntime - margin : ntime - s->unroll;
-    double *window = s->z;
-    for (int i = 0; i < ntrajectory; ++i) {
-        for (int j = margin; j < last; ++j) {
-            const double *at = state + ((size_t)i * (size_t)ntime + (size_t)j) * nz;
-            if (residual == PM_RESIDUAL_DERIVATIVE) {
-                memcpy(window, at, nz * sizeof *at);
-                euler_target(at, s->nz, window + nz);
-            } else {
-                memcpy(window, at, ((size_t)s->unroll + 1) * nz * sizeof *at);
-            }
-            for (size_t c = 0; c < nz; ++c) {
-                const double increment = window[nz + c] - window[c];
-                square[c] += increment * increment;
-            }
-            ++*nsquare;
-            window += ((size_t)s->unroll + 1) * nz;
+    for (int j = margin; j < last; ++j) {
+        const double *at = state + (size_t)j * nz;
+        if (residual == PM_RESIDUAL_DERIVATIVE) {
+            memcpy(window, at, nz * sizeof *at);
+            euler_target(at, s->nz, window + nz);
+        } else {
+            memcpy(window, at, ((size_t)s->unroll + 1) * nz * sizeof *at);
         }
+        for (int step = 0; step < s->unroll && s->nload > 0; ++step) {
+            memcpy(window + pm_samples_load(s, step), pm_load_interval(load, j + step),
+                   nload * sizeof *at);
+        }
+        for (size_t c = 0; c < nz; ++c) {
+            const double increment = window[nz + c] - window[c];
+            square[c] += increment * increment;
+        }
+        window += pm_samples_width(s);
     }
+    return window;
 }
 
 static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d, int first, int end,
@@ -75,30 +77,35 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
                        end - first, d->ntime);
     }
     pm_columns columns;
+    pm_load load;
     PM_TRY(pm_columns_bind(&columns, scene, d, scratch));
-    const size_t nz = (size_t)s->nz, rows = (size_t)(end - first) * (size_t)d->ntime;
+    PM_TRY(pm_load_bind(&load, scene, d, 1, scratch));
+    const size_t nz = (size_t)s->nz;
     s->count = per_trajectory * (end - first);
-    s->z = pm_arena_array(&s->arena, (size_t)s->count * ((size_t)s->unroll + 1) * nz, sizeof *s->z);
+    s->z = pm_arena_array(&s->arena, (size_t)s->count * (size_t)pm_samples_width(s), sizeof *s->z);
     s->scale = pm_arena_array(&s->arena, nz, sizeof *s->scale);
-    double *state = pm_arena_array(scratch, rows * nz, sizeof *state);
+    double *state = pm_arena_array(scratch, (size_t)d->ntime * nz, sizeof *state);
     double *square = pm_arena_array(scratch, nz, sizeof *square);
     if (s->z == NULL || s->scale == NULL || state == NULL || square == NULL) {
         return no_memory();
     }
-    const double *row = pm_dataset_state(d, first, 0);
-    for (size_t i = 0; i < rows; ++i) {
-        pm_columns_to_state(&columns, row + i * (size_t)d->ncolumn, state + i * nz);
+    double *window = s->z;
+    for (int i = first; i < end; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            pm_columns_to_state(&columns, pm_dataset_state(d, i, j), state + (size_t)j * nz);
+        }
+        pm_load_follow(&load, d, i);
+        window = cut(s, state, d->ntime, residual, &load, window, square);
     }
-    long nsquare = 0;
-    cut(s, state, end - first, d->ntime, residual, square, &nsquare);
-    pool_scales(s, scene, square, nsquare);
+    pool_scales(s, scene, square, s->count);
     return PM_OK;
 }
 
 pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_dataset *dataset,
                           int first, int end, pm_residual residual, int unroll) {
-    *samples =
-        (pm_samples){.nz = scene->nz, .unroll = residual == PM_RESIDUAL_DERIVATIVE ? 1 : unroll};
+    *samples = (pm_samples){.nz = scene->nz,
+                            .nload = scene->nprescribed,
+                            .unroll = residual == PM_RESIDUAL_DERIVATIVE ? 1 : unroll};
     pm_arena scratch = {0};
     const pm_status status = make(samples, scene, dataset, first, end, residual, &scratch);
     pm_arena_free(&scratch);

@@ -3,15 +3,18 @@
 #define PM_TRAINER_SAMPLES_H
 
 #include "store/columns.h"
+#include "store/load.h"
 
 typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residual;
 
-// count windows of 1 + unroll states, [count][1 + unroll][nz]. For the derivative residual unroll
-// is 1 and the second state is z + dt zdot, with zdot by central differences of fourth order.
+// count windows of 1 + unroll states [1 + unroll][nz], each with what the loads prescribe over its
+// steps, [unroll][PM_LOAD_ORDER][nload] (pm_load_interval). For the derivative residual unroll is 1
+// and the second state is z + dt zdot, with zdot by central differences of fourth order.
 typedef struct pm_samples {
     pm_arena arena; // owns all that follows
     int count, unroll, nz;
-    double *z;
+    int nload;     // scene->nprescribed
+    double *z;     // [count][pm_samples_width]
     double *scale; // [nz] root mean square of the one-step increment, pooled over each group
 } pm_samples;
 
@@ -19,5 +22,13 @@ typedef struct pm_samples {
 pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_dataset *dataset,
                           int first, int end, pm_residual residual, int unroll);
 void pm_samples_free(pm_samples *samples);
+
+// Where a window's loads over step `step` begin, and numbers in a window.
+static inline int pm_samples_load(const pm_samples *s, int step) {
+    return (1 + s->unroll) * s->nz + step * PM_LOAD_ORDER * s->nload;
+}
+static inline int pm_samples_width(const pm_samples *s) {
+    return pm_samples_load(s, s->unroll);
+}
 
 #endif

@@ -34,25 +34,55 @@ static pm_node place(pm_graph *g, const pm_scene_port *port, int end, pm_node ra
     return sum;
 }
 
+pm_node pm_build_load(pm_graph *g, const pm_system *system, pm_node load, double fraction) {
+    const int n = system->scene->nprescribed;
+    if (load == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    int order = fraction == 0 ? 0 : PM_LOAD_ORDER - 1;
+    pm_node value = pm_slice(g, load, order * n, n);
+    while (--order >= 0) {
+        value = pm_add(g, pm_scale(g, value, fraction), pm_slice(g, load, order * n, n));
+    }
+    return value;
+}
+
+// What the world shows at its end of a port, in place of a subsystem's state and co-energies.
+static pm_state_nodes world_nodes(pm_graph *g, const pm_scene_world *load, pm_node prescribed) {
+    const int nz = load->layout.nz;
+    return (pm_state_nodes){
+        .z = pm_slice(g, prescribed, load->first, nz),
+        .dE = pm_slice(g, prescribed, load->first + nz, nz),
+        .dS = load->entropy ? pm_slice(g, prescribed, load->first + 2 * nz, nz) : PM_NO_NODE,
+        .response = PM_NO_NODE,
+    };
+}
+
 void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
-                         const pm_state_nodes *state, pm_port_nodes end[2]) {
+                         const pm_state_nodes *state, pm_node prescribed, pm_port_nodes end[2]) {
     const pm_scene_port *scene = &system->scene->port[port];
     for (int i = 0; i < 2; ++i) {
-        const pm_state_nodes *s = &state[scene->subsystem[i]];
-        end[i] = (pm_port_nodes){expose(g, scene, i, s->z), expose(g, scene, i, s->dE),
-                                 expose(g, scene, i, s->dS), expose(g, scene, i, s->response)};
+        const pm_state_nodes s =
+            scene->subsystem[i] >= 0
+                ? state[scene->subsystem[i]]
+                : world_nodes(g, &system->scene->load[scene->load[i]], prescribed);
+        end[i] = (pm_port_nodes){expose(g, scene, i, s.z), expose(g, scene, i, s.dE),
+                                 expose(g, scene, i, s.dS), expose(g, scene, i, s.response)};
     }
 }
 
 static void add_port(pm_graph *g, const pm_system *system, int port, pm_state_nodes *state,
-                     pm_node *last, pm_node *degeneracy) {
+                     pm_node prescribed, pm_node *last, pm_node *degeneracy) {
     const pm_scene_port *scene = &system->scene->port[port];
     const pm_port_model *model = &system->port[port];
     pm_node next = PM_NO_NODE;
     for (int own = 0; own < 2; ++own) {
         const int id = scene->subsystem[own];
+        if (id < 0) {
+            continue;
+        }
         pm_port_nodes end[2];
-        pm_build_port_nodes(g, system, port, state, end);
+        pm_build_port_nodes(g, system, port, state, prescribed, end);
         const pm_node rate =
             pm_port_rate(g, model, (pm_end)own, end, last[port], &next, degeneracy);
         if (rate != PM_NO_NODE) {
@@ -63,14 +93,14 @@ static void add_port(pm_graph *g, const pm_system *system, int port, pm_state_no
     last[port] = next;
 }
 
-void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node *last,
-                    pm_node *degeneracy) {
+void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node prescribed,
+                    pm_node *last, pm_node *degeneracy) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         pm_state_nodes *s = &state[i];
         s->zdot = pm_part_bulk(g, &system->part[i], s->z, s->dE, s->dS, degeneracy);
     }
     for (int i = 0; i < system->scene->nport; ++i) {
-        add_port(g, system, i, state, last, degeneracy);
+        add_port(g, system, i, state, prescribed, last, degeneracy);
     }
 }
 
@@ -116,7 +146,8 @@ static void place_stage(pm_graph *g, const pm_system *system, const pm_integrato
 }
 
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
-                   int substeps, pm_node *z, pm_node *degeneracy, const pm_step_work *work) {
+                   int substeps, pm_node *z, pm_node load, pm_node *degeneracy,
+                   const pm_step_work *work) {
     const int count = system->scene->nsubsystem;
     for (int substep = 0; substep < substeps; ++substep) {
         for (int i = 0; i < system->scene->nport; ++i) {
@@ -128,7 +159,9 @@ void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk
             if (rk->discrete) {
                 build_responses(g, system, work->state, h, work->responding);
             }
-            pm_build_rates(g, system, work->state, work->last, degeneracy);
+            const double fraction = (substep + pm_integrator_time(rk, stage)) / substeps;
+            pm_build_rates(g, system, work->state, pm_build_load(g, system, load, fraction),
+                           work->last, degeneracy);
             for (int i = 0; i < count; ++i) {
                 work->k[i * rk->nstage + stage] = work->state[i].zdot;
             }

@@ -82,13 +82,43 @@ static void print_subsystem(const pm_setup *setup, int i) {
     print_weights(&part->params, &setup->system->part_provenance[i]);
 }
 
+// "dE vx vy" for a group's list, unless all of it is zero.
+static void print_prescribed(const char *what, const pm_scene_prescribed *value, int count) {
+    bool zero = true;
+    for (int i = 0; i < count; ++i) {
+        zero = zero && value[i].column == NULL && value[i].number == 0;
+    }
+    for (int i = 0; i < count && !zero; ++i) {
+        printf("%s%s", i == 0 ? "  " : "", i == 0 ? what : "");
+        if (value[i].column != NULL) {
+            printf(" %s", value[i].column);
+        } else {
+            printf(" %g", value[i].number);
+        }
+    }
+}
+
+static void print_load(const pm_scene_world *load) {
+    static const char *const what[] = {"value", "dE", "dS"};
+    printf("\nload %s: prescribed by the world, in numbers or columns of the reference\n",
+           load->name);
+    for (int g = 0; g < load->layout.ngroup; ++g) {
+        const pm_group *group = &load->layout.group[g];
+        printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
+        for (int k = 0; k < 3; ++k) {
+            print_prescribed(what[k], load->value + k * load->layout.nz + group->first,
+                             group->size);
+        }
+        printf("\n");
+    }
+}
+
 static void print_port(const pm_setup *setup, int i) {
     const pm_scene_port *port = &setup->scene->port[i];
     const pm_port_model *model = &setup->system->port[i];
     printf("\nport %s (%s, %s)\n", port->name, port->law, form_name(model->spec.form));
     for (int end = 0; end < 2; ++end) {
-        printf("  end %c      %s exposes", 'a' + end,
-               setup->scene->subsystem[port->subsystem[end]].name);
+        printf("  end %c      %s exposes", 'a' + end, pm_scene_end_name(setup->scene, port, end));
         for (int group = 0; group < port->layout[end].ngroup; ++group) {
             printf(" %s", port->layout[end].group[group].name);
         }
@@ -108,6 +138,17 @@ static void print_processes(const pm_scene *scene) {
     }
 }
 
+static bool sends_fluxes(const pm_scene *scene, int process_id) {
+    for (int k = 0; k < 2 * scene->nport; ++k) {
+        const int id = scene->port[k / 2].subsystem[k % 2];
+        if (id >= 0 && scene->subsystem[id].process == process_id &&
+            pm_scene_joins_processes(scene, &scene->port[k / 2])) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static pm_status print_channels(const pm_scene *scene) {
     static const char *const words[] = {"TICK", "COMMAND", "REQUEST", "LEDGER"};
     char channel[PM_CHANNEL_SIZE];
@@ -117,8 +158,10 @@ static pm_status print_channels(const pm_scene *scene) {
         printf("  %s\n", channel);
     }
     for (int i = 0; i < scene->nprocess; ++i) {
-        PM_TRY(pm_channel_process(channel, scene, "FLUX", i));
-        printf("  %s\n", channel);
+        if (sends_fluxes(scene, i)) {
+            PM_TRY(pm_channel_process(channel, scene, "FLUX", i));
+            printf("  %s\n", channel);
+        }
         PM_TRY(pm_channel_process(channel, scene, "REPORT", i));
         printf("  %s\n", channel);
     }
@@ -131,6 +174,9 @@ static pm_status describe(const pm_setup *setup) {
     print_header(setup, rounds);
     for (int i = 0; i < setup->scene->nsubsystem; ++i) {
         print_subsystem(setup, i);
+    }
+    for (int i = 0; i < setup->scene->nload; ++i) {
+        print_load(&setup->scene->load[i]);
     }
     for (int i = 0; i < setup->scene->nport; ++i) {
         print_port(setup, i);
@@ -156,8 +202,8 @@ const pm_command pm_command_check = {
     .summary = "validate a scene and describe it",
     .help =
         "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
-        "hold: time stepping, subsystems with their variables, units and dataset columns, ports,\n"
-        "the provenance of the weights, what a run will not compute, and the LCM channels.\n"
+        "hold: time stepping, subsystems with their variables, units and dataset columns, loads,\n"
+        "ports, the provenance of the weights, what a run will not compute, and the LCM channels.\n"
         "A scene without a state to start from is described too, though it cannot run.\n"
         "Anything wrong ends it with one line and the exit code of its class.\n",
     .accepts = PM_OPTION_WEIGHTS,

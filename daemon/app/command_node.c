@@ -12,6 +12,7 @@ static pm_status serve(const pm_setup *setup, const pm_options *options, int pro
     const pm_lockstep_node_options node_options = {
         .z = setup->initial,
         .session = options->session,
+        .load = &setup->load,
     };
     pm_status status;
     PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));

@@ -93,7 +93,7 @@ done:
 // All subsystems are one process's, which shares a hub with the coordinator.
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     const char *url = "memory://";
-    const pm_lockstep_node_options node_options = {.z = setup->initial};
+    const pm_lockstep_node_options node_options = {.z = setup->initial, .load = &setup->load};
     const pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_hub *hub = NULL;
     pm_transport *transport[2] = {NULL, NULL};

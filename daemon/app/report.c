@@ -174,6 +174,10 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     printf("\n%-18s %15s %15s %15s\n", "Both laws", "start", "end", "change");
     print_total("energy, J", ledger->first_energy, ledger->energy);
     print_total("entropy, J/K", ledger->first_entropy, ledger->entropy);
+    if (scene->nload > 0) {
+        printf("  of these given to the world %.6e J, %.6e J/K\n", ledger->world_energy,
+               ledger->world_entropy);
+    }
     printf("\n%-18s %15s %15s   %s\n", "Worst residual", "relative", "tolerance", "where");
     print_worst("energy", ledger->worst_energy, scene->energy_tolerance, ledger->worst_energy_at,
                 ledger->worst_energy_step);

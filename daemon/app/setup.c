@@ -90,12 +90,18 @@ pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose p
                        "subsystem, or a `reference` trajectory",
                        needs->at, needs->name);
     }
-    if (scene->reference != NULL && (needs != NULL || purpose != PM_TO_SERVE)) {
+    const bool follows = needs != NULL || scene->nload > 0;
+    if (scene->reference != NULL && (follows || purpose != PM_TO_SERVE)) {
         PM_TRY(load_reference(setup));
+    }
+    PM_TRY(pm_load_bind(&setup->load, scene, setup->reference, setup->stride, &setup->arena));
+    if (setup->reference != NULL) {
+        pm_load_follow(&setup->load, setup->reference, scene->reference_trajectory);
     }
     PM_TRY(find_initial(setup));
     setup->system->digest =
         pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->nz);
+    setup->system->digest = pm_load_digest(&setup->load, setup->system->digest);
     return PM_OK;
 }
 

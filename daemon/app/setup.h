@@ -5,10 +5,11 @@
 
 #include "app/options.h"
 #include "store/columns.h"
+#include "store/load.h"
 #include "store/system.h"
 
-// A node needs the state it starts from; whoever coordinates also compares with the reference, in
-// any case; a description does without a state to start from.
+// A node needs the state it starts from and its loads; whoever coordinates also compares with the
+// reference, in any case; a description does without a state to start from.
 typedef enum pm_purpose { PM_TO_SERVE, PM_TO_COORDINATE, PM_TO_DESCRIBE } pm_purpose;
 
 typedef struct pm_setup {
@@ -18,13 +19,14 @@ typedef struct pm_setup {
     pm_dataset *reference; // NULL: the scene names none, or nobody needs it
     pm_columns columns;    // of the reference
     int stride;            // steps between two states of the reference
+    pm_load load;          // what the world prescribes; empty without loads
     double *initial;       // [scene->nz]; NULL: none to be found, and PM_TO_DESCRIBE
 } pm_setup;
 
 // Loads all of it. Each subsystem starts from its `initial`, else from the reference's first state;
 // PM_ECONFIG if it has neither. A reference that is loaded has its time step checked (PM_EDATA).
-// The initial state is folded into system->digest, so that hosts which look at different references
-// find out. The caller frees, on failure too.
+// The initial state and the loads are folded into system->digest, so that hosts which look at
+// different references find out. The caller frees, on failure too.
 pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose purpose);
 void pm_setup_free(pm_setup *setup);
 

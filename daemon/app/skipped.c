@@ -14,7 +14,7 @@
 typedef struct side {
     const char *prefix; // of its groups in the operator
     const pm_layout *layout;
-    const pm_part *part; // whose potentials depend on these groups
+    const pm_part *part; // whose potentials depend on these groups; NULL: a load
 } side;
 
 static bool acts_on(const pm_operator_spec *spec, const char *group) {
@@ -69,15 +69,18 @@ static int count_components(const pm_operator_spec *spec, pm_operator_kind kind,
     int count = 0;
     *constrained = false;
     for (int i = 0; i < nside; ++i) {
-        const pm_part_spec *part = &sides[i].part->spec;
-        const pm_potential_spec *normal = kind == PM_REVERSIBLE ? &part->entropy : &part->energy;
+        const pm_part *part = sides[i].part;
         for (int k = 0; k < sides[i].layout->ngroup; ++k) {
             const pm_group *group = &sides[i].layout->group[k];
             char name[PM_MAX_NAME];
             snprintf(name, sizeof name, "%s%s", sides[i].prefix, group->name);
             if (acts_on(spec, name)) {
                 count += group->size;
-                *constrained = *constrained || depends_on(normal, group->name);
+                *constrained = *constrained || (part == NULL ? kind == PM_IRREVERSIBLE
+                                                             : depends_on(kind == PM_REVERSIBLE
+                                                                              ? &part->spec.entropy
+                                                                              : &part->spec.energy,
+                                                                          group->name));
             }
         }
     }
@@ -119,6 +122,10 @@ static void print_part(const char *name, const pm_part *part) {
                    part->spec.form, 1, &state);
 }
 
+static const pm_part *part_at(const pm_system *system, int subsystem_id) {
+    return subsystem_id < 0 ? NULL : &system->part[subsystem_id];
+}
+
 static void print_port(const pm_scene_port *port, const pm_system *system,
                        const pm_port_model *model) {
     const pm_port_spec *spec = &model->spec;
@@ -126,8 +133,8 @@ static void print_port(const pm_scene_port *port, const pm_system *system,
         return;
     }
     const side ends[2] = {
-        {"a.", &model->layout[0], &system->part[port->subsystem[0]]},
-        {"b.", &model->layout[1], &system->part[port->subsystem[1]]},
+        {"a.", &model->layout[0], part_at(system, port->subsystem[0])},
+        {"b.", &model->layout[1], part_at(system, port->subsystem[1])},
     };
     print_operator(port->name, "reversible exchange", &spec->reversible, PM_REVERSIBLE, spec->form,
                    2, ends);

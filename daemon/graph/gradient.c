@@ -5,37 +5,55 @@
 
 #include "graph/node.h"
 
-// leads[x]: x depends on one of the wanted nodes (or is one).
-static void mark_leading(const pm_graph *g, pm_node last, int count, const pm_node *wanted,
-                         bool *leads) {
+// A walk over the nodes from `first` to `last`: what comes before the first node asked for cannot
+// depend on any. Arrays are indexed from `first`.
+typedef struct walk {
+    pm_node first, last;
+    bool *leads;      // it depends on a node that is asked for, or is one
+    pm_node *adjoint; // d last / d node
+} walk;
+
+static void mark_leading(const pm_graph *g, walk *w, int count, const pm_node *wanted) {
     for (int i = 0; i < count; ++i) {
-        if (wanted[i] != PM_NO_NODE && wanted[i] <= last) {
-            leads[wanted[i]] = true;
+        if (wanted[i] != PM_NO_NODE && wanted[i] <= w->last) {
+            w->leads[wanted[i] - w->first] = true;
         }
     }
-    for (pm_node x = 0; x <= last; ++x) {
+    for (pm_node x = w->first; x <= w->last; ++x) {
         const pm_graph_node *node = pm_graph_node_at(g, x);
-        for (int i = 0; i < node->noperand && !leads[x]; ++i) {
-            leads[x] = leads[node->operand[i]];
+        bool leads = w->leads[x - w->first];
+        for (int i = 0; i < node->noperand && !leads; ++i) {
+            leads = node->operand[i] >= w->first && w->leads[node->operand[i] - w->first];
         }
+        w->leads[x - w->first] = leads;
     }
 }
 
-static void accumulate(pm_graph *g, pm_node last, const bool *leads, pm_node *adjoint) {
-    for (pm_node x = last; x >= 0; --x) {
-        if (adjoint[x] == PM_NO_NODE || !leads[x]) {
+static void accumulate(pm_graph *g, walk *w) {
+    for (pm_node x = w->last; x >= w->first; --x) {
+        const pm_node adjoint = w->adjoint[x - w->first];
+        if (adjoint == PM_NO_NODE || !w->leads[x - w->first]) {
             continue;
         }
         const pm_op op = pm_graph_node_at(g, x)->op;
         const int noperand = pm_graph_node_at(g, x)->noperand;
         for (int i = 0; i < noperand; ++i) {
             const pm_node operand = pm_graph_node_at(g, x)->operand[i];
-            if (leads[operand]) {
-                const pm_node term = pm_operations[op].adjoint(g, x, adjoint[x], i);
-                adjoint[operand] = pm_add_or(g, adjoint[operand], term);
+            if (operand >= w->first && w->leads[operand - w->first]) {
+                const pm_node term = pm_operations[op].adjoint(g, x, adjoint, i);
+                pm_node *sum = &w->adjoint[operand - w->first];
+                *sum = pm_add_or(g, *sum, term);
             }
         }
     }
+}
+
+static pm_node first_of(int count, const pm_node *x, pm_node last) {
+    pm_node first = last;
+    for (int i = 0; i < count; ++i) {
+        first = x[i] != PM_NO_NODE && x[i] < first ? x[i] : first;
+    }
+    return first;
 }
 
 void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node *x, pm_node *dx) {
@@ -45,25 +63,28 @@ void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node 
     if (y == PM_NO_NODE || pm_graph_exhausted(g)) {
         return;
     }
-    bool *leads = calloc((size_t)y + 1, sizeof *leads);
-    pm_node *adjoint = malloc(((size_t)y + 1) * sizeof *adjoint);
-    if (leads == NULL || adjoint == NULL) {
+    walk w = {.first = first_of(count, x, y), .last = y};
+    const size_t size = (size_t)(w.last - w.first) + 1;
+    w.leads = calloc(size, sizeof *w.leads);
+    w.adjoint = malloc(size * sizeof *w.adjoint);
+    if (w.leads == NULL || w.adjoint == NULL) {
         pm_graph_exhaust(g);
         goto done;
     }
-    for (pm_node i = 0; i <= y; ++i) {
-        adjoint[i] = PM_NO_NODE;
+    for (size_t i = 0; i < size; ++i) {
+        w.adjoint[i] = PM_NO_NODE;
     }
-    mark_leading(g, y, count, x, leads);
-    if (leads[y]) {
+    mark_leading(g, &w, count, x);
+    if (w.leads[y - w.first]) {
         const pm_shape shape = pm_graph_shape(g, y);
-        adjoint[y] = seed != PM_NO_NODE ? seed : pm_broadcast_to(g, pm_constant(g, 1, 1, 1), shape);
-        accumulate(g, y, leads, adjoint);
+        w.adjoint[y - w.first] =
+            seed != PM_NO_NODE ? seed : pm_broadcast_to(g, pm_constant(g, 1, 1, 1), shape);
+        accumulate(g, &w);
     }
     for (int i = 0; i < count; ++i) {
-        dx[i] = x[i] != PM_NO_NODE && x[i] <= y ? adjoint[x[i]] : PM_NO_NODE;
+        dx[i] = x[i] != PM_NO_NODE && x[i] <= y ? w.adjoint[x[i] - w.first] : PM_NO_NODE;
     }
 done:
-    free(leads);
-    free(adjoint);
+    free(w.leads);
+    free(w.adjoint);
 }

@@ -19,11 +19,24 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     return false;
 }
 
-// Both ends' responses and e, side by side in rates [1][ny_a + ny_b].
+// Both ends' e, and their responses side by side as in rates [1][ny_a + ny_b].
 typedef struct exchange {
-    pm_node e[2], response;
+    pm_node e[2], response; // e: PM_NO_NODE where it does not respond
     int n[2];
 } exchange;
+
+static exchange exchange_of(pm_graph *g, const pm_port_model *port, const pm_port_nodes end[2]) {
+    exchange x;
+    pm_node response[2];
+    for (int i = 0; i < 2; ++i) {
+        const bool responds = end[i].response != PM_NO_NODE;
+        x.n[i] = port->layout[i].nz;
+        x.e[i] = responds ? end[i].e : PM_NO_NODE;
+        response[i] = responds ? end[i].response : pm_constant(g, 0, 1, x.n[i]);
+    }
+    x.response = pm_concat(g, 2, response);
+    return x;
+}
 
 // The change of the rate that solves r = f(e + R (r - last)), R the response: with the lack
 // d = f(e) - last and J = df/de it is (1 - J R)^-1 d, taken along d. Measured by the power it
@@ -53,19 +66,19 @@ static pm_node along(pm_graph *g, const exchange *x, pm_node direction, pm_node 
 pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port_nodes end[2],
                      pm_node last, pm_node *next, pm_node *degeneracy) {
     *next = PM_NO_NODE;
-    const bool stiff = port->law->irreversible != NULL && end[0].response != PM_NO_NODE &&
-                       end[1].response != PM_NO_NODE;
+    const bool stiff = port->law->irreversible != NULL &&
+                       (end[0].response != PM_NO_NODE || end[1].response != PM_NO_NODE);
     const pm_node rate = stiff ? port->law->irreversible(g, port, end) : PM_NO_NODE;
     if (rate == PM_NO_NODE) {
         return port->law->rate(g, port, own, end, degeneracy);
     }
-    const pm_node response[2] = {end[0].response, end[1].response};
-    const exchange x = {
-        {end[0].e, end[1].e}, pm_concat(g, 2, response), {port->layout[0].nz, port->layout[1].nz}};
+    const exchange x = exchange_of(g, port, end);
     const pm_node change = newton_change(g, &x, rate, last);
     const pm_node rise = pm_mul(g, change, x.response);
     for (int i = 0; i < 2; ++i) {
-        end[i].e = pm_add(g, end[i].e, pm_slice(g, rise, i == 0 ? 0 : x.n[0], x.n[i]));
+        if (x.e[i] != PM_NO_NODE) {
+            end[i].e = pm_add(g, end[i].e, pm_slice(g, rise, i == 0 ? 0 : x.n[0], x.n[i]));
+        }
     }
     const pm_node predicted = port->law->irreversible(g, port, end);
     *next = along(g, &x, predicted, pm_add_or(g, last, change));

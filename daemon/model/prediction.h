@@ -13,12 +13,13 @@
 // Whether the port's irreversible rate acts on an exposed group, whose response is then wanted.
 bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group);
 
-// The rate [1][ny] of the components exposed by `own`; PM_NO_NODE: none. Where both ends show a
+// The rate [1][ny] of the components exposed by `own`; PM_NO_NODE: none. Where an end shows a
 // response, end[].e is replaced by the prediction, at which the law is taken; elsewhere this is the
-// law's rate. `last`: the irreversible rate [1][ny_a + ny_b] that the iterate was made with,
-// PM_NO_NODE for none; *next receives the one found, PM_NO_NODE if nothing was predicted.
-// `degeneracy` as in pm_part_bulk. Newton's slope is exact for one exchanged quantity whose
-// co-entropies do not change; otherwise the iteration leads to the same state in more steps.
+// law's rate. An end without a response is one whose co-energies the exchange leaves as they are.
+// `last`: the irreversible rate [1][ny_a + ny_b] that the iterate was made with, PM_NO_NODE for
+// none; *next receives the one found, PM_NO_NODE if nothing was predicted. `degeneracy` as in
+// pm_part_bulk. Newton's slope is exact for one exchanged quantity whose co-entropies do not
+// change; otherwise the iteration leads to the same state in more steps.
 pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port_nodes end[2],
                      pm_node last, pm_node *next, pm_node *degeneracy);
 

@@ -49,7 +49,11 @@ static pm_status open_port(pm_crew *crew, pm_arena *arena, const pm_scene *scene
     const pm_end own = pm_subsystem_end(subsystem, position);
     const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
     const int neighbour = scene->port[port_id].subsystem[other];
-    if (!pm_flux_leaves(scene, port_id, own)) {
+    port->load = pm_subsystem_is_load(subsystem, position);
+    if (port->load) {
+        return PM_OK;
+    }
+    if (!pm_scene_joins_processes(scene, &scene->port[port_id])) {
         port->peer = position_of(&scene->process[process_id], neighbour);
         port->peer_port = port_position(crew->part[port->peer].subsystem, port_id);
         return PM_OK;
@@ -61,8 +65,9 @@ static pm_status open_port(pm_crew *crew, pm_arena *arena, const pm_scene *scene
 }
 
 static pm_status open_part(pm_crew_part *part, pm_arena *arena, const pm_system *system,
-                           int subsystem_id, const double *z) {
+                           int subsystem_id, const double *z, const pm_load *load) {
     PM_TRY(pm_subsystem_open(&part->subsystem, system, subsystem_id));
+    pm_subsystem_set_load(part->subsystem, load);
     if (z != NULL) {
         pm_subsystem_set_state(part->subsystem, z + system->scene->subsystem[subsystem_id].first);
     }
@@ -74,7 +79,7 @@ static pm_status open_part(pm_crew_part *part, pm_arena *arena, const pm_system 
 }
 
 pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, int process_id,
-                       const double *z) {
+                       const double *z, const pm_load *load) {
     const pm_scene *scene = system->scene;
     const pm_scene_process *process = &scene->process[process_id];
     crew->part = pm_arena_array(arena, (size_t)process->count, sizeof *crew->part);
@@ -84,7 +89,7 @@ pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, 
     }
     for (int i = 0; i < process->count; ++i) {
         crew->count = i + 1;
-        PM_TRY(open_part(&crew->part[i], arena, system, process->subsystem[i], z));
+        PM_TRY(open_part(&crew->part[i], arena, system, process->subsystem[i], z, load));
     }
     for (int i = 0; i < crew->count; ++i) {
         const pm_crew_part *part = &crew->part[i];
@@ -113,7 +118,7 @@ static void gather_shown(pm_crew *crew) {
         const pm_crew_part *part = &crew->part[i];
         const pm_books books = pm_subsystem_books(part->subsystem);
         for (int k = 0; k < part->nport; ++k) {
-            if (part->port[k].peer >= 0) {
+            if (part->port[k].load || part->port[k].peer >= 0) {
                 continue;
             }
             const pm_port_values *values = pm_subsystem_values(part->subsystem, k);
@@ -170,6 +175,10 @@ const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used) {
         const pm_crew_part *part = &crew->part[crew->part_id];
         for (; crew->port_id < part->nport; ++crew->port_id) {
             const pm_crew_port *port = &part->port[crew->port_id];
+            if (port->load) {
+                pm_subsystem_couple(part->subsystem, crew->port_id, NULL);
+                continue;
+            }
             if (port->peer >= 0) {
                 const pm_subsystem *peer = crew->part[port->peer].subsystem;
                 pm_subsystem_couple(part->subsystem, crew->port_id,

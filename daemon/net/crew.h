@@ -9,6 +9,7 @@
 
 // A port as one of the subsystems sees it: what is at its other end.
 typedef struct pm_crew_port {
+    bool load;           // the world: nothing to send, nobody to wait for; else
     int peer, peer_port; // a subsystem of this crew and which of its ports; peer -1: elsewhere
     int link, first, ny; // elsewhere: which neighbour, where its values are in its messages
 } pm_crew_port;
@@ -30,10 +31,11 @@ typedef struct pm_crew {
     int part_id, port_id; // the next port to couple in this round
 } pm_crew;
 
-// Opens the subsystems of a process at the state z [scene->nz] (NULL: the scene's initial one);
-// memory from the arena. PM_ECONFIG, PM_ENOMEM, and what pm_subsystem_open returns.
+// Opens the subsystems of a process at the state z [scene->nz] (NULL: the scene's initial one),
+// under `load` (NULL: the scene has none); memory from the arena. PM_ECONFIG, PM_ENOMEM, and what
+// pm_subsystem_open returns.
 pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, int process_id,
-                       const double *z);
+                       const double *z, const pm_load *load);
 void pm_crew_free(pm_crew *crew);
 
 // A round, counted from the start of the run by `key`: exposes, publishes what neighbours elsewhere

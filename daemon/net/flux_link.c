@@ -4,11 +4,6 @@
 #include "net/channel.h"
 #include "sim/integrator.h"
 
-bool pm_flux_leaves(const pm_scene *scene, int port_id, pm_end end) {
-    const int *subsystem = scene->port[port_id].subsystem;
-    return scene->subsystem[subsystem[end]].process != scene->subsystem[subsystem[1 - end]].process;
-}
-
 // Walks through a process's ends in the order of its messages, up to the one given (port_id -1: all
 // of them); how many ends and components come before it.
 static void measure(const pm_scene *scene, int process_id, int port_id, pm_end end, int *nend,
@@ -19,7 +14,7 @@ static void measure(const pm_scene *scene, int process_id, int port_id, pm_end e
         for (int k = 0; k < 2 * scene->nport; ++k) {
             const pm_scene_port *port = &scene->port[k / 2];
             if (port->subsystem[k % 2] != process->subsystem[i] ||
-                !pm_flux_leaves(scene, k / 2, (pm_end)(k % 2))) {
+                !pm_scene_joins_processes(scene, port)) {
                 continue;
             }
             if (k / 2 == port_id && k % 2 == (int)end) {

@@ -39,9 +39,6 @@ const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
 
 // --- the shape of a process's flux message ---
 
-// Whether a port's end leads from its process to another one; only such ends are in messages.
-bool pm_flux_leaves(const pm_scene *scene, int port_id, pm_end end);
-
 // Sets nend and ny, and makes arrays of these lengths in the arena. PM_ENOMEM.
 pm_status pm_flux_make(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                        int process_id);

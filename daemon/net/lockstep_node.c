@@ -442,8 +442,10 @@ static pm_status subscribe(pm_lockstep_node *node) {
     return pm_transport_subscribe(node->transport, node->request_channel, on_request, node);
 }
 
-static pm_status prepare(pm_lockstep_node *node, int process_id, const double *z) {
-    PM_TRY(pm_crew_init(&node->crew, &node->arena, node->system, process_id, z));
+static pm_status prepare(pm_lockstep_node *node, int process_id,
+                         const pm_lockstep_node_options *options) {
+    PM_TRY(pm_crew_init(&node->crew, &node->arena, node->system, process_id, options->z,
+                        options->load));
     node->rounds = pm_subsystem_rounds(node->crew.part[0].subsystem);
     for (int i = 0; i < node->crew.nlink; ++i) {
         pm_flux_link *link = &node->crew.link[i];
@@ -465,8 +467,10 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     made->system = system;
     made->name = name;
     made->transport = transport;
-    made->wanted_session = options == NULL ? 0 : options->session;
-    const pm_status status = prepare(made, process_id, options == NULL ? NULL : options->z);
+    const pm_lockstep_node_options plain = {0};
+    const pm_lockstep_node_options *given = options == NULL ? &plain : options;
+    made->wanted_session = given->session;
+    const pm_status status = prepare(made, process_id, given);
     if (status != PM_OK) {
         pm_lockstep_node_close(made);
         return status;

@@ -18,8 +18,9 @@
 typedef struct pm_lockstep_node pm_lockstep_node;
 
 typedef struct pm_lockstep_node_options {
-    const double *z; // [scene->nz] where all start; NULL: at the scene's initial state
-    int64_t session; // joins only this one; 0: whichever coordinator has the same digest
+    const double *z;     // [scene->nz] where all start; NULL: at the scene's initial state
+    int64_t session;     // joins only this one; 0: whichever coordinator has the same digest
+    const pm_load *load; // what the world prescribes; NULL: the scene has no loads
 } pm_lockstep_node_options;
 
 // Subscribes and gets ready; says nothing before the first poll. `system` and `transport` must

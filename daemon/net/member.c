@@ -6,7 +6,8 @@
 #include "net/channel.h"
 #include "net/reporter.h"
 
-// The ends of ports in the order of reports: by subsystem, then by port.
+// The ends of ports in the order of reports: by subsystem, then by port, then the world's ends of
+// the subsystem's loads.
 static pm_status list_ends(pm_member *member, pm_arena *arena) {
     const pm_scene *scene = member->scene;
     const pm_scene_process *process = &scene->process[member->id];
@@ -15,9 +16,16 @@ static pm_status list_ends(pm_member *member, pm_arena *arena) {
         return pm_fail(PM_ENOMEM, "coordinator: out of memory for %s", member->name);
     }
     for (int i = 0; i < process->count; ++i) {
+        const int first = member->nend;
         for (int k = 0; k < 2 * scene->nport; ++k) {
             if (scene->port[k / 2].subsystem[k % 2] == process->subsystem[i]) {
                 member->end[member->nend++] = k;
+            }
+        }
+        for (int k = first, count = member->nend; k < count; ++k) {
+            const int other = member->end[k] ^ 1;
+            if (scene->port[other / 2].load[other % 2] >= 0) {
+                member->end[member->nend++] = other;
             }
         }
         member->nz += scene->subsystem[process->subsystem[i]].layout.nz;

@@ -18,7 +18,10 @@ static void count_numbers(const pm_scene *scene, int process_id, int *npart, int
         *nz += scene->subsystem[process->subsystem[i]].layout.nz;
     }
     for (int k = 0; k < 2 * scene->nport; ++k) {
-        *nend += scene->subsystem[scene->port[k / 2].subsystem[k % 2]].process == process_id;
+        // A load's end is reported by the subsystem that it acts on.
+        const int *subsystem = scene->port[k / 2].subsystem;
+        const int by = subsystem[k % 2] >= 0 ? subsystem[k % 2] : subsystem[1 - k % 2];
+        *nend += scene->subsystem[by].process == process_id;
     }
 }
 
@@ -105,16 +108,16 @@ pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, p
 // --- steps ---
 
 // One subsystem's books as number `part` and ends from `end` on; returns the next end.
-static int add_books(portmet_report_t *m, int part, int end, const pm_books *books, int nport) {
+static int add_books(portmet_report_t *m, int part, int end, const pm_books *books) {
     m->energy[part] = books->energy;
     m->entropy[part] = books->entropy;
-    m->bulk_energy[part] = books->bulk_energy;
-    m->bulk_entropy[part] = books->bulk_entropy;
-    m->bulk_energy_gross[part] = books->bulk_gross[0];
-    m->bulk_entropy_gross[part] = books->bulk_gross[1];
+    m->bulk_energy[part] = books->bulk.energy;
+    m->bulk_entropy[part] = books->bulk.entropy;
+    m->bulk_energy_gross[part] = books->bulk.energy_gross;
+    m->bulk_entropy_gross[part] = books->bulk.entropy_gross;
     m->evaluated[part] = books->evaluated;
     m->skipped[part] = books->skipped;
-    for (int i = 0; i < nport; ++i, ++end) {
+    for (int i = 0; i < books->nflux; ++i, ++end) {
         m->energy_flux[end] = books->flux[i].energy;
         m->entropy_flux[end] = books->flux[i].entropy;
         m->energy_gross[end] = books->flux[i].energy_gross;
@@ -137,7 +140,7 @@ pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step,
     for (int i = 0; i < crew->count; ++i) {
         const pm_crew_part *part = &crew->part[i];
         const pm_books books = pm_subsystem_books(part->subsystem);
-        end = add_books(m, r->rows * r->npart + i, end, &books, part->nport);
+        end = add_books(m, r->rows * r->npart + i, end, &books);
         if (with_state) {
             const int nz = r->scene->subsystem[r->process->subsystem[i]].layout.nz;
             memcpy(m->z + m->nz, pm_subsystem_state(part->subsystem), (size_t)nz * sizeof *m->z);

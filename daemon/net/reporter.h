@@ -31,7 +31,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
                          int process_id);
 
 // Names of channels, and memory (from the arena) for the reports of as many steps as the
-// coordinator may miss. PM_ECONFIG, PM_ENOMEM.
+// coordinator may miss. `nport`: pm_books.nflux. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int process_id, pm_transport *transport);
 

@@ -63,6 +63,12 @@ static void fill_sample(pm_assembly *a) {
     }
 }
 
+void pm_assembly_set_load(pm_assembly *assembly, const pm_load *load) {
+    for (int i = 0; i < assembly->count; ++i) {
+        pm_subsystem_set_load(assembly->subsystem[i], load);
+    }
+}
+
 void pm_assembly_set_state(pm_assembly *assembly, const double *z) {
     for (int i = 0; i < assembly->count; ++i) {
         pm_subsystem_set_state(assembly->subsystem[i],
@@ -79,8 +85,10 @@ static void couple_ports(pm_assembly *a, int subsystem_id) {
         const int port = pm_subsystem_port_id(s, j);
         const pm_end other = pm_subsystem_end(s, j) == PM_END_A ? PM_END_B : PM_END_A;
         const int neighbour = a->system->scene->port[port].subsystem[other];
-        pm_subsystem_couple(s, j,
-                            pm_subsystem_values(a->subsystem[neighbour], a->position[port][other]));
+        pm_subsystem_couple(
+            s, j,
+            neighbour < 0 ? NULL
+                          : pm_subsystem_values(a->subsystem[neighbour], a->position[port][other]));
     }
 }
 

@@ -10,6 +10,9 @@ typedef struct pm_assembly pm_assembly;
 pm_status pm_assembly_open(pm_assembly **assembly, const pm_system *system);
 void pm_assembly_close(pm_assembly *assembly);
 
+// As pm_subsystem_set_load.
+void pm_assembly_set_load(pm_assembly *assembly, const pm_load *load);
+
 // Starts from the concatenated state z [scene->nz], at step 0.
 void pm_assembly_set_state(pm_assembly *assembly, const double *z);
 

@@ -48,6 +48,17 @@ const pm_integrator *pm_integrator_find(const char *name) {
     return NULL;
 }
 
+double pm_integrator_time(const pm_integrator *rk, int stage) {
+    if (rk->discrete) {
+        return 0.5;
+    }
+    double sum = 0;
+    for (int i = 0; i < stage; ++i) {
+        sum += rk->a[stage][i];
+    }
+    return sum;
+}
+
 const char *pm_integrator_names(void) {
     return "euler, heun, rk4, midpoint, discrete_gradient";
 }

@@ -18,6 +18,9 @@ typedef struct pm_integrator {
     bool discrete;
 } pm_integrator;
 
+// When a stage is evaluated, as a fraction of the integrator's step.
+double pm_integrator_time(const pm_integrator *rk, int stage);
+
 // The method called `name`, or NULL. _names lists all, separated by ", ".
 const pm_integrator *pm_integrator_find(const char *name);
 const char *pm_integrator_names(void);

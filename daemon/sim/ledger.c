@@ -95,8 +95,24 @@ static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const ba
                    b->entropy, -ledger->system->scene->entropy_tolerance);
 }
 
-static void book_totals(pm_ledger *ledger, const pm_sample *sample) {
-    double energy = 0, entropy = 0;
+// What flowed out through loads during the step.
+static void book_world(pm_ledger *ledger, pm_sample *sample) {
+    const pm_scene *scene = ledger->system->scene;
+    for (int i = 0; i < scene->nport; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            if (scene->port[i].load[end] >= 0) {
+                ledger->world_energy += scene->dt * sample->flux[i][end].energy;
+                ledger->world_entropy += scene->dt * sample->flux[i][end].entropy;
+            }
+        }
+    }
+    sample->world_energy = ledger->world_energy;
+    sample->world_entropy = ledger->world_entropy;
+}
+
+static void book_totals(pm_ledger *ledger, pm_sample *sample) {
+    book_world(ledger, sample);
+    double energy = ledger->world_energy, entropy = ledger->world_entropy;
     for (int i = 0; i < ledger->system->scene->nsubsystem; ++i) {
         energy += sample->energy[i];
         entropy += sample->entropy[i];

@@ -8,30 +8,6 @@
 
 #include "graph/program.h"
 
-// One port as this subsystem sees it.
-typedef struct joint {
-    int port_id;
-    pm_end end;
-    int ny;
-    const int *component; // [ny] position in z of what is exposed
-    pm_port_values shown; // what it shows: arrays below
-    double *y, *e, *eta, *response;
-    // The port law's graph, and where its numbers go in and out. NULL where a law needs none.
-    pm_program *program;
-    struct {
-        double *y, *e, *eta, *response;
-        int ny;
-    } input[2];
-    const double *rate;  // [ny]; NULL if the law gives nothing
-    const double *law_e; // [ny] co-energies the law was evaluated at: own e, or its prediction
-    // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted
-    double *last;
-    const double *next;
-    int nboth;
-    pm_flux flux;    // booked over the last step
-    pm_flux booking; // over the step under way
-} joint;
-
 struct pm_subsystem {
     const pm_system *system;
     const pm_scene_subsystem *scene;
@@ -46,6 +22,9 @@ struct pm_subsystem {
     double *k;                    // [nstage][nz]
     int stage, substep;
     bool exposed; // dE and dS belong to stage_z
+    const pm_load *load;
+    double *prescribed; // [scene->nprescribed] at the stage
+    long step;
 
     pm_program *exposure;               // z -> E, S, dE, dS
     double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
@@ -55,9 +34,9 @@ struct pm_subsystem {
     const double *bulk_rate;
 
     int njoint;
-    joint *joint;
+    pm_joint *joint;
     pm_books books, booking;
-    pm_flux *flux; // [njoint] for books
+    pm_flux *flux; // for books
 };
 
 // --- building the graphs ---
@@ -127,86 +106,19 @@ static pm_status open_bulk(pm_subsystem *s, const pm_part *part) {
     return status;
 }
 
-// What both ends show, as inputs of the law's graph.
-static void build_inputs(const pm_subsystem *s, pm_graph *g, const joint *j, pm_port_nodes end[2]) {
-    const pm_scene_port *scene = &s->system->scene->port[j->port_id];
-    for (int i = 0; i < 2; ++i) {
-        const int ny = scene->layout[i].nz;
-        const bool entropy = pm_part_has_entropy(&s->system->part[scene->subsystem[i]]);
-        end[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
-                                 entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE,
-                                 s->integrator->discrete ? pm_input(g, true, 1, ny) : PM_NO_NODE};
-    }
-}
-
-static double *value_of(pm_program *program, pm_node x) {
-    return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
-}
-
-static pm_status open_law(pm_subsystem *s, joint *j) {
-    const pm_port_model *model = &s->system->port[j->port_id];
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    pm_port_nodes end[2];
-    build_inputs(s, g, j, end);
-    const pm_port_nodes shown[2] = {end[0], end[1]};
-    const pm_node last = pm_input(g, true, 1, j->nboth);
-    pm_node next, degeneracy = PM_NO_NODE;
-    const pm_node rate = pm_port_rate(g, model, j->end, end, last, &next, &degeneracy);
-    pm_status status = PM_OK;
-    if (rate != PM_NO_NODE) {
-        const pm_node output[] = {rate, end[j->end].e, next};
-        status = pm_program_open(&j->program, g, next == PM_NO_NODE ? 2 : 3, output, 1);
-    }
-    if (j->program != NULL) {
-        for (int i = 0; i < 2; ++i) {
-            j->input[i].ny = model->layout[i].nz;
-            j->input[i].y = value_of(j->program, shown[i].y);
-            j->input[i].e = value_of(j->program, shown[i].e);
-            j->input[i].eta = value_of(j->program, shown[i].eta);
-            j->input[i].response = value_of(j->program, shown[i].response);
-        }
-        j->rate = value_of(j->program, rate);
-        j->law_e = value_of(j->program, end[j->end].e);
-        j->next = value_of(j->program, next);
-        j->last = next == PM_NO_NODE ? NULL : value_of(j->program, last);
-    }
-    pm_graph_close(g);
-    return status;
-}
-
-static pm_status open_joint(pm_subsystem *s, joint *j, int port_id, pm_end end) {
-    const pm_scene_port *scene = &s->system->scene->port[port_id];
-    *j = (joint){.port_id = port_id,
-                 .end = end,
-                 .ny = scene->layout[end].nz,
-                 .nboth = scene->layout[0].nz + scene->layout[1].nz,
-                 .component = scene->component[end]};
-    const ptrdiff_t ny = j->ny;
-    double *memory = pm_arena_array(&s->arena, 4 * (size_t)ny, sizeof *memory);
-    if (memory == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for port %s", scene->name);
-    }
-    j->y = memory;
-    j->e = memory + ny;
-    j->eta = memory + 2 * ny;
-    j->response = memory + 3 * ny;
-    j->shown =
-        (pm_port_values){j->ny, j->y, j->e, j->eta, s->integrator->discrete ? j->response : NULL};
-    return open_law(s, j);
-}
-
 static pm_status open_joints(pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
     s->joint = pm_arena_array(&s->arena, 2 * (size_t)scene->nport, sizeof *s->joint);
     s->flux = pm_arena_array(&s->arena, 2 * (size_t)scene->nport, sizeof *s->flux);
-    if (s->joint == NULL || s->flux == NULL) {
+    s->prescribed = pm_arena_array(&s->arena, (size_t)scene->nprescribed, sizeof *s->prescribed);
+    if (s->joint == NULL || s->flux == NULL || s->prescribed == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the ports of %s", s->scene->name);
     }
     for (int i = 0; i < scene->nport; ++i) {
         for (int end = 0; end < 2; ++end) {
             if (scene->port[i].subsystem[end] == s->id) {
-                PM_TRY(open_joint(s, &s->joint[s->njoint++], i, (pm_end)end));
+                PM_TRY(pm_joint_open(&s->joint[s->njoint++], &s->arena, s->system, s->integrator, i,
+                                     (pm_end)end));
             }
         }
     }
@@ -273,7 +185,7 @@ pm_status pm_subsystem_open(pm_subsystem **subsystem, const pm_system *system, i
 void pm_subsystem_close(pm_subsystem *subsystem) {
     if (subsystem != NULL) {
         for (int i = 0; i < subsystem->njoint; ++i) {
-            pm_program_close(subsystem->joint[i].program);
+            pm_joint_close(&subsystem->joint[i]);
         }
         pm_program_close(subsystem->exposure);
         pm_program_close(subsystem->bulk);
@@ -296,6 +208,14 @@ pm_end pm_subsystem_end(const pm_subsystem *s, int port) {
     return s->joint[port].end;
 }
 
+bool pm_subsystem_is_load(const pm_subsystem *s, int port) {
+    return s->joint[port].load != NULL;
+}
+
+void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load) {
+    s->load = load;
+}
+
 int pm_subsystem_rounds(const pm_subsystem *s) {
     return s->substeps * s->integrator->nstage;
 }
@@ -305,7 +225,7 @@ const double *pm_subsystem_state(const pm_subsystem *s) {
 }
 
 const pm_port_values *pm_subsystem_values(const pm_subsystem *s, int port) {
-    return &s->joint[port].shown;
+    return &s->joint[port].own.shown;
 }
 
 // --- one round ---
@@ -331,27 +251,9 @@ void pm_subsystem_expose(pm_subsystem *s) {
         s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
     }
     for (int i = 0; i < s->njoint; ++i) {
-        joint *j = &s->joint[i];
-        for (int c = 0; c < j->ny; ++c) {
-            j->y[c] = s->at_z[j->component[c]];
-            j->e[c] = value_at(s->dE, j->component[c]);
-            j->eta[c] = value_at(s->dS, j->component[c]);
-            j->response[c] = value_at(s->response, j->component[c]);
-        }
+        pm_joint_expose(&s->joint[i], s->at_z, s->dE, s->dS, s->response);
     }
     s->exposed = true;
-}
-
-// Adds one term's power and entropy production, weighted by the stage.
-static void book(double weight, int n, const double *e, const double *eta, const double *rate,
-                 double total[2], double gross[2]) {
-    for (int i = 0; i < n; ++i) {
-        const double power = value_at(e, i) * rate[i], production = value_at(eta, i) * rate[i];
-        total[0] += weight * power;
-        total[1] += weight * production;
-        gross[0] += weight * fabs(power);
-        gross[1] += weight * fabs(production);
-    }
 }
 
 // The weight of the present stage in the mean over a step.
@@ -371,47 +273,26 @@ void pm_subsystem_bulk(pm_subsystem *s) {
     copy(s->bulk_dS, s->dS, s->nz);
     pm_program_run(s->bulk, 1);
     memcpy(k, s->bulk_rate, (size_t)s->nz * sizeof *k);
-    double total[2] = {0}, gross[2] = {0};
-    book(stage_weight(s), s->nz, s->dE, s->dS, k, total, gross);
-    s->booking.bulk_energy += total[0];
-    s->booking.bulk_entropy += total[1];
-    s->booking.bulk_gross[0] += gross[0];
-    s->booking.bulk_gross[1] += gross[1];
+    pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->dE, s->dS, k);
     ++s->booking.evaluated;
 }
 
+// What the world shows at its end of a port, at the time of the stage.
+static const pm_port_values *prescribe(pm_subsystem *s, pm_joint *j) {
+    assert(s->load != NULL);
+    const double fraction =
+        (s->substep + pm_integrator_time(s->integrator, s->stage)) / s->substeps;
+    pm_load_at(s->load, s->step, fraction, s->prescribed);
+    return pm_joint_prescribe(j, s->prescribed);
+}
+
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour) {
-    joint *j = &s->joint[port];
-    if (j->program == NULL) {
-        ++s->booking.skipped;
-        return;
-    }
-    const pm_port_values *shown[2];
-    shown[j->end] = &j->shown;
-    shown[1 - j->end] = neighbour;
-    for (int i = 0; i < 2; ++i) {
-        assert(shown[i]->ny == j->input[i].ny);
-        copy(j->input[i].y, shown[i]->y, shown[i]->ny);
-        copy(j->input[i].e, shown[i]->e, shown[i]->ny);
-        copy(j->input[i].eta, shown[i]->eta, shown[i]->ny);
-        copy(j->input[i].response, shown[i]->response, shown[i]->ny);
-    }
-    if (j->last != NULL && s->stage == 0) {
-        memset(j->last, 0, (size_t)j->nboth * sizeof *j->last);
-    }
-    pm_program_run(j->program, 1);
-    copy(j->last, j->next, j->nboth);
-    double *k = s->k + (ptrdiff_t)s->stage * s->nz;
-    for (int c = 0; c < j->ny; ++c) {
-        k[j->component[c]] += j->rate[c];
-    }
-    double total[2] = {0}, gross[2] = {0};
-    book(stage_weight(s), j->ny, j->law_e, j->eta, j->rate, total, gross);
-    j->booking.energy += total[0];
-    j->booking.entropy += total[1];
-    j->booking.energy_gross += gross[0];
-    j->booking.entropy_gross += gross[1];
-    ++s->booking.evaluated;
+    pm_joint *j = &s->joint[port];
+    const pm_port_values *other = j->load != NULL ? prescribe(s, j) : neighbour;
+    const bool done = pm_joint_couple(j, other, s->stage == 0, stage_weight(s),
+                                      s->k + (ptrdiff_t)s->stage * s->nz);
+    s->booking.evaluated += done;
+    s->booking.skipped += !done;
 }
 
 // to = z + h sum_i weight_i k_i over the first n stages.
@@ -445,7 +326,7 @@ static void clear_booking(pm_subsystem *s) {
     const long evaluated = s->booking.evaluated, skipped = s->booking.skipped;
     s->booking = (pm_books){.evaluated = evaluated, .skipped = skipped};
     for (int i = 0; i < s->njoint; ++i) {
-        s->joint[i].booking = (pm_flux){0};
+        s->joint[i].booking = s->joint[i].world_booking = (pm_flux){0};
     }
 }
 
@@ -454,8 +335,12 @@ static void close_books(pm_subsystem *s) {
     s->books.energy = s->E[0];
     s->books.entropy = value_at(s->S, 0);
     s->books.flux = s->flux;
+    s->books.nflux = s->njoint;
     for (int i = 0; i < s->njoint; ++i) {
         s->flux[i] = s->joint[i].booking;
+        if (s->joint[i].load != NULL) {
+            s->flux[s->books.nflux++] = s->joint[i].world_booking;
+        }
     }
     clear_booking(s);
 }
@@ -465,6 +350,7 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->stage_z, s->z, s->nz);
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
+    s->step = 0;
     s->exposed = false;
     s->booking = (pm_books){0};
     clear_booking(s);
@@ -499,6 +385,16 @@ static pm_status check_potentials(const pm_subsystem *s) {
                    s->scene->name, s->E[0], value_at(s->S, 0));
 }
 
+static pm_status check_load(const pm_subsystem *s) {
+    if (s->load == NULL || s->step < s->load->end) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EDATA,
+                   "subsystem %s: what its load follows ends after %ld steps: take fewer steps, or "
+                   "a longer trajectory",
+                   s->scene->name, s->load->end);
+}
+
 pm_status pm_subsystem_end_step(pm_subsystem *s) {
     assert(s->stage == 0 && s->substep == s->substeps);
     s->substep = 0;
@@ -507,6 +403,9 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
         pm_subsystem_expose(s);
         status = check_potentials(s);
     }
+    if (status == PM_OK) {
+        status = check_load(s);
+    }
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
         copy(s->stage_z, s->z, s->nz);
@@ -514,6 +413,7 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
         return status;
     }
     copy(s->safe_z, s->z, s->nz);
+    ++s->step;
     close_books(s);
     return PM_OK;
 }
@@ -528,13 +428,18 @@ void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     copy(sample->z + s->scene->first, s->z, s->nz);
     sample->energy[i] = books->energy;
     sample->entropy[i] = books->entropy;
-    sample->bulk_energy[i] = books->bulk_energy;
-    sample->bulk_entropy[i] = books->bulk_entropy;
-    sample->bulk_gross[2 * i] = books->bulk_gross[0];
-    sample->bulk_gross[2 * i + 1] = books->bulk_gross[1];
+    sample->bulk_energy[i] = books->bulk.energy;
+    sample->bulk_entropy[i] = books->bulk.entropy;
+    sample->bulk_gross[2 * i] = books->bulk.energy_gross;
+    sample->bulk_gross[2 * i + 1] = books->bulk.entropy_gross;
     sample->evaluated[i] = books->evaluated;
     sample->skipped[i] = books->skipped;
-    for (int j = 0; j < s->njoint; ++j) {
-        sample->flux[s->joint[j].port_id][s->joint[j].end] = books->flux[j];
+    int world = s->njoint;
+    for (int k = 0; k < s->njoint; ++k) {
+        const pm_joint *j = &s->joint[k];
+        sample->flux[j->port_id][j->end] = books->flux[k];
+        if (j->load != NULL) {
+            sample->flux[j->port_id][1 - j->end] = books->flux[world++];
+        }
     }
 }

@@ -5,23 +5,15 @@
 //     pm_subsystem_expose   stage state -> dE, dS and the values every port shows
 //     pm_subsystem_bulk     L dE + M dS, while the neighbours' values travel
 //     pm_subsystem_couple   once per port, in order of ports: the port law's term, and its fluxes
+//                           (at a load the values of the world take the place of a neighbour's)
 //     pm_subsystem_advance  the Runge-Kutta combination; ends the substep after its last stage
 // The order of sums is fixed, so the same calls give the same bits in one process or in many.
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 
-#include "sim/integrator.h"
-#include "store/recording.h"
-#include "store/system.h"
+#include "sim/joint.h"
 
 typedef struct pm_subsystem pm_subsystem;
-
-// What one end of a port shows at a stage. Arrays of ny numbers.
-typedef struct pm_port_values {
-    int ny;
-    const double *y, *e, *eta; // state, dE/dy, dS/dy; eta is all zero without entropy
-    const double *response;    // rise of e per unit of rate; NULL unless pm_system_has_response
-} pm_port_values;
 
 // Builds the graphs of subsystem `subsystem_id` and starts it at its initial state (zero if the
 // scene has none; pm_subsystem_set_state). `system` must outlive it. PM_ECONFIG, PM_ENOMEM.
@@ -33,29 +25,38 @@ int pm_subsystem_nport(const pm_subsystem *s);
 int pm_subsystem_port_id(const pm_subsystem *s, int port);
 pm_end pm_subsystem_end(const pm_subsystem *s, int port);
 
+bool pm_subsystem_is_load(const pm_subsystem *s, int port); // the other end is the world
+
 int pm_subsystem_rounds(const pm_subsystem *s); // per step
 
-// Sets z [nz] and zeroes what was booked.
+// What the world prescribes, in a scene with loads; it must outlive the subsystem. A run that is
+// not over when it ends fails (pm_subsystem_end_step).
+void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load);
+
+// Sets z [nz] at step 0 and zeroes what was booked.
 void pm_subsystem_set_state(pm_subsystem *s, const double *z);
 const double *pm_subsystem_state(const pm_subsystem *s); // after the last full substep
 
 void pm_subsystem_expose(pm_subsystem *s);
 const pm_port_values *pm_subsystem_values(const pm_subsystem *s, int port);
 void pm_subsystem_bulk(pm_subsystem *s);
+// `neighbour`: NULL at a load.
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour);
 void pm_subsystem_advance(pm_subsystem *s);
 
 // After the last round of a step: checks that the new state is finite (PM_ENUMERIC: subsystem,
-// component, value), evaluates E and S there (this is also the next step's first exposure), and
-// closes the step's books. On failure the state stays at the last finite step's.
+// component, value) and the load reached so far (PM_EDATA), evaluates E and S there (this is also
+// the next step's first exposure), and closes the step's books. On failure the state stays at the
+// last good step's.
 pm_status pm_subsystem_end_step(pm_subsystem *s);
 
 // What the last step left, to be copied into a pm_sample.
 typedef struct pm_books {
     double energy, entropy; // at the state
-    double bulk_energy, bulk_entropy, bulk_gross[2];
+    pm_flux bulk;           // its own terms
     long evaluated, skipped;
-    const pm_flux *flux; // [nport], into this subsystem
+    int nflux;
+    const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
 } pm_books;
 pm_books pm_subsystem_books(const pm_subsystem *s);
 // E and S at the present state, before any step. Same as books after a step.

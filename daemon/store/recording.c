@@ -141,8 +141,8 @@ static pm_status add_port(pm_recording *r, const pm_scene_port *port) {
     PM_TRY(add(r, folder, "energy_flux_b", 0, "W"));
     PM_TRY(add(r, folder, "entropy_flux_a", 0, "W/K"));
     PM_TRY(add(r, folder, "entropy_flux_b", 0, "W/K"));
-    const char *const ends[2] = {r->scene->subsystem[port->subsystem[0]].name,
-                                 r->scene->subsystem[port->subsystem[1]].name};
+    const char *const ends[2] = {pm_scene_end_name(r->scene, port, 0),
+                                 pm_scene_end_name(r->scene, port, 1)};
     return pm_hdf5_write_texts(r->file, folder, "ends", 2, ends);
 }
 
@@ -261,8 +261,8 @@ static void put_sample(const pm_recording *r, const pm_sample *s) {
     int next = 0;
     put_one(r, &next, s->time);
     put_one(r, &next, (double)s->step);
-    put_one(r, &next, total(scene->nsubsystem, s->energy));
-    put_one(r, &next, total(scene->nsubsystem, s->entropy));
+    put_one(r, &next, s->world_energy + total(scene->nsubsystem, s->energy));
+    put_one(r, &next, s->world_entropy + total(scene->nsubsystem, s->entropy));
     put_one(r, &next, s->energy_residual);
     put_one(r, &next, s->entropy_residual);
     for (int i = 0; i < scene->nsubsystem; ++i) {

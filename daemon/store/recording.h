@@ -4,7 +4,7 @@
 //     bulk_energy W, bulk_entropy W/K [sample]
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample] (relative, see
-//   ledger.h)
+//   ledger.h; the totals hold what loads have given to the world)
 // Earliest HDF5 format, appended in chunks and flushed about once a second: a killed run leaves
 // every flushed sample readable.
 #ifndef PM_STORE_RECORDING_H
@@ -35,7 +35,9 @@ typedef struct pm_sample {
     pm_flux (*flux)[2];   // [nport][end]
     long *evaluated;      // [nsubsystem] bulk and port terms evaluated, and skipped, so far
     long *skipped;
-    double energy_residual, entropy_residual; // the step's worst, filled in by the ledger
+    // Filled in by the ledger: the step's worst, and what loads have given to the world so far.
+    double energy_residual, entropy_residual;
+    double world_energy, world_entropy; // J, J/K
 } pm_sample;
 
 pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene);

@@ -1,6 +1,6 @@
-// The scene reader: its plain settings and the whole. scene_subsystem.c reads states, scene_port.c
-// ports. Each section is checked where it stands; what refers to other subsystems (relative_to,
-// ports) is read once all of them are known.
+// The scene reader: its plain settings and the whole. scene_subsystem.c reads states, scene_load.c
+// loads, scene_port.c ports. Each section is checked where it stands; what refers to other
+// subsystems (relative_to, ports) is read once all of them are known.
 #include "store/scene.h"
 
 #include <arpa/inet.h>
@@ -84,6 +84,14 @@ const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t
     for (int i = 0; i < scene->nsubsystem && used < size; ++i) {
         used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
                                  scene->subsystem[i].name);
+    }
+    return buffer;
+}
+
+const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = strlen(pm_scene_subsystem_names(scene, buffer, size));
+    for (int i = 0; i < scene->nload && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, ", %s", scene->load[i].name);
     }
     return buffer;
 }
@@ -213,8 +221,9 @@ static pm_status read_reference(pm_scene_reader *r) {
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
-    static const char *const keys[] = {"scene",     "url",       "time", "subsystems", "ports",
-                                       "processes", "reference", "laws", "lockstep",   NULL};
+    static const char *const keys[] = {"scene", "url",      "time",      "subsystems",
+                                       "loads", "ports",    "processes", "reference",
+                                       "laws",  "lockstep", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
@@ -222,6 +231,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(read_url(r));
     PM_TRY(read_time(r));
     PM_TRY(pm_scene_read_subsystems(r));
+    PM_TRY(pm_scene_read_loads(r));
     PM_TRY(pm_scene_read_ports(r));
     PM_TRY(read_reference(r));
     PM_TRY(read_laws(r));
@@ -279,6 +289,15 @@ int pm_scene_find_subsystem(const pm_scene *scene, const char *name) {
     return -1;
 }
 
+int pm_scene_find_load(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nload; ++i) {
+        if (strcmp(scene->load[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
 int pm_scene_find_port(const pm_scene *scene, const char *name) {
     for (int i = 0; i < scene->nport; ++i) {
         if (strcmp(scene->port[i].name, name) == 0) {
@@ -286,4 +305,14 @@ int pm_scene_find_port(const pm_scene *scene, const char *name) {
         }
     }
     return -1;
+}
+
+const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end) {
+    return port->subsystem[end] >= 0 ? scene->subsystem[port->subsystem[end]].name
+                                     : scene->load[port->load[end]].name;
+}
+
+const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end) {
+    return port->subsystem[end] >= 0 ? &scene->subsystem[port->subsystem[end]].layout
+                                     : &scene->load[port->load[end]].layout;
 }

@@ -36,11 +36,27 @@ typedef struct pm_scene_process {
     int *subsystem; // [count] positions in the scene, rising
 } pm_scene_process;
 
+// One number that the world prescribes: itself, or a column of the dataset that a run follows.
+typedef struct pm_scene_prescribed {
+    double number;
+    const char *column, *at; // column NULL: the number
+} pm_scene_prescribed;
+
+// The world's end of a port: what a neighbour would show there is prescribed over time (load.h).
+typedef struct pm_scene_world {
+    const char *name;
+    pm_layout layout;
+    bool entropy;                     // it prescribes dS
+    const pm_scene_prescribed *value; // [3][layout.nz]: state, dE, dS
+    int first;                        // of its values among those of all loads
+} pm_scene_world;
+
 typedef struct pm_scene_port {
     const char *name;
     const char *law, *law_at;
     const char *weights, *weights_at;
-    int subsystem[2];         // ends a and b
+    int subsystem[2];         // ends a and b; -1: a load
+    int load[2];              // likewise; -1: a subsystem
     pm_layout layout[2];      // exposed groups of each end
     const char *expose_at[2]; // the list of them
     const int *component[2];  // [layout.nz] position of each exposed component in the end's state
@@ -63,11 +79,14 @@ typedef struct pm_scene {
     double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
     int nsubsystem;
     pm_scene_subsystem *subsystem;
+    int nload;
+    pm_scene_world *load;
     int nport;
     pm_scene_port *port;
     int nprocess;
     pm_scene_process *process; // by their first subsystems
     int nz;                    // components of all subsystems
+    int nprescribed;           // values of all loads
 } pm_scene;
 
 // Reads and checks a scene: keys, types, names, neighbours, units, ports. The caller frees it.
@@ -77,12 +96,20 @@ pm_status pm_scene_load(pm_scene **scene, const char *path);
 pm_status pm_scene_parse(pm_scene **scene, const char *text, const char *path);
 void pm_scene_free(pm_scene *scene); // NULL is allowed
 
-// The position of a subsystem, port or process, or -1.
+// The position of a subsystem, load, port or process, or -1.
 int pm_scene_find_subsystem(const pm_scene *scene, const char *name);
+int pm_scene_find_load(const pm_scene *scene, const char *name);
 int pm_scene_find_port(const pm_scene *scene, const char *name);
 int pm_scene_find_process(const pm_scene *scene, const char *name);
 
+// Whether the port's ends are served by different processes, which then exchange fluxes.
+bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
+
 // Gives all subsystems to one process, "all". PM_ENOMEM.
 pm_status pm_scene_join_processes(pm_scene *scene);
+
+// The subsystem or load at one end of a port: its name, and all its groups.
+const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end);
+const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end);
 
 #endif

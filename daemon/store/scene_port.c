@@ -1,4 +1,5 @@
-// Reading the ports of a scene: which law joins which groups of which two subsystems.
+// Reading the ports of a scene: which law joins which groups of which two subsystems, or of a
+// subsystem and a load.
 #include "store/scene_reader.h"
 
 #include <string.h>
@@ -27,12 +28,16 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
     }
     for (int end = 0; end < 2; ++end) {
         port->subsystem[end] = pm_scene_find_subsystem(r->scene, name[end]);
-        if (port->subsystem[end] < 0) {
+        port->load[end] = pm_scene_find_load(r->scene, name[end]);
+        if (port->subsystem[end] < 0 && port->load[end] < 0) {
             char names[512];
             return pm_yaml_fail(pm_yaml_item(between, end),
-                                "there is no subsystem \"%.64s\"; subsystems: %s", name[end],
-                                pm_scene_subsystem_names(r->scene, names, sizeof names));
+                                "there is no subsystem or load \"%.64s\"; there are: %s", name[end],
+                                pm_scene_end_names(r->scene, names, sizeof names));
         }
+    }
+    if (port->load[0] >= 0 && port->load[1] >= 0) {
+        return pm_yaml_fail(between, "expected a subsystem at one end, found two loads");
     }
     return port->subsystem[0] != port->subsystem[1]
                ? PM_OK
@@ -40,32 +45,32 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
                               name[0]);
 }
 
-// The exposed groups of one end, in the order written, and where their components stand in its
-// state.
+// The exposed groups of one end, in the order written, and where their components stand among all
+// of it.
 static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, pm_yaml expose) {
-    const pm_scene_subsystem *subsystem = &r->scene->subsystem[port->subsystem[end]];
+    const char *owner = pm_scene_end_name(r->scene, port, end);
+    const pm_layout *whole = pm_scene_end_layout(r->scene, port, end);
     pm_layout *layout = &port->layout[end];
     pm_yaml list;
     int count;
     const char **name;
-    PM_TRY(pm_yaml_require(expose, subsystem->name, &list));
+    PM_TRY(pm_yaml_require(expose, owner, &list));
     PM_TRY(pm_scene_read_at(r, list, &port->expose_at[end]));
     PM_TRY(pm_yaml_texts(list, r->arena, &count, &name));
     if (count == 0) {
-        return pm_yaml_fail(list, "expected at least one group of %s", subsystem->name);
+        return pm_yaml_fail(list, "expected at least one group of %s", owner);
     }
-    int *component = pm_arena_array(r->arena, (size_t)subsystem->layout.nz, sizeof *component);
+    int *component = pm_arena_array(r->arena, (size_t)whole->nz, sizeof *component);
     if (component == NULL) {
         return pm_scene_no_memory();
     }
     for (int i = 0; i < count; ++i) {
         const pm_yaml at = pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
-        const pm_group *group = pm_layout_find(&subsystem->layout, name[i]);
+        const pm_group *group = pm_layout_find(whole, name[i]);
         if (group == NULL) {
             char names[512];
-            return pm_yaml_fail(at, "%s has no group \"%.64s\"; groups: %s", subsystem->name,
-                                name[i],
-                                pm_scene_group_names(&subsystem->layout, names, sizeof names));
+            return pm_yaml_fail(at, "%s has no group \"%.64s\"; groups: %s", owner, name[i],
+                                pm_scene_group_names(whole, names, sizeof names));
         }
         if (pm_layout_find(layout, name[i]) != NULL) {
             return pm_yaml_fail(at, "group \"%s\" occurs twice", name[i]);
@@ -89,8 +94,8 @@ static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml key,
     PM_TRY(read_law(r, port, block));
     PM_TRY(read_between(r, port, block));
     PM_TRY(pm_yaml_require(block, "expose", &expose));
-    const char *const ends[] = {r->scene->subsystem[port->subsystem[0]].name,
-                                r->scene->subsystem[port->subsystem[1]].name, NULL};
+    const char *const ends[] = {pm_scene_end_name(r->scene, port, 0),
+                                pm_scene_end_name(r->scene, port, 1), NULL};
     PM_TRY(pm_yaml_allow(expose, ends));
     PM_TRY(read_exposed(r, port, 0, expose));
     PM_TRY(read_exposed(r, port, 1, expose));

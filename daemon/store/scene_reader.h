@@ -1,5 +1,5 @@
-// Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_port.c), and by them
-// only.
+// Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_load.c,
+// scene_port.c), and by them only.
 #ifndef PM_STORE_SCENE_READER_H
 #define PM_STORE_SCENE_READER_H
 
@@ -21,9 +21,10 @@ typedef struct pm_scene_named {
     pm_yaml at;
 } pm_scene_named;
 
-// The sections `subsystems` and, after it, `ports` and `processes`, which also checks that the names
-// make channels that fit LCM.
+// The sections `subsystems` and, after it, `loads`, `ports` and `processes`, the last of which also
+// checks that the names make channels that fit LCM.
 pm_status pm_scene_read_subsystems(pm_scene_reader *r);
+pm_status pm_scene_read_loads(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_read_processes(pm_scene_reader *r);
 
@@ -38,6 +39,7 @@ pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *w
 
 // "a, b, c" in the buffer, for messages that name what exists.
 const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size);
+const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size); // and loads
 const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size);
 
 pm_status pm_scene_no_memory(void);

@@ -94,7 +94,7 @@ static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
     }
     for (int end = 0; end < 2; ++end) {
         const char *who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
-                                          scene->subsystem[port->subsystem[end]].name);
+                                          pm_scene_end_name(scene, port, end));
         if (who == NULL) {
             return no_memory();
         }
@@ -136,7 +136,7 @@ static uint64_t digest_system(const pm_system *system) {
         digest = pm_digest_text(digest, port->name);
         digest = pm_digest_text(digest, port->law);
         for (int end = 0; end < 2; ++end) {
-            digest = pm_digest_integer(digest, port->subsystem[end]);
+            digest = pm_digest_text(digest, pm_scene_end_name(scene, port, end));
             digest = digest_layout(digest, &port->layout[end]);
         }
         digest = pm_digest_integer(digest, (int64_t)system->port_provenance[i].digest);
@@ -213,6 +213,12 @@ pm_params *pm_system_params(const pm_system *system, int component) {
     const int nsubsystem = system->scene->nsubsystem;
     return component < nsubsystem ? &system->part[component].params
                                   : &system->port[component - nsubsystem].params;
+}
+
+bool pm_system_end_has_entropy(const pm_system *system, int port, int end) {
+    const pm_scene_port *scene = &system->scene->port[port];
+    return scene->subsystem[end] >= 0 ? pm_part_has_entropy(&system->part[scene->subsystem[end]])
+                                      : system->scene->load[scene->load[end]].entropy;
 }
 
 int pm_system_without_energy(const pm_system *system) {

@@ -35,6 +35,9 @@ pm_params *pm_system_params(const pm_system *system, int component);
 void pm_system_responding(const pm_system *system, int subsystem, bool *component);
 void pm_system_free(pm_system *system); // NULL is allowed
 
+// Whether what one end of a port shows includes a dS.
+bool pm_system_end_has_entropy(const pm_system *system, int port, int end);
+
 // The first subsystem in which energy and entropy are not defined (form: free), so that neither are
 // the totals; -1: none.
 int pm_system_without_energy(const pm_system *system);

@@ -1,7 +1,8 @@
 #!/bin/sh
 # test_scenes.sh PORTMETD MAKE_SCENE SAME_RECORDING: scenes assembled from the shipped weights run, stay
-# close to their references and keep both laws: parts used many times (chains), and a circle of
-# three subsystems and ports (gas containers). In processes over LCM the bits are the same.
+# close to their references and keep both laws: parts used many times (chains), a circle of three
+# subsystems and ports (gas containers), parts under a load and assembled after it. In processes over
+# LCM the bits are the same.
 . "$(dirname "$0")/network.sh"
 configs=$(dirname "$0")/../../configs
 
@@ -14,9 +15,9 @@ keeps() {
         fail "$1: errors above 0.1 %: $(grep '%$' "$folder/$1.out" | tr -s ' \n' ' ')"
 }
 
-# same_bits NAME STEPS: like the run before, but one process per subsystem.
+# same_bits NAME STEPS [FOLDER]: like the run before, but one process per subsystem.
 same_bits() {
-    start "${1}_lcm" run "$configs/$1.yaml" --steps "$2" --quiet --record "$folder/$1_lcm.h5"
+    start "${1}_lcm" run "${3:-$configs}/$1.yaml" --steps "$2" --quiet --record "$folder/$1_lcm.h5"
     ends "${1}_lcm" $pid 0 ""
     "$same_recording" "$folder/$1.h5" "$folder/$1_lcm.h5" || fail "$1: other bits over LCM"
 }
@@ -27,4 +28,46 @@ keeps chain_10 20
 same_bits chain_10 20
 keeps gas_containers 400
 same_bits gas_containers 400
+# said PATTERN: a line of what `check` printed last.
+said() {
+    grep -Eq "$1" "$folder/check.out" || fail "check: expected \"$1\""
+}
+"$portmetd" check "$configs/driven_lower.yaml" >"$folder/check.out" || fail "driven_lower: check"
+said '^load pivot: prescribed by the world'
+said '^  p +2 x kg m/s +dE vx vy$'
+said '^  s +1 x J/K +dE T  dS 1$'
+said '^  end a +pivot exposes p s$'
+! grep -q FLUX "$folder/check.out" || fail "check: nobody sends fluxes in driven_lower"
+
+keeps driven_upper 100
+keeps driven_lower 100
+same_bits driven_lower 100
+keeps driven_double_pendulum 200
+
+# The same with a pivot that moves steadily beside a bath of 295 K: a part with a load and a neighbour.
+sed -e "s,weights/,$(realpath "$configs")/weights/,; s,reference/,$(realpath "$configs")/reference/," \
+    -e '/^ports:/i loads: {pivot: {p: {unit: kg m/s, dE: [0.1, 0]}, s: {unit: J/K, dE: 295, dS: 1}}}' \
+    "$configs/driven_double_pendulum.yaml" >"$folder/pulled.yaml"
+cat >"$folder/base.yaml" <<END
+  base:
+    law: bracket
+    between: [pivot, upper]
+    expose: {pivot: [p, s], upper: [q, s]}
+    weights: $(realpath "$configs")/weights/driven_upper/base.h5
+END
+sed -i "/^ports:/r $folder/base.yaml" "$folder/pulled.yaml"
+"$portmetd" run "$folder/pulled.yaml" --steps 50 --in-process --record "$folder/pulled.h5" \
+    >"$folder/pulled.out" || fail "pulled: does not run"
+grep -q "steps in violation: 0;" "$folder/pulled.out" || fail "pulled: a law is violated"
+grep -Eq 'upper +base +[+-][1-9]' "$folder/pulled.out" || fail "pulled: nothing flows at the load"
+same_bits pulled 50 "$folder"
+
+# A node under another load is refused.
+sed 's/dE: 295/dE: 296/' "$folder/pulled.yaml" >"$folder/other.yaml"
+start other_node node "$folder/other.yaml" upper
+other=$pid
+start other_run coordinator "$folder/pulled.yaml" --quiet
+ends other_run $pid 7 "node upper holds another scene, weights or initial state"
+kill "$other" 2>/dev/null
+wait "$other" 2>/dev/null
 finish

@@ -13,11 +13,11 @@ number() {
     sed -n "s/.*\"$2\": {\"trajectory\": {.*\"median\": \([^,]*\),.*\"snapshot\".*/\1/p" "$1" | head -1
 }
 
-# scene NAME TRAJECTORIES GROUP BOUND...
+# scene NAME TRUTH TRAJECTORIES GROUP BOUND...
 scene() {
-    name=$1 range=$2
-    shift 2
-    "$train" truth "configs/truth/$name.yaml" --trajectories "$range" -o "$folder/$name.h5" \
+    name=$1 truth=$2 range=$3
+    shift 3
+    "$train" truth "configs/truth/$truth.yaml" --trajectories "$range" -o "$folder/$name.h5" \
         >/dev/null || failures=$((failures + 1))
     "$train" evaluate "configs/$name.yaml" --data "$folder/$name.h5" --json >"$folder/$name.json" ||
         failures=$((failures + 1))
@@ -35,10 +35,13 @@ scene() {
     fi
 }
 
-scene double_pendulum 40:50 q 0.001 p 0.001 s 0.001
-scene double_pendulum_fast 40:50 q 0.002 p 0.002 s 0.002
-scene chain_10 0:20 q 0.00003 p 0.0001 s 0.0002
-scene gas_containers 80:100 v 0.0005 p 0.0005 s 0.0005
+scene double_pendulum double_pendulum 40:50 q 0.001 p 0.001 s 0.001
+scene double_pendulum_fast double_pendulum_fast 40:50 q 0.002 p 0.002 s 0.002
+scene chain_10 chain_10 0:20 q 0.00003 p 0.0001 s 0.0002
+scene gas_containers gas_containers 80:100 v 0.0005 p 0.0005 s 0.0005
+scene driven_upper driven_upper 80:100 q 0.0001 p 0.0001 s 0.0002
+scene driven_lower driven_lower 80:100 q 0.0001 p 0.0001 s 0.0002
+scene driven_double_pendulum double_pendulum 40:50 q 0.0005 p 0.001 s 0.0005
 
 [ $failures -eq 0 ] && echo "all well"
 exit $((failures > 0))

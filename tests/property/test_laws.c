@@ -266,9 +266,11 @@ static void bracket_keeps_both_laws(void **state) {
 
 // Books every step; the number of steps before the state ran away, as random weights may make it:
 // its squares must stay far from the largest number for any law to hold.
-static int roll_out(const world *w, const pm_system *system, const double *z, int steps) {
+static int roll_out(const world *w, const pm_system *system, const pm_load *load, const double *z,
+                    int steps) {
     pm_assembly *assembly = NULL;
     assert_int_equal(pm_assembly_open(&assembly, system), PM_OK);
+    pm_assembly_set_load(assembly, load);
     pm_assembly_set_state(assembly, z);
     pm_ledger ledger;
     pm_ledger_init(&ledger, system);
@@ -302,7 +304,7 @@ static void rollouts_keep_both_laws(void **state) {
         world_random(&w, seed, PM_HARD);
         assert_true(w.scene->energy_tolerance == ENERGY_TOLERANCE);
         assert_true(w.scene->entropy_tolerance == ENTROPY_TOLERANCE);
-        booked += roll_out(&w, w.system, w.z, steps);
+        booked += roll_out(&w, w.system, NULL, w.z, steps);
         world_close(&w);
     }
     if (booked < WORLDS * steps * 3 / 4) {
@@ -311,23 +313,41 @@ static void rollouts_keep_both_laws(void **state) {
     }
 }
 
-// With the first state of the scene's reference, in the scene's arena; false if the weights are not
-// there.
-static bool load_shipped(const char *path, pm_scene **scene, pm_system **system, double **z) {
-    assert_int_equal(pm_scene_load(scene, path), PM_OK);
-    if ((*scene)->reference == NULL || access((*scene)->subsystem[0].weights, R_OK) != 0) {
+// A shipped scene: its weights, the first state of its reference, and the load that it prescribes.
+typedef struct shipped {
+    pm_scene *scene;
+    pm_system *system;
+    pm_dataset *reference;
+    pm_load load;
+    double *z;
+} shipped;
+
+// False if the scene's weights are not there.
+static bool load_shipped(shipped *s, const char *path) {
+    assert_int_equal(pm_scene_load(&s->scene, path), PM_OK);
+    const pm_scene *scene = s->scene;
+    pm_arena *arena = &s->scene->arena;
+    if (scene->reference == NULL || access(scene->subsystem[0].weights, R_OK) != 0) {
         return false;
     }
-    pm_dataset *dataset = NULL;
     pm_columns columns;
-    assert_int_equal(pm_system_load(system, *scene, NULL), PM_OK);
-    assert_int_equal(pm_dataset_load(&dataset, (*scene)->reference), PM_OK);
-    assert_int_equal(pm_columns_bind(&columns, *scene, dataset, &(*scene)->arena), PM_OK);
-    *z = pm_arena_array(&(*scene)->arena, (size_t)columns.nz, sizeof **z);
-    assert_non_null(*z);
-    pm_columns_to_state(&columns, pm_dataset_state(dataset, (*scene)->reference_trajectory, 0), *z);
-    pm_dataset_free(dataset);
+    const int trajectory = scene->reference_trajectory;
+    assert_int_equal(pm_system_load(&s->system, scene, NULL), PM_OK);
+    assert_int_equal(pm_dataset_load(&s->reference, scene->reference), PM_OK);
+    assert_int_equal(pm_columns_bind(&columns, scene, s->reference, arena), PM_OK);
+    s->z = pm_arena_array(arena, (size_t)columns.nz, sizeof *s->z);
+    assert_non_null(s->z);
+    pm_columns_to_state(&columns, pm_dataset_state(s->reference, trajectory, 0), s->z);
+    const int stride = (int)lround(s->reference->dt / scene->dt);
+    assert_int_equal(pm_load_bind(&s->load, scene, s->reference, stride, arena), PM_OK);
+    pm_load_follow(&s->load, s->reference, trajectory);
     return true;
+}
+
+static void unload_shipped(shipped *s) {
+    pm_dataset_free(s->reference);
+    pm_system_free(s->system);
+    pm_scene_free(s->scene);
 }
 
 static void shipped_weights_keep_both_laws(void **state) {
@@ -335,17 +355,14 @@ static void shipped_weights_keep_both_laws(void **state) {
     glob_t found;
     assert_int_equal(glob("configs/*.yaml", 0, NULL, &found), 0);
     for (size_t i = 0; i < found.gl_pathc; ++i) {
-        pm_scene *scene = NULL;
-        pm_system *system = NULL;
-        double *z = NULL;
-        if (load_shipped(found.gl_pathv[i], &scene, &system, &z) &&
-            system->port[0].spec.form == PM_HARD) {
+        shipped s = {.z = NULL};
+        if (load_shipped(&s, found.gl_pathv[i]) && s.system->port[0].spec.form == PM_HARD) {
             const world nameless = {.seed = 0};
             print_message("    %s\n", found.gl_pathv[i]);
-            assert_int_equal(roll_out(&nameless, system, z, scene->steps), scene->steps);
+            assert_int_equal(roll_out(&nameless, s.system, &s.load, s.z, s.scene->steps),
+                             s.scene->steps);
         }
-        pm_system_free(system);
-        pm_scene_free(scene);
+        unload_shipped(&s);
     }
     globfree(&found);
 }

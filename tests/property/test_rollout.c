@@ -168,7 +168,7 @@ static void graph_step(const world *w, const double *z0, double *z) {
         part[i] = pm_slice(g, input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
     }
     pm_build_step(g, w->system, pm_integrator_find(scene->integrator), scene->dt / scene->substeps,
-                  scene->substeps, part, &degeneracy, &work);
+                  scene->substeps, part, PM_NO_NODE, &degeneracy, &work);
     const pm_node output = pm_concat(g, 2, part);
     assert_int_equal(pm_program_open(&program, g, 1, &output, 1), PM_OK);
     memcpy(pm_program_value(program, input), z0, (size_t)scene->nz * sizeof *z0);

@@ -82,7 +82,7 @@ expect 3 "bad.yaml:2:1: " check "$bad"
 edit 's/dt: 0.05/dt: soon/'
 expect 3 "bad.yaml:2:12: dt: " check "$bad"
 edit 's/between: \[left, right\]/between: [left, middle]/'
-expect 3 'bad.yaml:19:21: between: there is no subsystem "middle"' check "$bad"
+expect 3 'bad.yaml:19:21: between: there is no subsystem or load "middle"' check "$bad"
 edit 's/right: \[q, p, s\]/right: [q, p, x]/'
 expect 3 "bad.yaml:20:42: " check "$bad"
 edit 's/integrator: rk4/integrator: rk5/'

@@ -143,7 +143,7 @@ static const yaml_case bad[] = {
     {"scene: pair\n", "", "url", "missing key \"scene\""},
     {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
     {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
-    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, ports"},
+    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, loads"},
     // the URL's shape
     {GOOD_URL, "foo://239.255.76.67:7667", "foo",
      "url: expected udpm://GROUP:PORT or mpudpm://GROUP:PORT"},
@@ -200,7 +200,8 @@ static const yaml_case bad[] = {
     // ports
     {"law: bracket", "law: gravity", "gravity", "law: expected one of bracket, exchange"},
     {"    law: bracket\n", "", "between", "joint: missing key \"law\""},
-    {"[lower, upper]", "[lower, uper]", "uper", "no subsystem \"uper\"; subsystems: upper, lower"},
+    {"[lower, upper]", "[lower, uper]", "uper",
+     "no subsystem or load \"uper\"; there are: upper, lower"},
     {"[lower, upper]", "[lower, lower]", "[lower",
      "expected two different subsystems, found \"lower\""},
     {"[lower, upper]", "[lower]", "[lower]", "expected two subsystems [a, b], found 1"},
@@ -227,6 +228,71 @@ static const yaml_case bad_minimal[] = {
     {"{a:", "{" NAME48 "w:", "abc", "at most 48"},
 };
 
+// A link whose other ends are the world's.
+static const char driven[] = "scene: driven\n"
+                             "time: {dt: 1, steps: 1, integrator: euler}\n"
+                             "subsystems: {a: {weights: a.h5, state: {q: {unit: m, size: 2},\n"
+                             "    s: {unit: J/K, size: 1}}}}\n"
+                             "loads:\n"
+                             "  pivot:\n"
+                             "    p: {unit: kg m/s, dE: [vx, -0.5]}\n"
+                             "    s: {unit: J/K, value: [.25], dE: T, dS: 1}\n"
+                             "  hand: {x: {unit: m, dE: [1e3]}}\n"
+                             "ports:\n"
+                             "  base:\n"
+                             "    law: bracket\n"
+                             "    between: [pivot, a]\n"
+                             "    expose: {pivot: [s, p], a: [q, s]}\n"
+                             "    weights: base.h5\n";
+
+static const yaml_case bad_driven[] = {
+    {"  pivot:\n", "  a:\n", "a:\n    p", "\"a\" is the name of a subsystem already"},
+    {"  pivot:\n", "  7:\n", "7:\n    p", "expected a name of a letter"},
+    {"hand: {x: {unit: m, dE: [1e3]}}", "hand: {}", "{}", "at least one entry"},
+    {"dE: [1e3]", "dE: []", "[]", "dE: expected 1 to 1000 components, found 0"},
+    {"dE: [1e3]", "dE: 1x", "1x", "dE: expected a number, found \"1x\""},
+    {"dE: [1e3]", "dE: [1e3], columns: [x]", "columns", "allowed: unit, dE, dS, value"},
+    {"x: {unit: m, dE: [1e3]}", "x: {unit: m, dS: [1e3]}", "{unit: m", "x: missing key \"dE\""},
+    {"x: {unit: m, dE", "x: {dE", "{dE", "x: missing key \"unit\""},
+    {"dS: 1}", "dS: [1, 0]}", "[1, 0]", "dS: expected 1 as under \"dE\", found 2"},
+    {"[pivot, a]", "[pivot, hand]", "[pivot, hand]", "a subsystem at one end, found two loads"},
+    {"[pivot, a]", "[pivo, a]", "pivo, a",
+     "no subsystem or load \"pivo\"; there are: a, pivot, hand"},
+    {"pivot: [s, p]", "pivot: [s, q]", "q], a", "pivot has no group \"q\"; groups: p, s"},
+    {"pivot: [s, p]", "hand: [x]", "hand", "allowed: pivot, a"},
+};
+
+static void test_loads(void **state) {
+    (void)state;
+    pm_scene *scene = parsed(driven);
+    assert_int_equal(scene->nload, 2);
+    assert_int_equal(scene->nprescribed, 12);
+    const pm_scene_world *pivot = &scene->load[0], *hand = &scene->load[1];
+    assert_true(pivot->first == 0 && pivot->layout.nz == 3 && pivot->layout.ngroup == 2);
+    assert_true(hand->first == 9 && hand->layout.nz == 1);
+    assert_true(pivot->entropy && !hand->entropy);
+    // State, dE, dS of px, py, s.
+    static const double number[9] = {0, 0, 0.25, 0, -0.5, 0, 0, 0, 1};
+    for (int i = 0; i < 9; ++i) {
+        assert_true(pivot->value[i].number == number[i]);
+        assert_true((pivot->value[i].column != NULL) == (i == 3 || i == 5));
+    }
+    assert_string_equal(pivot->value[3].column, "vx");
+    assert_string_equal(pivot->value[3].at, "dir/t.yaml:7:28");
+    assert_string_equal(pivot->value[5].column, "T");
+    assert_true(hand->value[1].number == 1e3);
+    const pm_scene_port *port = &scene->port[0];
+    assert_true(port->subsystem[0] == -1 && port->load[0] == 0);
+    assert_true(port->subsystem[1] == 0 && port->load[1] == -1);
+    assert_string_equal(pm_scene_end_name(scene, port, 0), "pivot");
+    assert_string_equal(pm_scene_end_name(scene, port, 1), "a");
+    assert_int_equal(port->component[0][0], 2);
+    assert_int_equal(port->component[0][1], 0);
+    assert_int_equal(pm_scene_find_load(scene, "hand"), 1);
+    assert_int_equal(pm_scene_find_load(scene, "a"), -1);
+    pm_scene_free(scene);
+}
+
 static int failures_of(const char *text, const yaml_case *cases, size_t count) {
     int failures = 0;
     for (size_t i = 0; i < count; ++i) {
@@ -245,7 +311,9 @@ static void test_bad(void **state) {
     const size_t count = sizeof bad / sizeof *bad;
     const size_t count_minimal = sizeof bad_minimal / sizeof *bad_minimal;
     assert_int_equal(failures_of(good, bad, count), 0);
+    const size_t count_driven = sizeof bad_driven / sizeof *bad_driven;
     assert_int_equal(failures_of(minimal, bad_minimal, count_minimal), 0);
+    assert_int_equal(failures_of(driven, bad_driven, count_driven), 0);
 }
 
 // LCM takes 63 characters, the prefix included.
@@ -371,11 +439,12 @@ static void test_shipped(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_settings),      cmocka_unit_test(test_subsystems),
-        cmocka_unit_test(test_ports),         cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_bad),           cmocka_unit_test(test_processes),
-        cmocka_unit_test(test_bad_processes), cmocka_unit_test(test_long_channel),
-        cmocka_unit_test(test_many_groups),   cmocka_unit_test(test_shipped),
+        cmocka_unit_test(test_settings),     cmocka_unit_test(test_subsystems),
+        cmocka_unit_test(test_ports),        cmocka_unit_test(test_loads),
+        cmocka_unit_test(test_defaults),     cmocka_unit_test(test_bad),
+        cmocka_unit_test(test_processes),    cmocka_unit_test(test_bad_processes),
+        cmocka_unit_test(test_long_channel), cmocka_unit_test(test_many_groups),
+        cmocka_unit_test(test_shipped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -171,12 +171,90 @@ static void constants_are_the_statistics_of_the_data(void **state) {
     bench_close(&b);
 }
 
+// --- loads ---
+
+static const char loaded[] =
+    "scene: one\n"
+    "time: {dt: 0.1, steps: 1, integrator: euler}\n"
+    "subsystems:\n"
+    "  a: {weights: a.h5, state: {q: {unit: m, columns: [x, y]}, s: {unit: J, columns: [s]}}}\n"
+    "loads: {bath: {s: {unit: J, dE: x, dS: 1}}}\n"
+    "ports: {base: {law: bracket, between: [bath, a], expose: {bath: s, a: [s, q]}, weights: "
+    "base.h5}}\n";
+static const char bath[] =
+    "law: bracket\n"
+    "irreversible: {learned: {acts_on: [a.s, b.s, b.q], features: [a.dE.s], hidden: [2]}}\n";
+
+static void loaded_open(bench *b) {
+    bench_open(b);
+    world_close(&b->w);
+    world_of_text(&b->w, 1, loaded, part, bath);
+}
+
+// Behind its states a window has the polynomials of its steps.
+static void windows_carry_their_loads(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    loaded_open(&b);
+    make(&b, &samples, PM_RESIDUAL_STEP, 3);
+    assert_true(samples.nload == 3 && samples.count == 2 * (NTIME - 3));
+    assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * PM_LOAD_ORDER * 3);
+    for (int i = 0; i < samples.count; ++i) {
+        const int trajectory = 1 + i / (NTIME - 3), first = i % (NTIME - 3);
+        for (int step = 0; step < 3; ++step) {
+            const double *load = samples.z + (ptrdiff_t)i * pm_samples_width(&samples) +
+                                 pm_samples_load(&samples, step);
+            double middle = 0; // of dE
+            for (int k = PM_LOAD_ORDER - 1; k >= 0; --k) {
+                middle = 0.5 * middle + load[3 * k + 1];
+            }
+            world_check(&b.w, "temperature", middle,
+                        value_at(trajectory, 2, (first + step + 0.5) * DT), 1e-12);
+            assert_true(load[2] == 1 && load[5] == 0);
+        }
+    }
+    pm_samples_free(&samples);
+    make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);
+    const double *load = samples.z + pm_samples_load(&samples, 0);
+    world_check(&b.w, "at the derivative's state", load[1], value_at(1, 2, 2 * DT), 1e-12);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
+// A world that shows no state has the scale of the subsystem's group of that name.
+static void worlds_scale_as_what_they_load(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    loaded_open(&b);
+    make(&b, &samples, PM_RESIDUAL_STEP, 1);
+    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
+    double q2 = 0, s2 = 0, temperature = 0;
+    for (int i = 0; i < samples.count; ++i) {
+        const double *z = samples.z + (ptrdiff_t)i * pm_samples_width(&samples);
+        q2 += (z[0] * z[0] + z[1] * z[1]) / 2;
+        s2 += z[2] * z[2];
+        temperature += z[0] / samples.count; // the bath follows column x
+    }
+    const pm_params *params = &b.w.system->port[0].params;
+    const double *scale = pm_params_find(params, "irreversible.scale")->value;
+    world_check(&b.w, "scale a.s / scale b.s", scale[0] / scale[1], 1, 0);
+    world_check(&b.w, "scale b.q / scale b.s", scale[2] / scale[1], sqrt(q2 / s2), 1e-12);
+    world_check(&b.w, "mean of the bath's temperature",
+                pm_params_find(params, "irreversible.matrix.mean")->value[0], temperature, 1e-12);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(windows_are_cut_in_order),
         cmocka_unit_test(derivatives_are_of_fourth_order),
         cmocka_unit_test(too_short_is_an_error),
         cmocka_unit_test(constants_are_the_statistics_of_the_data),
+        cmocka_unit_test(windows_carry_their_loads),
+        cmocka_unit_test(worlds_scale_as_what_they_load),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

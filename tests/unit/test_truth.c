@@ -260,6 +260,100 @@ static void report_tells_what_is_wrong(void **state) {
     pm_truth_free(truth);
 }
 
+// --- a link under a load ---
+
+#define DRIVEN(velocity, force, bath, frequency, spring)                                      \
+    "simulator: driven_link\nseed: 7\ntrajectories: 3\nstates: 20\ndt: 0.2\nsystem:\n"        \
+    "  reference_temperature: 300\n  conductivity: 2\n"                                       \
+    "  link: {mass: 2, l0: 2, c: 5, " spring ", position: {mean: [4, 4], deviation: [1, 1]}," \
+    " momentum: {mean: [0, 1], deviation: [1, 1]}, temperature: {mean: 290, deviation: 5}}\n" \
+    "  load: {sines: 2, frequency: " frequency ", velocity: " velocity ", force: " force      \
+    ", temperature: {mean: 310, deviation: " bath "}}\n"
+#define SPRING "C: 0.1, b: 0.09"
+enum { DRIVEN_NZ = 12 + 3 * 5 * 2 };
+
+static void drive(scratch *folder, const char *text, int trajectory, double z[20][DRIVEN_NZ]) {
+    pm_truth *truth = NULL;
+    double check[20][DRIVEN_NZ];
+    if (load(folder, text, &truth) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    assert_int_equal(truth->model.ode.nz, DRIVEN_NZ);
+    assert_int_equal(truth->model.ncolumn, 10);
+    assert_int_equal(pm_truth_run(truth, trajectory, z[0], check[0]), PM_OK);
+    pm_truth_free(truth);
+}
+
+// Seen from a pivot that moves steadily, a link moves as if at rest: its momentum is m v larger.
+static void a_steady_pivot_is_at_rest(void **state) {
+    double z[20][DRIVEN_NZ], still[20][5];
+    drive(*state, DRIVEN("0.5", "0", "0", "[0, 0]", "C: 0.1, b: 0"), 1, z);
+    const pm_chain chain = {.n = 1,
+                            .reference_temperature = 300,
+                            .link = {{.mass = 2, .C = 0.1, .l0 = 2, .b = 0, .c = 5}}};
+    memcpy(still[0], z[0], sizeof still[0]);
+    const double *v = z[0] + 5;
+    assert_true(fabs(v[0]) > 0.01 && fabs(v[1]) > 0.01);
+    still[0][2] -= 2 * v[0];
+    still[0][3] -= 2 * v[1];
+    solve(&chain, adams, 20, 0.2, still[0]);
+    for (int j = 0; j < 20; ++j) {
+        for (int i = 0; i < 2; ++i) {
+            assert_near("q", z[j][i], still[j][i], 1e-10);
+            assert_near("p", z[j][2 + i], still[j][2 + i] + 2 * v[i], 1e-10);
+        }
+        // Without thermal coupling the temperature decays to the bath's.
+        const double T = 300 * exp(z[j][4] / 5), T0 = 300 * exp(z[0][4] / 5);
+        assert_near("T", T, 310 + (T0 - 310) * exp(-2 * 0.2 * j / 5), 1e-9);
+    }
+}
+
+// Sine i of load k, whose oscillator starts as `start`, and its integral, at time t.
+static double sine_of(const double *start, double t) {
+    return start[0] * cos(start[2] * t) + start[1] * sin(start[2] * t);
+}
+static double integral_of(const double *start, double t) {
+    return (start[0] * sin(start[2] * t) + start[1] * (1 - cos(start[2] * t))) / start[2];
+}
+
+// The loads are sums of sines, and without a spring momentum is the integral of the force.
+static void loads_act_as_they_are_written(void **state) {
+    double z[20][DRIVEN_NZ];
+    drive(*state, DRIVEN("0.5", "0.3", "4", "[0.5, 2]", "C: 0, b: 0"), 2, z);
+    for (int j = 0; j < 20; ++j) {
+        for (int k = 0; k < 5; ++k) {
+            double sum = k == 4 ? 310 : 0, integral = 0;
+            for (int i = 0; i < 2; ++i) {
+                const double *start = z[0] + 12 + 3 * (5 * i + k);
+                sum += sine_of(start, 0.2 * j);
+                integral += integral_of(start, 0.2 * j);
+            }
+            assert_near("load", z[j][5 + k], sum, 1e-11);
+            if (k == 2 || k == 3) {
+                assert_near("momentum", z[j][k], z[0][k] + integral, 1e-11);
+            }
+        }
+    }
+}
+
+static void energy_with_the_world_is_kept(void **state) {
+    static const char text[] = DRIVEN("0.5", "0.3", "4", "[0.5, 2]", SPRING);
+    pm_truth *truth = NULL;
+    double z[20][DRIVEN_NZ], check[20][DRIVEN_NZ];
+    pm_truth_report report;
+    pm_truth_report_init(&report);
+    assert_int_equal(load(*state, text, &truth), PM_OK);
+    for (int i = 0; i < 3; ++i) {
+        assert_int_equal(pm_truth_run(truth, i, z[0], check[0]), PM_OK);
+        pm_truth_report_add(&report, truth, z[0]);
+        assert_true(pm_truth_difference(truth, z[0], check[0]) < 1e-11);
+        assert_true(fabs(z[19][10]) > 1e-2 && fabs(z[19][11]) > 1e-5);
+    }
+    assert_true(report.drift[0] < 1e-12 * report.magnitude[0]);
+    assert_true(report.entropy_step > 0);
+    pm_truth_free(truth);
+}
+
 static void wrong_configurations(void **state) {
     static const struct {
         const char *text, *words;
@@ -273,6 +367,9 @@ static void wrong_configurations(void **state) {
          "mean: expected 1 number"},
         {HEAD "  links:\n" LINK ", colour: 1}\n", "colour"},
         {HEAD "  gravity: 9.81\n", "gravity"},
+        {DRIVEN("0", "0", "0", "[1]", SPRING), "frequency: expected 2 numbers"},
+        {DRIVEN("fast", "0", "0", "[0, 1]", SPRING), "velocity: expected a number"},
+        {DRIVEN("0", "0", "0", "[0, 1]", SPRING ", colour: 1"), "colour"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         pm_truth *truth = NULL;
@@ -323,6 +420,9 @@ int main(void) {
         cmocka_unit_test(failing_solver_is_reported),
         cmocka_unit_test_setup_teardown(trajectories_are_their_own, setup, teardown),
         cmocka_unit_test_setup_teardown(report_tells_what_is_wrong, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_steady_pivot_is_at_rest, setup, teardown),
+        cmocka_unit_test_setup_teardown(loads_act_as_they_are_written, setup, teardown),
+        cmocka_unit_test_setup_teardown(energy_with_the_world_is_kept, setup, teardown),
         cmocka_unit_test_setup_teardown(wrong_configurations, setup, teardown),
         cmocka_unit_test(shipped_configurations),
     };

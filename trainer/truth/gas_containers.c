@@ -127,6 +127,7 @@ pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model 
     }
     model->title = "Two gas containers exchanging heat and volume";
     model->ode = (pm_ode){.nz = NZ, .rate = rate, .data = gas};
+    model->ncolumn = NZ;
     model->column = columns;
     model->units = "m^3;m^3;kg m/s;J/K;J/K";
     model->draw = draw;

@@ -3,51 +3,29 @@
 // drawn per link, or, with `total_entropy`, from one common temperature.
 #include "truth/truth.h"
 
-#include "truth/chain.h"
+#include "truth/link.h"
 #include "truth/numbers.h"
-
-// A normal variable; two for a vector.
-typedef struct spread {
-    double mean[2], deviation[2];
-} spread;
 
 typedef struct pendulum_chain {
     pm_chain chain;
-    spread position[PM_CHAIN_MAX_LINKS];    // m, absolute
-    spread momentum[PM_CHAIN_MAX_LINKS];    // kg m/s
-    spread temperature[PM_CHAIN_MAX_LINKS]; // K; unused if equilibrated
+    pm_spread position[PM_CHAIN_MAX_LINKS];    // m, absolute
+    pm_spread momentum[PM_CHAIN_MAX_LINKS];    // kg m/s
+    pm_spread temperature[PM_CHAIN_MAX_LINKS]; // K; unused if equilibrated
     bool equilibrated;
     double total_entropy; // J/K, if equilibrated
 } pendulum_chain;
 
 static const char *const conserved[] = {"energy", "angular momentum"};
 
-static pm_status read_spread(pm_yaml link, const char *key, int count, pm_arena *arena,
-                             spread *result) {
-    static const char *const keys[] = {"mean", "deviation", NULL};
-    pm_yaml map;
-    PM_TRY(pm_yaml_require(link, key, &map));
-    PM_TRY(pm_yaml_allow(map, keys));
-    PM_TRY(pm_truth_numbers(map, "mean", count, arena, result->mean));
-    PM_TRY(pm_truth_numbers(map, "deviation", count, arena, result->deviation));
-    return PM_OK;
-}
-
 static pm_status read_link(pm_yaml map, int k, pm_arena *arena, pendulum_chain *system) {
     static const char *const keys[] = {"mass",     "C",        "l0",          "b", "c",
                                        "position", "momentum", "temperature", NULL};
-    const double tiny = 1e-12, huge = 1e12;
-    pm_chain_link *link = &system->chain.link[k];
     PM_TRY(pm_yaml_allow(map, keys));
-    PM_TRY(pm_truth_number(map, "mass", tiny, huge, &link->mass));
-    PM_TRY(pm_truth_number(map, "C", 0, huge, &link->C));
-    PM_TRY(pm_truth_number(map, "l0", tiny, huge, &link->l0));
-    PM_TRY(pm_truth_number(map, "b", 0, huge, &link->b));
-    PM_TRY(pm_truth_number(map, "c", tiny, huge, &link->c));
-    PM_TRY(read_spread(map, "position", 2, arena, &system->position[k]));
-    PM_TRY(read_spread(map, "momentum", 2, arena, &system->momentum[k]));
+    PM_TRY(pm_truth_link(map, &system->chain.link[k]));
+    PM_TRY(pm_truth_spread(map, "position", 2, arena, &system->position[k]));
+    PM_TRY(pm_truth_spread(map, "momentum", 2, arena, &system->momentum[k]));
     if (!system->equilibrated) {
-        return read_spread(map, "temperature", 1, arena, &system->temperature[k]);
+        return pm_truth_spread(map, "temperature", 1, arena, &system->temperature[k]);
     }
     pm_yaml temperature = pm_yaml_get(map, "temperature");
     return pm_yaml_exists(temperature)
@@ -85,20 +63,16 @@ static void rate(const void *data, const double *z, double *zdot) {
     pm_chain_rate(&((const pendulum_chain *)data)->chain, z, zdot);
 }
 
-static double draw_normal(pm_rng *rng, const spread *s, int i) {
-    return s->mean[i] + s->deviation[i] * pm_rng_normal(rng);
-}
-
 static void draw(const void *data, pm_rng *rng, double *z) {
     const pendulum_chain *system = data;
     const pm_chain *chain = &system->chain;
     double T[PM_CHAIN_MAX_LINKS];
     for (int k = 0; k < chain->n; ++k) {
         for (int i = 0; i < 2; ++i) {
-            z[pm_chain_q(k) + i] = draw_normal(rng, &system->position[k], i);
-            z[pm_chain_p(chain, k) + i] = draw_normal(rng, &system->momentum[k], i);
+            z[pm_chain_q(k) + i] = pm_spread_draw(rng, &system->position[k], i);
+            z[pm_chain_p(chain, k) + i] = pm_spread_draw(rng, &system->momentum[k], i);
         }
-        T[k] = draw_normal(rng, &system->temperature[k], 0);
+        T[k] = pm_spread_draw(rng, &system->temperature[k], 0);
     }
     if (system->equilibrated) {
         pm_chain_equilibrate(chain, system->total_entropy, z);
@@ -135,6 +109,7 @@ static pm_status name_columns(const pm_chain *chain, pm_arena *arena, pm_truth_m
             return pm_fail(PM_ENOMEM, "truth: out of memory");
         }
     }
+    model->ncolumn = 5 * n;
     model->column = column;
     model->units = units;
     return column == NULL ? pm_fail(PM_ENOMEM, "truth: out of memory") : PM_OK;

@@ -16,7 +16,8 @@
 typedef struct pm_truth_model {
     pm_ode ode;
     const char *title;
-    const char *const *column;                              // [ode.nz] of the dataset
+    int ncolumn; // of the dataset: the first components of the state; others stay inside
+    const char *const *column;                              // [ncolumn]
     const char *units;                                      // of the columns, separated by ';'
     const char *parameters;                                 // as text, for the dataset's notes
     void (*draw)(const void *data, pm_rng *rng, double *z); // an initial state [nz]
@@ -70,6 +71,8 @@ void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const d
 
 // A chain of thermoelastic pendula (chain.h).
 pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
+// One thermoelastic link whose pivot is driven, with a force on its mass and a bath beside it.
+pm_status pm_driven_link_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 // Two gases that exchange heat and volume through a moving wall.
 pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 

@@ -1,0 +1,203 @@
+// One end of a port: the graph of its law.
+#include "sim/joint.h"
+
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+#include "model/prediction.h"
+
+static void copy(double *to, const double *from, int n) {
+    if (to != NULL && from != NULL) {
+        memcpy(to, from, (size_t)n * sizeof *to);
+    }
+}
+
+static double value_at(const double *covector, int i) {
+    return covector == NULL ? 0 : covector[i];
+}
+
+// --- opening ---
+
+static pm_status open_end(pm_joint_end *end, pm_arena *arena, const pm_scene_port *port, int ny,
+                          bool discrete) {
+    double *memory = pm_arena_array(arena, 4 * (size_t)ny, sizeof *memory);
+    if (memory == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for port %s", port->name);
+    }
+    *end = (pm_joint_end){.ny = ny,
+                          .y = memory,
+                          .e = memory + ny,
+                          .eta = memory + 2 * (ptrdiff_t)ny,
+                          .response = memory + 3 * (ptrdiff_t)ny};
+    end->shown =
+        (pm_port_values){ny, end->y, end->e, end->eta, discrete ? end->response : NULL};
+    return PM_OK;
+}
+
+static double *value_of(pm_program *program, pm_node x) {
+    return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
+}
+
+// The law's graph: inputs, and what it makes of them at one or both ends.
+typedef struct law_graph {
+    pm_port_nodes input[2];
+    pm_node last, next;
+    pm_node rate[2], e[2];
+} law_graph;
+
+// The rate at `end`; index 0 of rate and e is the subsystem's end, 1 the world's.
+static void build_rate(pm_graph *g, const pm_port_model *model, law_graph *law, int index,
+                       pm_end end) {
+    pm_port_nodes ends[2] = {law->input[0], law->input[1]};
+    pm_node degeneracy = PM_NO_NODE;
+    law->rate[index] = pm_port_rate(g, model, end, ends, law->last, &law->next, &degeneracy);
+    law->e[index] = ends[end].e;
+}
+
+static void build_law(pm_graph *g, const pm_system *system, const pm_joint *j, bool discrete,
+                      law_graph *law) {
+    const pm_port_model *model = &system->port[j->port_id];
+    for (int i = 0; i < 2; ++i) {
+        const int ny = model->layout[i].nz;
+        const bool entropy = pm_system_end_has_entropy(system, j->port_id, i);
+        // What is prescribed does not respond.
+        const bool responds = discrete && (j->load == NULL || i == (int)j->end);
+        law->input[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
+                                        entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE,
+                                        responds ? pm_input(g, true, 1, ny) : PM_NO_NODE};
+    }
+    law->last = pm_input(g, true, 1, j->nboth);
+    law->rate[1] = law->e[1] = PM_NO_NODE;
+    build_rate(g, model, law, 0, j->end);
+    if (j->load != NULL) {
+        build_rate(g, model, law, 1, j->end == PM_END_A ? PM_END_B : PM_END_A);
+    }
+}
+
+static pm_status open_program(pm_joint *j, const pm_graph *g, const law_graph *law) {
+    const pm_node wanted[] = {law->rate[0], law->e[0], law->rate[1], law->e[1], law->next};
+    pm_node output[5];
+    int count = 0;
+    for (int i = 0; i < 5; ++i) {
+        if (wanted[i] != PM_NO_NODE) {
+            output[count++] = wanted[i];
+        }
+    }
+    PM_TRY(pm_program_open(&j->program, g, count, output, 1));
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_nodes *n = &law->input[i];
+        j->input[i] = (pm_joint_end){.ny = pm_graph_shape(g, n->y).cols,
+                                     .y = value_of(j->program, n->y),
+                                     .e = value_of(j->program, n->e),
+                                     .eta = value_of(j->program, n->eta),
+                                     .response = value_of(j->program, n->response)};
+        j->rate[i] = value_of(j->program, law->rate[i]);
+        j->law_e[i] = value_of(j->program, law->e[i]);
+    }
+    j->next = value_of(j->program, law->next);
+    j->last = law->next == PM_NO_NODE ? NULL : value_of(j->program, law->last);
+    return PM_OK;
+}
+
+static pm_status open_law(pm_joint *j, const pm_system *system, bool discrete) {
+    pm_graph *g = NULL;
+    PM_TRY(pm_graph_open(&g));
+    law_graph law;
+    build_law(g, system, j, discrete, &law);
+    const pm_status status = law.rate[0] == PM_NO_NODE ? PM_OK : open_program(j, g, &law);
+    pm_graph_close(g);
+    return status;
+}
+
+pm_status pm_joint_open(pm_joint *j, pm_arena *arena, const pm_system *system,
+                        const pm_integrator *integrator, int port_id, pm_end end) {
+    const pm_scene_port *port = &system->scene->port[port_id];
+    const int other = 1 - (int)end;
+    *j = (pm_joint){.port_id = port_id,
+                    .end = end,
+                    .component = port->component[end],
+                    .world_component = port->component[other],
+                    .nboth = port->layout[0].nz + port->layout[1].nz};
+    PM_TRY(open_end(&j->own, arena, port, port->layout[end].nz, integrator->discrete));
+    if (port->load[other] >= 0) {
+        j->load = &system->scene->load[port->load[other]];
+        PM_TRY(open_end(&j->world, arena, port, port->layout[other].nz, false));
+    }
+    return open_law(j, system, integrator->discrete);
+}
+
+void pm_joint_close(pm_joint *j) {
+    pm_program_close(j->program);
+}
+
+// --- one round ---
+
+void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const double *dS,
+                     const double *response) {
+    for (int c = 0; c < j->own.ny; ++c) {
+        const int at = j->component[c];
+        j->own.y[c] = z[at];
+        j->own.e[c] = dE[at];
+        j->own.eta[c] = value_at(dS, at);
+        j->own.response[c] = value_at(response, at);
+    }
+}
+
+const pm_port_values *pm_joint_prescribe(pm_joint *j, const double *prescribed) {
+    const double *value = prescribed + j->load->first;
+    const int nz = j->load->layout.nz;
+    for (int c = 0; c < j->world.ny; ++c) {
+        const int at = j->world_component[c];
+        j->world.y[c] = value[at];
+        j->world.e[c] = value[nz + at];
+        j->world.eta[c] = value[2 * nz + at];
+    }
+    return &j->world.shown;
+}
+
+void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const double *eta,
+                  const double *rate) {
+    pm_flux sum = {0};
+    for (int i = 0; i < n; ++i) {
+        const double power = value_at(e, i) * rate[i], production = value_at(eta, i) * rate[i];
+        sum.energy += weight * power;
+        sum.entropy += weight * production;
+        sum.energy_gross += weight * fabs(power);
+        sum.entropy_gross += weight * fabs(production);
+    }
+    flux->energy += sum.energy;
+    flux->entropy += sum.entropy;
+    flux->energy_gross += sum.energy_gross;
+    flux->entropy_gross += sum.entropy_gross;
+}
+
+bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
+                     double *k) {
+    if (j->program == NULL) {
+        return false;
+    }
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_values *shown = i == (int)j->end ? &j->own.shown : other;
+        const pm_joint_end *to = &j->input[i];
+        assert(shown->ny == to->ny);
+        copy(to->y, shown->y, to->ny);
+        copy(to->e, shown->e, to->ny);
+        copy(to->eta, shown->eta, to->ny);
+        copy(to->response, shown->response, to->ny);
+    }
+    if (j->last != NULL && first) {
+        memset(j->last, 0, (size_t)j->nboth * sizeof *j->last);
+    }
+    pm_program_run(j->program, 1);
+    copy(j->last, j->next, j->nboth);
+    for (int c = 0; c < j->own.ny; ++c) {
+        k[j->component[c]] += j->rate[0][c];
+    }
+    pm_flux_book(&j->booking, weight, j->own.ny, j->law_e[0], j->own.eta, j->rate[0]);
+    if (j->rate[1] != NULL) {
+        pm_flux_book(&j->world_booking, weight, j->world.ny, j->law_e[1], j->world.eta,
+                     j->rate[1]);
+    }
+    return true;
+}

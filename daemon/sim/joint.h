@@ -1,0 +1,70 @@
+// One port as one of its subsystems sees it: what this end shows, what the port law makes of it and
+// of the other end's values, and what flows in. Where the other end is a load, the joint stands in
+// for the world there too. Used by subsystem.c alone; pm_port_values travels.
+#ifndef PM_SIM_JOINT_H
+#define PM_SIM_JOINT_H
+
+#include "graph/program.h"
+#include "sim/integrator.h"
+#include "store/load.h"
+#include "store/recording.h"
+#include "store/system.h"
+
+// What one end of a port shows at a stage. Arrays of ny numbers.
+typedef struct pm_port_values {
+    int ny;
+    const double *y, *e, *eta; // state, dE/dy, dS/dy; eta is all zero without entropy
+    const double *response;    // rise of e per unit of rate; NULL unless the integrator is discrete
+} pm_port_values;
+
+// The same with room to write to.
+typedef struct pm_joint_end {
+    int ny;
+    double *y, *e, *eta, *response;
+    pm_port_values shown;
+} pm_joint_end;
+
+typedef struct pm_joint {
+    int port_id;
+    pm_end end;
+    const int *component; // [own.ny] position in z of what is exposed
+    pm_joint_end own;
+    // The other end, if it is a load.
+    const pm_scene_world *load; // NULL: it is a subsystem
+    const int *world_component;
+    pm_joint_end world;
+
+    // The port law's graph, and where its numbers go in and out. NULL where a law needs none.
+    pm_program *program;
+    pm_joint_end input[2];
+    const double *rate[2];  // [ny] into the subsystem, into the world
+    const double *law_e[2]; // [ny] co-energies the law was evaluated at: own e, or its prediction
+    // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted.
+    double *last;
+    const double *next;
+    int nboth;
+    pm_flux booking, world_booking; // over the step under way
+} pm_joint;
+
+// Builds the law's graph; memory from the arena. PM_ENOMEM. Zero-initialise before.
+pm_status pm_joint_open(pm_joint *j, pm_arena *arena, const pm_system *system,
+                        const pm_integrator *integrator, int port_id, pm_end end);
+void pm_joint_close(pm_joint *j);
+
+// What the subsystem's z, dE, dS and response show here; dS and response may be NULL.
+void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const double *dS,
+                     const double *response);
+
+// What the world shows at its end, from the values of all loads.
+const pm_port_values *pm_joint_prescribe(pm_joint *j, const double *prescribed);
+
+// Adds the law's rate to k [nz], and the fluxes, weighted, to the bookings. `first`: no stage of
+// this substep came before. False: the law has nothing here.
+bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
+                     double *k);
+
+// Adds a term's power and entropy production. e or eta may be NULL: zero.
+void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const double *eta,
+                  const double *rate);
+
+#endif
