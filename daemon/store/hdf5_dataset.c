@@ -77,7 +77,7 @@ static pm_status dataset_open(const pm_hdf5 *file, const char *name, int rank, i
 }
 
 pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *extent) {
-    hid_t id;
+    hid_t id = H5I_INVALID_HID;
     PM_TRY(dataset_open(file, name, rank, extent, &id));
     pm_hdf5_release(id);
     return PM_OK;
@@ -86,7 +86,7 @@ pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *ex
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,
                        double *value) {
     int found[PM_HDF5_MAX_RANK];
-    hid_t id;
+    hid_t id = H5I_INVALID_HID;
     PM_TRY(dataset_open(file, name, rank, found, &id));
     pm_status status = PM_OK;
     for (int i = 0; i < rank && status == PM_OK; ++i) {
