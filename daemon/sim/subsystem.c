@@ -32,6 +32,7 @@ struct pm_subsystem {
     pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
     double *bulk_z, *bulk_dE, *bulk_dS;
     const double *bulk_rate;
+    bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
 
     int njoint;
     pm_joint *joint;
@@ -244,16 +245,21 @@ void pm_subsystem_expose(pm_subsystem *s) {
     if (s->exposed) {
         return;
     }
-    copy(s->exposure_z, s->stage_z, s->nz);
-    copy(s->exposure_from, s->z, s->nz);
+    s->exposed = true;
+    bool renewed = !s->exposure_known;
+    renewed |= pm_renew(s->exposure_z, s->stage_z, s->nz);
+    renewed |= pm_renew(s->exposure_from, s->z, s->nz);
+    if (!renewed) {
+        return;
+    }
     pm_program_run(s->exposure, 1);
+    s->exposure_known = true;
     for (int c = 0; c < s->nz; ++c) {
         s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
     }
     for (int i = 0; i < s->njoint; ++i) {
         pm_joint_expose(&s->joint[i], s->at_z, s->dE, s->dS, s->response);
     }
-    s->exposed = true;
 }
 
 // The weight of the present stage in the mean over a step.
@@ -268,13 +274,18 @@ void pm_subsystem_bulk(pm_subsystem *s) {
         ++s->booking.skipped;
         return;
     }
-    copy(s->bulk_z, s->at_z, s->nz);
-    copy(s->bulk_dE, s->dE, s->nz);
-    copy(s->bulk_dS, s->dS, s->nz);
-    pm_program_run(s->bulk, 1);
+    bool renewed = !s->bulk_known;
+    renewed |= pm_renew(s->bulk_z, s->at_z, s->nz);
+    renewed |= pm_renew(s->bulk_dE, s->dE, s->nz);
+    renewed |= pm_renew(s->bulk_dS, s->dS, s->nz);
+    if (renewed) {
+        pm_program_run(s->bulk, 1);
+        s->bulk_known = true;
+    }
     memcpy(k, s->bulk_rate, (size_t)s->nz * sizeof *k);
     pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->dE, s->dS, k);
-    ++s->booking.evaluated;
+    s->booking.evaluated += renewed;
+    s->booking.skipped += !renewed;
 }
 
 // What the world shows at its end of a port, at the time of the stage.
@@ -351,7 +362,10 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
     s->step = 0;
-    s->exposed = false;
+    s->exposed = s->exposure_known = s->bulk_known = false;
+    for (int i = 0; i < s->njoint; ++i) {
+        s->joint[i].known = false;
+    }
     s->booking = (pm_books){0};
     clear_booking(s);
     pm_subsystem_expose(s);
