@@ -43,6 +43,7 @@ struct pm_lockstep_coordinator {
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool progressed;            // since the last poll: a new wait begins
+    bool tick_wanted;           // somebody asked for it since the last poll
     pm_waiting waiting;
 
     int nmember;
@@ -91,6 +92,7 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
     };
     unsigned char data[128];
     const size_t size = pm_tick_encode(&message, data, sizeof data);
+    c->tick_wanted = false;
     return pm_transport_publish(c->transport, c->tick_channel, data, size);
 }
 
@@ -274,6 +276,10 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     if (c->phase == RUNNING) {
         check(c, complete_steps(c));
     }
+    // All who asked since the last poll get one answer.
+    if (c->phase == RUNNING && c->tick_wanted) {
+        check(c, publish_tick(c));
+    }
     if (c->phase == RUNNING) {
         check(c, await(c));
     }
@@ -307,7 +313,7 @@ static pm_drop accept_hello(pm_member *m) {
                          (unsigned long long)c->system->digest));
         return PM_KEEP;
     }
-    check(c, publish_tick(c));
+    c->tick_wanted = true;
     return PM_KEEP;
 }
 
@@ -379,7 +385,7 @@ static pm_drop answer(pm_lockstep_coordinator *c, const portmet_request_t *reque
         }
     }
     if (strcmp(request->channel, c->tick_channel) == 0 && request->step < c->granted) {
-        check(c, publish_tick(c));
+        c->tick_wanted = true;
     }
     return PM_KEEP;
 }
