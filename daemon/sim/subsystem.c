@@ -372,6 +372,53 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     close_books(s);
 }
 
+// --- memory ---
+
+// Step, terms evaluated and skipped, the books' own flux, those of its ports, the state.
+#define COUNTS 3
+#define FLUX 4
+
+int pm_subsystem_memory(const pm_subsystem *s) {
+    return COUNTS + FLUX * (1 + s->books.nflux) + s->nz;
+}
+
+static double *put_flux(const pm_flux *flux, double *memory) {
+    const double number[FLUX] = {flux->energy, flux->entropy, flux->energy_gross,
+                                 flux->entropy_gross};
+    memcpy(memory, number, sizeof number);
+    return memory + FLUX;
+}
+
+static const double *get_flux(pm_flux *flux, const double *memory) {
+    *flux = (pm_flux){memory[0], memory[1], memory[2], memory[3]};
+    return memory + FLUX;
+}
+
+void pm_subsystem_save(const pm_subsystem *s, double *memory) {
+    *memory++ = (double)s->step;
+    *memory++ = (double)s->books.evaluated;
+    *memory++ = (double)s->books.skipped;
+    memory = put_flux(&s->books.bulk, memory);
+    for (int i = 0; i < s->books.nflux; ++i) {
+        memory = put_flux(&s->flux[i], memory);
+    }
+    copy(memory, s->z, s->nz);
+}
+
+void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
+    const double *count = memory;
+    pm_subsystem_set_state(s, memory + pm_subsystem_memory(s) - s->nz);
+    s->step = (long)count[0];
+    s->booking.evaluated = s->books.evaluated = (long)count[1];
+    s->booking.skipped = s->books.skipped = (long)count[2];
+    memory = get_flux(&s->books.bulk, memory + COUNTS);
+    for (int i = 0; i < s->books.nflux; ++i) {
+        memory = get_flux(&s->flux[i], memory);
+    }
+}
+
+// --- the end of a step ---
+
 static pm_status check_finite(const pm_subsystem *s) {
     const pm_layout *layout = &s->scene->layout;
     for (int i = 0; i < layout->ngroup; ++i) {

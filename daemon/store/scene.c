@@ -193,9 +193,10 @@ static pm_status read_laws(pm_scene_reader *r) {
 }
 
 static pm_status read_lockstep(pm_scene_reader *r) {
-    static const char *const keys[] = {"window", "patience", NULL};
+    static const char *const keys[] = {"window", "patience", "checkpoint", NULL};
     r->scene->window = 1;
     r->scene->patience = 10;
+    r->scene->checkpoint = 100;
     const pm_yaml lockstep = pm_yaml_get(r->root, "lockstep");
     if (!pm_yaml_exists(lockstep)) {
         return PM_OK;
@@ -204,6 +205,10 @@ static pm_status read_lockstep(pm_scene_reader *r) {
     const pm_yaml window = pm_yaml_get(lockstep, "window");
     if (pm_yaml_exists(window)) {
         PM_TRY(pm_yaml_int(window, 1, 1000000, &r->scene->window));
+    }
+    const pm_yaml checkpoint = pm_yaml_get(lockstep, "checkpoint");
+    if (pm_yaml_exists(checkpoint)) {
+        PM_TRY(pm_yaml_int(checkpoint, 1, 1000000000, &r->scene->checkpoint));
     }
     const pm_yaml patience = pm_yaml_get(lockstep, "patience");
     return pm_yaml_exists(patience) ? pm_yaml_double(patience, DBL_MIN, 1e6, &r->scene->patience)

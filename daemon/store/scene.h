@@ -74,6 +74,7 @@ typedef struct pm_scene {
     int substeps;                           // per step
     int window;                             // steps granted at once
     double patience;                        // s to wait for a silent peer before giving up
+    int checkpoint;                         // steps between two snapshots of a process
     const char *reference, *reference_at;   // dataset to compare with, or NULL
     int reference_trajectory;
     const char *reference_trajectory_at;        // the whole reference where no trajectory is named
