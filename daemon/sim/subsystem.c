@@ -7,6 +7,11 @@
 #include <string.h>
 
 #include "graph/program.h"
+#include "sim/balance.h"
+
+// Newton's steps to the booked energy and entropy. The first leaves the square of the method's
+// error.
+#define MOST_MOVES 3
 
 struct pm_subsystem {
     const pm_system *system;
@@ -25,6 +30,7 @@ struct pm_subsystem {
     const pm_load *load;
     double *prescribed; // [scene->nprescribed] at the stage
     long step;
+    pm_balance balance, safe_balance; // now and after the last full step
 
     pm_program *exposure;               // z -> E, S, dE, dS
     double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
@@ -317,18 +323,42 @@ static void combine(const pm_subsystem *s, int n, const double *weight, double *
     }
 }
 
+// Energy and entropy that the stage's rate moves.
+static void book_balance(pm_subsystem *s) {
+    pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz, s->dE,
+                    s->dS, s->k + (ptrdiff_t)s->stage * s->nz);
+}
+
+// Moves the new state to where it has what was booked. Its last exposure is that of the next stage.
+static void balance(pm_subsystem *s) {
+    for (int i = 0; i < MOST_MOVES; ++i) {
+        pm_subsystem_expose(s);
+        if (!pm_balance_move(&s->balance, &s->scene->layout, s->z, s->E[0], value_at(s->S, 0),
+                             s->dE, s->dS, s->stage_z)) {
+            return;
+        }
+        s->exposed = false;
+    }
+}
+
 void pm_subsystem_advance(pm_subsystem *s) {
     const pm_integrator *rk = s->integrator;
+    if (rk->balanced) {
+        book_balance(s);
+    }
     ++s->stage;
+    s->exposed = false;
     if (s->stage < rk->nstage) {
         combine(s, s->stage, rk->a[s->stage], s->stage_z);
-    } else {
-        combine(s, rk->nstage, rk->b, s->z);
-        copy(s->stage_z, s->z, s->nz);
-        s->stage = 0;
-        ++s->substep;
+        return;
     }
-    s->exposed = false;
+    combine(s, rk->nstage, rk->b, s->stage_z);
+    if (rk->balanced) {
+        balance(s);
+    }
+    copy(s->z, s->stage_z, s->nz);
+    s->stage = 0;
+    ++s->substep;
 }
 
 // --- one step ---
@@ -369,6 +399,8 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     s->booking = (pm_books){0};
     clear_booking(s);
     pm_subsystem_expose(s);
+    pm_balance_start(&s->balance, s->E[0], value_at(s->S, 0));
+    s->safe_balance = s->balance;
     close_books(s);
 }
 
@@ -470,10 +502,12 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
         copy(s->stage_z, s->z, s->nz);
+        s->balance = s->safe_balance;
         s->exposed = false;
         return status;
     }
     copy(s->safe_z, s->z, s->nz);
+    s->safe_balance = s->balance;
     ++s->step;
     close_books(s);
     return PM_OK;
