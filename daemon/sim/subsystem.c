@@ -406,12 +406,14 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 
 // --- memory ---
 
-// Step, terms evaluated and skipped, the books' own flux, those of its ports, the state.
+// Step, terms evaluated and skipped; the books' own flux, those of its ports, the balance; the
+// state.
 #define COUNTS 3
 #define FLUX 4
+#define BALANCE 4
 
 int pm_subsystem_memory(const pm_subsystem *s) {
-    return COUNTS + FLUX * (1 + s->books.nflux) + s->nz;
+    return COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + s->nz;
 }
 
 static double *put_flux(const pm_flux *flux, double *memory) {
@@ -434,6 +436,10 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = put_flux(&s->flux[i], memory);
     }
+    *memory++ = s->balance.energy;
+    *memory++ = s->balance.energy_gross;
+    *memory++ = s->balance.entropy;
+    *memory++ = s->balance.entropy_gross;
     copy(memory, s->z, s->nz);
 }
 
@@ -447,6 +453,7 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = get_flux(&s->flux[i], memory);
     }
+    s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
 }
 
 // --- the end of a step ---

@@ -97,6 +97,9 @@ static void rest_changes_no_bit(void **state) {
     char names[256];
     snprintf(names, sizeof names, "%s", pm_integrator_names());
     for (char *rest = names, *name; (name = strtok_r(rest, ", ", &rest)) != NULL;) {
+        if (pm_integrator_find(name)->balanced) {
+            continue; // what a step leaves unbalanced is not in the state that is set
+        }
         for (uint64_t seed = 1; seed <= 5; ++seed) {
             check_against_new(name, seed);
         }
