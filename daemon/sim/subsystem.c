@@ -7,6 +7,11 @@
 #include <string.h>
 
 #include "graph/program.h"
+#include "sim/balance.h"
+
+// Newton's steps to the booked energy and entropy. The first leaves the square of the method's
+// error.
+#define MOST_MOVES 3
 
 struct pm_subsystem {
     const pm_system *system;
@@ -25,6 +30,7 @@ struct pm_subsystem {
     const pm_load *load;
     double *prescribed; // [scene->nprescribed] at the stage
     long step;
+    pm_balance balance, safe_balance; // now and after the last full step
 
     pm_program *exposure;               // z -> E, S, dE, dS
     double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
@@ -321,18 +327,42 @@ static void combine(const pm_subsystem *s, int n, const double *weight, double *
     }
 }
 
+// Energy and entropy that the stage's rate moves.
+static void book_balance(pm_subsystem *s) {
+    pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz, s->dE,
+                    s->dS, s->k + (ptrdiff_t)s->stage * s->nz);
+}
+
+// Moves the new state to where it has what was booked. Its last exposure is that of the next stage.
+static void balance(pm_subsystem *s) {
+    for (int i = 0; i < MOST_MOVES; ++i) {
+        pm_subsystem_expose(s);
+        if (!pm_balance_move(&s->balance, &s->scene->layout, s->z, s->E[0], value_at(s->S, 0),
+                             s->dE, s->dS, s->stage_z)) {
+            return;
+        }
+        s->exposed = false;
+    }
+}
+
 void pm_subsystem_advance(pm_subsystem *s) {
     const pm_integrator *rk = s->integrator;
+    if (rk->balanced) {
+        book_balance(s);
+    }
     ++s->stage;
+    s->exposed = false;
     if (s->stage < rk->nstage) {
         combine(s, s->stage, rk->a[s->stage], s->stage_z);
-    } else {
-        combine(s, rk->nstage, rk->b, s->z);
-        copy(s->stage_z, s->z, s->nz);
-        s->stage = 0;
-        ++s->substep;
+        return;
     }
-    s->exposed = false;
+    combine(s, rk->nstage, rk->b, s->stage_z);
+    if (rk->balanced) {
+        balance(s);
+    }
+    copy(s->z, s->stage_z, s->nz);
+    s->stage = 0;
+    ++s->substep;
 }
 
 // --- one step ---
@@ -373,8 +403,64 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     s->booking = (pm_books){0};
     clear_booking(s);
     pm_subsystem_expose(s);
+    pm_balance_start(&s->balance, s->E[0], value_at(s->S, 0));
+    s->safe_balance = s->balance;
     close_books(s);
 }
+
+// --- memory ---
+
+// Step, terms evaluated and skipped; the books' own flux, those of its ports, the balance; the
+// state.
+#define COUNTS 3
+#define FLUX 4
+#define BALANCE 4
+
+int pm_subsystem_memory(const pm_subsystem *s) {
+    return COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + s->nz;
+}
+
+static double *put_flux(const pm_flux *flux, double *memory) {
+    const double number[FLUX] = {flux->energy, flux->entropy, flux->energy_gross,
+                                 flux->entropy_gross};
+    memcpy(memory, number, sizeof number);
+    return memory + FLUX;
+}
+
+static const double *get_flux(pm_flux *flux, const double *memory) {
+    *flux = (pm_flux){memory[0], memory[1], memory[2], memory[3]};
+    return memory + FLUX;
+}
+
+void pm_subsystem_save(const pm_subsystem *s, double *memory) {
+    *memory++ = (double)s->step;
+    *memory++ = (double)s->books.evaluated;
+    *memory++ = (double)s->books.skipped;
+    memory = put_flux(&s->books.bulk, memory);
+    for (int i = 0; i < s->books.nflux; ++i) {
+        memory = put_flux(&s->flux[i], memory);
+    }
+    *memory++ = s->balance.energy;
+    *memory++ = s->balance.energy_gross;
+    *memory++ = s->balance.entropy;
+    *memory++ = s->balance.entropy_gross;
+    copy(memory, s->z, s->nz);
+}
+
+void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
+    const double *count = memory;
+    pm_subsystem_set_state(s, memory + pm_subsystem_memory(s) - s->nz);
+    s->step = (long)count[0];
+    s->booking.evaluated = s->books.evaluated = (long)count[1];
+    s->booking.skipped = s->books.skipped = (long)count[2];
+    memory = get_flux(&s->books.bulk, memory + COUNTS);
+    for (int i = 0; i < s->books.nflux; ++i) {
+        memory = get_flux(&s->flux[i], memory);
+    }
+    s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
+}
+
+// --- the end of a step ---
 
 static pm_status check_finite(const pm_subsystem *s) {
     const pm_layout *layout = &s->scene->layout;
@@ -427,10 +513,12 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
         copy(s->stage_z, s->z, s->nz);
+        s->balance = s->safe_balance;
         s->exposed = false;
         return status;
     }
     copy(s->safe_z, s->z, s->nz);
+    s->safe_balance = s->balance;
     ++s->step;
     close_books(s);
     return PM_OK;

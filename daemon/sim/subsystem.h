@@ -66,6 +66,13 @@ typedef struct pm_books {
     const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
 } pm_books;
 pm_books pm_subsystem_books(const pm_subsystem *s);
+
+// What it must remember to go on from the end of a step with the same bits: how many numbers, and
+// these. Restoring is allowed at any time.
+int pm_subsystem_memory(const pm_subsystem *s);
+void pm_subsystem_save(const pm_subsystem *s, double *memory);
+void pm_subsystem_restore(pm_subsystem *s, const double *memory);
+
 // E and S at the present state, before any step. Same as books after a step.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 
