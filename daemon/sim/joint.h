@@ -52,7 +52,7 @@ pm_status pm_joint_open(pm_joint *j, pm_arena *arena, const pm_system *system,
                         const pm_integrator *integrator, int port_id, pm_end end);
 void pm_joint_close(pm_joint *j);
 
-// What the subsystem's z, dE, dS and response show here; dS and response may be NULL.
+// What the subsystem's z, dE, dS and response show here; dE, dS and response may be NULL: zero.
 void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const double *dS,
                      const double *response);
 

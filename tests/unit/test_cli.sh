@@ -88,6 +88,8 @@ expect 3 "bad.yaml:20:42: " check "$bad"
 edit 's/integrator: rk4/integrator: rk5/'
 expect 3 'bad.yaml:2:41: unknown integrator "rk5", expected one of: ' check "$bad"
 expect 3 "bad.yaml:2:41: " run "$bad" --in-process
+sed -e 's/, dS: \[1\]//' -e "s,weights/,$PWD/configs/weights/," configs/driven_lower.yaml >"$bad"
+expect 3 'load pivot: group "s" needs a "dS": port base' check "$bad"
 edit '/^reference:/d'
 expect 3 "bad.yaml:4:3: subsystem left: no state to start from: expected \`initial\`" run "$bad" --in-process
 succeed "a run needs either" check "$bad"
