@@ -153,7 +153,7 @@ void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const doubl
     for (int c = 0; c < j->own.ny; ++c) {
         const int at = j->component[c];
         j->own.y[c] = z[at];
-        j->own.e[c] = dE[at];
+        j->own.e[c] = value_at(dE, at);
         j->own.eta[c] = value_at(dS, at);
         j->own.response[c] = value_at(response, at);
     }

@@ -60,7 +60,7 @@ void pm_joint_close(pm_joint *j);
 pm_status pm_joint_share(pm_joint *here, pm_joint *there, const pm_system *system,
                          const pm_integrator *integrator);
 
-// What the subsystem's z, dE, dS and response show here; dS and response may be NULL.
+// What the subsystem's z, dE, dS and response show here; dE, dS and response may be NULL: zero.
 void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const double *dS,
                      const double *response);
 
