@@ -31,7 +31,7 @@ static const char good[] = "scene: pair\n"
                            "    weights: w/joint.h5\n"
                            "reference: {file: ref.h5, trajectory: 3}\n"
                            "laws: {energy: 1.0e-11, entropy: 0}\n"
-                           "lockstep: {window: 4, patience: 2.5}\n";
+                           "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n";
 
 static const char minimal[] = "scene: one\n"
                               "time: {dt: 1, steps: 1, integrator: euler}\n"
@@ -61,7 +61,7 @@ static void test_settings(void **state) {
     assert_int_equal(scene->reference_trajectory, 3);
     assert_string_equal(scene->reference_trajectory_at, "dir/t.yaml:23:39");
     assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
-    assert_true(scene->window == 4 && scene->patience == 2.5);
+    assert_true(scene->window == 4 && scene->patience == 2.5 && scene->checkpoint == 30);
     pm_scene_free(scene);
 }
 
@@ -125,7 +125,8 @@ static void test_defaults(void **state) {
     (void)state;
     pm_scene *scene = parsed(minimal);
     assert_string_equal(scene->url, "udpm://239.255.76.67:7667?ttl=0");
-    assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10);
+    assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10 &&
+                scene->checkpoint == 100);
     assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
     assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
     assert_null(scene->subsystem[0].column);
@@ -165,6 +166,7 @@ static const yaml_case bad[] = {
     {"{energy: 1.0e-11", "{energy: -1", "-1", "energy: expected a number >= 0"},
     {"window: 4", "window: 0", "0", "window: expected a whole number >= 1"},
     {"patience: 2.5", "patience: 0", "0", "patience: expected a number > 0"},
+    {"checkpoint: 30", "checkpoint: 0", "0", "checkpoint: expected a whole number >= 1"},
     {"trajectory: 3", "trajectory: -1", "-1", "trajectory: expected a whole number >= 0"},
     {"file: ref.h5", "path: ref.h5", "path", "unknown key \"path\"; allowed: file, trajectory"},
     // subsystems
