@@ -43,7 +43,7 @@ static int check_run(const char *url, int window) {
         require(pm_lockstep_node_open(&node[i], f.system, i, transport[i], &of_node));
     }
     const pm_lockstep_coordinator_options options = {
-        .steps = STEPS, .want_state = true, .observer = {count, observe}};
+        .steps = STEPS, .want_state = true, .observer = {.context = count, .step = observe}};
     require(pm_lockstep_coordinator_open(&coordinator, f.system, transport[COUNT], &options));
     require(pm_lockstep_run_together(coordinator, COUNT, node, NULL));
     pm_lockstep_coordinator_close(coordinator);

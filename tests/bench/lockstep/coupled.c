@@ -49,7 +49,8 @@ static pm_status observe(void *context, const pm_sample *sample) {
 }
 
 static pm_lockstep_coordinator_options options_of(watch *w) {
-    return (pm_lockstep_coordinator_options){.steps = WARM + w->steps, .observer = {w, observe}};
+    return (pm_lockstep_coordinator_options){.steps = WARM + w->steps,
+                                             .observer = {.context = w, .step = observe}};
 }
 
 static pm_status run_in_process(const pm_system *system, const double *z, watch *w) {
