@@ -55,12 +55,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     while (size >= 3) {
         size_t length = (size_t)data[0] << 8 | data[1];
         const unsigned sender = data[2] % 2;
+        const int may_be_large = data[2] == 0xff;
         data += 3;
         size -= 3;
         length = length < size ? length : size;
         unsigned char *bytes = malloc(length + (length == 0));
         check(bytes != NULL);
         memcpy(bytes, data, length);
+        if (length > PM_DATAGRAM_FRAGMENT_HEAD && bytes[3] == '3' && !may_be_large) {
+            // Most messages in fragments are made short: large ones take the sanitizer's time.
+            memset(bytes + 8, 0, 2);
+        }
         r.vector[0].iov_base = bytes;
         r.head[0].msg_len = (unsigned)length;
         r.sender[0].sin_port = (in_port_t)sender;
