@@ -6,9 +6,6 @@
 
 #include "net/channel.h"
 
-// A neighbour may ask for the round it is in, which is ours or the one before.
-#define SENT_DEPTH 2
-
 static pm_status no_memory(const pm_scene *scene, int process_id) {
     return pm_fail(PM_ENOMEM, "%s: out of memory", scene->process[process_id].name);
 }
@@ -64,6 +61,17 @@ static pm_status open_port(pm_crew *crew, pm_arena *arena, const pm_scene *scene
     return find_link(crew, arena, scene, scene->subsystem[neighbour].process, &port->link);
 }
 
+// What two subsystems of this crew would both evaluate, the first one does.
+static pm_status share_port(const pm_crew *crew, int part_id, int position) {
+    const pm_crew_part *part = &crew->part[part_id];
+    const pm_crew_port *port = &part->port[position];
+    if (port->load || port->peer <= part_id) {
+        return PM_OK;
+    }
+    return pm_subsystem_share(part->subsystem, position, crew->part[port->peer].subsystem,
+                              port->peer_port);
+}
+
 static pm_status open_part(pm_crew_part *part, pm_arena *arena, const pm_system *system,
                            int subsystem_id, const double *z, const pm_load *load) {
     PM_TRY(pm_subsystem_open(&part->subsystem, system, subsystem_id));
@@ -79,7 +87,7 @@ static pm_status open_part(pm_crew_part *part, pm_arena *arena, const pm_system 
 }
 
 pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, int process_id,
-                       const double *z, const pm_load *load) {
+                       const double *z, const pm_load *load, int depth) {
     const pm_scene *scene = system->scene;
     const pm_scene_process *process = &scene->process[process_id];
     crew->part = pm_arena_array(arena, (size_t)process->count, sizeof *crew->part);
@@ -95,11 +103,12 @@ pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, 
         const pm_crew_part *part = &crew->part[i];
         for (int k = 0; k < part->nport; ++k) {
             PM_TRY(open_port(crew, arena, scene, process_id, part->subsystem, k, &part->port[k]));
+            PM_TRY(share_port(crew, i, k));
         }
     }
     PM_TRY(pm_flux_make(&crew->shown, arena, scene, process_id));
     PM_TRY(pm_channel_process(crew->sent.channel, scene, "FLUX", process_id));
-    return pm_outbox_init(&crew->sent, arena, SENT_DEPTH, pm_flux_size(&crew->shown));
+    return pm_outbox_init(&crew->sent, arena, depth, pm_flux_size(&crew->shown));
 }
 
 void pm_crew_free(pm_crew *crew) {
@@ -212,4 +221,28 @@ pm_status pm_crew_end_step(pm_crew *crew) {
         PM_TRY(pm_subsystem_end_step(crew->part[i].subsystem));
     }
     return PM_OK;
+}
+
+// --- memory ---
+
+int pm_crew_memory(const pm_crew *crew) {
+    int count = 0;
+    for (int i = 0; i < crew->count; ++i) {
+        count += pm_subsystem_memory(crew->part[i].subsystem);
+    }
+    return count;
+}
+
+void pm_crew_save(const pm_crew *crew, double *memory) {
+    for (int i = 0; i < crew->count; ++i) {
+        pm_subsystem_save(crew->part[i].subsystem, memory);
+        memory += pm_subsystem_memory(crew->part[i].subsystem);
+    }
+}
+
+void pm_crew_restore(pm_crew *crew, const double *memory) {
+    for (int i = 0; i < crew->count; ++i) {
+        pm_subsystem_restore(crew->part[i].subsystem, memory);
+        memory += pm_subsystem_memory(crew->part[i].subsystem);
+    }
 }

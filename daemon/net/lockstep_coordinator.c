@@ -11,9 +11,13 @@
 
 #include "base/rng.h"
 #include "net/channel.h"
+#include "net/history.h"
+#include "net/identity.h"
 #include "net/member.h"
 #include "net/waiting.h"
+#include "store/snapshot.h"
 
+#define HELLO_INTERVAL 0.1    // s
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 
@@ -34,15 +38,19 @@ struct pm_lockstep_coordinator {
     pm_lockstep_observer observer;
     bool want_state;
     int64_t session, steps;
+    pm_identity identity;
 
     phase phase;
     pm_status status;
     char message[PM_TEXT_MAX + 1];
     double now, next; // s: last poll; next command
     int commands;     // END or ABORT sent so far
+    bool greeted;     // said hello
+    double greet_at;  // s, when to say it again
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool progressed;            // since the last poll: a new wait begins
+    bool tick_wanted;           // somebody asked for it since the last poll
     pm_waiting waiting;
 
     int nmember;
@@ -50,8 +58,12 @@ struct pm_lockstep_coordinator {
     int depth;            // steps that are gathered at once
     gathering *gathering; // [depth] by step modulo depth
     pm_ledger ledger;
+    const char *checkpoint; // NULL: none
+    int64_t interval;       // steps between two
+    int nmemory;
+    double *memory; // [nmemory] steps completed, then the ledger's, then the observer's
     char tick_channel[PM_CHANNEL_SIZE], ledger_channel[PM_CHANNEL_SIZE];
-    char command_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
+    char request_channel[PM_CHANNEL_SIZE];
     pm_drops drops;
 };
 
@@ -88,9 +100,11 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .t0 = 0,
         .dt = c->system->scene->dt,
         .want_state = c->want_state,
+        .open = c->identity.hello.session == 0,
     };
     unsigned char data[128];
     const size_t size = pm_tick_encode(&message, data, sizeof data);
+    c->tick_wanted = false;
     return pm_transport_publish(c->transport, c->tick_channel, data, size);
 }
 
@@ -122,7 +136,7 @@ static pm_status publish_command(pm_lockstep_coordinator *c) {
     };
     unsigned char data[64 + PM_TEXT_MAX];
     const size_t size = pm_command_encode(&message, data, sizeof data);
-    return pm_transport_publish(c->transport, c->command_channel, data, size);
+    return pm_transport_publish(c->transport, c->identity.command_channel, data, size);
 }
 
 // --- a step ---
@@ -156,14 +170,31 @@ static int64_t gathered(const pm_lockstep_coordinator *c) {
     return step;
 }
 
+static pm_status save(pm_lockstep_coordinator *c) {
+    c->memory[0] = (double)c->completed;
+    pm_ledger_save(&c->ledger, c->memory + 1);
+    if (c->observer.nmemory > 0) {
+        PM_TRY(c->observer.save(c->observer.context, c->memory + 1 + PM_LEDGER_MEMORY));
+    }
+    return pm_snapshot_save(c->checkpoint, c->system->digest, c->session, c->nmemory, c->memory);
+}
+
 static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     PM_TRY(pm_ledger_book(&c->ledger, sample));
-    return c->observer.step == NULL ? PM_OK : c->observer.step(c->observer.context, sample);
+    if (c->observer.step != NULL) {
+        PM_TRY(c->observer.step(c->observer.context, sample));
+    }
+    const bool due = sample->step % c->interval == 0 || sample->step == c->steps;
+    return c->checkpoint != NULL && due ? save(c) : PM_OK;
+}
+
+static int64_t limit_of(const pm_lockstep_coordinator *c, int64_t complete) {
+    const int64_t limit = complete + c->system->scene->window;
+    return limit < c->steps ? limit : c->steps;
 }
 
 static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
-    const int64_t limit = complete + c->system->scene->window;
-    c->granted = limit < c->steps ? limit : c->steps;
+    c->granted = limit_of(c, complete);
     return publish_tick(c);
 }
 
@@ -171,6 +202,9 @@ static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
 // compute.
 static pm_status complete_steps(pm_lockstep_coordinator *c) {
     const int64_t complete = gathered(c);
+    if (c->completed >= c->steps) {
+        close_run(c);
+    }
     if (complete == c->completed) {
         return PM_OK;
     }
@@ -259,6 +293,16 @@ static void repeat_command(pm_lockstep_coordinator *c) {
     }
 }
 
+// Once, and until all initial states are there.
+static pm_status greet(pm_lockstep_coordinator *c) {
+    if (c->greeted && (c->completed >= 0 || c->now < c->greet_at)) {
+        return PM_OK;
+    }
+    c->greeted = true;
+    c->greet_at = c->now + HELLO_INTERVAL;
+    return pm_identity_say(&c->identity);
+}
+
 static void note_life(pm_lockstep_coordinator *c) {
     for (int i = 0; i < c->nmember; ++i) {
         if (c->member[i].alive) {
@@ -272,7 +316,14 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     c->now = now;
     note_life(c);
     if (c->phase == RUNNING) {
+        check(c, greet(c));
+    }
+    if (c->phase == RUNNING) {
         check(c, complete_steps(c));
+    }
+    // All who asked since the last poll get one answer.
+    if (c->phase == RUNNING && c->tick_wanted) {
+        check(c, publish_tick(c));
     }
     if (c->phase == RUNNING) {
         check(c, await(c));
@@ -289,26 +340,103 @@ static void count(pm_lockstep_coordinator *c, pm_drop drop) {
     c->drops.count[drop] += 1;
 }
 
-static pm_drop accept_hello(pm_member *m) {
-    pm_lockstep_coordinator *c = m->coordinator;
-    const portmet_report_t *report = &m->scratch;
-    if (report->session != 0 && report->session != c->session) {
+static pm_member *find_member(const pm_lockstep_coordinator *c, const char *name) {
+    for (int i = 0; i < c->nmember; ++i) {
+        if (strcmp(c->member[i].name, name) == 0) {
+            return &c->member[i];
+        }
+    }
+    return NULL;
+}
+
+// A node that cannot take part ends a run that has not begun, and is sent away from one that has.
+static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
+                      bool late) {
+    check(c, pm_identity_refuse(&c->identity, hello, PM_ENET, reason));
+    if (!late) {
+        check(c, pm_fail(PM_ENET, "%s", reason));
+    }
+    return PM_KEEP;
+}
+
+static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    char reason[512];
+    pm_member *m = find_member(c, hello->sender);
+    if (m == NULL) {
+        snprintf(reason, sizeof reason, "scene %s has no process %.64s", c->system->scene->name,
+                 hello->sender);
+        return refuse(c, hello, reason, true);
+    }
+    const bool late = has_step(c, m, 0) || c->completed >= 0;
+    if (pm_identity_differs(&c->identity, hello, reason, sizeof reason)) {
+        return refuse(c, hello, reason, late);
+    }
+    if (late && c->checkpoint == NULL) {
+        // Its first hello may have been lost, as others' bring the tick, too.
+        m->instance = m->instance == 0 ? hello->instance : m->instance;
+        if (hello->instance == m->instance) {
+            return PM_DROP_REPEATED;
+        }
+        snprintf(
+            reason, sizeof reason,
+            "node %s: the run goes on without it; only runs with --checkpoint take a node back",
+            m->name);
+        return refuse(c, hello, reason, true);
+    }
+    m->instance = hello->instance;
+    m->alive = true;
+    c->tick_wanted = true;
+    return PM_KEEP;
+}
+
+static pm_drop accept_hello(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    if (hello->session != c->identity.hello.session) {
         return PM_DROP_SESSION;
     }
-    if (c->phase != RUNNING || has_step(c, m, 0) || c->completed >= 0) {
-        return PM_DROP_REPEATED;
-    }
-    m->alive = true;
-    if (report->digest != (int64_t)c->system->digest) {
-        check(c, pm_fail(PM_ENET,
-                         "node %s holds another scene, weights or initial state: digest "
-                         "%016llx, expected %016llx",
-                         m->name, (unsigned long long)report->digest,
-                         (unsigned long long)c->system->digest));
+    if (c->phase == CLOSING && c->status != PM_OK && hello->sender[0] != 0) {
+        // It has not joined, and need not wait for it.
+        check(c, pm_identity_refuse(&c->identity, hello, c->status, c->message));
         return PM_KEEP;
     }
-    check(c, publish_tick(c));
+    if (c->phase != RUNNING) {
+        return PM_DROP_REPEATED;
+    }
+    if (hello->sender[0] != 0) {
+        return greet_node(c, hello);
+    }
+    const bool first = c->completed >= 0 || pm_identity_precedes(&c->identity, hello);
+    if (first && pm_identity_rivals(&c->identity, hello)) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
+                 c->system->scene->name);
+        check(c, pm_identity_refuse(&c->identity, hello, PM_ENET, reason));
+    }
     return PM_KEEP;
+}
+
+static void on_hello(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_coordinator *c = context;
+    portmet_hello_t hello;
+    pm_drop drop = pm_hello_decode(&hello, data, size);
+    if (drop == PM_KEEP) {
+        drop = accept_hello(c, &hello);
+    }
+    count(c, drop);
+}
+
+// Its own commands are heard, too.
+static void on_command(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_coordinator *c = context;
+    portmet_command_t command;
+    const pm_drop drop = pm_command_decode(&command, data, size);
+    if (drop == PM_KEEP && c->phase == RUNNING && pm_identity_is_refused(&c->identity, &command)) {
+        c->status = PM_ENET;
+        snprintf(c->message, sizeof c->message, "%s", command.reason);
+        c->phase = FINISHED;
+    }
+    count(c, drop);
 }
 
 // Takes what is new: steps beyond the last complete one, as far as granted.
@@ -335,9 +463,6 @@ static pm_drop accept_done(pm_member *m) {
 static pm_drop accept_report(pm_member *m) {
     pm_lockstep_coordinator *c = m->coordinator;
     const portmet_report_t *report = &m->scratch;
-    if (report->kind == PORTMET_REPORT_T_HELLO) {
-        return accept_hello(m);
-    }
     if (report->session != c->session) {
         return PM_DROP_SESSION;
     }
@@ -373,13 +498,12 @@ static pm_drop answer(pm_lockstep_coordinator *c, const portmet_request_t *reque
     if (request->session != c->session) {
         return PM_DROP_SESSION;
     }
-    for (int i = 0; i < c->nmember; ++i) {
-        if (strcmp(c->member[i].name, request->sender) == 0) {
-            c->member[i].alive = true;
-        }
+    pm_member *m = find_member(c, request->sender);
+    if (m != NULL) {
+        m->alive = true;
     }
     if (strcmp(request->channel, c->tick_channel) == 0 && request->step < c->granted) {
-        check(c, publish_tick(c));
+        c->tick_wanted = true;
     }
     return PM_KEEP;
 }
@@ -425,24 +549,66 @@ static pm_status open_gatherings(pm_lockstep_coordinator *c) {
         c->depth = i + 1;
     }
     for (int i = 0; i < depth; ++i) {
-        begin_gathering(c, i);
+        begin_gathering(c, c->completed + 1 + i);
     }
     return PM_OK;
 }
 
-static pm_status prepare(pm_lockstep_coordinator *c) {
+// Takes up what a coordinator left that died, if it was of the session wanted (0: any); else leaves
+// the first checkpoint, so that this one's session is known.
+static pm_status open_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
+    int64_t session;
+    bool found;
+    c->interval = pm_history_interval(c->system->scene);
+    if (c->checkpoint == NULL) {
+        return PM_OK;
+    }
+    c->nmemory = 1 + PM_LEDGER_MEMORY + c->observer.nmemory;
+    c->memory = pm_arena_array(&c->arena, (size_t)c->nmemory, sizeof *c->memory);
+    if (c->memory == NULL) {
+        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
+    }
+    c->memory[0] = -1;
+    PM_TRY(pm_snapshot_session(c->checkpoint, c->system->digest, &session, &found));
+    if (!found || (wanted > 0 && wanted != session)) {
+        return pm_snapshot_save(c->checkpoint, c->system->digest, c->session, c->nmemory,
+                                c->memory);
+    }
+    PM_TRY(pm_snapshot_load(c->checkpoint, c->system->digest, &c->session, c->nmemory, c->memory,
+                            &found));
+    if (c->memory[0] < -1 || c->memory[0] > (double)c->steps) {
+        return pm_fail(PM_EFILE, "%s: a snapshot of step %g, the run has %lld", c->checkpoint,
+                       c->memory[0], (long long)c->steps);
+    }
+    c->completed = (int64_t)c->memory[0];
+    if (c->completed < 0) {
+        return PM_OK;
+    }
+    pm_ledger_restore(&c->ledger, c->memory + 1);
+    c->granted = limit_of(c, c->completed);
+    c->tick_wanted = true;
+    return c->observer.nmemory == 0 ? PM_OK
+                                    : c->observer.restore(c->observer.context, (long)c->completed,
+                                                          c->memory + 1 + PM_LEDGER_MEMORY);
+}
+
+static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
     const pm_scene *scene = c->system->scene;
     if (c->steps > PM_STEPS_MAX) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
                        (long long)c->steps, (long long)PM_STEPS_MAX);
     }
     pm_ledger_init(&c->ledger, c->system);
+    PM_TRY(open_checkpoint(c, wanted));
     PM_TRY(open_members(c));
     PM_TRY(open_gatherings(c));
     PM_TRY(pm_channel_scene(c->tick_channel, scene, "TICK"));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
-    PM_TRY(pm_channel_scene(c->command_channel, scene, "COMMAND"));
     PM_TRY(pm_channel_scene(c->request_channel, scene, "REQUEST"));
+    PM_TRY(
+        pm_identity_init(&c->identity, c->system, "", wanted, c->checkpoint != NULL, c->transport));
+    PM_TRY(pm_transport_subscribe(c->transport, c->identity.hello_channel, on_hello, c));
+    PM_TRY(pm_transport_subscribe(c->transport, c->identity.command_channel, on_command, c));
     return pm_transport_subscribe(c->transport, c->request_channel, on_request, c);
 }
 
@@ -467,13 +633,14 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->system = system;
     c->transport = transport;
     c->observer = given->observer;
+    c->checkpoint = given->checkpoint;
     c->want_state = given->want_state;
     c->session = given->session > 0 ? given->session : pm_lockstep_session();
     c->steps = given->steps > 0 ? given->steps : system->scene->steps;
     c->completed = -1;
     c->progressed = true;
     c->nmember = system->scene->nprocess;
-    const pm_status status = prepare(c);
+    const pm_status status = prepare(c, given->session);
     if (status != PM_OK) {
         pm_lockstep_coordinator_close(c);
         return status;

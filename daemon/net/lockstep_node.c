@@ -9,6 +9,8 @@
 
 #include "net/channel.h"
 #include "net/crew.h"
+#include "net/history.h"
+#include "net/identity.h"
 #include "net/reporter.h"
 #include "net/waiting.h"
 
@@ -16,6 +18,12 @@
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the end
+
+// Rounds whose fluxes are kept: a neighbour may ask for the round it is in, which is ours or the
+// one before. Where a request for older ones makes us go back, some more, and as many more reports:
+// then one that comes late, out of order, does not.
+#define SENT_DEPTH 2
+#define LATE_DEPTH 32
 
 // Steps of one poll at most: then messages and the stop flag are looked at.
 #define STEPS_AT_ONCE 16
@@ -28,7 +36,7 @@ struct pm_lockstep_node {
     const char *name;
     pm_crew crew;
     pm_transport *transport;
-    int64_t wanted_session; // 0: any
+    pm_identity identity;
 
     phase phase;
     pm_status status;
@@ -50,8 +58,9 @@ struct pm_lockstep_node {
     bool progressed;             // since the last poll; a new wait begins
     pm_waiting waiting;
 
+    pm_history history;
     pm_reporter reporter;
-    char tick_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
+    char tick_channel[PM_CHANNEL_SIZE];
     char request_channel[PM_CHANNEL_SIZE];
     pm_drops drops;
 };
@@ -102,6 +111,20 @@ static pm_status report(pm_lockstep_node *node) {
     return node->step < node->granted ? PM_OK : pm_reporter_flush(&node->reporter);
 }
 
+// Computes again from the newest checkpoint of at most `step` steps, if there is one.
+static pm_status go_back(pm_lockstep_node *node, int64_t step) {
+    const int64_t found = pm_history_go_back(&node->history, step, &node->crew);
+    if (found < 0) {
+        return PM_OK;
+    }
+    node->step = found;
+    node->round = 0;
+    node->started = false;
+    node->progressed = true;
+    pm_reporter_forget(&node->reporter);
+    return found == 0 ? report(node) : PM_OK;
+}
+
 static pm_status start_round(pm_lockstep_node *node) {
     const portmet_flux_t head = {
         .session = node->session,
@@ -125,6 +148,7 @@ static pm_status finish_round(pm_lockstep_node *node) {
     PM_TRY(pm_crew_end_step(&node->crew));
     node->step += 1;
     node->round = 0;
+    PM_TRY(pm_history_note(&node->history, node->session, node->step, &node->crew));
     return report(node);
 }
 
@@ -186,8 +210,7 @@ static pm_status greet(pm_lockstep_node *node) {
     }
     if (node->now >= node->next) {
         node->next = node->now + HELLO_INTERVAL;
-        PM_TRY(pm_reporter_say(&node->reporter, node->wanted_session, PORTMET_REPORT_T_HELLO, PM_OK,
-                               ""));
+        PM_TRY(pm_identity_say(&node->identity));
     }
     return PM_OK;
 }
@@ -200,7 +223,7 @@ static void repeat_failure(pm_lockstep_node *node) {
         node->next = node->now + FAILED_INTERVAL;
         // The first failure counts, not that telling it failed too.
         (void)pm_reporter_flush(&node->reporter);
-        const int64_t session = node->session != 0 ? node->session : node->wanted_session;
+        const int64_t session = node->session != 0 ? node->session : node->identity.hello.session;
         (void)pm_reporter_say(&node->reporter, session, PORTMET_REPORT_T_FAILED, node->status,
                               node->message);
     }
@@ -271,9 +294,19 @@ static void count(pm_lockstep_node *node, pm_drop drop) {
     node->drops.count[drop] += 1;
 }
 
+// From the initial state, or where this process stood when it died.
+static pm_status begin(pm_lockstep_node *node) {
+    if (node->history.path == NULL) {
+        return report(node);
+    }
+    PM_TRY(pm_history_load(&node->history, node->session));
+    return go_back(node, INT64_MAX);
+}
+
 static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const double dt = node->system->scene->dt;
-    const bool wanted = node->wanted_session == 0 || tick->session == node->wanted_session;
+    const int64_t asked = node->identity.hello.session;
+    const bool wanted = asked == 0 ? tick->open : tick->session == asked;
     if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->system->digest) {
         return PM_DROP_SESSION;
     }
@@ -286,11 +319,13 @@ static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->want_state = tick->want_state != 0;
     node->progressed = true;
     enter(node, RUNNING);
-    check(node, tick->dt == dt ? report(node)
-                               : pm_fail(PM_ENET,
-                                         "the coordinator's scene steps by %.17g s, this "
-                                         "node's by %.17g s",
-                                         tick->dt, dt));
+    if (tick->dt != dt) {
+        check(node,
+              pm_fail(PM_ENET, "the coordinator's scene steps by %.17g s, this node's by %.17g s",
+                      tick->dt, dt));
+        return PM_KEEP;
+    }
+    check(node, begin(node));
     return PM_KEEP;
 }
 
@@ -326,15 +361,33 @@ static void on_tick(void *context, const char *channel, const void *data, size_t
     count(node, drop);
 }
 
-// May this command, of this session or (in HELLO) of one that can be joined, end the node?
+// Is this command of the node's session, or (in HELLO) of the one it was started for?
 static bool concerns(const pm_lockstep_node *node, const portmet_command_t *command) {
-    if (node->phase == HELLO) {
-        return node->wanted_session == 0 || node->wanted_session == command->session;
+    const int64_t session = node->phase == HELLO ? node->identity.hello.session : node->session;
+    return session != 0 && command->session == session;
+}
+
+static pm_status code_of(const portmet_command_t *command) {
+    const bool known = command->code >= PM_EUSAGE && command->code <= PM_EINTERRUPTED;
+    return known ? (pm_status)command->code : PM_ENET;
+}
+
+// Leaves without a word: whoever is refused is not of the run.
+static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *command) {
+    if (!pm_identity_is_refused(&node->identity, command)) {
+        return PM_DROP_SESSION;
     }
-    return command->session == node->session;
+    if (!pm_lockstep_node_leaving(node)) {
+        end_with(node, code_of(command), command->reason);
+        node->phase = FINISHED;
+    }
+    return PM_KEEP;
 }
 
 static pm_drop accept_command(pm_lockstep_node *node, const portmet_command_t *command) {
+    if (command->kind == PORTMET_COMMAND_T_REFUSE) {
+        return accept_refusal(node, command);
+    }
     const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
     const bool end = command->kind == PORTMET_COMMAND_T_END;
     const bool complete = node->phase == RUNNING && node->step == node->steps;
@@ -346,8 +399,10 @@ static pm_drop accept_command(pm_lockstep_node *node, const portmet_command_t *c
             return PM_DROP_RANGE;
         }
         if (abort && node->phase != FAILING) {
-            const bool known = command->code >= PM_EUSAGE && command->code <= PM_EINTERRUPTED;
-            end_with(node, known ? (pm_status)command->code : PM_ENET, command->reason);
+            end_with(node, code_of(command), command->reason);
+        }
+        if (end) {
+            pm_history_remove(&node->history);
         }
         node->session = command->session;
         enter(node, LEAVING);
@@ -368,6 +423,23 @@ static void on_command(void *context, const char *channel, const void *data, siz
     count(node, drop);
 }
 
+// Who came first stays.
+static void on_hello(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_node *node = context;
+    portmet_hello_t hello;
+    const pm_drop drop = pm_hello_decode(&hello, data, size);
+    if (drop == PM_KEEP && pm_identity_rivals(&node->identity, &hello) &&
+        (node->phase == RUNNING ||
+         (node->phase == HELLO && pm_identity_precedes(&node->identity, &hello)))) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a node %s of scene %s already", node->name,
+                 node->system->scene->name);
+        check(node, pm_identity_refuse(&node->identity, &hello, PM_ENET, reason));
+    }
+    count(node, drop);
+}
+
 static void note_sender(pm_lockstep_node *node, const char *sender) {
     if (sender[0] == 0) {
         node->coordinator_alive = true;
@@ -376,6 +448,22 @@ static void note_sender(pm_lockstep_node *node, const char *sender) {
         pm_flux_link *link = &node->crew.link[i];
         link->alive = link->alive || strcmp(link->neighbour, sender) == 0;
     }
+}
+
+// Who asks for what is no longer kept has returned from its death.
+static pm_status answer_report(pm_lockstep_node *node, int64_t step) {
+    bool kept;
+    PM_TRY(pm_reporter_repeat(&node->reporter, step, &kept));
+    const bool missed = !kept && step <= node->step - node->reporter.rows;
+    return missed && node->phase == RUNNING ? go_back(node, step > 0 ? step - 1 : 0) : PM_OK;
+}
+
+static pm_status answer_flux(pm_lockstep_node *node, int64_t step, int round) {
+    const int64_t key = step * node->rounds + round;
+    const bool missed = key < round_key(node) && !pm_outbox_keeps(&node->crew.sent, key);
+    return missed && node->phase == RUNNING
+               ? go_back(node, step)
+               : pm_outbox_repeat(&node->crew.sent, node->transport, key);
 }
 
 static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) {
@@ -388,10 +476,11 @@ static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) 
         return PM_DROP_RANGE;
     }
     note_sender(node, request->sender);
-    check(node, pm_reporter_repeat(&node->reporter, request));
+    if (strcmp(request->channel, node->reporter.sent.channel) == 0) {
+        check(node, answer_report(node, request->step));
+    }
     if (strcmp(request->channel, node->crew.sent.channel) == 0) {
-        const int64_t key = request->step * node->rounds + request->round;
-        check(node, pm_outbox_repeat(&node->crew.sent, node->transport, key));
+        check(node, answer_flux(node, request->step, request->round));
     }
     return PM_KEEP;
 }
@@ -435,25 +524,31 @@ static void on_flux(void *context, const char *channel, const void *data, size_t
 static pm_status subscribe(pm_lockstep_node *node) {
     const pm_scene *scene = node->system->scene;
     PM_TRY(pm_channel_scene(node->tick_channel, scene, "TICK"));
-    PM_TRY(pm_channel_scene(node->command_channel, scene, "COMMAND"));
     PM_TRY(pm_channel_scene(node->request_channel, scene, "REQUEST"));
     PM_TRY(pm_transport_subscribe(node->transport, node->tick_channel, on_tick, node));
-    PM_TRY(pm_transport_subscribe(node->transport, node->command_channel, on_command, node));
+    PM_TRY(
+        pm_transport_subscribe(node->transport, node->identity.command_channel, on_command, node));
+    PM_TRY(pm_transport_subscribe(node->transport, node->identity.hello_channel, on_hello, node));
     return pm_transport_subscribe(node->transport, node->request_channel, on_request, node);
 }
 
 static pm_status prepare(pm_lockstep_node *node, int process_id,
                          const pm_lockstep_node_options *options) {
+    const int more = options->checkpoint == NULL ? 0 : LATE_DEPTH;
     PM_TRY(pm_crew_init(&node->crew, &node->arena, node->system, process_id, options->z,
-                        options->load));
+                        options->load, SENT_DEPTH + more));
+    PM_TRY(pm_history_init(&node->history, &node->arena, options->checkpoint, node->system,
+                           &node->crew));
     node->rounds = pm_subsystem_rounds(node->crew.part[0].subsystem);
     for (int i = 0; i < node->crew.nlink; ++i) {
         pm_flux_link *link = &node->crew.link[i];
         link->node = node;
         PM_TRY(pm_transport_subscribe(node->transport, link->channel, on_flux, link));
     }
-    PM_TRY(
-        pm_reporter_init(&node->reporter, &node->arena, node->system, process_id, node->transport));
+    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, process_id,
+                            node->transport, more));
+    PM_TRY(pm_identity_init(&node->identity, node->system, node->name, options->session,
+                            options->checkpoint != NULL, node->transport));
     return subscribe(node);
 }
 
@@ -469,7 +564,6 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     made->transport = transport;
     const pm_lockstep_node_options plain = {0};
     const pm_lockstep_node_options *given = options == NULL ? &plain : options;
-    made->wanted_session = given->session;
     const pm_status status = prepare(made, process_id, given);
     if (status != PM_OK) {
         pm_lockstep_node_close(made);

@@ -36,13 +36,13 @@ static pm_status find(const char *url, const pm_transport_table **table) {
 }
 
 pm_status pm_transport_check(const char *url) {
-    const pm_transport_table *table;
+    const pm_transport_table *table = NULL;
     PM_TRY(find(url, &table));
     return table->check(url);
 }
 
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
-    const pm_transport_table *table;
+    const pm_transport_table *table = NULL;
     PM_TRY(find(url, &table));
     pm_transport *made = calloc(1, sizeof *made);
     if (made == NULL) {

@@ -116,7 +116,8 @@ bool pm_hdf5_is_own(const char *path) {
     return objection_to(path) == NULL;
 }
 
-pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content) {
+static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content,
+                         unsigned flags) {
     struct stat facts;
     if (stat(path, &facts) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be opened: %s", path, strerror(errno));
@@ -142,7 +143,7 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, 
         return pm_fail(PM_EFILE, "%s: damaged, or not written by portmet: %s", path, objection);
     }
     const hid_t list = file_access();
-    opened->file = H5Fopen(path, H5F_ACC_RDONLY, list);
+    opened->file = H5Fopen(path, flags, list);
     const pm_status status =
         opened->file < 0 ? pm_hdf5_fail(PM_EFILE, path, "open", "it as HDF5") : PM_OK;
     pm_hdf5_release(list);
@@ -152,6 +153,14 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, 
     }
     *file = opened;
     return PM_OK;
+}
+
+pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content) {
+    return open_as(file, path, source, content, H5F_ACC_RDONLY);
+}
+
+pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
+    return open_as(file, path, PM_HDF5_ANY, PM_EFILE, H5F_ACC_RDWR);
 }
 
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {

@@ -74,10 +74,12 @@ typedef struct pm_scene {
     int substeps;                           // per step
     int window;                             // steps granted at once
     double patience;                        // s to wait for a silent peer before giving up
+    int checkpoint;                         // steps between two snapshots of a process
     const char *reference, *reference_at;   // dataset to compare with, or NULL
     int reference_trajectory;
     const char *reference_trajectory_at;        // the whole reference where no trajectory is named
     double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
+    double largest_drift; // J, of the total energy, beyond which a run ends; infinite: none
     int nsubsystem;
     pm_scene_subsystem *subsystem;
     int nload;

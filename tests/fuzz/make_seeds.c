@@ -8,6 +8,7 @@
 #include "net/codec.h"
 #include "store/checkpoint.h"
 #include "store/dataset.h"
+#include "store/snapshot.h"
 
 static pm_status make_dataset(void) {
     static const char *const column[] = {"q", "p"};
@@ -25,6 +26,11 @@ static pm_status make_checkpoint(void) {
     double value[3] = {1, 2, 3};
     const pm_checkpoint_field field[] = {{"theta", 2, value}, {"position", 1, value + 2}};
     return pm_checkpoint_save("checkpoint.h5", "fit", 7, 2, field);
+}
+
+static pm_status make_snapshot(void) {
+    const double value[3] = {1, 2, 3};
+    return pm_snapshot_save("run.snapshot", 7, 5, 3, value);
 }
 
 static pm_status write_seed(const char *path, const void *bytes, size_t size) {
@@ -83,8 +89,8 @@ int main(int argc, char **argv) {
     if (argc != 2 || chdir(argv[1]) != 0) {
         return PM_EUSAGE;
     }
-    static pm_status (*const make[])(void) = {make_dataset, make_checkpoint, make_message,
-                                              make_datagrams};
+    static pm_status (*const make[])(void) = {make_dataset, make_checkpoint, make_snapshot,
+                                              make_message, make_datagrams};
     pm_status status = PM_OK;
     for (size_t i = 0; i < sizeof make / sizeof make[0] && status == PM_OK; ++i) {
         status = make[i]();
