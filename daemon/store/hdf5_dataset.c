@@ -150,6 +150,26 @@ pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const cha
     return status;
 }
 
+pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
+                              int64_t count) {
+    const int rank = width == 0 ? 1 : 2;
+    const hsize_t kept[2] = {(hsize_t)count, (hsize_t)width};
+    hsize_t size[2] = {0, 0};
+    const hid_t id = H5Dopen2(file->file, name, H5P_DEFAULT);
+    const hid_t space = id < 0 ? H5I_INVALID_HID : H5Dget_space(id);
+    const bool fits = space >= 0 && H5Sget_simple_extent_ndims(space) == rank &&
+                      H5Sget_simple_extent_dims(space, size, NULL) == rank && size[0] >= kept[0] &&
+                      (rank == 1 || size[1] == kept[1]);
+    pm_hdf5_release(space);
+    if (!fits || H5Dset_extent(id, kept) < 0) {
+        pm_hdf5_release(id);
+        return pm_fail(PM_EFILE, "%s: %s: expected a series of %lld samples to go on with",
+                       file->path, name, (long long)count);
+    }
+    *series = (pm_hdf5_series){.file = file, .id = id, .width = width, .count = count};
+    return PM_OK;
+}
+
 pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value) {
     const int rank = series->width == 0 ? 1 : 2;
     const hsize_t start[2] = {(hsize_t)series->count, 0};
