@@ -116,17 +116,24 @@ static void describe(const void *data, pm_field *field) {
 
 // --- the configuration ---
 
+// So that a face has at most PM_BEAM_MAX_LOADED nodes.
+static const int most[3] = {100, 19, 19};
+
 static pm_status read_mesh(pm_yaml block, pm_arena *arena, beam_system *system) {
     double size[3], number[3];
     int count[3];
     PM_TRY(pm_truth_numbers(block, "size", 3, arena, size));
     PM_TRY(pm_truth_numbers(block, "elements", 3, arena, number));
     for (int d = 0; d < 3; ++d) {
-        count[d] = (int)number[d];
-        if (!(size[d] > 0) || !(number[d] >= 1 && number[d] <= 100) || count[d] != number[d]) {
+        if (!(number[d] >= 1 && number[d] <= most[d]) || number[d] != floor(number[d])) {
             return pm_yaml_fail(pm_yaml_get(block, "elements"),
-                                "expected sizes > 0 and 1 to 100 elements along each axis");
+                                "expected 1 to %d, %d, %d elements along x, y, z", most[0], most[1],
+                                most[2]);
         }
+        if (!(size[d] > 0)) {
+            return pm_yaml_fail(pm_yaml_get(block, "size"), "expected lengths > 0");
+        }
+        count[d] = (int)number[d];
     }
     return pm_beam_mesh_make(&system->mesh, count, size, arena);
 }

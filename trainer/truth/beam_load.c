@@ -1,6 +1,7 @@
 // Rows and random patches of loaded nodes.
 #include "truth/beam_load.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -26,9 +27,8 @@ static double sign_in(int face) {
 }
 
 static void add_node(pm_beam_load *load, int node) {
-    if (load->nnode < PM_BEAM_MAX_LOADED) {
-        load->node[load->nnode++] = node;
-    }
+    assert(load->nnode < PM_BEAM_MAX_LOADED);
+    load->node[load->nnode++] = node;
 }
 
 void pm_beam_load_row(pm_beam_load *load, const pm_beam_mesh *mesh, int face, int position,

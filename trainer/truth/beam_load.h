@@ -6,7 +6,7 @@
 #include "base/rng.h"
 #include "truth/beam_mesh.h"
 
-#define PM_BEAM_MAX_LOADED 256
+#define PM_BEAM_MAX_LOADED 2048 // what a face may have
 #define PM_BEAM_KNOTS 4
 #define PM_BEAM_FACES 4
 
