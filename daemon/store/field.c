@@ -138,7 +138,7 @@ pm_status pm_field_load(pm_field **field, const char *path) {
     pm_field *d = NULL;
     int shape[4];
     pm_status status;
-    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_EDATA));
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
     PM_TRY_DONE(pm_hdf5_shape(file, "/z", 4, shape));
     PM_TRY_DONE(field_alloc(&d, (pm_field_shape){.ntrajectory = shape[0],
                                                  .ntime = shape[1],
