@@ -3,6 +3,7 @@
 #include <stdio.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/skipped.h"
 #include "net/channel.h"
 #include "sim/subsystem.h"
@@ -25,6 +26,9 @@ static void print_header(const pm_setup *setup, int rounds) {
            scene->steps, scene->dt, scene->integrator, scene->substeps, rounds);
     printf("  LCM        %s, %d granted at once, patience %g s\n", scene->url, scene->window,
            scene->patience);
+    if (scene->key_file != NULL) {
+        printf("  key        %s: messages are sealed\n", scene->key_file);
+    }
     printf("  tolerance  energy %g, entropy %g (relative residuals on hard components)\n",
            scene->energy_tolerance, scene->entropy_tolerance);
     if (setup->reference != NULL) {
@@ -98,10 +102,20 @@ static void print_prescribed(const char *what, const pm_scene_prescribed *value,
     }
 }
 
-static void print_load(const pm_scene_world *load) {
+static bool is_used(const pm_scene *scene, int load_id) {
+    for (int i = 0; i < scene->nport; ++i) {
+        if (scene->port[i].load[0] == load_id || scene->port[i].load[1] == load_id) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void print_load(const pm_scene *scene, int load_id) {
     static const char *const what[] = {"value", "dE", "dS"};
-    printf("\nload %s: prescribed by the world, in numbers or columns of the reference\n",
-           load->name);
+    const pm_scene_world *load = &scene->load[load_id];
+    printf("\nload %s: prescribed by the world, in numbers or columns of the reference%s\n",
+           load->name, is_used(scene, load_id) ? "" : "; no port ends at it");
     for (int g = 0; g < load->layout.ngroup; ++g) {
         const pm_group *group = &load->layout.group[g];
         printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
@@ -171,12 +185,13 @@ static pm_status print_channels(const pm_scene *scene) {
 static pm_status describe(const pm_setup *setup) {
     int rounds = 0;
     PM_TRY(build_all(setup, &rounds));
+    PM_TRY(pm_connect_key(setup->scene, NULL));
     print_header(setup, rounds);
     for (int i = 0; i < setup->scene->nsubsystem; ++i) {
         print_subsystem(setup, i);
     }
     for (int i = 0; i < setup->scene->nload; ++i) {
-        print_load(&setup->scene->load[i]);
+        print_load(setup->scene, i);
     }
     for (int i = 0; i < setup->scene->nport; ++i) {
         print_port(setup, i);

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/observer.h"
 #include "app/stop.h"
 #include "net/lockstep.h"
@@ -14,7 +15,7 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_status status;
     PM_TRY_DONE(pm_setup_checkpoint(setup, observer->options, NULL, &options.checkpoint));
-    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, &pm_stop_requested);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
@@ -22,6 +23,7 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     if (status == PM_OK && options.checkpoint != NULL) {
         unlink(options.checkpoint);
     }
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_lockstep_coordinator_close(coordinator);
     pm_transport_close(transport);

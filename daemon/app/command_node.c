@@ -2,6 +2,7 @@
 #include <stdio.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/setup.h"
 #include "app/stop.h"
 #include "net/lockstep.h"
@@ -17,9 +18,10 @@ static pm_status serve(pm_setup *setup, const pm_options *options, int process_i
     pm_status status;
     PM_TRY_DONE(pm_setup_checkpoint(setup, options, setup->scene->process[process_id].name,
                                     &node_options.checkpoint));
-    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, &pm_stop_requested);
+    pm_connect_warn(transport, pm_lockstep_node_drops(node));
 done:
     pm_lockstep_node_close(node);
     pm_transport_close(transport);

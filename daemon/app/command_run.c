@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/launch.h"
 #include "app/observer.h"
 #include "app/stop.h"
@@ -63,7 +64,7 @@ static pm_status run_processes(pm_setup *setup, const pm_options *options, pm_ob
     pm_lockstep_coordinator_options coordinator_options = pm_observer_attach(observer, setup);
     coordinator_options.session = pm_lockstep_session();
     pm_status status;
-    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
@@ -74,6 +75,7 @@ static pm_status run_processes(pm_setup *setup, const pm_options *options, pm_ob
     }
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "a process each, over LCM");
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_launch_close(launch);
     pm_lockstep_coordinator_close(coordinator);

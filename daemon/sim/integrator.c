@@ -5,15 +5,34 @@
 #include <stddef.h>
 #include <string.h>
 
+// Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.1.2.
+#define RK4                                                          \
+    .nstage = 4, .order = 4, .a = {{0}, {0.5}, {0, 0.5}, {0, 0, 1}}, \
+    .b = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}
+
+#define SQRT5 2.23606797749978969641
+
+// Butcher, Numerical Methods for Ordinary Differential Equations (2016), section 326: on the
+// abscissae of Lobatto's quadrature, and so without negative weights.
+#define RK6                                                                            \
+    .nstage = 7, .order = 6,                                                           \
+    .a = {{0},                                                                         \
+          {(5 - SQRT5) / 10},                                                          \
+          {-SQRT5 / 10, (5 + 2 * SQRT5) / 10},                                         \
+          {(-15 + 7 * SQRT5) / 20, (-1 + SQRT5) / 4, (15 - 7 * SQRT5) / 10},           \
+          {(5 - SQRT5) / 60, 0, 1.0 / 6, (15 + 7 * SQRT5) / 60},                       \
+          {(5 + SQRT5) / 60, 0, (9 - 5 * SQRT5) / 12, 1.0 / 6, (-5 + 3 * SQRT5) / 10}, \
+          {1.0 / 6, 0, (-55 + 25 * SQRT5) / 12, (-25 - 7 * SQRT5) / 12, 5 - 2 * SQRT5, \
+           (5 + SQRT5) / 2}},                                                          \
+    .b = {1.0 / 12, 0, 0, 0, 5.0 / 12, 5.0 / 12, 1.0 / 12}
+
 static const pm_integrator integrators[] = {
     {.name = "euler", .nstage = 1, .order = 1, .a = {{0}}, .b = {1}},
     {.name = "heun", .nstage = 2, .order = 2, .a = {{0}, {1}}, .b = {0.5, 0.5}},
-    // Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.1.2.
-    {.name = "rk4",
-     .nstage = 4,
-     .order = 4,
-     .a = {{0}, {0.5}, {0, 0.5}, {0, 0, 1}},
-     .b = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}},
+    {.name = "rk4", RK4},
+    {.name = "rk4_balanced", RK4, .balanced = true},
+    {.name = "rk6", RK6},
+    {.name = "rk6_balanced", RK6, .balanced = true},
     // Implicit midpoint, k = f(z + h/2 k), by fixed-point iteration from the Euler predictor. Its
     // error is that of the midpoint rule once the iteration has contracted below it.
     {.name = "midpoint",
@@ -60,5 +79,5 @@ double pm_integrator_time(const pm_integrator *rk, int stage) {
 }
 
 const char *pm_integrator_names(void) {
-    return "euler, heun, rk4, midpoint, discrete_gradient";
+    return "euler, heun, rk4, rk4_balanced, rk6, rk6_balanced, midpoint, discrete_gradient";
 }

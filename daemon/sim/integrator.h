@@ -16,6 +16,10 @@ typedef struct pm_integrator {
     // Stages are iterates of the new state z': co-energies are discrete derivatives between z and
     // the iterate, operators and ports are taken at their mean.
     bool discrete;
+    // After each step the state is moved, by no more than the method's error, to where energy and
+    // entropy have changed by what was booked (balance.h).
+    // Training takes the method without that.
+    bool balanced;
 } pm_integrator;
 
 // When a stage is evaluated, as a fraction of the integrator's step.

@@ -130,6 +130,18 @@ static void book_totals(pm_ledger *ledger, pm_sample *sample) {
     ledger->steps = sample->step;
 }
 
+// No part violates a law, yet the step is so long that what was booked is not what came about.
+static pm_status check_drift(const pm_ledger *ledger) {
+    const pm_scene *scene = ledger->system->scene;
+    if (!(ledger->energy_drift > scene->largest_drift)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_ENUMERIC,
+                   "step %ld: the total energy has strayed by %.3g J, and the scene's guard allows "
+                   "%.3g: try a smaller dt, more substeps, or an integrator that is balanced",
+                   ledger->steps, ledger->energy_drift, scene->largest_drift);
+}
+
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
     sample->energy_residual = sample->entropy_residual = 0;
@@ -148,7 +160,7 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
         }
     }
     ledger->violations += violated ? 1 : 0;
-    return status;
+    return status == PM_OK ? check_drift(ledger) : status;
 }
 
 // --- memory ---

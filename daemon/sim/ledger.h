@@ -32,7 +32,8 @@ void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 
 // Books a sample (step 0 first) and sets its residuals and what the world has. PM_ELAW when a hard
 // component violates a law beyond the scene's tolerance: names it, the step and the residual. Soft
-// ones are only counted.
+// ones are only counted. PM_ENUMERIC when the total energy has strayed further than the scene's
+// guard allows.
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 
 // What it must remember to go on after a step.

@@ -7,6 +7,11 @@
 #include <string.h>
 
 #include "graph/program.h"
+#include "sim/balance.h"
+
+// Newton's steps to the booked energy and entropy. The first leaves the square of the method's
+// error.
+#define MOST_MOVES 3
 
 struct pm_subsystem {
     const pm_system *system;
@@ -25,6 +30,7 @@ struct pm_subsystem {
     const pm_load *load;
     double *prescribed; // [scene->nprescribed] at the stage
     long step;
+    pm_balance balance, safe_balance; // now and after the last full step
 
     pm_program *exposure;               // z -> E, S, dE, dS
     double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
@@ -32,6 +38,7 @@ struct pm_subsystem {
     pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
     double *bulk_z, *bulk_dE, *bulk_dS;
     const double *bulk_rate;
+    bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
 
     int njoint;
     pm_joint *joint;
@@ -41,11 +48,11 @@ struct pm_subsystem {
 
 // --- building the graphs ---
 
-// By how much dE rises per unit of rate, where a port's prediction asks for it.
-static pm_node build_response(pm_subsystem *s, pm_graph *g, const pm_part *part, pm_node dE,
-                              pm_node z) {
-    bool *wanted = pm_arena_array(&s->arena, (size_t)s->nz, sizeof *wanted);
-    if (wanted == NULL || !s->integrator->discrete) {
+// By how much dE rises per unit of rate, where a port's prediction asks for it. `wanted` [nz] is
+// work space.
+static pm_node build_response(const pm_subsystem *s, pm_graph *g, const pm_part *part, pm_node dE,
+                              pm_node z, bool *wanted) {
+    if (!s->integrator->discrete) {
         return PM_NO_NODE;
     }
     pm_system_responding(s->system, s->id, wanted);
@@ -55,13 +62,17 @@ static pm_node build_response(pm_subsystem *s, pm_graph *g, const pm_part *part,
 
 static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
     pm_graph *g = NULL;
+    bool *responding = pm_arena_array(&s->arena, (size_t)s->nz, sizeof *responding);
+    if (responding == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the state of %s", s->scene->name);
+    }
     PM_TRY(pm_graph_open(&g));
     const pm_node z = pm_input(g, true, 1, s->nz);
     const pm_node from = s->integrator->discrete ? pm_input(g, true, 1, s->nz) : PM_NO_NODE;
     const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
     pm_node dE, dS;
     pm_part_coenergies(g, part, from, z, &dE, &dS);
-    const pm_node wanted[] = {E, S, dE, dS, build_response(s, g, part, dE, z)};
+    const pm_node wanted[] = {E, S, dE, dS, build_response(s, g, part, dE, z, responding)};
     const double **const value[] = {&s->E, &s->S, &s->dE, &s->dS, &s->response};
     pm_node output[5];
     int count = 0;
@@ -244,16 +255,21 @@ void pm_subsystem_expose(pm_subsystem *s) {
     if (s->exposed) {
         return;
     }
-    copy(s->exposure_z, s->stage_z, s->nz);
-    copy(s->exposure_from, s->z, s->nz);
+    s->exposed = true;
+    bool renewed = !s->exposure_known;
+    renewed |= pm_renew(s->exposure_z, s->stage_z, s->nz);
+    renewed |= pm_renew(s->exposure_from, s->z, s->nz);
+    if (!renewed) {
+        return;
+    }
     pm_program_run(s->exposure, 1);
+    s->exposure_known = true;
     for (int c = 0; c < s->nz; ++c) {
         s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
     }
     for (int i = 0; i < s->njoint; ++i) {
         pm_joint_expose(&s->joint[i], s->at_z, s->dE, s->dS, s->response);
     }
-    s->exposed = true;
 }
 
 // The weight of the present stage in the mean over a step.
@@ -268,13 +284,18 @@ void pm_subsystem_bulk(pm_subsystem *s) {
         ++s->booking.skipped;
         return;
     }
-    copy(s->bulk_z, s->at_z, s->nz);
-    copy(s->bulk_dE, s->dE, s->nz);
-    copy(s->bulk_dS, s->dS, s->nz);
-    pm_program_run(s->bulk, 1);
+    bool renewed = !s->bulk_known;
+    renewed |= pm_renew(s->bulk_z, s->at_z, s->nz);
+    renewed |= pm_renew(s->bulk_dE, s->dE, s->nz);
+    renewed |= pm_renew(s->bulk_dS, s->dS, s->nz);
+    if (renewed) {
+        pm_program_run(s->bulk, 1);
+        s->bulk_known = true;
+    }
     memcpy(k, s->bulk_rate, (size_t)s->nz * sizeof *k);
     pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->dE, s->dS, k);
-    ++s->booking.evaluated;
+    s->booking.evaluated += renewed;
+    s->booking.skipped += !renewed;
 }
 
 // What the world shows at its end of a port, at the time of the stage.
@@ -306,18 +327,42 @@ static void combine(const pm_subsystem *s, int n, const double *weight, double *
     }
 }
 
+// Energy and entropy that the stage's rate moves.
+static void book_balance(pm_subsystem *s) {
+    pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz, s->dE,
+                    s->dS, s->k + (ptrdiff_t)s->stage * s->nz);
+}
+
+// Moves the new state to where it has what was booked. Its last exposure is that of the next stage.
+static void balance(pm_subsystem *s) {
+    for (int i = 0; i < MOST_MOVES; ++i) {
+        pm_subsystem_expose(s);
+        if (!pm_balance_move(&s->balance, &s->scene->layout, s->z, s->E[0], value_at(s->S, 0),
+                             s->dE, s->dS, s->stage_z)) {
+            return;
+        }
+        s->exposed = false;
+    }
+}
+
 void pm_subsystem_advance(pm_subsystem *s) {
     const pm_integrator *rk = s->integrator;
+    if (rk->balanced) {
+        book_balance(s);
+    }
     ++s->stage;
+    s->exposed = false;
     if (s->stage < rk->nstage) {
         combine(s, s->stage, rk->a[s->stage], s->stage_z);
-    } else {
-        combine(s, rk->nstage, rk->b, s->z);
-        copy(s->stage_z, s->z, s->nz);
-        s->stage = 0;
-        ++s->substep;
+        return;
     }
-    s->exposed = false;
+    combine(s, rk->nstage, rk->b, s->stage_z);
+    if (rk->balanced) {
+        balance(s);
+    }
+    copy(s->z, s->stage_z, s->nz);
+    s->stage = 0;
+    ++s->substep;
 }
 
 // --- one step ---
@@ -351,21 +396,28 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
     s->step = 0;
-    s->exposed = false;
+    s->exposed = s->exposure_known = s->bulk_known = false;
+    for (int i = 0; i < s->njoint; ++i) {
+        s->joint[i].known = false;
+    }
     s->booking = (pm_books){0};
     clear_booking(s);
     pm_subsystem_expose(s);
+    pm_balance_start(&s->balance, s->E[0], value_at(s->S, 0));
+    s->safe_balance = s->balance;
     close_books(s);
 }
 
 // --- memory ---
 
-// Step, terms evaluated and skipped, the books' own flux, those of its ports, the state.
+// Step, terms evaluated and skipped; the books' own flux, those of its ports, the balance; the
+// state.
 #define COUNTS 3
 #define FLUX 4
+#define BALANCE 4
 
 int pm_subsystem_memory(const pm_subsystem *s) {
-    return COUNTS + FLUX * (1 + s->books.nflux) + s->nz;
+    return COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + s->nz;
 }
 
 static double *put_flux(const pm_flux *flux, double *memory) {
@@ -388,6 +440,10 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = put_flux(&s->flux[i], memory);
     }
+    *memory++ = s->balance.energy;
+    *memory++ = s->balance.energy_gross;
+    *memory++ = s->balance.entropy;
+    *memory++ = s->balance.entropy_gross;
     copy(memory, s->z, s->nz);
 }
 
@@ -401,6 +457,7 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = get_flux(&s->flux[i], memory);
     }
+    s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
 }
 
 // --- the end of a step ---
@@ -456,10 +513,12 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
         copy(s->stage_z, s->z, s->nz);
+        s->balance = s->safe_balance;
         s->exposed = false;
         return status;
     }
     copy(s->safe_z, s->z, s->nz);
+    s->safe_balance = s->balance;
     ++s->step;
     close_books(s);
     return PM_OK;

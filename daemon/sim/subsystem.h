@@ -7,7 +7,9 @@
 //     pm_subsystem_couple   once per port, in order of ports: the port law's term, and its fluxes
 //                           (at a load the values of the world take the place of a neighbour's)
 //     pm_subsystem_advance  the Runge-Kutta combination; ends the substep after its last stage
-// The order of sums is fixed, so the same calls give the same bits in one process or in many.
+// The order of sums is fixed, so the same calls give the same bits in one process or in many. A
+// graph whose inputs have the bits of the time before is not run again: a subsystem at rest costs
+// next to nothing. (Weights must not change between two pm_subsystem_set_state.)
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 

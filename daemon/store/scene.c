@@ -146,6 +146,15 @@ static pm_status read_url(pm_scene_reader *r) {
                                url);
 }
 
+static pm_status read_key_file(pm_scene_reader *r) {
+    const pm_yaml value = pm_yaml_get(r->root, "key_file");
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_scene_read_path(r, value, &r->scene->key_file));
+    return pm_scene_read_at(r, value, &r->scene->key_file_at);
+}
+
 static pm_status read_time(pm_scene_reader *r) {
     static const char *const keys[] = {"dt", "steps", "integrator", "substeps", NULL};
     pm_scene *scene = r->scene;
@@ -180,6 +189,20 @@ static pm_status read_laws(pm_scene_reader *r) {
     const pm_yaml entropy = pm_yaml_get(laws, "entropy");
     return pm_yaml_exists(entropy)
                ? pm_yaml_double(entropy, 0, INFINITY, &r->scene->entropy_tolerance)
+               : PM_OK;
+}
+
+static pm_status read_guards(pm_scene_reader *r) {
+    static const char *const keys[] = {"energy_drift", NULL};
+    r->scene->largest_drift = INFINITY;
+    const pm_yaml guards = pm_yaml_get(r->root, "guards");
+    if (!pm_yaml_exists(guards)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_allow(guards, keys));
+    const pm_yaml drift = pm_yaml_get(guards, "energy_drift");
+    return pm_yaml_exists(drift)
+               ? pm_yaml_double(drift, DBL_MIN, INFINITY, &r->scene->largest_drift)
                : PM_OK;
 }
 
@@ -226,20 +249,22 @@ static pm_status read_reference(pm_scene_reader *r) {
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
-    static const char *const keys[] = {"scene", "url",      "time",      "subsystems",
-                                       "loads", "ports",    "processes", "reference",
-                                       "laws",  "lockstep", NULL};
+    static const char *const keys[] = {"scene",  "url",      "key_file",  "time",      "subsystems",
+                                       "loads",  "ports",    "processes", "reference", "laws",
+                                       "guards", "lockstep", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
     PM_TRY(pm_scene_read_name(r, value, &r->scene->name));
     PM_TRY(read_url(r));
+    PM_TRY(read_key_file(r));
     PM_TRY(read_time(r));
     PM_TRY(pm_scene_read_subsystems(r));
     PM_TRY(pm_scene_read_loads(r));
     PM_TRY(pm_scene_read_ports(r));
     PM_TRY(read_reference(r));
     PM_TRY(read_laws(r));
+    PM_TRY(read_guards(r));
     PM_TRY(read_lockstep(r));
     return pm_scene_read_processes(r);
 }

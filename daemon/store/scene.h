@@ -63,11 +63,12 @@ typedef struct pm_scene_port {
 } pm_scene_port;
 
 typedef struct pm_scene {
-    pm_arena arena;   // owns all that follows
-    const char *path; // as given
-    const char *name; // prefix of the channels: letters, digits, '_' only
-    const char *url;  // LCM provider
-    double dt;        // s
+    pm_arena arena;                     // owns all that follows
+    const char *path;                   // as given
+    const char *name;                   // prefix of the channels: letters, digits, '_' only
+    const char *url;                    // LCM provider
+    const char *key_file, *key_file_at; // of the messages' seals (net/seal.h), or NULL: none
+    double dt;                          // s
     int steps;
     const char *integrator, *integrator_at; // looked up later, by the layer that has the table
     int substeps;                           // per step
@@ -78,6 +79,7 @@ typedef struct pm_scene {
     int reference_trajectory;
     const char *reference_trajectory_at;        // the whole reference where no trajectory is named
     double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
+    double largest_drift; // J, of the total energy, beyond which a run ends; infinite: none
     int nsubsystem;
     pm_scene_subsystem *subsystem;
     int nload;

@@ -1,18 +1,19 @@
 #!/bin/sh
-# test_return.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME [KILLS [STEPS [SEED]]]: nodes and the
+# test_return.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER [KILLS [STEPS [SEED]]]: nodes and the
 # coordinator are killed at random while a run goes on; it ends with the bits of an undisturbed one, and
 # leaves no process and no file behind.
 . "$(dirname "$0")/network.sh"
-kills=${5:-4}
-steps=${6:-2500}
-seed=${7:-$(date +%s)}
+kills=${6:-4}
+steps=${7:-2500}
+seed=${8:-$(date +%s)}
 configs=$(realpath "$(dirname "$0")/../../configs")
 
-# Three processes: when one dies, it may be between two others, or not.
+# Three processes: when one dies, it may be between two others, or not. What a balanced integrator
+# must remember is more than the state.
 chain=$folder/scene_chain.yaml
 sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
-    -e 's,substeps: 6,substeps: 2,' -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' \
-    "$configs/chain_3.yaml" >"$chain"
+    -e 's/integrator: rk4, substeps: 6/integrator: rk4_balanced, substeps: 2/' \
+    -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
 "$portmetd" run "$chain" --in-process --steps $steps --record "$folder/plain.h5" >"$folder/plain.out" ||
     fail "in process"
 

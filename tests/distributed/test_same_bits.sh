@@ -19,14 +19,17 @@ start run run "$folder/scene_both.yaml" --quiet --record "$folder/both.h5"
 ends run $pid 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/both.h5" || fail "one process"
 
-# An integrator that iterates the new state: fluxes carry responses too.
-sed "s/integrator: [a-z0-9_]*/integrator: discrete_gradient/" "$scene" >"$folder/scene_iterated.yaml"
-"$portmetd" run "$folder/scene_iterated.yaml" --in-process --quiet --record "$folder/iterated.h5" ||
-    fail "iterated in process"
-"$same_recording" "$folder/plain.h5" "$folder/iterated.h5" 2>/dev/null && fail "not iterated"
-start run run "$folder/scene_iterated.yaml" --quiet --record "$folder/iterated_lcm.h5"
-ends run $pid 0 ""
-"$same_recording" "$folder/iterated.h5" "$folder/iterated_lcm.h5" || fail "iterated"
+# An integrator that iterates the new state (fluxes carry responses too), and one that balances it.
+for integrator in discrete_gradient rk4_balanced; do
+    sed "s/integrator: [a-z0-9_]*/integrator: $integrator/" "$scene" >"$folder/scene_$integrator.yaml"
+    "$portmetd" run "$folder/scene_$integrator.yaml" --in-process --quiet \
+        --record "$folder/$integrator.h5" || fail "$integrator in process"
+    "$same_recording" "$folder/plain.h5" "$folder/$integrator.h5" 2>/dev/null &&
+        fail "$integrator makes no difference"
+    start run run "$folder/scene_$integrator.yaml" --quiet --record "$folder/${integrator}_lcm.h5"
+    ends run $pid 0 ""
+    "$same_recording" "$folder/$integrator.h5" "$folder/${integrator}_lcm.h5" || fail "$integrator"
+done
 
 # Two runs of the same scene at once keep apart.
 start one run "$scene" --quiet --record "$folder/one.h5"

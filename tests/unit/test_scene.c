@@ -1,5 +1,6 @@
 // Scenes: what a file says comes back, and what is wrong with it is told with its place.
 #include <dirent.h>
+#include <math.h>
 
 #include "scratch.h"
 #include "store/scene.h"
@@ -31,7 +32,9 @@ static const char good[] = "scene: pair\n"
                            "    weights: w/joint.h5\n"
                            "reference: {file: ref.h5, trajectory: 3}\n"
                            "laws: {energy: 1.0e-11, entropy: 0}\n"
-                           "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n";
+                            "guards: {energy_drift: 0.01}\n"
+                            "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n"
+                            "key_file: pair.key\n";
 
 static const char minimal[] = "scene: one\n"
                               "time: {dt: 1, steps: 1, integrator: euler}\n"
@@ -61,7 +64,10 @@ static void test_settings(void **state) {
     assert_int_equal(scene->reference_trajectory, 3);
     assert_string_equal(scene->reference_trajectory_at, "dir/t.yaml:23:39");
     assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
+    assert_true(scene->largest_drift == 0.01);
     assert_true(scene->window == 4 && scene->patience == 2.5 && scene->checkpoint == 30);
+    assert_string_equal(scene->key_file, "dir/pair.key");
+    assert_string_equal(scene->key_file_at, "dir/t.yaml:27:11");
     pm_scene_free(scene);
 }
 
@@ -128,7 +134,9 @@ static void test_defaults(void **state) {
     assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10 &&
                 scene->checkpoint == 100);
     assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
+    assert_true(isinf(scene->largest_drift));
     assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
+    assert_null(scene->key_file);
     assert_null(scene->subsystem[0].column);
     pm_scene_free(scene);
     // A path without a folder leaves relative paths as they are.
@@ -144,7 +152,8 @@ static const yaml_case bad[] = {
     {"scene: pair\n", "", "url", "missing key \"scene\""},
     {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
     {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
-    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, loads"},
+    {"url:", "uri:", "uri",
+     "unknown key \"uri\"; allowed: scene, url, key_file, time, subsystems, loads"},
     // the URL's shape
     {GOOD_URL, "foo://239.255.76.67:7667", "foo",
      "url: expected udpm://GROUP:PORT or mpudpm://GROUP:PORT"},
@@ -164,6 +173,7 @@ static const yaml_case bad[] = {
     {"integrator: rk4", "integrator: [rk4]", "[rk4]", "integrator: expected text, found a list"},
     {"substeps: 8", "substep: 8", "substep", "time: unknown key \"substep\"; allowed: dt, steps"},
     {"{energy: 1.0e-11", "{energy: -1", "-1", "energy: expected a number >= 0"},
+    {"energy_drift: 0.01", "energy_drift: 0", "0", "energy_drift: expected a number > 0"},
     {"window: 4", "window: 0", "0", "window: expected a whole number >= 1"},
     {"patience: 2.5", "patience: 0", "0", "patience: expected a number > 0"},
     {"checkpoint: 30", "checkpoint: 0", "0", "checkpoint: expected a whole number >= 1"},

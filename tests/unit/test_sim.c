@@ -242,6 +242,24 @@ static void ledger_finds_violations(void **state) {
     world_close(&w);
 }
 
+static void a_guard_ends_what_strays(void **state) {
+    (void)state;
+    static const pm_flux none[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
+    static const double nothing[4] = {0, 0, 0, 0};
+    world w;
+    world_of_text(&w, 1, HEAD PORT("bracket"), inert_entropy, pull);
+    for (int i = 0; i < 2; ++i) {
+        pm_sample *sample = NULL;
+        pm_ledger ledger;
+        assert_int_equal(pm_sample_new(&sample, w.scene), PM_OK);
+        w.scene->largest_drift = i == 0 ? 2 : 1.9; // J; the total goes from 0 to 2
+        assert_int_equal(book(&w, &ledger, none, nothing, sample), i == 0 ? PM_OK : PM_ENUMERIC);
+        assert_true(i == 0 || strstr(pm_error(), "step 1: the total energy has strayed by 2 J"));
+        pm_sample_free(sample);
+    }
+    world_close(&w);
+}
+
 // The soft form's fluxes do not cancel: measured and counted, not an error.
 static void exchange_is_measured(void **state) {
     (void)state;
@@ -368,6 +386,7 @@ int main(void) {
         cmocka_unit_test(skipping_changes_no_bit),
         cmocka_unit_test(without_entropy_none_is_evaluated),
         cmocka_unit_test(ledger_finds_violations),
+        cmocka_unit_test(a_guard_ends_what_strays),
         cmocka_unit_test(exchange_is_measured),
         cmocka_unit_test(steps_allocate_nothing),
         cmocka_unit_test(running_away_ends_with_the_last_finite_state),
