@@ -55,9 +55,9 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --steps 20000
+start coordinator coordinator "$hasty" --steps 4000
 coordinator=$pid
-sleep 0.5
+sleep 0.3
 kill -STOP $right
 sleep 0.8
 kill -CONT $right
