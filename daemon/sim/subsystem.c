@@ -223,6 +223,10 @@ bool pm_subsystem_is_load(const pm_subsystem *s, int port) {
     return s->joint[port].load != NULL;
 }
 
+pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port) {
+    return pm_joint_share(&s->joint[port], &peer->joint[peer_port], s->system, s->integrator);
+}
+
 void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load) {
     s->load = load;
 }
