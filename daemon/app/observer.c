@@ -2,6 +2,7 @@
 #include "app/observer.h"
 
 #include <stddef.h>
+#include <stdio.h>
 
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_options *options) {
@@ -22,6 +23,19 @@ static pm_status observe(void *context, const pm_sample *sample) {
     pm_report_add(observer->report, sample);
     pm_progress_update(&observer->progress, sample->step, NULL);
     return observer->options->record == NULL ? PM_OK : record(observer, sample);
+}
+
+static void tell_pause(void *context, const char *silent) {
+    const pm_observer *observer = context;
+    if (observer->options->quiet) {
+        return;
+    }
+    if (silent[0] == 0) {
+        fprintf(stderr, "portmetd: the run goes on\n");
+    } else {
+        fprintf(stderr, "portmetd: the run pauses after step %ld: no word from %s\n",
+                pm_report_steps(observer->report), silent);
+    }
 }
 
 static pm_status save(void *context, double *memory) {
@@ -46,7 +60,8 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
         .steps = setup->scene->steps,
         .session = observer->options->session,
         .want_state = observer->options->record != NULL || setup->reference != NULL,
-        .observer = {observer, observe, pm_report_memory(observer->report), save, restore},
+        .observer = {observer, observe, tell_pause, pm_report_memory(observer->report), save,
+                     restore},
     };
 }
 

@@ -105,6 +105,10 @@ void pm_report_add(pm_report *report, const pm_sample *sample) {
     }
 }
 
+long pm_report_steps(const pm_report *report) {
+    return report->steps;
+}
+
 // --- memory ---
 
 #define COUNTS 4 // steps, states compared, terms evaluated and skipped

@@ -15,6 +15,8 @@ void pm_report_close(pm_report *report); // NULL is allowed
 // Takes in one sample, step 0 first.
 void pm_report_add(pm_report *report, const pm_sample *sample);
 
+long pm_report_steps(const pm_report *report); // taken in, besides the initial state
+
 // What it must remember to go on after a sample: how many numbers, and these.
 int pm_report_memory(const pm_report *report);
 void pm_report_save(const pm_report *report, double *memory);

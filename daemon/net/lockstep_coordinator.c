@@ -18,6 +18,7 @@
 #include "store/snapshot.h"
 
 #define HELLO_INTERVAL 0.1    // s
+#define PAUSE 2.0             // s of silence after which a pause is told of, or half the patience
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 
@@ -50,6 +51,7 @@ struct pm_lockstep_coordinator {
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool progressed;            // since the last poll: a new wait begins
+    bool paused;                // and the observer was told
     bool tick_wanted;           // somebody asked for it since the last poll
     pm_waiting waiting;
 
@@ -228,20 +230,30 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
 
 // --- waiting ---
 
-// Names of the nodes that are given up; "" if there are none.
-static void list_silent(const pm_lockstep_coordinator *c, char *list, size_t size) {
+// Names of the nodes that are missed and have been silent for longer than `patience`; "" if there
+// are none.
+static void list_silent(const pm_lockstep_coordinator *c, double patience, char *list,
+                        size_t size) {
     size_t used = 0;
     list[0] = 0;
     for (int i = 0; i < c->nmember && used < size; ++i) {
         const pm_member *m = &c->member[i];
         if (has_step(c, m, c->completed + 1) ||
-            !pm_waiting_over(&c->waiting, m->heard, c->system->scene->patience, c->now)) {
+            !pm_waiting_over(&c->waiting, m->heard, patience, c->now)) {
             continue;
         }
         const int length =
             snprintf(list + used, size - used, "%s%s", used > 0 ? ", " : "", m->name);
         used += length < 0 ? 0 : (size_t)length;
     }
+}
+
+// Tells the observer that the run pauses, or goes on.
+static void tell_pause(pm_lockstep_coordinator *c, bool paused, const char *silent) {
+    if (c->observer.pause != NULL && paused != c->paused) {
+        c->observer.pause(c->observer.context, silent);
+    }
+    c->paused = paused;
 }
 
 static pm_status request_missing(const pm_lockstep_coordinator *c) {
@@ -256,13 +268,24 @@ static pm_status request_missing(const pm_lockstep_coordinator *c) {
     return PM_OK;
 }
 
+static pm_status ask_again(pm_lockstep_coordinator *c) {
+    return pm_waiting_ask(&c->waiting, c->now) ? request_missing(c) : PM_OK;
+}
+
 static pm_status await(pm_lockstep_coordinator *c) {
     if (c->progressed) {
         pm_waiting_start(&c->waiting, c->now);
         c->progressed = false;
+        tell_pause(c, false, "");
     }
     char silent[512];
-    list_silent(c, silent, sizeof silent);
+    const double patience = c->system->scene->patience;
+    list_silent(c, patience < 2 * PAUSE ? patience / 2 : PAUSE, silent, sizeof silent);
+    if (silent[0] == 0) {
+        return ask_again(c);
+    }
+    tell_pause(c, true, silent);
+    list_silent(c, patience, silent, sizeof silent);
     if (silent[0] != 0) {
         const double waited = c->now - c->waiting.since;
         return c->completed < 0
@@ -270,10 +293,7 @@ static pm_status await(pm_lockstep_coordinator *c) {
                    : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
                              (long long)c->completed, silent);
     }
-    if (pm_waiting_ask(&c->waiting, c->now)) {
-        PM_TRY(request_missing(c));
-    }
-    return PM_OK;
+    return ask_again(c);
 }
 
 // END or ABORT, until everybody has said BYE or a short time has passed.

@@ -26,6 +26,9 @@ typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
 typedef struct pm_lockstep_observer {
     void *context;
     pm_status (*step)(void *context, const pm_sample *sample);
+    // The run has paused because these nodes are silent (named, separated by commas), or goes on
+    // (""). May be NULL.
+    void (*pause)(void *context, const char *silent);
     // For checkpoints: memory [nmemory] is what it must remember after the last step it was called
     // for; restoring makes it go on after `step`. Not called if nmemory is 0.
     int nmemory;

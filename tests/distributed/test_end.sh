@@ -50,6 +50,24 @@ kill -KILL $pid
 ends left $left 8 "no word from the coordinator"
 ends right $right 8 "no word from the coordinator"
 
+# A node that is paused: the coordinator says who is missing, and goes on with it.
+start left node "$hasty" left
+left=$pid
+start right node "$hasty" right
+right=$pid
+start coordinator coordinator "$hasty" --steps 4000
+coordinator=$pid
+sleep 0.3
+kill -STOP $right
+sleep 0.8
+kill -CONT $right
+wait $coordinator || fail "coordinator of a paused node: does not end well"
+grep -q "^portmetd: the run pauses after step [0-9]*: no word from right" "$folder/coordinator.err" ||
+    fail "coordinator: does not tell of a pause"
+tail -n 1 "$folder/coordinator.err" | grep -q "the run goes on" || fail "coordinator: does not go on"
+ends left $left 0 ""
+ends right $right 0 ""
+
 # A node that was never started; one with other weights; one with another step.
 start left node "$hasty" left
 left=$pid
@@ -72,6 +90,11 @@ ends right $right 7 "node right holds another scene"
 # A second node, another one in the middle of a run, and a second coordinator: refused, and the run goes on.
 start left node "$scene" left
 left=$pid
+for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+    grep -q ":1DF3 " /proc/net/udp && break # port 7667: it listens
+    sleep 0.1
+done
+sleep 0.2
 start second_left node "$scene" left
 ends second_left $pid 7 "there is a node left of scene pair already"
 start right node "$scene" right

@@ -62,6 +62,12 @@ static pm_status restore(void *context, long step, const double *memory) {
     return PM_OK;
 }
 
+static void tell_pause(void *context, const char *silent) {
+    company *c = context;
+    snprintf(c->silent, sizeof c->silent, "%s", silent);
+    ++c->pauses;
+}
+
 static const char *checkpoint_of(company *c, int i) {
     if (c->folder == NULL) {
         return NULL;
@@ -75,7 +81,7 @@ static void add_coordinator(company *c, int64_t session) {
         .steps = STEPS,
         .session = session,
         .want_state = true,
-        .observer = {c, compare, 1, save, restore},
+        .observer = {c, compare, tell_pause, 1, save, restore},
         .checkpoint = checkpoint_of(c, c->count),
     };
     assert_int_equal(pm_transport_open(&c->coordinator_transport, "memory://", c->hub), PM_OK);

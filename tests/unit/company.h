@@ -26,6 +26,8 @@ typedef struct company {
     pm_transport *coordinator_transport;
     pm_lockstep_coordinator *coordinator;
     long (*count_allocations)(void); // NULL: not of interest
+    char silent[64];                 // who the coordinator said was silent, last
+    int pauses;                      // how often it said so, or that the run goes on
     pm_hub *hub;
     const char *folder; // for checkpoints; NULL: none are kept
     char path[MAX_NODES + 1][128];

@@ -136,6 +136,27 @@ static void test_who_waits_is_alive(void **context) {
     pm_hub_close(hub);
 }
 
+// Who is silent for a while is named, once, and so is the end of the pause.
+static void test_a_pause_is_told(void **context) {
+    (void)context;
+    pm_hub *hub = company_hub(NULL);
+    company c;
+    company_open_all(&c, 3, 1, hub, 0);
+    company_run_to(&c, 5);
+    company_run_without(&c, 1, 0.4 * PATIENCE);
+    assert_int_equal(c.pauses, 0);
+    company_run_to(&c, 7);
+    company_run_without(&c, 1, 0.7 * PATIENCE);
+    assert_int_equal(c.pauses, 1);
+    assert_string_equal(c.silent, "link2");
+    company_run(&c);
+    assert_all_ok(&c);
+    assert_int_equal(c.pauses, 2);
+    assert_string_equal(c.silent, "");
+    company_close(&c);
+    pm_hub_close(hub);
+}
+
 // Signs of life alone do not help: here everything that link2 sends but its requests is lost.
 static void test_life_without_progress_ends(void **context) {
     (void)context;
@@ -360,6 +381,7 @@ int main(void) {
         cmocka_unit_test(test_steps_allocate_nothing),
         cmocka_unit_test(test_two_sessions_on_one_network),
         cmocka_unit_test(test_who_waits_is_alive),
+        cmocka_unit_test(test_a_pause_is_told),
         cmocka_unit_test(test_life_without_progress_ends),
         cmocka_unit_test(test_other_digest_is_refused_by_name),
         cmocka_unit_test(test_other_step_is_refused),
