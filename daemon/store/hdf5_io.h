@@ -15,7 +15,7 @@
 #include "base/arena.h"
 #include "base/status.h"
 
-#define PM_HDF5_MAX_RANK 3
+#define PM_HDF5_MAX_RANK 4
 
 typedef struct pm_hdf5 pm_hdf5;
 
