@@ -110,7 +110,7 @@ static void describe(const void *data, pm_field *field) {
         field->clamped[i] = pm_beam_mesh_clamped(mesh, i);
     }
     for (int i = 0; i < mesh->nelement * PM_BEAM_CORNERS; ++i) {
-        field->hexahedron[i] = mesh->hexahedron[0][i];
+        field->hexahedron[i] = mesh->hexahedron[i / PM_BEAM_CORNERS][i % PM_BEAM_CORNERS];
     }
 }
 
