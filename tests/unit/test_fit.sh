@@ -34,7 +34,7 @@ config() {
 fit() {
     name=$1 out=$2
     shift 2
-    timeout 60 "$train" fit "$folder/$name.yaml" --data "$data" -o "$folder/$out" "$@" \
+    timeout 300 "$train" fit "$folder/$name.yaml" --data "$data" -o "$folder/$out" "$@" \
         >"$folder/out" 2>"$folder/err" </dev/null
 }
 
