@@ -13,7 +13,7 @@
 #include "options.h"
 
 typedef struct arguments {
-    const char *scene, *data, *weights, *trajectories, *record, *plot;
+    const char *scene, *data, *weights, *trajectories, *trained, *record, *plot;
     bool json;
 } arguments;
 
@@ -22,6 +22,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to score against (HDF5)"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
          "only trajectories A up to, not including, B"},
+        {"--trained", NULL, "A:B", NULL, &a->trained, false,
+         "trajectories that training saw: their errors beside the others"},
         {"--weights", "-w", "DIR", NULL, &a->weights, false,
          "take the weights files from DIR instead of where the scene says"},
         {"--record", NULL, "FILE", NULL, &a->record, false,
@@ -50,10 +52,10 @@ static void show_progress(void *context, int rollout) {
     pm_progress_update(context, rollout, NULL);
 }
 
-static pm_status run(pm_evaluation **evaluation, const arguments *a, const pm_system *system,
+static pm_status run(pm_evaluation **evaluation, const char *trajectories, const pm_system *system,
                      const pm_dataset *truth, const volatile sig_atomic_t *stop) {
     int first = 0, end = 0;
-    PM_TRY(pm_options_range(a->trajectories, truth->ntrajectory, &first, &end));
+    PM_TRY(pm_options_range(trajectories, truth->ntrajectory, &first, &end));
     const long processors = sysconf(_SC_NPROCESSORS_ONLN);
     pm_progress progress;
     const pm_evaluate_how how = {
@@ -92,17 +94,18 @@ static pm_status record(const pm_evaluation *e, const arguments *a, const char *
     return pm_dataset_save(predicted, a->record);
 }
 
-static pm_status deliver(const pm_evaluation *e, const arguments *a, const char *command) {
+static pm_status deliver(const pm_evaluation *e, const pm_evaluation *trained, const arguments *a,
+                         const char *command) {
     if (a->json) {
-        pm_evaluation_print_json(e);
+        pm_evaluation_print_json(e, trained);
     } else {
-        pm_evaluation_print(e);
+        pm_evaluation_print(e, trained);
     }
     if (a->record != NULL) {
         PM_TRY(record(e, a, command));
     }
     if (a->plot != NULL) {
-        PM_TRY(pm_evaluation_plot(e, a->plot));
+        PM_TRY(pm_evaluation_plot(e, trained, a->plot));
     }
     const pm_rollout *violating = pm_evaluation_violation(e);
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
@@ -121,14 +124,18 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     pm_scene *scene = NULL;
     pm_system *system = NULL;
     pm_dataset *truth = NULL;
-    pm_evaluation *evaluation = NULL;
+    pm_evaluation *evaluation = NULL, *trained = NULL;
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, a.scene));
     PM_TRY_DONE(pm_system_load(&system, scene, a.weights));
     PM_TRY_DONE(pm_dataset_load(&truth, a.data));
-    PM_TRY_DONE(run(&evaluation, &a, system, truth, stop));
-    PM_TRY_DONE(deliver(evaluation, &a, command));
+    PM_TRY_DONE(run(&evaluation, a.trajectories, system, truth, stop));
+    if (a.trained != NULL) {
+        PM_TRY_DONE(run(&trained, a.trained, system, truth, stop));
+    }
+    PM_TRY_DONE(deliver(evaluation, trained, &a, command));
 done:
+    pm_evaluation_free(trained);
     pm_evaluation_free(evaluation);
     pm_dataset_free(truth);
     pm_system_free(system);

@@ -55,28 +55,46 @@ static void write_log_axis(FILE *file, const char *label) {
             label);
 }
 
-static pm_status script_errors(const pm_evaluation *e, const char *folder) {
+// A box per group, `shift` beside the group's place.
+static void write_boxes(FILE *file, const pm_evaluation *e, const char *data, double shift,
+                        double opacity) {
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        fprintf(file,
+                "%s'%s' using (%g):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s' "
+                "fillstyle solid %g",
+                g > 0 ? ", " : "", data, g + 1 + shift, g + 3, colour_of(g), opacity);
+    }
+}
+
+static pm_status script_errors(const pm_evaluation *e, const pm_evaluation *trained,
+                               const char *folder) {
     FILE *file;
     PM_TRY(open_script(&file, folder, "errors", 900, 450));
     fprintf(file, "set multiplot layout 1,2\n"
-                  "set style fill solid 0.35\n"
                   "set style data boxplot\n"
-                  "set boxwidth 0.5\n"
                   "set grid noxtics ytics\n"
                   "set xtics scale 0 (");
     for (int g = 0; g < e->columns.ngroup; ++g) {
         fprintf(file, "%s'%s' %d", g > 0 ? ", " : "", e->columns.group_name[g], g + 1);
     }
-    fprintf(file, ")\nset xrange [0.4:%d.6]\n", e->columns.ngroup);
+    fprintf(file, ")\nset xrange [0.4:%d.6]\nset boxwidth %g\n", e->columns.ngroup,
+            trained != NULL ? 0.3 : 0.5);
     write_log_axis(file, "relative L_2 error, %");
     for (int k = 0; k < 2; ++k) {
-        fprintf(file, "set title 'per %s (%d)'\nplot ", k == 0 ? "trajectory" : "snapshot",
-                k == 0 ? e->count : e->count * (e->truth->ntime - 1));
-        for (int g = 0; g < e->columns.ngroup; ++g) {
-            fprintf(file,
-                    "%s'%s' using (%d):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s'",
-                    g > 0 ? ", " : "", k == 0 ? "trajectories.txt" : "snapshots.txt", g + 1, g + 3,
-                    colour_of(g));
+        const int states = k == 0 ? 1 : e->truth->ntime - 1;
+        const char *word = k == 0 ? "trajectory" : "snapshot";
+        const char *data = k == 0 ? "trajectories.txt" : "snapshots.txt";
+        if (trained == NULL) {
+            fprintf(file, "set title 'per %s (%d)'\nplot ", word, e->count * states);
+            write_boxes(file, e, data, 0, 0.35);
+        } else {
+            char seen[64];
+            snprintf(seen, sizeof seen, "trained_%s", data);
+            fprintf(file, "set title 'per %s: train (%d, pale), test (%d)'\nplot ", word,
+                    trained->count * states, e->count * states);
+            write_boxes(file, trained, seen, -0.18, 0.1);
+            fputs(", ", file);
+            write_boxes(file, e, data, 0.18, 0.5);
         }
         fputc('\n', file);
     }
@@ -202,12 +220,13 @@ static pm_status run_gnuplot(const char *folder, const char *script) {
     return code == 0 ? PM_OK : pm_fail(PM_EFILE, "gnuplot failed on %s/%s", folder, script);
 }
 
-pm_status pm_evaluation_plot(const pm_evaluation *e, const char *folder) {
+pm_status pm_evaluation_plot(const pm_evaluation *e, const pm_evaluation *trained,
+                             const char *folder) {
     if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
         return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
     }
-    PM_TRY(pm_plot_write_data(e, folder));
-    PM_TRY(script_errors(e, folder));
+    PM_TRY(pm_plot_write_data(e, trained, folder));
+    PM_TRY(script_errors(e, trained, folder));
     PM_TRY(script_states(e, folder));
     PM_TRY(script_growth(e, folder));
     PM_TRY(run_gnuplot(folder, "errors.gp"));

@@ -27,9 +27,10 @@ static double per_cent(double error) {
     return fmin(fmax(100 * error, SMALLEST), LARGEST);
 }
 
-static pm_status write_errors(const pm_evaluation *e, const char *folder, bool snapshots) {
+static pm_status write_errors(const pm_evaluation *e, const char *folder, const char *name,
+                              bool snapshots) {
     FILE *file;
-    PM_TRY(pm_plot_open(&file, folder, snapshots ? "snapshots.txt" : "trajectories.txt"));
+    PM_TRY(pm_plot_open(&file, folder, name));
     const int ngroup = e->columns.ngroup;
     for (int i = 0; i < e->count; ++i) {
         const pm_rollout *r = &e->rollout[i];
@@ -115,14 +116,19 @@ static pm_status write_laws(const pm_evaluation *e, const char *folder, double *
     return pm_plot_close(file, folder);
 }
 
-pm_status pm_plot_write_data(const pm_evaluation *e, const char *folder) {
+pm_status pm_plot_write_data(const pm_evaluation *e, const pm_evaluation *trained,
+                             const char *folder) {
     double *value = calloc((size_t)e->count, sizeof *value);
     if (value == NULL) {
         return pm_fail(PM_ENOMEM, "plot: out of memory");
     }
     pm_status status;
-    PM_TRY_DONE(write_errors(e, folder, false));
-    PM_TRY_DONE(write_errors(e, folder, true));
+    PM_TRY_DONE(write_errors(e, folder, "trajectories.txt", false));
+    PM_TRY_DONE(write_errors(e, folder, "snapshots.txt", true));
+    if (trained != NULL) {
+        PM_TRY_DONE(write_errors(trained, folder, "trained_trajectories.txt", false));
+        PM_TRY_DONE(write_errors(trained, folder, "trained_snapshots.txt", true));
+    }
     PM_TRY_DONE(write_states(e, folder));
     PM_TRY_DONE(write_growth(e, folder, value));
     if (pm_system_without_energy(e->system) < 0) {

@@ -92,11 +92,9 @@ static void print_failures(const pm_evaluation *e) {
     }
 }
 
-void pm_evaluation_print(const pm_evaluation *e) {
-    const summary s = summarise(e);
-    printf("%s: trajectories %d to %d, %d states %g s apart\n\n", e->system->scene->name,
-           e->rollout[0].trajectory, e->rollout[e->count - 1].trajectory, e->truth->ntime,
-           e->truth->dt);
+static void print_errors(const pm_evaluation *e, const char *title) {
+    printf("%s %d to %d, %d states %g s apart\n\n", title, e->rollout[0].trajectory,
+           e->rollout[e->count - 1].trajectory, e->truth->ntime, e->truth->dt);
     printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
            "quartile", "whisker", "mean");
     for (int g = 0; g < e->columns.ngroup; ++g) {
@@ -106,6 +104,15 @@ void pm_evaluation_print(const pm_evaluation *e) {
         print_box(e->columns.group_name[g], "snapshot", &e->snapshot[g]);
     }
     print_failures(e);
+}
+
+void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained) {
+    const summary s = summarise(e);
+    printf("%s: ", e->system->scene->name);
+    print_errors(e, "trajectories");
+    if (trained != NULL) {
+        print_errors(trained, "\nTrajectories that training saw:");
+    }
     print_laws(e, &s);
     printf("\nTime per step: %.1f us (%s, %d substeps)\n", 1e6 * s.seconds_per_step,
            e->system->scene->integrator, e->system->scene->substeps);
@@ -149,8 +156,8 @@ static void json_box(const char *name, const pm_box *b, const char *after) {
     printf("%s", after);
 }
 
-static void json_groups(const pm_evaluation *e) {
-    printf("  \"groups\": {\n");
+static void json_groups(const pm_evaluation *e, const char *name) {
+    printf("  \"%s\": {\n", name);
     for (int g = 0; g < e->columns.ngroup; ++g) {
         printf("    ");
         json_text(e->columns.group_name[g]);
@@ -191,7 +198,7 @@ static void json_rollouts(const pm_evaluation *e) {
     printf("  ]\n");
 }
 
-void pm_evaluation_print_json(const pm_evaluation *e) {
+void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *trained) {
     const summary s = summarise(e);
     printf("{\n  \"scene\": ");
     json_text(e->system->scene->name);
@@ -199,7 +206,10 @@ void pm_evaluation_print_json(const pm_evaluation *e) {
     json_number("dt", e->truth->dt, ", ");
     printf("\"nonfinite\": %d, ", pm_evaluation_failures(e));
     json_number("seconds_per_step", s.seconds_per_step, ",\n");
-    json_groups(e);
+    json_groups(e, "groups");
+    if (trained != NULL) {
+        json_groups(trained, "trained_groups");
+    }
     json_laws(e, &s);
     json_rollouts(e);
     printf("}\n");

@@ -4,9 +4,10 @@
 
 #include "evaluate.h"
 
-void pm_evaluation_print(const pm_evaluation *evaluation);
+// `trained`: on trajectories that training saw, whose errors are shown beside; NULL: none.
+void pm_evaluation_print(const pm_evaluation *evaluation, const pm_evaluation *trained);
 
 // One object; numbers that are not finite become null. SI units; errors as fractions.
-void pm_evaluation_print_json(const pm_evaluation *evaluation);
+void pm_evaluation_print_json(const pm_evaluation *evaluation, const pm_evaluation *trained);
 
 #endif

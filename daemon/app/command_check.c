@@ -3,6 +3,7 @@
 #include <stdio.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/skipped.h"
 #include "net/channel.h"
 #include "sim/subsystem.h"
@@ -25,6 +26,9 @@ static void print_header(const pm_setup *setup, int rounds) {
            scene->steps, scene->dt, scene->integrator, scene->substeps, rounds);
     printf("  LCM        %s, %d granted at once, patience %g s\n", scene->url, scene->window,
            scene->patience);
+    if (scene->key_file != NULL) {
+        printf("  key        %s: messages are sealed\n", scene->key_file);
+    }
     printf("  tolerance  energy %g, entropy %g (relative residuals on hard components)\n",
            scene->energy_tolerance, scene->entropy_tolerance);
     if (setup->reference != NULL) {
@@ -171,6 +175,7 @@ static pm_status print_channels(const pm_scene *scene) {
 static pm_status describe(const pm_setup *setup) {
     int rounds = 0;
     PM_TRY(build_all(setup, &rounds));
+    PM_TRY(pm_connect_key(setup->scene, NULL));
     print_header(setup, rounds);
     for (int i = 0; i < setup->scene->nsubsystem; ++i) {
         print_subsystem(setup, i);

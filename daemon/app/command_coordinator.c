@@ -1,22 +1,29 @@
 // portmetd coordinator: grants steps, keeps the ledger, records and reports; the nodes are launched
 // elsewhere.
 #include <stddef.h>
+#include <unistd.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/observer.h"
 #include "app/stop.h"
 #include "net/lockstep.h"
 
-static pm_status conduct(const pm_setup *setup, pm_observer *observer) {
+static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     pm_transport *transport = NULL;
     pm_lockstep_coordinator *coordinator = NULL;
-    const pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
+    pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_status status;
-    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(pm_setup_checkpoint(setup, observer->options, NULL, &options.checkpoint));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, &pm_stop_requested);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "over LCM");
+    if (status == PM_OK && options.checkpoint != NULL) {
+        unlink(options.checkpoint);
+    }
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_lockstep_coordinator_close(coordinator);
     pm_transport_close(transport);
@@ -44,8 +51,8 @@ const pm_command pm_command_coordinator = {
         "Waits for one `portmetd node` per subsystem, on this or any other host of the network,\n"
         "then steps them together, keeps the ledger of both laws, records, and prints the same\n"
         "tables as `portmetd run`. Nodes with another scene, other weights or another initial\n"
-        "state are refused by name.\n",
+        "state are refused by name. With --checkpoint it goes on where it was killed.\n",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |
-               PM_OPTION_SESSION | PM_OPTION_QUIET,
+               PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_QUIET,
     .execute = execute,
 };

@@ -2,22 +2,26 @@
 #include <stdio.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/setup.h"
 #include "app/stop.h"
 #include "net/lockstep.h"
 
-static pm_status serve(const pm_setup *setup, const pm_options *options, int process_id) {
+static pm_status serve(pm_setup *setup, const pm_options *options, int process_id) {
     pm_transport *transport = NULL;
     pm_lockstep_node *node = NULL;
-    const pm_lockstep_node_options node_options = {
+    pm_lockstep_node_options node_options = {
         .z = setup->initial,
         .session = options->session,
         .load = &setup->load,
     };
     pm_status status;
-    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(pm_setup_checkpoint(setup, options, setup->scene->process[process_id].name,
+                                    &node_options.checkpoint));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, &pm_stop_requested);
+    pm_connect_warn(transport, pm_lockstep_node_drops(node));
 done:
     pm_lockstep_node_close(node);
     pm_transport_close(transport);
@@ -60,7 +64,9 @@ const pm_command pm_command_node = {
             "differs is refused. By hand, one in each terminal or on each host, in any order:\n\n"
             "  portmetd node SCENE NAME1\n"
             "  portmetd node SCENE NAME2\n"
-            "  portmetd coordinator SCENE\n",
-    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION,
+            "  portmetd coordinator SCENE\n\n"
+            "With --checkpoint, for all of them, one that was killed goes on when it is started "
+            "again\nwith the same command within the scene's `patience`.\n",
+    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT,
     .execute = execute,
 };

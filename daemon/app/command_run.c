@@ -5,34 +5,29 @@
 #include <stdlib.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/launch.h"
 #include "app/observer.h"
 #include "app/stop.h"
+#include "app/supervise.h"
 #include "net/lockstep.h"
 
 #define WATCH_INTERVAL 0.05 // s between two looks at the children
 #define END_GRACE 5.0       // s for the nodes to end by themselves after the last step
-#define MAX_ARGUMENTS 12
 
 // --- over LCM ---
 
-static pm_status launch_nodes(pm_launch *launch, const pm_setup *setup, const pm_options *options,
+static pm_status launch_nodes(pm_launch *launch, pm_setup *setup, const pm_options *options,
                               int64_t session) {
-    char number[24];
-    snprintf(number, sizeof number, "%" PRId64, session);
+    const char *number = pm_arena_printf(&setup->arena, "%" PRId64, session);
     for (int i = 0; i < setup->scene->nprocess; ++i) {
         const char *name = setup->scene->process[i].name;
-        const char *argv[MAX_ARGUMENTS] = {"portmetd", "node",  "--session",
-                                           number,     "--url", setup->scene->url};
-        int count = 6;
-        if (options->weights != NULL) {
-            argv[count++] = "--weights";
-            argv[count++] = options->weights;
+        const char *const *argv =
+            number == NULL ? NULL : pm_supervise_arguments(setup, options, number, name);
+        if (argv == NULL) {
+            return pm_fail(PM_ENOMEM, "run: out of memory");
         }
-        argv[count++] = "--";
-        argv[count++] = options->scene;
-        argv[count++] = name;
-        PM_TRY(pm_launch_start(launch, name, argv));
+        PM_TRY(pm_launch_start(launch, name, argv, NULL));
     }
     return PM_OK;
 }
@@ -62,15 +57,14 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch
     return pm_lockstep_coordinator_result(coordinator);
 }
 
-static pm_status run_processes(const pm_setup *setup, const pm_options *options,
-                               pm_observer *observer) {
+static pm_status run_processes(pm_setup *setup, const pm_options *options, pm_observer *observer) {
     pm_transport *transport = NULL;
     pm_lockstep_coordinator *coordinator = NULL;
     pm_launch *launch = NULL;
     pm_lockstep_coordinator_options coordinator_options = pm_observer_attach(observer, setup);
     coordinator_options.session = pm_lockstep_session();
     pm_status status;
-    PM_TRY_DONE(pm_transport_open(&transport, setup->scene->url, NULL));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
@@ -81,6 +75,7 @@ static pm_status run_processes(const pm_setup *setup, const pm_options *options,
     }
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "a process each, over LCM");
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_launch_close(launch);
     pm_lockstep_coordinator_close(coordinator);
@@ -117,16 +112,28 @@ done:
     return status;
 }
 
-static pm_status execute(const pm_options *options) {
-    pm_setup setup;
+static pm_status run_here(pm_setup *setup, const pm_options *options) {
     pm_observer observer = {0};
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_COORDINATE));
-    PM_TRY_DONE(pm_observer_open(&observer, &setup, options));
-    status = options->in_process ? run_together(&setup, &observer)
-                                 : run_processes(&setup, options, &observer);
+    PM_TRY_DONE(pm_observer_open(&observer, setup, options));
+    status = options->in_process ? run_together(setup, &observer)
+                                 : run_processes(setup, options, &observer);
 done:
     pm_observer_close(&observer);
+    return status;
+}
+
+static pm_status execute(const pm_options *options) {
+    pm_setup setup;
+    if (options->in_process && options->checkpoint != NULL) {
+        return pm_fail(PM_EUSAGE, "run: --checkpoint is for processes that may die one by one, "
+                                  "not for --in-process");
+    }
+    pm_status status = pm_setup_load(&setup, options, PM_TO_COORDINATE);
+    if (status == PM_OK) {
+        status =
+            options->checkpoint == NULL ? run_here(&setup, options) : pm_supervise(&setup, options);
+    }
     pm_setup_free(&setup);
     return status;
 }
@@ -141,8 +148,12 @@ const pm_command pm_command_run = {
         "fluxes, errors against the scene's reference trajectory, the ledger of both laws, and "
         "the\n"
         "speed. It starts from each subsystem's `initial`, else from the reference's first state.\n"
-        "Ctrl-C ends all processes and prints the tables of the steps done so far.\n",
-    .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |
-               PM_OPTION_IN_PROCESS | PM_OPTION_QUIET,
+        "Ctrl-C ends all processes and prints the tables of the steps done so far. With "
+        "--checkpoint\n"
+        "whoever is killed is started again and goes on, with the same bits at the end; so does "
+        "the\n"
+        "whole run when this command is given again.\n",
+    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS |
+               PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_QUIET,
     .execute = execute,
 };

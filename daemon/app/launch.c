@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -18,13 +19,20 @@
 #define TERM_GRACE 2.0        // s from SIGTERM to SIGKILL
 #define POLL_INTERVAL 2000000 // ns between two looks at the children
 #define LINE 1024             // bytes kept of a line
+#define MAX_DEATHS 6          // of a child, in a row, without its getting on
+#define FIRST_PAUSE 0.005     // s from a death to the new start; doubles from death to death
 
 typedef struct pm_child {
     const char *name;
+    const char *const *argv;
     pid_t pid;
     bool running;
-    int wait_status; // of waitpid, once it has ended
-    FILE *output;    // its standard error: a file in memory
+    int wait_status;      // of waitpid, once it has ended
+    FILE *output;         // its standard error: a file in memory
+    const char *progress; // NULL: it is not started again
+    struct timespec seen; // when that file was written, as of the last death
+    int deaths;           // since
+    double back;          // s, when it is to be started again; 0: never
 } pm_child;
 
 struct pm_launch {
@@ -53,34 +61,59 @@ static void become(pid_t parent, int output, char *const *argv) {
     _exit(PM_EFILE);
 }
 
-pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const *argv) {
+static pm_status start(pm_child *child) {
+    const pid_t parent = getpid();
+    const int output = fileno(child->output);
+    child->back = 0;
+    child->pid = fork();
+    if (child->pid == 0) {
+        // exec does not write to argv; its prototype is older than const.
+        become(parent, output, (char *const *)child->argv);
+    }
+    child->running = child->pid > 0;
+    return child->running
+               ? PM_OK
+               : pm_fail(PM_ENOMEM, "process %s: fork: %s", child->name, strerror(errno));
+}
+
+pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const *argv,
+                          const char *progress) {
     if (launch->count == launch->capacity) {
         return pm_fail(PM_ENOMEM, "launch: more than %d processes", launch->capacity);
     }
     const int fd = memfd_create(name, MFD_CLOEXEC);
     FILE *output = fd < 0 ? NULL : fdopen(fd, "r+");
     if (output == NULL) {
-        return pm_fail(PM_ENOMEM, "node %s: memory for its messages: %s", name, strerror(errno));
+        return pm_fail(PM_ENOMEM, "process %s: memory for its messages: %s", name, strerror(errno));
     }
-    const pid_t parent = getpid();
-    const pid_t pid = fork();
-    if (pid == 0) {
-        // exec does not write to argv; its prototype is older than const.
-        become(parent, fd, (char *const *)argv);
+    pm_child *child = &launch->child[launch->count++];
+    *child = (pm_child){.name = name, .argv = argv, .output = output, .progress = progress};
+    return start(child);
+}
+
+// A signal killed the child: when does it come back?
+static void mourn(pm_child *child) {
+    struct stat file = {0};
+    (void)stat(child->progress, &file);
+    const bool got_on =
+        file.st_mtim.tv_sec != child->seen.tv_sec || file.st_mtim.tv_nsec != child->seen.tv_nsec;
+    child->seen = file.st_mtim;
+    child->deaths = got_on ? 1 : child->deaths + 1;
+    if (child->deaths > MAX_DEATHS) {
+        return;
     }
-    if (pid < 0) {
-        fclose(output);
-        return pm_fail(PM_ENOMEM, "node %s: fork: %s", name, strerror(errno));
-    }
-    launch->child[launch->count++] =
-        (pm_child){.name = name, .pid = pid, .running = true, .output = output};
-    return PM_OK;
+    child->back = pm_clock() + FIRST_PAUSE * (1 << child->deaths);
+    fprintf(stderr, "[%s] killed by signal %d (%s), started again\n", child->name,
+            WTERMSIG(child->wait_status), strsignal(WTERMSIG(child->wait_status)));
 }
 
 // Reaps the child if it has ended.
 static void look(pm_child *child) {
     if (child->running && waitpid(child->pid, &child->wait_status, WNOHANG) != 0) {
         child->running = false;
+        if (WIFSIGNALED(child->wait_status) && child->progress != NULL) {
+            mourn(child);
+        }
     }
 }
 
@@ -112,27 +145,43 @@ static pm_status fail_child(pm_child *child) {
     const char *separator = last[0] == 0 ? "" : ": ";
     if (WIFSIGNALED(child->wait_status)) {
         const int number = WTERMSIG(child->wait_status);
-        return pm_fail(PM_ENET, "node %s was killed by signal %d (%s)%s%s", child->name, number,
+        return pm_fail(PM_ENET, "process %s was killed by signal %d (%s)%s%s", child->name, number,
                        strsignal(number), separator, last);
     }
     const int code = WEXITSTATUS(child->wait_status);
     const pm_status status =
         code >= PM_EUSAGE && code <= PM_EINTERRUPTED ? (pm_status)code : PM_ENET;
-    return pm_fail(status, "node %s ended with exit code %d%s%s", child->name, code, separator,
+    return pm_fail(status, "process %s ended with exit code %d%s%s", child->name, code, separator,
                    last);
 }
 
 pm_status pm_launch_watch(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
-        look(&launch->child[i]);
+        pm_child *child = &launch->child[i];
+        look(child);
+        if (child->back > 0 && pm_clock() >= child->back) {
+            PM_TRY(start(child));
+        }
     }
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        if (!child->running && child->wait_status != 0) {
+        if (!child->running && child->back == 0 && child->wait_status != 0) {
             return fail_child(child);
         }
     }
     return PM_OK;
+}
+
+bool pm_launch_ended_well(const pm_launch *launch, int id) {
+    const pm_child *child = &launch->child[id];
+    return !child->running && child->back == 0 && child->wait_status == 0;
+}
+
+void pm_launch_signal(pm_launch *launch, int id, int signal_number) {
+    // A child that was not reaped keeps its process id, so no stranger is hit.
+    if (launch->child[id].running) {
+        kill(launch->child[id].pid, signal_number);
+    }
 }
 
 static bool any_running(pm_launch *launch) {
@@ -158,19 +207,25 @@ static bool wait_all(pm_launch *launch, double seconds) {
 
 static void signal_all(pm_launch *launch, int signal_number) {
     for (int i = 0; i < launch->count; ++i) {
-        // A child that was not reaped keeps its process id, so no stranger is hit.
-        if (launch->child[i].running) {
-            kill(launch->child[i].pid, signal_number);
-        }
+        pm_launch_signal(launch, i, signal_number);
+    }
+}
+
+// From now on whoever is dead stays dead.
+static void stop_reviving(pm_launch *launch) {
+    for (int i = 0; i < launch->count; ++i) {
+        launch->child[i].progress = NULL;
+        launch->child[i].back = 0;
     }
 }
 
 pm_status pm_launch_wait(pm_launch *launch, double grace) {
+    stop_reviving(launch);
     const bool ended = wait_all(launch, grace);
     PM_TRY(pm_launch_watch(launch));
     for (int i = 0; i < launch->count && !ended; ++i) {
         if (launch->child[i].running) {
-            return pm_fail(PM_ETIMEOUT, "node %s did not end within %g s", launch->child[i].name,
+            return pm_fail(PM_ETIMEOUT, "process %s did not end within %g s", launch->child[i].name,
                            grace);
         }
     }
@@ -181,6 +236,7 @@ void pm_launch_close(pm_launch *launch) {
     if (launch == NULL) {
         return;
     }
+    stop_reviving(launch);
     if (any_running(launch)) {
         signal_all(launch, SIGTERM);
         if (!wait_all(launch, TERM_GRACE)) {

@@ -24,6 +24,21 @@ static pm_status observe(void *context, const pm_sample *sample) {
     return observer->options->record == NULL ? PM_OK : record(observer, sample);
 }
 
+static pm_status save(void *context, double *memory) {
+    const pm_observer *observer = context;
+    pm_report_save(observer->report, memory);
+    return observer->recording == NULL ? PM_OK : pm_recording_flush(observer->recording);
+}
+
+static pm_status restore(void *context, long step, const double *memory) {
+    pm_observer *observer = context;
+    pm_report_restore(observer->report, memory);
+    return observer->options->record == NULL
+               ? PM_OK
+               : pm_recording_reopen(&observer->recording, observer->options->record,
+                                     observer->scene, step + 1);
+}
+
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup) {
     pm_progress_init(&observer->progress, setup->scene->name, setup->scene->steps);
     observer->progress.enabled = observer->progress.enabled && !observer->options->quiet;
@@ -31,7 +46,7 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
         .steps = setup->scene->steps,
         .session = observer->options->session,
         .want_state = observer->options->record != NULL || setup->reference != NULL,
-        .observer = {observer, observe},
+        .observer = {observer, observe, pm_report_memory(observer->report), save, restore},
     };
 }
 

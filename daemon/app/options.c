@@ -22,6 +22,8 @@ static const option_row rows[] = {
     {"in-process", NULL, "all subsystems in this process, without LCM", PM_OPTION_IN_PROCESS},
     {"session", "NUMBER", "the run to join or to open, where several share a network",
      PM_OPTION_SESSION},
+    {"checkpoint", "DIR", "keep in DIR what is needed to go on after a death, and go on from it",
+     PM_OPTION_CHECKPOINT},
     {"quiet", NULL, "print errors only", PM_OPTION_QUIET},
     {"help", NULL, "show this help", 0},
 };
@@ -51,6 +53,9 @@ static pm_status store(unsigned bit, const char *argument, pm_options *options) 
         return parse_count("--session", argument, INT64_MAX, &options->session);
     case PM_OPTION_RECORD:
         options->record = argument;
+        break;
+    case PM_OPTION_CHECKPOINT:
+        options->checkpoint = argument;
         break;
     case PM_OPTION_WEIGHTS:
         options->weights = argument;

@@ -3,6 +3,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/progress.h"
 #include "sim/score.h"
@@ -15,6 +16,7 @@ struct pm_report {
     const pm_setup *setup;
     pm_arena arena;
     long steps;                // taken in, besides the initial state
+    long timed_from;           // the step at which `first` was taken
     double first, last;        // s, clock of the first and the last sample
     energy_entropy *bulk;      // [nsubsystem]
     energy_entropy (*flux)[2]; // [nport][end]
@@ -105,6 +107,52 @@ void pm_report_add(pm_report *report, const pm_sample *sample) {
         }
     }
 }
+
+// --- memory ---
+
+#define COUNTS 4 // steps, states compared, terms evaluated and skipped
+
+static size_t predicted_size(const pm_report *report) {
+    const pm_dataset *reference = report->setup->reference;
+    return reference == NULL ? 0 : (size_t)report->capacity * (size_t)reference->ncolumn;
+}
+
+int pm_report_memory(const pm_report *report) {
+    const pm_scene *scene = report->setup->scene;
+    return COUNTS + 2 * scene->nsubsystem + 4 * scene->nport + (int)predicted_size(report);
+}
+
+void pm_report_save(const pm_report *report, double *memory) {
+    const pm_scene *scene = report->setup->scene;
+    const size_t nbulk = 2 * (size_t)scene->nsubsystem, nflux = 4 * (size_t)scene->nport;
+    *memory++ = (double)report->steps;
+    *memory++ = report->ncompared;
+    *memory++ = (double)report->evaluated;
+    *memory++ = (double)report->skipped;
+    memcpy(memory, report->bulk, nbulk * sizeof *memory);
+    memcpy(memory + nbulk, report->flux, nflux * sizeof *memory);
+    if (report->predicted != NULL) {
+        memcpy(memory + nbulk + nflux, report->predicted, predicted_size(report) * sizeof *memory);
+    }
+}
+
+void pm_report_restore(pm_report *report, const double *memory) {
+    const pm_scene *scene = report->setup->scene;
+    const size_t nbulk = 2 * (size_t)scene->nsubsystem, nflux = 4 * (size_t)scene->nport;
+    report->steps = report->timed_from = (long)memory[0];
+    report->ncompared = (int)memory[1];
+    report->evaluated = (long)memory[2];
+    report->skipped = (long)memory[3];
+    memory += COUNTS;
+    memcpy(report->bulk, memory, nbulk * sizeof *memory);
+    memcpy(report->flux, memory + nbulk, nflux * sizeof *memory);
+    if (report->predicted != NULL) {
+        memcpy(report->predicted, memory + nbulk + nflux, predicted_size(report) * sizeof *memory);
+    }
+    report->first = report->last = pm_clock();
+}
+
+// --- tables ---
 
 static void print_flux(const pm_report *report, int subsystem, const char *through,
                        energy_entropy sum) {
@@ -221,6 +269,6 @@ void pm_report_print(const pm_report *report, const pm_ledger *ledger, const cha
     const double stepping = report->last - report->first;
     printf("Speed: %.0f steps/s in %.3f s of stepping, %.3f s in all; terms evaluated %ld, "
            "skipped %ld\n",
-           stepping > 0 ? (double)report->steps / stepping : 0.0, stepping, seconds,
-           report->evaluated, report->skipped);
+           stepping > 0 ? (double)(report->steps - report->timed_from) / stepping : 0.0, stepping,
+           seconds, report->evaluated, report->skipped);
 }

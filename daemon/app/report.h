@@ -15,6 +15,11 @@ void pm_report_close(pm_report *report); // NULL is allowed
 // Takes in one sample, step 0 first.
 void pm_report_add(pm_report *report, const pm_sample *sample);
 
+// What it must remember to go on after a sample: how many numbers, and these.
+int pm_report_memory(const pm_report *report);
+void pm_report_save(const pm_report *report, double *memory);
+void pm_report_restore(pm_report *report, const double *memory);
+
 // Prints the tables to standard output. `how` names the transport; `seconds` is the wall time from
 // the program's start.
 void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,

@@ -1,8 +1,10 @@
 // Loading a scene with all that a run of it needs.
 #include "app/setup.h"
 
+#include <errno.h>
 #include <math.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/digest.h"
 #include "net/transport.h"
@@ -110,6 +112,21 @@ void pm_setup_free(pm_setup *setup) {
     pm_system_free(setup->system);
     pm_scene_free(setup->scene);
     pm_arena_free(&setup->arena);
+}
+
+pm_status pm_setup_checkpoint(pm_setup *setup, const pm_options *options, const char *process,
+                              const char **path) {
+    const char *folder = options->checkpoint;
+    *path = NULL;
+    if (folder == NULL) {
+        return PM_OK;
+    }
+    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
+        return pm_fail(PM_EFILE, "%s: cannot be made: %s", folder, strerror(errno));
+    }
+    *path = pm_arena_printf(&setup->arena, "%s/%s%s%s.checkpoint", folder, setup->scene->name,
+                            process == NULL ? "" : "-", process == NULL ? "" : process);
+    return *path == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", folder) : PM_OK;
 }
 
 const double *pm_setup_truth(const pm_setup *setup, int time_id) {

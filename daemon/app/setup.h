@@ -30,6 +30,11 @@ typedef struct pm_setup {
 pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose purpose);
 void pm_setup_free(pm_setup *setup);
 
+// The file in which a process, or with `process` NULL the coordinator, keeps its checkpoint; NULL
+// if none is asked for. The folder is made. PM_EFILE, PM_ENOMEM.
+pm_status pm_setup_checkpoint(pm_setup *setup, const pm_options *options, const char *process,
+                              const char **path);
+
 // The reference's trajectory at state `time_id`: [reference->ncolumn].
 const double *pm_setup_truth(const pm_setup *setup, int time_id);
 

@@ -6,9 +6,6 @@
 
 #include "net/channel.h"
 
-// A neighbour may ask for the round it is in, which is ours or the one before.
-#define SENT_DEPTH 2
-
 static pm_status no_memory(const pm_scene *scene, int process_id) {
     return pm_fail(PM_ENOMEM, "%s: out of memory", scene->process[process_id].name);
 }
@@ -79,7 +76,7 @@ static pm_status open_part(pm_crew_part *part, pm_arena *arena, const pm_system 
 }
 
 pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, int process_id,
-                       const double *z, const pm_load *load) {
+                       const double *z, const pm_load *load, int depth) {
     const pm_scene *scene = system->scene;
     const pm_scene_process *process = &scene->process[process_id];
     crew->part = pm_arena_array(arena, (size_t)process->count, sizeof *crew->part);
@@ -99,7 +96,7 @@ pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, 
     }
     PM_TRY(pm_flux_make(&crew->shown, arena, scene, process_id));
     PM_TRY(pm_channel_process(crew->sent.channel, scene, "FLUX", process_id));
-    return pm_outbox_init(&crew->sent, arena, SENT_DEPTH, pm_flux_size(&crew->shown));
+    return pm_outbox_init(&crew->sent, arena, depth, pm_flux_size(&crew->shown));
 }
 
 void pm_crew_free(pm_crew *crew) {
@@ -212,4 +209,28 @@ pm_status pm_crew_end_step(pm_crew *crew) {
         PM_TRY(pm_subsystem_end_step(crew->part[i].subsystem));
     }
     return PM_OK;
+}
+
+// --- memory ---
+
+int pm_crew_memory(const pm_crew *crew) {
+    int count = 0;
+    for (int i = 0; i < crew->count; ++i) {
+        count += pm_subsystem_memory(crew->part[i].subsystem);
+    }
+    return count;
+}
+
+void pm_crew_save(const pm_crew *crew, double *memory) {
+    for (int i = 0; i < crew->count; ++i) {
+        pm_subsystem_save(crew->part[i].subsystem, memory);
+        memory += pm_subsystem_memory(crew->part[i].subsystem);
+    }
+}
+
+void pm_crew_restore(pm_crew *crew, const double *memory) {
+    for (int i = 0; i < crew->count; ++i) {
+        pm_subsystem_restore(crew->part[i].subsystem, memory);
+        memory += pm_subsystem_memory(crew->part[i].subsystem);
+    }
 }

@@ -32,10 +32,10 @@ typedef struct pm_crew {
 } pm_crew;
 
 // Opens the subsystems of a process at the state z [scene->nz] (NULL: the scene's initial one),
-// under `load` (NULL: the scene has none); memory from the arena. PM_ECONFIG, PM_ENOMEM, and what
-// pm_subsystem_open returns.
+// under `load` (NULL: the scene has none); memory from the arena. It keeps its fluxes of the last
+// `depth` rounds. PM_ECONFIG, PM_ENOMEM, and what pm_subsystem_open returns.
 pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, int process_id,
-                       const double *z, const pm_load *load);
+                       const double *z, const pm_load *load, int depth);
 void pm_crew_free(pm_crew *crew);
 
 // A round, counted from the start of the run by `key`: exposes, publishes what neighbours elsewhere
@@ -52,5 +52,10 @@ const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used);
 // PM_ENUMERIC.
 void pm_crew_advance(pm_crew *crew);
 pm_status pm_crew_end_step(pm_crew *crew);
+
+// As pm_subsystem_memory and its companions, for all of them.
+int pm_crew_memory(const pm_crew *crew);
+void pm_crew_save(const pm_crew *crew, double *memory);
+void pm_crew_restore(pm_crew *crew, const double *memory);
 
 #endif

@@ -13,6 +13,9 @@ typedef enum pm_drop {
     PM_DROP_SESSION,  // of another run
     PM_DROP_REPEATED, // known already, or no longer needed
     PM_DROP_RANGE,    // a kind, step or round that makes no sense now
+    PM_DROP_DATAGRAM, // not LCM's
+    PM_DROP_SEAL,     // not by a holder of the key, or changed (seal.h)
+    PM_DROP_REPLAY,   // by a holder of the key, but old
     PM_NDROP
 } pm_drop;
 

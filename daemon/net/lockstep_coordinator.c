@@ -11,8 +11,10 @@
 
 #include "base/rng.h"
 #include "net/channel.h"
+#include "net/history.h"
 #include "net/member.h"
 #include "net/waiting.h"
+#include "store/snapshot.h"
 
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
@@ -43,6 +45,7 @@ struct pm_lockstep_coordinator {
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool progressed;            // since the last poll: a new wait begins
+    bool tick_wanted;           // somebody asked for it since the last poll
     pm_waiting waiting;
 
     int nmember;
@@ -50,6 +53,10 @@ struct pm_lockstep_coordinator {
     int depth;            // steps that are gathered at once
     gathering *gathering; // [depth] by step modulo depth
     pm_ledger ledger;
+    const char *checkpoint; // NULL: none
+    int64_t interval;       // steps between two
+    int nmemory;
+    double *memory; // [nmemory] steps completed, then the ledger's, then the observer's
     char tick_channel[PM_CHANNEL_SIZE], ledger_channel[PM_CHANNEL_SIZE];
     char command_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
     pm_drops drops;
@@ -91,6 +98,7 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
     };
     unsigned char data[128];
     const size_t size = pm_tick_encode(&message, data, sizeof data);
+    c->tick_wanted = false;
     return pm_transport_publish(c->transport, c->tick_channel, data, size);
 }
 
@@ -156,14 +164,31 @@ static int64_t gathered(const pm_lockstep_coordinator *c) {
     return step;
 }
 
+static pm_status save(pm_lockstep_coordinator *c) {
+    c->memory[0] = (double)c->completed;
+    pm_ledger_save(&c->ledger, c->memory + 1);
+    if (c->observer.nmemory > 0) {
+        PM_TRY(c->observer.save(c->observer.context, c->memory + 1 + PM_LEDGER_MEMORY));
+    }
+    return pm_snapshot_save(c->checkpoint, c->system->digest, c->session, c->nmemory, c->memory);
+}
+
 static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     PM_TRY(pm_ledger_book(&c->ledger, sample));
-    return c->observer.step == NULL ? PM_OK : c->observer.step(c->observer.context, sample);
+    if (c->observer.step != NULL) {
+        PM_TRY(c->observer.step(c->observer.context, sample));
+    }
+    const bool due = sample->step % c->interval == 0 || sample->step == c->steps;
+    return c->checkpoint != NULL && due ? save(c) : PM_OK;
+}
+
+static int64_t limit_of(const pm_lockstep_coordinator *c, int64_t complete) {
+    const int64_t limit = complete + c->system->scene->window;
+    return limit < c->steps ? limit : c->steps;
 }
 
 static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
-    const int64_t limit = complete + c->system->scene->window;
-    c->granted = limit < c->steps ? limit : c->steps;
+    c->granted = limit_of(c, complete);
     return publish_tick(c);
 }
 
@@ -171,6 +196,9 @@ static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
 // compute.
 static pm_status complete_steps(pm_lockstep_coordinator *c) {
     const int64_t complete = gathered(c);
+    if (c->completed >= c->steps) {
+        close_run(c);
+    }
     if (complete == c->completed) {
         return PM_OK;
     }
@@ -274,6 +302,10 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     if (c->phase == RUNNING) {
         check(c, complete_steps(c));
     }
+    // All who asked since the last poll get one answer.
+    if (c->phase == RUNNING && c->tick_wanted) {
+        check(c, publish_tick(c));
+    }
     if (c->phase == RUNNING) {
         check(c, await(c));
     }
@@ -295,7 +327,8 @@ static pm_drop accept_hello(pm_member *m) {
     if (report->session != 0 && report->session != c->session) {
         return PM_DROP_SESSION;
     }
-    if (c->phase != RUNNING || has_step(c, m, 0) || c->completed >= 0) {
+    const bool late = has_step(c, m, 0) || c->completed >= 0;
+    if (c->phase != RUNNING || (late && c->checkpoint == NULL)) {
         return PM_DROP_REPEATED;
     }
     m->alive = true;
@@ -307,7 +340,7 @@ static pm_drop accept_hello(pm_member *m) {
                          (unsigned long long)c->system->digest));
         return PM_KEEP;
     }
-    check(c, publish_tick(c));
+    c->tick_wanted = true;
     return PM_KEEP;
 }
 
@@ -379,7 +412,7 @@ static pm_drop answer(pm_lockstep_coordinator *c, const portmet_request_t *reque
         }
     }
     if (strcmp(request->channel, c->tick_channel) == 0 && request->step < c->granted) {
-        check(c, publish_tick(c));
+        c->tick_wanted = true;
     }
     return PM_KEEP;
 }
@@ -425,18 +458,53 @@ static pm_status open_gatherings(pm_lockstep_coordinator *c) {
         c->depth = i + 1;
     }
     for (int i = 0; i < depth; ++i) {
-        begin_gathering(c, i);
+        begin_gathering(c, c->completed + 1 + i);
     }
     return PM_OK;
 }
 
-static pm_status prepare(pm_lockstep_coordinator *c) {
+// Takes up what a coordinator left that died, if it was of the session wanted (0: any); else leaves
+// the first checkpoint, so that this one's session is known.
+static pm_status open_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
+    int64_t session;
+    bool found;
+    c->interval = pm_history_interval(c->system->scene);
+    if (c->checkpoint == NULL) {
+        return PM_OK;
+    }
+    c->nmemory = 1 + PM_LEDGER_MEMORY + c->observer.nmemory;
+    c->memory = pm_arena_array(&c->arena, (size_t)c->nmemory, sizeof *c->memory);
+    if (c->memory == NULL) {
+        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
+    }
+    c->memory[0] = -1;
+    PM_TRY(pm_snapshot_session(c->checkpoint, c->system->digest, &session, &found));
+    if (!found || (wanted > 0 && wanted != session)) {
+        return pm_snapshot_save(c->checkpoint, c->system->digest, c->session, c->nmemory,
+                                c->memory);
+    }
+    PM_TRY(pm_snapshot_load(c->checkpoint, c->system->digest, &c->session, c->nmemory, c->memory,
+                            &found));
+    c->completed = (int64_t)c->memory[0];
+    if (c->completed < 0) {
+        return PM_OK;
+    }
+    pm_ledger_restore(&c->ledger, c->memory + 1);
+    c->granted = limit_of(c, c->completed);
+    c->tick_wanted = true;
+    return c->observer.nmemory == 0 ? PM_OK
+                                    : c->observer.restore(c->observer.context, (long)c->completed,
+                                                          c->memory + 1 + PM_LEDGER_MEMORY);
+}
+
+static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
     const pm_scene *scene = c->system->scene;
     if (c->steps > PM_STEPS_MAX) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
                        (long long)c->steps, (long long)PM_STEPS_MAX);
     }
     pm_ledger_init(&c->ledger, c->system);
+    PM_TRY(open_checkpoint(c, wanted));
     PM_TRY(open_members(c));
     PM_TRY(open_gatherings(c));
     PM_TRY(pm_channel_scene(c->tick_channel, scene, "TICK"));
@@ -467,13 +535,14 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->system = system;
     c->transport = transport;
     c->observer = given->observer;
+    c->checkpoint = given->checkpoint;
     c->want_state = given->want_state;
     c->session = given->session > 0 ? given->session : pm_lockstep_session();
     c->steps = given->steps > 0 ? given->steps : system->scene->steps;
     c->completed = -1;
     c->progressed = true;
     c->nmember = system->scene->nprocess;
-    const pm_status status = prepare(c);
+    const pm_status status = prepare(c, given->session);
     if (status != PM_OK) {
         pm_lockstep_coordinator_close(c);
         return status;

@@ -5,6 +5,10 @@
 // Life: open a session and gather all initial reports -> grant `window` steps beyond the last
 // complete one, until the last -> END, or ABORT on any failure -> finished when all nodes said BYE
 // or a short time has passed. Nodes with another digest are refused by name.
+//
+// Death and return: with a checkpoint it writes what it and its observer must remember every so
+// many steps (history.h has the same steps for nodes), and after the last one before END. Started
+// again, it goes on from there and asks for the reports that it missed.
 #ifndef PM_NET_LOCKSTEP_COORDINATOR_H
 #define PM_NET_LOCKSTEP_COORDINATOR_H
 
@@ -16,11 +20,16 @@
 
 typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
 
-// Called once per completed step in order, from step 0 (the initial state). The sample is valid
-// during the call; its z only with want_state. A failure ends the run.
+// `step` is called once per completed step in order, from step 0 (the initial state). The sample is
+// valid during the call; its z only with want_state. A failure ends the run.
 typedef struct pm_lockstep_observer {
     void *context;
     pm_status (*step)(void *context, const pm_sample *sample);
+    // For checkpoints: memory [nmemory] is what it must remember after the last step it was called
+    // for; restoring makes it go on after `step`. Not called if nmemory is 0.
+    int nmemory;
+    pm_status (*save)(void *context, double *memory);
+    pm_status (*restore)(void *context, long step, const double *memory);
 } pm_lockstep_observer;
 
 typedef struct pm_lockstep_coordinator_options {
@@ -28,6 +37,8 @@ typedef struct pm_lockstep_coordinator_options {
     int64_t session;               // > 0; 0: drawn from time and process id (pm_lockstep_session)
     bool want_state;               // the observer needs z
     pm_lockstep_observer observer; // step may be NULL
+    const char *checkpoint;        // file to keep what it must remember, and to go on from, unless
+                                   // it is of another session than `session`; NULL: none
 } pm_lockstep_coordinator_options;
 
 // A number for a new session: 63 bits that two runs hardly share.
@@ -35,7 +46,7 @@ int64_t pm_lockstep_session(void);
 
 // Subscribes; says nothing before the first poll. `system` and `transport` must outlive it; once it
 // is closed, nobody may wait on the transport any more. `options` may be NULL. PM_ECONFIG, PM_ENET,
-// PM_ENOMEM.
+// PM_ENOMEM, PM_EFILE (the checkpoint), and what the observer's restore returns.
 pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_system *system, pm_transport *transport,
                                        const pm_lockstep_coordinator_options *options);

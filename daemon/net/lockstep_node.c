@@ -9,6 +9,7 @@
 
 #include "net/channel.h"
 #include "net/crew.h"
+#include "net/history.h"
 #include "net/reporter.h"
 #include "net/waiting.h"
 
@@ -16,6 +17,12 @@
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the end
+
+// Rounds whose fluxes are kept: a neighbour may ask for the round it is in, which is ours or the
+// one before. Where a request for older ones makes us go back, some more, and as many more reports:
+// then one that comes late, out of order, does not.
+#define SENT_DEPTH 2
+#define LATE_DEPTH 32
 
 // Steps of one poll at most: then messages and the stop flag are looked at.
 #define STEPS_AT_ONCE 16
@@ -50,6 +57,7 @@ struct pm_lockstep_node {
     bool progressed;             // since the last poll; a new wait begins
     pm_waiting waiting;
 
+    pm_history history;
     pm_reporter reporter;
     char tick_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
     char request_channel[PM_CHANNEL_SIZE];
@@ -102,6 +110,20 @@ static pm_status report(pm_lockstep_node *node) {
     return node->step < node->granted ? PM_OK : pm_reporter_flush(&node->reporter);
 }
 
+// Computes again from the newest checkpoint of at most `step` steps, if there is one.
+static pm_status go_back(pm_lockstep_node *node, int64_t step) {
+    const int64_t found = pm_history_go_back(&node->history, step, &node->crew);
+    if (found < 0) {
+        return PM_OK;
+    }
+    node->step = found;
+    node->round = 0;
+    node->started = false;
+    node->progressed = true;
+    pm_reporter_forget(&node->reporter);
+    return found == 0 ? report(node) : PM_OK;
+}
+
 static pm_status start_round(pm_lockstep_node *node) {
     const portmet_flux_t head = {
         .session = node->session,
@@ -125,6 +147,7 @@ static pm_status finish_round(pm_lockstep_node *node) {
     PM_TRY(pm_crew_end_step(&node->crew));
     node->step += 1;
     node->round = 0;
+    PM_TRY(pm_history_note(&node->history, node->session, node->step, &node->crew));
     return report(node);
 }
 
@@ -271,6 +294,15 @@ static void count(pm_lockstep_node *node, pm_drop drop) {
     node->drops.count[drop] += 1;
 }
 
+// From the initial state, or where this process stood when it died.
+static pm_status begin(pm_lockstep_node *node) {
+    if (node->history.path == NULL) {
+        return report(node);
+    }
+    PM_TRY(pm_history_load(&node->history, node->session));
+    return go_back(node, INT64_MAX);
+}
+
 static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const double dt = node->system->scene->dt;
     const bool wanted = node->wanted_session == 0 || tick->session == node->wanted_session;
@@ -286,11 +318,13 @@ static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->want_state = tick->want_state != 0;
     node->progressed = true;
     enter(node, RUNNING);
-    check(node, tick->dt == dt ? report(node)
-                               : pm_fail(PM_ENET,
-                                         "the coordinator's scene steps by %.17g s, this "
-                                         "node's by %.17g s",
-                                         tick->dt, dt));
+    if (tick->dt != dt) {
+        check(node,
+              pm_fail(PM_ENET, "the coordinator's scene steps by %.17g s, this node's by %.17g s",
+                      tick->dt, dt));
+        return PM_KEEP;
+    }
+    check(node, begin(node));
     return PM_KEEP;
 }
 
@@ -349,6 +383,9 @@ static pm_drop accept_command(pm_lockstep_node *node, const portmet_command_t *c
             const bool known = command->code >= PM_EUSAGE && command->code <= PM_EINTERRUPTED;
             end_with(node, known ? (pm_status)command->code : PM_ENET, command->reason);
         }
+        if (end) {
+            pm_history_remove(&node->history);
+        }
         node->session = command->session;
         enter(node, LEAVING);
     }
@@ -378,6 +415,22 @@ static void note_sender(pm_lockstep_node *node, const char *sender) {
     }
 }
 
+// Who asks for what is no longer kept has returned from its death.
+static pm_status answer_report(pm_lockstep_node *node, int64_t step) {
+    bool kept;
+    PM_TRY(pm_reporter_repeat(&node->reporter, step, &kept));
+    const bool missed = !kept && step <= node->step - node->reporter.rows;
+    return missed && node->phase == RUNNING ? go_back(node, step > 0 ? step - 1 : 0) : PM_OK;
+}
+
+static pm_status answer_flux(pm_lockstep_node *node, int64_t step, int round) {
+    const int64_t key = step * node->rounds + round;
+    const bool missed = key < round_key(node) && !pm_outbox_keeps(&node->crew.sent, key);
+    return missed && node->phase == RUNNING
+               ? go_back(node, step)
+               : pm_outbox_repeat(&node->crew.sent, node->transport, key);
+}
+
 static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) {
     if (request->session != node->session || node->session == 0) {
         return PM_DROP_SESSION;
@@ -388,10 +441,11 @@ static pm_drop answer(pm_lockstep_node *node, const portmet_request_t *request) 
         return PM_DROP_RANGE;
     }
     note_sender(node, request->sender);
-    check(node, pm_reporter_repeat(&node->reporter, request));
+    if (strcmp(request->channel, node->reporter.sent.channel) == 0) {
+        check(node, answer_report(node, request->step));
+    }
     if (strcmp(request->channel, node->crew.sent.channel) == 0) {
-        const int64_t key = request->step * node->rounds + request->round;
-        check(node, pm_outbox_repeat(&node->crew.sent, node->transport, key));
+        check(node, answer_flux(node, request->step, request->round));
     }
     return PM_KEEP;
 }
@@ -444,16 +498,19 @@ static pm_status subscribe(pm_lockstep_node *node) {
 
 static pm_status prepare(pm_lockstep_node *node, int process_id,
                          const pm_lockstep_node_options *options) {
+    const int more = options->checkpoint == NULL ? 0 : LATE_DEPTH;
     PM_TRY(pm_crew_init(&node->crew, &node->arena, node->system, process_id, options->z,
-                        options->load));
+                        options->load, SENT_DEPTH + more));
+    PM_TRY(pm_history_init(&node->history, &node->arena, options->checkpoint, node->system,
+                           &node->crew));
     node->rounds = pm_subsystem_rounds(node->crew.part[0].subsystem);
     for (int i = 0; i < node->crew.nlink; ++i) {
         pm_flux_link *link = &node->crew.link[i];
         link->node = node;
         PM_TRY(pm_transport_subscribe(node->transport, link->channel, on_flux, link));
     }
-    PM_TRY(
-        pm_reporter_init(&node->reporter, &node->arena, node->system, process_id, node->transport));
+    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, process_id,
+                            node->transport, more));
     return subscribe(node);
 }
 

@@ -4,8 +4,13 @@
 // loops that drive it.
 //
 // Life: HELLO until a tick opens a session -> report of the initial state -> rounds and reports ->
-// END: linger to answer requests -> finished. Whatever it waits for longer than a few milliseconds
-// it requests again, and gives up when the peer stays silent for scene->patience.
+// END: linger to answer requests -> finished. Whatever it waits for longer than usual it requests
+// again, and gives up when the peer stays silent for scene->patience.
+//
+// Death and return: with a checkpoint a node writes what it must remember every so many steps
+// (history.h). Started again, it goes on from there, and asks its neighbours for the fluxes that it
+// missed. Whoever is asked for what it no longer holds goes back to its own checkpoint before that,
+// and computes it again: same bits, so that nobody minds getting them twice.
 #ifndef PM_NET_LOCKSTEP_NODE_H
 #define PM_NET_LOCKSTEP_NODE_H
 
@@ -18,9 +23,10 @@
 typedef struct pm_lockstep_node pm_lockstep_node;
 
 typedef struct pm_lockstep_node_options {
-    const double *z;     // [scene->nz] where all start; NULL: at the scene's initial state
-    int64_t session;     // joins only this one; 0: whichever coordinator has the same digest
-    const pm_load *load; // what the world prescribes; NULL: the scene has no loads
+    const double *z;        // [scene->nz] where all start; NULL: at the scene's initial state
+    int64_t session;        // joins only this one; 0: whichever coordinator has the same digest
+    const pm_load *load;    // what the world prescribes; NULL: the scene has no loads
+    const char *checkpoint; // file to keep what it must remember, and to go on from; NULL: none
 } pm_lockstep_node_options;
 
 // Subscribes and gets ready; says nothing before the first poll. `system` and `transport` must
@@ -44,7 +50,7 @@ bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
 
 // PM_OK after END; else the failure, with pm_error() set to its description. PM_ETIMEOUT: a peer
 // stayed silent, named; PM_ENUMERIC: the state became non-finite; the coordinator's code after
-// ABORT.
+// ABORT; PM_EFILE: the checkpoint.
 pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
 
 long pm_lockstep_node_step(const pm_lockstep_node *node); // steps completed

@@ -32,13 +32,14 @@ pm_status pm_outbox_publish(pm_outbox *outbox, pm_transport *transport, int64_t 
     return pm_transport_publish(transport, outbox->channel, slot->data, size);
 }
 
+bool pm_outbox_keeps(const pm_outbox *outbox, int64_t key) {
+    return key >= 0 && slot_of(outbox, key)->key == key;
+}
+
 pm_status pm_outbox_repeat(const pm_outbox *outbox, pm_transport *transport, int64_t key) {
-    if (key < 0) {
+    if (!pm_outbox_keeps(outbox, key)) {
         return PM_OK;
     }
     const pm_outbox_slot *slot = slot_of(outbox, key);
-    if (slot->key != key) {
-        return PM_OK;
-    }
     return pm_transport_publish(transport, outbox->channel, slot->data, slot->size);
 }

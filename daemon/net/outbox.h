@@ -32,6 +32,7 @@ unsigned char *pm_outbox_data(pm_outbox *outbox, int64_t key);
 pm_status pm_outbox_publish(pm_outbox *outbox, pm_transport *transport, int64_t key, size_t size);
 
 // Publishes message `key` again if it is still kept; otherwise does nothing.
+bool pm_outbox_keeps(const pm_outbox *outbox, int64_t key);
 pm_status pm_outbox_repeat(const pm_outbox *outbox, pm_transport *transport, int64_t key);
 
 #endif

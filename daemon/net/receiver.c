@@ -31,6 +31,7 @@ typedef struct subscription {
 
 struct pm_receiver {
     int file;
+    pm_drops *drops;
     int count, capacity;
     subscription *subscription; // [count], by channel, once sorted
     bool sorted;                // and the filter is in place
@@ -61,12 +62,14 @@ static pm_status join(const pm_receiver *r, const char *url, const pm_lcm_url *a
     return PM_OK;
 }
 
-pm_status pm_receiver_open(pm_receiver **receiver, const char *url, const pm_lcm_url *address) {
+pm_status pm_receiver_open(pm_receiver **receiver, const char *url, const pm_lcm_url *address,
+                           pm_drops *drops) {
     pm_receiver *r = calloc(1, sizeof *r);
     if (r == NULL) {
         return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
     }
     pm_status status = PM_OK;
+    r->drops = drops;
     r->data = malloc((size_t)BATCH * DATAGRAM_SIZE);
     r->file = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (r->data == NULL) {
@@ -206,6 +209,7 @@ static pm_status take_datagram(pm_receiver *r, int i) {
     pm_datagram d;
     if ((r->head[i].msg_hdr.msg_flags & MSG_TRUNC) != 0 ||
         !pm_datagram_parse(&d, r->vector[i].iov_base, r->head[i].msg_len)) {
+        r->drops->count[PM_DROP_DATAGRAM] += 1;
         return PM_OK;
     }
     subscription *s = d.channel == NULL ? NULL : find_subscription(r, d.channel);

@@ -9,8 +9,10 @@
 
 typedef struct pm_receiver pm_receiver;
 
-// Joins the group. `url` stands for it in errors. PM_ENET, PM_ENOMEM.
-pm_status pm_receiver_open(pm_receiver **receiver, const char *url, const pm_lcm_url *address);
+// Joins the group. `url` stands for it in errors; `drops` counts datagrams that are not LCM's.
+// PM_ENET, PM_ENOMEM.
+pm_status pm_receiver_open(pm_receiver **receiver, const char *url, const pm_lcm_url *address,
+                           pm_drops *drops);
 void pm_receiver_close(pm_receiver *receiver); // NULL is allowed
 
 // As the functions of transport.h.

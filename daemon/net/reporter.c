@@ -67,7 +67,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
 }
 
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
-                           int process_id, pm_transport *transport) {
+                           int process_id, pm_transport *transport, int more) {
     pm_reporter *r = reporter;
     const pm_scene *scene = system->scene;
     r->scene = scene;
@@ -78,7 +78,7 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
     PM_TRY(pm_channel_process(r->sent.channel, scene, "REPORT", process_id));
     PM_TRY(pm_report_make(&r->done, arena, scene, process_id));
     // The coordinator may miss the report of any granted step, and a report may hold only one.
-    const int depth = scene->window + 1;
+    const int depth = scene->window + 1 + more;
     PM_TRY(pm_outbox_init(&r->sent, arena, depth, pm_report_size(&r->done)));
     r->word = (portmet_report_t){.digest = (int64_t)system->digest};
     r->word_capacity = pm_report_size(&(portmet_report_t){.message = ""}) + PM_TEXT_MAX;
@@ -176,17 +176,20 @@ pm_status pm_reporter_flush(pm_reporter *reporter) {
     return pm_outbox_publish(&r->sent, r->transport, r->count++, size);
 }
 
-pm_status pm_reporter_repeat(const pm_reporter *reporter, const portmet_request_t *request) {
+void pm_reporter_forget(pm_reporter *reporter) {
+    reporter->rows = 0;
+}
+
+pm_status pm_reporter_repeat(const pm_reporter *reporter, int64_t step, bool *kept) {
     const pm_reporter *r = reporter;
-    if (strcmp(request->channel, r->sent.channel) != 0) {
-        return PM_OK;
-    }
     const int64_t oldest = r->count > r->sent.depth ? r->count - r->sent.depth : 0;
     for (int64_t i = oldest; i < r->count; ++i) {
         const int64_t slot = i % r->sent.depth;
-        if (r->first[slot] <= request->step && request->step <= r->last[slot]) {
+        if (r->first[slot] <= step && step <= r->last[slot]) {
+            *kept = true;
             return pm_outbox_repeat(&r->sent, r->transport, i);
         }
     }
+    *kept = false;
     return PM_OK;
 }

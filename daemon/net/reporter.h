@@ -31,9 +31,9 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
                          int process_id);
 
 // Names of channels, and memory (from the arena) for the reports of as many steps as the
-// coordinator may miss. `nport`: pm_books.nflux. PM_ECONFIG, PM_ENOMEM.
+// coordinator may miss, and `more`. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
-                           int process_id, pm_transport *transport);
+                           int process_id, pm_transport *transport, int more);
 
 // HELLO, FAILED (with code and message) or BYE.
 pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
@@ -47,7 +47,10 @@ pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step,
 // Publishes what is gathered, if anything. PM_ENUMERIC.
 pm_status pm_reporter_flush(pm_reporter *reporter);
 
-// Answers a request if it is for a step of one of the reports kept.
-pm_status pm_reporter_repeat(const pm_reporter *reporter, const portmet_request_t *request);
+// Forgets what is gathered.
+void pm_reporter_forget(pm_reporter *reporter);
+
+// Publishes the report about a step again if it is kept; `kept` receives whether it is.
+pm_status pm_reporter_repeat(const pm_reporter *reporter, int64_t step, bool *kept);
 
 #endif

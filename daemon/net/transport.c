@@ -10,6 +10,7 @@
 struct pm_transport {
     const pm_transport_table *table;
     void *state;
+    pm_drops drops;
 };
 
 static const struct {
@@ -35,20 +36,20 @@ static pm_status find(const char *url, const pm_transport_table **table) {
 }
 
 pm_status pm_transport_check(const char *url) {
-    const pm_transport_table *table;
+    const pm_transport_table *table = NULL;
     PM_TRY(find(url, &table));
     return table->check(url);
 }
 
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
-    const pm_transport_table *table;
+    const pm_transport_table *table = NULL;
     PM_TRY(find(url, &table));
     pm_transport *made = calloc(1, sizeof *made);
     if (made == NULL) {
         return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
     }
     made->table = table;
-    const pm_status status = table->open(&made->state, url, hub);
+    const pm_status status = table->open(&made->state, url, hub, &made->drops);
     if (status != PM_OK) {
         free(made);
         return status;
@@ -62,6 +63,15 @@ void pm_transport_close(pm_transport *transport) {
         transport->table->close(transport->state);
         free(transport);
     }
+}
+
+pm_status pm_transport_seal(pm_transport *transport, const pm_key *key) {
+    void *state;
+    PM_TRY(pm_transport_sealed_open(&state, transport->table, transport->state, key,
+                                    &transport->drops));
+    transport->table = &pm_transport_sealed;
+    transport->state = state;
+    return PM_OK;
 }
 
 pm_status pm_transport_subscribe(pm_transport *transport, const char *channel,
@@ -87,4 +97,8 @@ pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handle
 
 int pm_transport_file(const pm_transport *transport) {
     return transport->table->file(transport->state);
+}
+
+const pm_drops *pm_transport_drops(const pm_transport *transport) {
+    return &transport->drops;
 }

@@ -3,7 +3,8 @@
 //   received
 //                            on a filtered socket of our own unless "?receive=lcm" says otherwise
 //   memory://                between endpoints of one hub in this thread (transport_memory.c)
-// A transport is a table of functions (transport_table.h) and one line in transport.c.
+// A transport is a table of functions (transport_table.h) and one line in transport.c. With a key,
+// a transport that seals and checks (transport_sealed.c) takes the place of any of them.
 #ifndef PM_NET_TRANSPORT_H
 #define PM_NET_TRANSPORT_H
 
@@ -11,6 +12,8 @@
 #include <stdint.h>
 
 #include "base/status.h"
+#include "net/drops.h"
+#include "net/seal.h"
 
 // Longest channel name with its terminator (LCM's limit).
 #define PM_CHANNEL_SIZE 64
@@ -49,6 +52,11 @@ pm_status pm_transport_check(const char *url);
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub);
 void pm_transport_close(pm_transport *transport); // NULL is allowed
 
+// From now on what is published carries a seal, and what arrives without a good one is dropped
+// (seal.h). To be called before the first subscription; the key may be cleared afterwards.
+// PM_ENOMEM.
+pm_status pm_transport_seal(pm_transport *transport, const pm_key *key);
+
 // Messages on `channel`, exactly, go to `handler`. One's own messages count. PM_ENET, PM_ENOMEM.
 pm_status pm_transport_subscribe(pm_transport *transport, const char *channel,
                                  pm_message_handler *handler, void *context);
@@ -64,5 +72,8 @@ pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handle
 
 // Becomes readable when a message arrives, for use with poll(); -1 if there is none.
 int pm_transport_file(const pm_transport *transport);
+
+// What was dropped before it reached a handler, and why.
+const pm_drops *pm_transport_drops(const pm_transport *transport);
 
 #endif

@@ -61,7 +61,7 @@ static char *provider_of(const char *url, const pm_lcm_url *parsed) {
     return text;
 }
 
-static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub) {
+static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub, pm_drops *drops) {
     (void)hub;
     pm_lcm_url parsed;
     PM_TRY(pm_lcm_url_parse(url, &parsed));
@@ -79,7 +79,7 @@ static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub) {
         goto done;
     }
     if (parsed.receives_itself) {
-        PM_TRY_DONE(pm_receiver_open(&e->receiver, url, &parsed));
+        PM_TRY_DONE(pm_receiver_open(&e->receiver, url, &parsed, drops));
         e->file = pm_receiver_file(e->receiver);
     } else {
         e->file = lcm_get_fileno(e->lcm);

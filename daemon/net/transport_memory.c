@@ -70,7 +70,8 @@ static pm_status memory_check(const char *url) {
     return PM_OK;
 }
 
-static pm_status memory_open(void **state, const char *url, pm_hub *hub) {
+static pm_status memory_open(void **state, const char *url, pm_hub *hub, pm_drops *drops) {
+    (void)drops;
     if (hub == NULL) {
         return pm_fail(PM_ECONFIG, "transport \"%s\" works inside one process only", url);
     }

@@ -7,7 +7,8 @@
 // The functions of transport.h, on the transport's own state.
 typedef struct pm_transport_table {
     pm_status (*check)(const char *url); // its scheme is one of the transport's
-    pm_status (*open)(void **state, const char *url, pm_hub *hub);
+    // `drops` is where it counts what it cannot hand out.
+    pm_status (*open)(void **state, const char *url, pm_hub *hub, pm_drops *drops);
     void (*close)(void *state);
     pm_status (*subscribe)(void *state, const char *channel, pm_message_handler *handler,
                            void *context);
@@ -18,5 +19,10 @@ typedef struct pm_transport_table {
 
 extern const pm_transport_table pm_transport_lcm;
 extern const pm_transport_table pm_transport_memory;
+
+// A transport in front of another one, which it owns from now on; its `check` and `open` are NULL.
+extern const pm_transport_table pm_transport_sealed;
+pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
+                                   const pm_key *key, pm_drops *drops);
 
 #endif

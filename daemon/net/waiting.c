@@ -3,10 +3,28 @@
 
 #include "net/codec.h"
 
+// Follows the median: as far up as down, whatever the distance. Waits for what was lost hardly move
+// it, long as they are.
+#define RATE 0.0625
+
+static double clamp(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+}
+
+static double follow(double usual, double taken) {
+    if (usual == 0) {
+        return PM_WAITING_FIRST / PM_WAITING_FACTOR;
+    }
+    const double moved = usual * (taken > usual ? 1 + RATE : 1 - RATE);
+    return clamp(moved, PM_WAITING_SOONEST / PM_WAITING_FACTOR,
+                 PM_WAITING_FIRST / PM_WAITING_FACTOR);
+}
+
 void pm_waiting_start(pm_waiting *waiting, double now) {
+    waiting->usual = follow(waiting->usual, now - waiting->since);
     waiting->since = now;
-    waiting->interval = PM_WAITING_FIRST;
-    waiting->next = now + PM_WAITING_FIRST;
+    waiting->interval = PM_WAITING_FACTOR * waiting->usual;
+    waiting->next = now + waiting->interval;
 }
 
 bool pm_waiting_ask(pm_waiting *waiting, double now) {

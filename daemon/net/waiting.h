@@ -7,21 +7,26 @@
 
 #include "net/transport.h"
 
-// s between requests: the first comes soon after a loss, later ones spare the network. Longer than
-// a message takes on a busy machine, so that few requests are needless.
-#define PM_WAITING_FIRST 0.005
+// s between requests: the first comes soon after a loss, each later one twice as late, which spares
+// the network. "Soon" is measured in what waits usually take, so that few requests are needless on
+// a busy machine, and a loss costs little on an idle one.
+#define PM_WAITING_SOONEST 0.0001
+#define PM_WAITING_FIRST 0.002 // at the latest
 #define PM_WAITING_LAST 0.1
+#define PM_WAITING_FACTOR 3 // first request, in usual waits
 
 // How many times the scene's patience one message may take although its sender shows life. Longer
 // than patience itself: the sender may be waiting for another one, who is about to be found
 // missing.
 #define PM_WAITING_ALIVE 3
 
-// Storage the caller owns. Times in s, monotonic.
+// Storage the caller owns; zero-initialise. Times in s, monotonic.
 typedef struct pm_waiting {
     double since, next, interval;
+    double usual; // how long waits take, the median; 0: none was measured
 } pm_waiting;
 
+// Ends a wait, if there was one, and begins the next.
 void pm_waiting_start(pm_waiting *waiting, double now);
 
 // True when it is time to ask again; then the next time is set, twice as far away as the last.

@@ -7,10 +7,13 @@
 
 #include "model/prediction.h"
 
-static void copy(double *to, const double *from, int n) {
-    if (to != NULL && from != NULL) {
-        memcpy(to, from, (size_t)n * sizeof *to);
+bool pm_renew(double *to, const double *from, int n) {
+    const size_t size = (size_t)n * sizeof *to;
+    if (to == NULL || from == NULL || memcmp(to, from, size) == 0) {
+        return false;
     }
+    memcpy(to, from, size);
+    return true;
 }
 
 static double value_at(const double *covector, int i) {
@@ -30,8 +33,7 @@ static pm_status open_end(pm_joint_end *end, pm_arena *arena, const pm_scene_por
                           .e = memory + ny,
                           .eta = memory + 2 * (ptrdiff_t)ny,
                           .response = memory + 3 * (ptrdiff_t)ny};
-    end->shown =
-        (pm_port_values){ny, end->y, end->e, end->eta, discrete ? end->response : NULL};
+    end->shown = (pm_port_values){ny, end->y, end->e, end->eta, discrete ? end->response : NULL};
     return PM_OK;
 }
 
@@ -172,32 +174,50 @@ void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const do
     flux->entropy_gross += sum.entropy_gross;
 }
 
+// The prediction starts from nothing in the first stage, then from what it found in the last one.
+static bool renew_last(pm_joint *j, bool first) {
+    if (!first) {
+        return pm_renew(j->last, j->next, j->nboth);
+    }
+    bool renewed = false;
+    for (int i = 0; i < j->nboth && j->last != NULL; ++i) {
+        renewed = renewed || j->last[i] != 0;
+        j->last[i] = 0;
+    }
+    return renewed;
+}
+
+// True if any of them has changed.
+static bool renew_inputs(pm_joint *j, const pm_port_values *other, bool first) {
+    bool renewed = renew_last(j, first);
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_values *shown = i == (int)j->end ? &j->own.shown : other;
+        const pm_joint_end *to = &j->input[i];
+        assert(shown->ny == to->ny);
+        renewed |= pm_renew(to->y, shown->y, to->ny);
+        renewed |= pm_renew(to->e, shown->e, to->ny);
+        renewed |= pm_renew(to->eta, shown->eta, to->ny);
+        renewed |= pm_renew(to->response, shown->response, to->ny);
+    }
+    return renewed;
+}
+
 bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
                      double *k) {
     if (j->program == NULL) {
         return false;
     }
-    for (int i = 0; i < 2; ++i) {
-        const pm_port_values *shown = i == (int)j->end ? &j->own.shown : other;
-        const pm_joint_end *to = &j->input[i];
-        assert(shown->ny == to->ny);
-        copy(to->y, shown->y, to->ny);
-        copy(to->e, shown->e, to->ny);
-        copy(to->eta, shown->eta, to->ny);
-        copy(to->response, shown->response, to->ny);
+    const bool renewed = renew_inputs(j, other, first) || !j->known;
+    if (renewed) {
+        pm_program_run(j->program, 1);
+        j->known = true;
     }
-    if (j->last != NULL && first) {
-        memset(j->last, 0, (size_t)j->nboth * sizeof *j->last);
-    }
-    pm_program_run(j->program, 1);
-    copy(j->last, j->next, j->nboth);
     for (int c = 0; c < j->own.ny; ++c) {
         k[j->component[c]] += j->rate[0][c];
     }
     pm_flux_book(&j->booking, weight, j->own.ny, j->law_e[0], j->own.eta, j->rate[0]);
     if (j->rate[1] != NULL) {
-        pm_flux_book(&j->world_booking, weight, j->world.ny, j->law_e[1], j->world.eta,
-                     j->rate[1]);
+        pm_flux_book(&j->world_booking, weight, j->world.ny, j->law_e[1], j->world.eta, j->rate[1]);
     }
-    return true;
+    return renewed;
 }

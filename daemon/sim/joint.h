@@ -43,6 +43,7 @@ typedef struct pm_joint {
     double *last;
     const double *next;
     int nboth;
+    bool known;                     // the rates belong to the inputs
     pm_flux booking, world_booking; // over the step under way
 } pm_joint;
 
@@ -59,9 +60,13 @@ void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const doubl
 const pm_port_values *pm_joint_prescribe(pm_joint *j, const double *prescribed);
 
 // Adds the law's rate to k [nz], and the fluxes, weighted, to the bookings. `first`: no stage of
-// this substep came before. False: the law has nothing here.
+// this substep came before. False: nothing was evaluated, as the law has nothing here, or all that
+// it depends on has the bits of the time before.
 bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
                      double *k);
+
+// Copies; true if that changed a bit. to or from may be NULL: nothing to do.
+bool pm_renew(double *to, const double *from, int n);
 
 // Adds a term's power and entropy production. e or eta may be NULL: zero.
 void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const double *eta,

@@ -2,6 +2,7 @@
 #include "sim/ledger.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "model/port.h"
 
@@ -160,4 +161,75 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     }
     ledger->violations += violated ? 1 : 0;
     return status == PM_OK ? check_drift(ledger) : status;
+}
+
+// --- memory ---
+
+// The name of a port or subsystem as a number: its place among both; -1: none.
+static double place_of(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nport; ++i) {
+        if (scene->port[i].name == name) {
+            return i;
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (scene->subsystem[i].name == name) {
+            return scene->nport + i;
+        }
+    }
+    return -1;
+}
+
+static const char *name_at(const pm_scene *scene, double place) {
+    if (!(place >= 0 && place < scene->nport + scene->nsubsystem)) {
+        return NULL;
+    }
+    const int i = (int)place;
+    return i < scene->nport ? scene->port[i].name : scene->subsystem[i - scene->nport].name;
+}
+
+void pm_ledger_save(const pm_ledger *ledger, double *memory) {
+    const pm_scene *scene = ledger->system->scene;
+    const double number[PM_LEDGER_MEMORY] = {
+        (double)ledger->steps,
+        ledger->first_energy,
+        ledger->energy,
+        ledger->first_entropy,
+        ledger->entropy,
+        ledger->energy_drift,
+        ledger->world_energy,
+        ledger->world_entropy,
+        ledger->worst_energy,
+        ledger->worst_entropy,
+        (double)ledger->worst_energy_step,
+        (double)ledger->worst_entropy_step,
+        place_of(scene, ledger->worst_energy_at),
+        place_of(scene, ledger->worst_entropy_at),
+        ledger->worst_entropy_fall,
+        (double)ledger->violations,
+    };
+    memcpy(memory, number, sizeof number);
+}
+
+void pm_ledger_restore(pm_ledger *ledger, const double *memory) {
+    const pm_scene *scene = ledger->system->scene;
+    *ledger = (pm_ledger){
+        .system = ledger->system,
+        .steps = (long)memory[0],
+        .first_energy = memory[1],
+        .energy = memory[2],
+        .first_entropy = memory[3],
+        .entropy = memory[4],
+        .energy_drift = memory[5],
+        .world_energy = memory[6],
+        .world_entropy = memory[7],
+        .worst_energy = memory[8],
+        .worst_entropy = memory[9],
+        .worst_energy_step = (long)memory[10],
+        .worst_entropy_step = (long)memory[11],
+        .worst_energy_at = name_at(scene, memory[12]),
+        .worst_entropy_at = name_at(scene, memory[13]),
+        .worst_entropy_fall = memory[14],
+        .violations = (long)memory[15],
+    };
 }

@@ -36,4 +36,9 @@ void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 // guard allows.
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 
+// What it must remember to go on after a step.
+#define PM_LEDGER_MEMORY 16 // numbers
+void pm_ledger_save(const pm_ledger *ledger, double *memory);
+void pm_ledger_restore(pm_ledger *ledger, const double *memory);
+
 #endif

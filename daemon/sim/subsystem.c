@@ -39,6 +39,7 @@ struct pm_subsystem {
     pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
     double *bulk_z, *bulk_dE, *bulk_dS;
     const double *bulk_rate;
+    bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
 
     int njoint;
     pm_joint *joint;
@@ -251,16 +252,21 @@ void pm_subsystem_expose(pm_subsystem *s) {
     if (s->exposed) {
         return;
     }
-    copy(s->exposure_z, s->stage_z, s->nz);
-    copy(s->exposure_from, s->z, s->nz);
+    s->exposed = true;
+    bool renewed = !s->exposure_known;
+    renewed |= pm_renew(s->exposure_z, s->stage_z, s->nz);
+    renewed |= pm_renew(s->exposure_from, s->z, s->nz);
+    if (!renewed) {
+        return;
+    }
     pm_program_run(s->exposure, 1);
+    s->exposure_known = true;
     for (int c = 0; c < s->nz; ++c) {
         s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
     }
     for (int i = 0; i < s->njoint; ++i) {
         pm_joint_expose(&s->joint[i], s->at_z, s->dE, s->dS, s->response);
     }
-    s->exposed = true;
 }
 
 // The weight of the present stage in the mean over a step.
@@ -275,13 +281,18 @@ void pm_subsystem_bulk(pm_subsystem *s) {
         ++s->booking.skipped;
         return;
     }
-    copy(s->bulk_z, s->at_z, s->nz);
-    copy(s->bulk_dE, s->dE, s->nz);
-    copy(s->bulk_dS, s->dS, s->nz);
-    pm_program_run(s->bulk, 1);
+    bool renewed = !s->bulk_known;
+    renewed |= pm_renew(s->bulk_z, s->at_z, s->nz);
+    renewed |= pm_renew(s->bulk_dE, s->dE, s->nz);
+    renewed |= pm_renew(s->bulk_dS, s->dS, s->nz);
+    if (renewed) {
+        pm_program_run(s->bulk, 1);
+        s->bulk_known = true;
+    }
     memcpy(k, s->bulk_rate, (size_t)s->nz * sizeof *k);
     pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->dE, s->dS, k);
-    ++s->booking.evaluated;
+    s->booking.evaluated += renewed;
+    s->booking.skipped += !renewed;
 }
 
 // What the world shows at its end of a port, at the time of the stage.
@@ -383,7 +394,10 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
     s->step = 0;
-    s->exposed = false;
+    s->exposed = s->exposure_known = s->bulk_known = false;
+    for (int i = 0; i < s->njoint; ++i) {
+        s->joint[i].known = false;
+    }
     s->booking = (pm_books){0};
     clear_booking(s);
     pm_subsystem_expose(s);
@@ -391,6 +405,62 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     s->safe_balance = s->balance;
     close_books(s);
 }
+
+// --- memory ---
+
+// Step, terms evaluated and skipped, steps outside; the books' own flux, those of its ports, the
+// balance; the state.
+#define COUNTS 4
+#define FLUX 4
+#define BALANCE 4
+
+int pm_subsystem_memory(const pm_subsystem *s) {
+    return COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + s->nz;
+}
+
+static double *put_flux(const pm_flux *flux, double *memory) {
+    const double number[FLUX] = {flux->energy, flux->entropy, flux->energy_gross,
+                                 flux->entropy_gross};
+    memcpy(memory, number, sizeof number);
+    return memory + FLUX;
+}
+
+static const double *get_flux(pm_flux *flux, const double *memory) {
+    *flux = (pm_flux){memory[0], memory[1], memory[2], memory[3]};
+    return memory + FLUX;
+}
+
+void pm_subsystem_save(const pm_subsystem *s, double *memory) {
+    *memory++ = (double)s->step;
+    *memory++ = (double)s->books.evaluated;
+    *memory++ = (double)s->books.skipped;
+    *memory++ = (double)s->books.outside;
+    memory = put_flux(&s->books.bulk, memory);
+    for (int i = 0; i < s->books.nflux; ++i) {
+        memory = put_flux(&s->flux[i], memory);
+    }
+    *memory++ = s->balance.energy;
+    *memory++ = s->balance.energy_gross;
+    *memory++ = s->balance.entropy;
+    *memory++ = s->balance.entropy_gross;
+    copy(memory, s->z, s->nz);
+}
+
+void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
+    const double *count = memory;
+    pm_subsystem_set_state(s, memory + pm_subsystem_memory(s) - s->nz);
+    s->step = (long)count[0];
+    s->booking.evaluated = s->books.evaluated = (long)count[1];
+    s->booking.skipped = s->books.skipped = (long)count[2];
+    s->booking.outside = s->books.outside = (long)count[3];
+    memory = get_flux(&s->books.bulk, memory + COUNTS);
+    for (int i = 0; i < s->books.nflux; ++i) {
+        memory = get_flux(&s->flux[i], memory);
+    }
+    s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
+}
+
+// --- the end of a step ---
 
 static pm_status check_finite(const pm_subsystem *s) {
     const pm_layout *layout = &s->scene->layout;

@@ -7,7 +7,9 @@
 //     pm_subsystem_couple   once per port, in order of ports: the port law's term, and its fluxes
 //                           (at a load the values of the world take the place of a neighbour's)
 //     pm_subsystem_advance  the Runge-Kutta combination; ends the substep after its last stage
-// The order of sums is fixed, so the same calls give the same bits in one process or in many.
+// The order of sums is fixed, so the same calls give the same bits in one process or in many. A
+// graph whose inputs have the bits of the time before is not run again: a subsystem at rest costs
+// next to nothing. (Weights must not change between two pm_subsystem_set_state.)
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 
@@ -60,6 +62,13 @@ typedef struct pm_books {
     const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
 } pm_books;
 pm_books pm_subsystem_books(const pm_subsystem *s);
+
+// What it must remember to go on from the end of a step with the same bits: how many numbers, and
+// these. Restoring is allowed at any time.
+int pm_subsystem_memory(const pm_subsystem *s);
+void pm_subsystem_save(const pm_subsystem *s, double *memory);
+void pm_subsystem_restore(pm_subsystem *s, const double *memory);
+
 // E and S at the present state, before any step. Same as books after a step.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 

@@ -77,7 +77,7 @@ static pm_status dataset_open(const pm_hdf5 *file, const char *name, int rank, i
 }
 
 pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *extent) {
-    hid_t id;
+    hid_t id = H5I_INVALID_HID;
     PM_TRY(dataset_open(file, name, rank, extent, &id));
     pm_hdf5_release(id);
     return PM_OK;
@@ -86,7 +86,7 @@ pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *ex
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,
                        double *value) {
     int found[PM_HDF5_MAX_RANK];
-    hid_t id;
+    hid_t id = H5I_INVALID_HID;
     PM_TRY(dataset_open(file, name, rank, found, &id));
     pm_status status = PM_OK;
     for (int i = 0; i < rank && status == PM_OK; ++i) {
@@ -148,6 +148,26 @@ pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const cha
     pm_hdf5_release(parents);
     *series = (pm_hdf5_series){.file = file, .id = id, .width = width};
     return status;
+}
+
+pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
+                              int64_t count) {
+    const int rank = width == 0 ? 1 : 2;
+    const hsize_t kept[2] = {(hsize_t)count, (hsize_t)width};
+    hsize_t size[2] = {0, 0};
+    const hid_t id = H5Dopen2(file->file, name, H5P_DEFAULT);
+    const hid_t space = id < 0 ? H5I_INVALID_HID : H5Dget_space(id);
+    const bool fits = space >= 0 && H5Sget_simple_extent_ndims(space) == rank &&
+                      H5Sget_simple_extent_dims(space, size, NULL) == rank && size[0] >= kept[0] &&
+                      (rank == 1 || size[1] == kept[1]);
+    pm_hdf5_release(space);
+    if (!fits || H5Dset_extent(id, kept) < 0) {
+        pm_hdf5_release(id);
+        return pm_fail(PM_EFILE, "%s: %s: expected a series of %lld samples to go on with",
+                       file->path, name, (long long)count);
+    }
+    *series = (pm_hdf5_series){.file = file, .id = id, .width = width, .count = count};
+    return PM_OK;
 }
 
 pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value) {

@@ -91,7 +91,7 @@ static hid_t file_access(void) {
     return list;
 }
 
-pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content) {
+static pm_status open_as(pm_hdf5 **file, const char *path, pm_status content, unsigned flags) {
     struct stat facts;
     if (stat(path, &facts) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be opened: %s", path, strerror(errno));
@@ -112,7 +112,7 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content) {
         return pm_fail(PM_EFILE, "%s: not an HDF5 file", path);
     }
     const hid_t list = file_access();
-    opened->file = H5Fopen(path, H5F_ACC_RDONLY, list);
+    opened->file = H5Fopen(path, flags, list);
     const pm_status status =
         opened->file < 0 ? pm_hdf5_fail(PM_EFILE, path, "open", "it as HDF5") : PM_OK;
     pm_hdf5_release(list);
@@ -122,6 +122,14 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content) {
     }
     *file = opened;
     return PM_OK;
+}
+
+pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content) {
+    return open_as(file, path, content, H5F_ACC_RDONLY);
+}
+
+pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
+    return open_as(file, path, PM_EFILE, H5F_ACC_RDWR);
 }
 
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {

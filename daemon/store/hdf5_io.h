@@ -24,6 +24,9 @@ typedef struct pm_hdf5 pm_hdf5;
 // Opens for reading. `content` is the code of failures that lie in the content.
 pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content);
 
+// Opens a file that was written in place, to go on writing. PM_EFILE.
+pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);
+
 // ATOMIC: written under a temporary name in the same folder; appears at `path`, whole, on commit.
 // IN_PLACE: written at `path` itself, so that what was flushed is there when the writer is killed.
 typedef enum pm_hdf5_mode { PM_HDF5_ATOMIC, PM_HDF5_IN_PLACE } pm_hdf5_mode;
@@ -89,6 +92,9 @@ typedef struct pm_hdf5_series {
 // `integer`: stored as 64-bit integers. Grows in chunks of `chunk` samples.
 pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
                                 int chunk, bool integer);
+// A series that is there, cut down to its first `count` samples. PM_EFILE: it has fewer.
+pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
+                              int64_t count);
 // Appends value [count][width].
 pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value);
 

@@ -54,6 +54,8 @@ void pm_sample_free(pm_sample *sample) {
 // --- the recording ---
 
 typedef struct column {
+    const char *path, *unit; // unit NULL: none is written
+    int width;               // 0: one number per sample
     pm_hdf5_series series;
     double *buffer; // [BLOCK][width or 1]
     int count;      // numbers per sample
@@ -77,20 +79,16 @@ static pm_status fail_memory(void) {
     return pm_fail(PM_ENOMEM, "recording: out of memory");
 }
 
-// Adds the series /`folder`/`name`; width 0: one number per sample. unit NULL: none is written.
+// Lists the series /`folder`/`name`.
 static pm_status add(pm_recording *r, const char *folder, const char *name, int width,
                      const char *unit) {
-    const char *path = pm_arena_printf(&r->arena, "%s/%s", folder, name);
-    column *c = &r->column[r->ncolumn];
+    column *c = &r->column[r->ncolumn++];
+    c->path = pm_arena_printf(&r->arena, "%s/%s", folder, name);
+    c->unit = unit;
+    c->width = width;
     c->count = width == 0 ? 1 : width;
     c->buffer = pm_arena_array(&r->arena, (size_t)c->count * BLOCK, sizeof *c->buffer);
-    if (path == NULL || c->buffer == NULL) {
-        return fail_memory();
-    }
-    PM_TRY(
-        pm_hdf5_series_create(&c->series, r->file, path, width, BLOCK, strcmp(path, "/step") == 0));
-    ++r->ncolumn;
-    return unit == NULL ? PM_OK : pm_hdf5_write_text(r->file, path, "units", unit);
+    return c->path == NULL || c->buffer == NULL ? fail_memory() : PM_OK;
 }
 
 // Names and units of the components of z: "s", or "q[0]" in a group of several.
@@ -121,12 +119,10 @@ static pm_status describe_state(pm_recording *r, const char *path,
 
 static pm_status add_subsystem(pm_recording *r, const pm_scene_subsystem *subsystem) {
     const char *folder = pm_arena_printf(&r->arena, "/subsystems/%s", subsystem->name);
-    const char *state = pm_arena_printf(&r->arena, "/subsystems/%s/z", subsystem->name);
-    if (folder == NULL || state == NULL) {
+    if (folder == NULL) {
         return fail_memory();
     }
     PM_TRY(add(r, folder, "z", subsystem->layout.nz, NULL));
-    PM_TRY(describe_state(r, state, subsystem));
     PM_TRY(add(r, folder, "E", 0, "J"));
     PM_TRY(add(r, folder, "S", 0, "J/K"));
     PM_TRY(add(r, folder, "bulk_energy", 0, "W"));
@@ -141,20 +137,11 @@ static pm_status add_port(pm_recording *r, const pm_scene_port *port) {
     PM_TRY(add(r, folder, "energy_flux_a", 0, "W"));
     PM_TRY(add(r, folder, "energy_flux_b", 0, "W"));
     PM_TRY(add(r, folder, "entropy_flux_a", 0, "W/K"));
-    PM_TRY(add(r, folder, "entropy_flux_b", 0, "W/K"));
-    const char *const ends[2] = {pm_scene_end_name(r->scene, port, 0),
-                                 pm_scene_end_name(r->scene, port, 1)};
-    return pm_hdf5_write_texts(r->file, folder, "ends", 2, ends);
+    return add(r, folder, "entropy_flux_b", 0, "W/K");
 }
 
 static pm_status add_all(pm_recording *r) {
     const pm_scene *scene = r->scene;
-    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
-    PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 1));
-    PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
-    PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator));
-    PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
-    PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
     PM_TRY(add(r, "", "time", 0, "s"));
     PM_TRY(add(r, "", "step", 0, NULL));
     PM_TRY(add(r, "/ledger", "energy", 0, "J"));
@@ -167,7 +154,48 @@ static pm_status add_all(pm_recording *r) {
     for (int i = 0; i < scene->nport; ++i) {
         PM_TRY(add_port(r, &scene->port[i]));
     }
+    return PM_OK;
+}
+
+static pm_status describe_port(pm_recording *r, const pm_scene_port *port) {
+    const char *folder = pm_arena_printf(&r->arena, "/ports/%s", port->name);
+    const char *const ends[2] = {pm_scene_end_name(r->scene, port, 0),
+                                 pm_scene_end_name(r->scene, port, 1)};
+    return folder == NULL ? fail_memory() : pm_hdf5_write_texts(r->file, folder, "ends", 2, ends);
+}
+
+static pm_status create_all(pm_recording *r) {
+    const pm_scene *scene = r->scene;
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 1));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
+    PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
+    for (int i = 0; i < r->ncolumn; ++i) {
+        column *c = &r->column[i];
+        PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, BLOCK,
+                                     strcmp(c->path, "/step") == 0));
+        if (c->unit != NULL) {
+            PM_TRY(pm_hdf5_write_text(r->file, c->path, "units", c->unit));
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const int state = SCENE_COLUMNS + SUBSYSTEM_COLUMNS * i;
+        PM_TRY(describe_state(r, r->column[state].path, &scene->subsystem[i]));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY(describe_port(r, &scene->port[i]));
+    }
     return pm_hdf5_flush(r->file);
+}
+
+static pm_status open_all(pm_recording *r, long count) {
+    for (int i = 0; i < r->ncolumn; ++i) {
+        column *c = &r->column[i];
+        PM_TRY(pm_hdf5_series_open(&c->series, r->file, c->path, c->width, count));
+    }
+    return PM_OK;
 }
 
 // The folder of `path`, or NULL.
@@ -210,7 +238,9 @@ pm_status pm_recording_check(const char *path) {
     return PM_OK;
 }
 
-pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene) {
+// A new file, or with `count` >= 0 one that holds at least as many samples.
+static pm_status open_at(pm_recording **recording, const char *path, const pm_scene *scene,
+                         long count) {
     pm_recording *r = calloc(1, sizeof *r);
     if (r == NULL) {
         return fail_memory();
@@ -224,8 +254,10 @@ pm_status pm_recording_open(pm_recording **recording, const char *path, const pm
         status = fail_memory();
         goto done;
     }
-    PM_TRY_DONE(pm_hdf5_create(&r->file, path, PM_HDF5_IN_PLACE));
     PM_TRY_DONE(add_all(r));
+    PM_TRY_DONE(count < 0 ? pm_hdf5_create(&r->file, path, PM_HDF5_IN_PLACE)
+                          : pm_hdf5_reopen(&r->file, path));
+    PM_TRY_DONE(count < 0 ? create_all(r) : open_all(r, count));
     r->flushed = pm_clock();
     *recording = r;
     return PM_OK;
@@ -234,6 +266,15 @@ done:
     pm_arena_free(&r->arena);
     free(r);
     return status;
+}
+
+pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene) {
+    return open_at(recording, path, scene, -1);
+}
+
+pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
+                              long count) {
+    return open_at(recording, path, scene, count);
 }
 
 // --- appending ---
@@ -293,16 +334,16 @@ static pm_status write_buffers(pm_recording *r) {
 pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample) {
     put_sample(recording, sample);
     ++recording->buffered;
-    const double now = pm_clock();
-    const bool flush = now - recording->flushed >= FLUSH_SECONDS;
-    if (flush || recording->buffered == BLOCK) {
-        PM_TRY(write_buffers(recording));
+    if (pm_clock() - recording->flushed >= FLUSH_SECONDS) {
+        return pm_recording_flush(recording);
     }
-    if (flush) {
-        recording->flushed = now;
-        PM_TRY(pm_hdf5_flush(recording->file));
-    }
-    return PM_OK;
+    return recording->buffered == BLOCK ? write_buffers(recording) : PM_OK;
+}
+
+pm_status pm_recording_flush(pm_recording *recording) {
+    recording->flushed = pm_clock();
+    PM_TRY(write_buffers(recording));
+    return pm_hdf5_flush(recording->file);
 }
 
 pm_status pm_recording_close(pm_recording *recording) {

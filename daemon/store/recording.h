@@ -51,7 +51,13 @@ typedef struct pm_recording pm_recording;
 pm_status pm_recording_check(const char *path);
 // Replaces the file at `path`. `scene` must outlive it. PM_EFILE, PM_ENOMEM.
 pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene);
+// Goes on with the file at `path` after its first `count` samples; later ones are removed.
+// PM_EFILE: it holds fewer, or is of another scene.
+pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
+                              long count);
 pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample);
+// All samples so far are in the file, and readable if this process is killed. PM_EFILE.
+pm_status pm_recording_flush(pm_recording *recording);
 // Flushes and closes. PM_EFILE. NULL is allowed.
 pm_status pm_recording_close(pm_recording *recording);
 

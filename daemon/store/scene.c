@@ -146,6 +146,15 @@ static pm_status read_url(pm_scene_reader *r) {
                                url);
 }
 
+static pm_status read_key_file(pm_scene_reader *r) {
+    const pm_yaml value = pm_yaml_get(r->root, "key_file");
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_scene_read_path(r, value, &r->scene->key_file));
+    return pm_scene_read_at(r, value, &r->scene->key_file_at);
+}
+
 static pm_status read_time(pm_scene_reader *r) {
     static const char *const keys[] = {"dt", "steps", "integrator", "substeps", NULL};
     pm_scene *scene = r->scene;
@@ -202,9 +211,10 @@ static pm_status read_guards(pm_scene_reader *r) {
 }
 
 static pm_status read_lockstep(pm_scene_reader *r) {
-    static const char *const keys[] = {"window", "patience", NULL};
+    static const char *const keys[] = {"window", "patience", "checkpoint", NULL};
     r->scene->window = 1;
     r->scene->patience = 10;
+    r->scene->checkpoint = 100;
     const pm_yaml lockstep = pm_yaml_get(r->root, "lockstep");
     if (!pm_yaml_exists(lockstep)) {
         return PM_OK;
@@ -213,6 +223,10 @@ static pm_status read_lockstep(pm_scene_reader *r) {
     const pm_yaml window = pm_yaml_get(lockstep, "window");
     if (pm_yaml_exists(window)) {
         PM_TRY(pm_yaml_int(window, 1, 1000000, &r->scene->window));
+    }
+    const pm_yaml checkpoint = pm_yaml_get(lockstep, "checkpoint");
+    if (pm_yaml_exists(checkpoint)) {
+        PM_TRY(pm_yaml_int(checkpoint, 1, 1000000000, &r->scene->checkpoint));
     }
     const pm_yaml patience = pm_yaml_get(lockstep, "patience");
     return pm_yaml_exists(patience) ? pm_yaml_double(patience, DBL_MIN, 1e6, &r->scene->patience)
@@ -239,14 +253,15 @@ static pm_status read_reference(pm_scene_reader *r) {
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
-    static const char *const keys[] = {"scene", "url",    "time",      "subsystems",
-                                       "loads", "ports",  "processes", "reference",
-                                       "laws",  "guards", "lockstep",  NULL};
+    static const char *const keys[] = {"scene",  "url",      "key_file",  "time",      "subsystems",
+                                       "loads",  "ports",    "processes", "reference", "laws",
+                                       "guards", "lockstep", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
     PM_TRY(pm_scene_read_name(r, value, &r->scene->name));
     PM_TRY(read_url(r));
+    PM_TRY(read_key_file(r));
     PM_TRY(read_time(r));
     PM_TRY(pm_scene_read_subsystems(r));
     PM_TRY(pm_scene_read_loads(r));

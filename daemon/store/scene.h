@@ -63,16 +63,18 @@ typedef struct pm_scene_port {
 } pm_scene_port;
 
 typedef struct pm_scene {
-    pm_arena arena;   // owns all that follows
-    const char *path; // as given
-    const char *name; // prefix of the channels: letters, digits, '_' only
-    const char *url;  // LCM provider
-    double dt;        // s
+    pm_arena arena;                     // owns all that follows
+    const char *path;                   // as given
+    const char *name;                   // prefix of the channels: letters, digits, '_' only
+    const char *url;                    // LCM provider
+    const char *key_file, *key_file_at; // of the messages' seals (net/seal.h), or NULL: none
+    double dt;                          // s
     int steps;
     const char *integrator, *integrator_at; // looked up later, by the layer that has the table
     int substeps;                           // per step
     int window;                             // steps granted at once
     double patience;                        // s to wait for a silent peer before giving up
+    int checkpoint;                         // steps between two snapshots of a process
     const char *reference, *reference_at;   // dataset to compare with, or NULL
     int reference_trajectory;
     const char *reference_trajectory_at;        // the whole reference where no trajectory is named

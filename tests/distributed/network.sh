@@ -67,7 +67,7 @@ ends() {
 # child PID NAME: the process id of the node NAME that the run PID launched.
 child() {
     for status in /proc/[0-9]*/stat; do
-        read -r process _ _ parent _ <"$status" 2>/dev/null || continue
+        read -r process _ _ parent _ 2>/dev/null <"$status" || continue
         if [ "$parent" = "$1" ] && tr '\0' ' ' <"/proc/$process/cmdline" | grep -q " $2 \$"; then
             echo "$process"
         fi

@@ -19,14 +19,37 @@ ends run $pid 0 ""
     fail "long, in process"
 "$same_recording" "$folder/long.h5" "$folder/paused.h5" || fail "paused"
 
-# One message of ten lost, each for all its receivers.
+# Messages lost, each for all its receivers: one of ten of two processes, one of twenty of four.
+lose() {
+    nft flush chain ip loss input &&
+        nft add rule ip loss input udp dport 7667 numgen random mod "$1" == 0 counter drop
+}
+# keeps_bits NAME: a lossy run is like the one before without loss.
+keeps_bits() {
+    "$same_recording" "$folder/$1.h5" "$folder/$1_lossy.h5" || fail "$1, lossy"
+    nft list chain ip loss input | grep -q 'packets [1-9]' || fail "$1: nothing was lost"
+}
+speed() {
+    sed -n 's/^Speed: \([0-9]*\).*/\1/p' "$folder/$1.out"
+}
 if nft add table ip loss 2>/dev/null &&
-    nft add chain ip loss input '{ type filter hook input priority 0; }' &&
-    nft add rule ip loss input udp dport 7667 numgen random mod 10 == 0 counter drop; then
-    start run run "$scene" --quiet --steps $steps --record "$folder/lossy.h5"
+    nft add chain ip loss input '{ type filter hook input priority 0; }' && lose 10; then
+    start run run "$scene" --quiet --steps $steps --record "$folder/plain_lossy.h5"
     ends run $pid 0 ""
-    "$same_recording" "$folder/plain.h5" "$folder/lossy.h5" || fail "lossy"
-    nft list chain ip loss input | grep -q 'packets [1-9]' || fail "nothing was lost"
+    keeps_bits plain
+
+    nft flush chain ip loss input
+    configs=$(realpath "$(dirname "$0")/../../configs")
+    sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
+        -e '/^time:/i processes: {first: [link1, link2]}' \
+        -e '/^time:/i lockstep: {window: 16}' "$configs/chain_5.yaml" >"$folder/chain.yaml"
+    start four run "$folder/chain.yaml" --steps $steps --record "$folder/four.h5"
+    ends four $pid 0 ""
+    lose 20
+    start four_lossy run "$folder/chain.yaml" --steps $steps --record "$folder/four_lossy.h5"
+    ends four_lossy $pid 0 ""
+    keeps_bits four
+    echo "four processes: $(speed four) steps/s, with 5 % loss $(speed four_lossy)"
 else
     echo "no nft here: loss is covered by test_lockstep only"
 fi

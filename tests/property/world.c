@@ -231,7 +231,7 @@ static void make_part(world *w, int i) {
     pm_part *part = &w->system->part[i];
     pm_yaml_document *document = NULL;
     pm_yaml block;
-    require(w, pm_yaml_parse(&document, w->part_text[i], "part", &block));
+    require(w, pm_yaml_parse(&document, w->part_text[i % 2], "part", &block));
     require(w, pm_part_spec_read(block, &w->system->arena, &part->spec));
     require(w, pm_part_declare(part));
     pm_yaml_close(document);

@@ -24,7 +24,7 @@ typedef struct world {
 // or (in one end) none, operators given and learned, with and without a frame; dt 0.001 s, rk4.
 void world_random(world *w, uint64_t seed, pm_form form);
 
-// The system of these texts. Both parts get the model `part`; `port` may be NULL if the scene has
+// The system of these texts. All parts get the model `part`; `port` may be NULL if the scene has
 // none.
 void world_of_text(world *w, uint64_t seed, const char *scene, const char *part, const char *port);
 

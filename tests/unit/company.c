@@ -7,6 +7,7 @@
 #include <stdint.h>
 // cmocka needs the above.
 #include <cmocka.h>
+#include <stdio.h>
 #include <string.h>
 
 #define START 100.0   // s, virtual
@@ -43,45 +44,118 @@ static pm_status compare(void *context, const pm_sample *sample) {
     return PM_OK;
 }
 
-static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub, int64_t session) {
-    *c = (company){.nlink = nlink, .count = count, .fail_at_step = -1, .now = START};
+// How far the plain loop had come when the coordinator wrote its checkpoint.
+static pm_status save(void *context, double *memory) {
+    const company *c = context;
+    memory[0] = (double)c->steps_seen;
+    return PM_OK;
+}
+
+static pm_status restore(void *context, long step, const double *memory) {
+    company *c = context;
+    assert_int_equal(step + 1, (long)memory[0]);
+    c->steps_seen = step + 1;
+    pm_assembly_set_state(c->assembly, c->f.z);
+    for (long i = 0; i < step; ++i) {
+        assert_int_equal(pm_assembly_step(c->assembly), PM_OK);
+    }
+    return PM_OK;
+}
+
+static const char *checkpoint_of(company *c, int i) {
+    if (c->folder == NULL) {
+        return NULL;
+    }
+    snprintf(c->path[i], sizeof c->path[i], "%s/%d", c->folder, i);
+    return c->path[i];
+}
+
+static void add_coordinator(company *c, int64_t session) {
+    const pm_lockstep_coordinator_options options = {
+        .steps = STEPS,
+        .session = session,
+        .want_state = true,
+        .observer = {c, compare, 1, save, restore},
+        .checkpoint = checkpoint_of(c, c->count),
+    };
+    assert_int_equal(pm_transport_open(&c->coordinator_transport, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_lockstep_coordinator_open(&c->coordinator, c->f.system,
+                                                  c->coordinator_transport, &options),
+                     PM_OK);
+}
+
+static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub, int64_t session,
+                       const char *folder) {
+    *c = (company){.nlink = nlink,
+                   .count = count,
+                   .fail_at_step = -1,
+                   .now = START,
+                   .hub = hub,
+                   .folder = folder};
     fixture_open(&c->f, nlink, 1234);
     if (count != nlink) {
         fixture_deal(&c->f, count);
     }
     c->f.scene->window = window;
     c->f.scene->patience = PATIENCE;
+    c->f.scene->checkpoint = CHECKPOINT;
     assert_int_equal(pm_assembly_open(&c->assembly, c->f.system), PM_OK);
     pm_assembly_set_state(c->assembly, c->f.z);
     for (int i = 0; i < count; ++i) {
         assert_int_equal(pm_transport_open(&c->transport[i], "memory://", hub), PM_OK);
     }
-    assert_int_equal(pm_transport_open(&c->coordinator_transport, "memory://", hub), PM_OK);
-    const pm_lockstep_coordinator_options options = {
-        .steps = STEPS,
-        .session = session,
-        .want_state = true,
-        .observer = {c, compare},
-    };
-    assert_int_equal(pm_lockstep_coordinator_open(&c->coordinator, c->f.system,
-                                                  c->coordinator_transport, &options),
-                     PM_OK);
+    add_coordinator(c, session);
 }
 
 // Everything but the nodes.
 void company_open(company *c, int count, int window, pm_hub *hub, int64_t session) {
-    open_dealt(c, count, count, window, hub, session);
+    open_dealt(c, count, count, window, hub, session, NULL);
 }
 
 void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub) {
-    open_dealt(c, nlink, count, window, hub, 0);
+    open_dealt(c, nlink, count, window, hub, 0, NULL);
     for (int i = 0; i < count; ++i) {
         company_add(c, i, c->f.system, 0);
     }
 }
 
+void company_open_keeping(company *c, int count, int window, pm_hub *hub, const char *folder) {
+    open_dealt(c, count, count, window, hub, 0, folder);
+    for (int i = 0; i < count; ++i) {
+        company_add(c, i, c->f.system, 0);
+    }
+}
+
+void company_kill(company *c, int i) {
+    if (i == c->count) {
+        pm_lockstep_coordinator_close(c->coordinator);
+        pm_transport_close(c->coordinator_transport);
+        c->coordinator = NULL;
+        c->coordinator_transport = NULL;
+    } else {
+        pm_lockstep_node_close(c->node[i]);
+        pm_transport_close(c->transport[i]);
+        c->node[i] = NULL;
+        c->transport[i] = NULL;
+    }
+}
+
+void company_return(company *c, int i) {
+    if (i == c->count) {
+        add_coordinator(c, 0);
+    } else {
+        assert_int_equal(pm_transport_open(&c->transport[i], "memory://", c->hub), PM_OK);
+        company_add(c, i, c->f.system, 0);
+    }
+}
+
+bool company_has(const company *c, int i) {
+    return i == c->count ? c->coordinator != NULL : c->node[i] != NULL;
+}
+
 void company_add(company *c, int i, const pm_system *system, int64_t session) {
-    const pm_lockstep_node_options options = {.z = c->f.z, .session = session};
+    const pm_lockstep_node_options options = {
+        .z = c->f.z, .session = session, .checkpoint = checkpoint_of(c, i)};
     assert_int_equal(pm_lockstep_node_open(&c->node[i], system, i, c->transport[i], &options),
                      PM_OK);
 }

@@ -9,6 +9,7 @@
 
 #define MAX_NODES 5
 #define STEPS 20
+#define CHECKPOINT 7 // steps between two checkpoints
 #define PATIENCE 2.0 // s, virtual
 #define TICK 0.001   // s by which time moves when nobody has a message
 
@@ -25,6 +26,9 @@ typedef struct company {
     pm_transport *coordinator_transport;
     pm_lockstep_coordinator *coordinator;
     long (*count_allocations)(void); // NULL: not of interest
+    pm_hub *hub;
+    const char *folder; // for checkpoints; NULL: none are kept
+    char path[MAX_NODES + 1][128];
 } company;
 
 // A hub, and everything but the nodes: scene and plain loop with `count` links, each its own
@@ -32,11 +36,18 @@ typedef struct company {
 pm_hub *company_hub(const pm_hub_faults *faults);
 void company_open(company *c, int count, int window, pm_hub *hub, int64_t session);
 void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub);
+// As the former, but all keep checkpoints in `folder`.
+void company_open_keeping(company *c, int count, int window, pm_hub *hub, const char *folder);
 // Node i of the company, whose scene and weights are `system`.
 void company_add(company *c, int i, const pm_system *system, int64_t session);
 // Both, with all nodes.
 void company_open_all(company *c, int count, int window, pm_hub *hub, int64_t session);
 void company_close(company *c);
+
+// Node i, or with i = count the coordinator, is gone without a word; and started again as it was.
+void company_kill(company *c, int i);
+void company_return(company *c, int i);
+bool company_has(const company *c, int i);
 
 bool company_is_over(const company *c);
 // Everybody's turn; the number of messages handed out. Time passes when there are none; a company

@@ -43,11 +43,14 @@ static int act_child(const char *role) {
     return 0;
 }
 
+static const char *launch_argument[] = {"test_launch", NULL, NULL};
+
 static pm_launch *start(const char *role) {
     pm_launch *launch = NULL;
     assert_int_equal(pm_launch_open(&launch, 2), PM_OK);
-    const char *argv[] = {"test_launch", role, NULL};
-    assert_int_equal(pm_launch_start(launch, "lower", argv), PM_OK);
+    const char **argv = launch_argument;
+    argv[1] = role;
+    assert_int_equal(pm_launch_start(launch, "lower", argv, NULL), PM_OK);
     return launch;
 }
 
@@ -68,14 +71,14 @@ static void test_failure_is_named_with_its_code_and_line(void **state) {
     (void)state;
     pm_launch *launch = start("numeric");
     const char *argv[] = {"test_launch", "sleep", NULL};
-    assert_int_equal(pm_launch_start(launch, "upper", argv), PM_OK);
+    assert_int_equal(pm_launch_start(launch, "upper", argv, NULL), PM_OK);
     const double begin = pm_clock();
     pm_status status = PM_OK;
     while (status == PM_OK && pm_clock() - begin < SLEEP) {
         status = pm_launch_watch(launch);
     }
     assert_int_equal(status, PM_ENUMERIC);
-    assert_string_equal(pm_error(), "node lower ended with exit code 9: q[0] is nan");
+    assert_string_equal(pm_error(), "process lower ended with exit code 9: q[0] is nan");
     pm_launch_close(launch);
     assert_none_left();
 }
@@ -84,11 +87,11 @@ static void test_foreign_code_and_signal_are_transport_failures(void **state) {
     (void)state;
     pm_launch *launch = start("foreign");
     assert_int_equal(pm_launch_wait(launch, SLEEP), PM_ENET);
-    assert_string_equal(pm_error(), "node lower ended with exit code 99");
+    assert_string_equal(pm_error(), "process lower ended with exit code 99");
     pm_launch_close(launch);
     launch = start("killed");
     assert_int_equal(pm_launch_wait(launch, SLEEP), PM_ENET);
-    assert_string_equal(pm_error(), "node lower was killed by signal 9 (Killed)");
+    assert_string_equal(pm_error(), "process lower was killed by signal 9 (Killed)");
     pm_launch_close(launch);
     assert_none_left();
 }

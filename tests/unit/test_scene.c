@@ -33,7 +33,8 @@ static const char good[] = "scene: pair\n"
                            "reference: {file: ref.h5, trajectory: 3}\n"
                            "laws: {energy: 1.0e-11, entropy: 0}\n"
                            "guards: {energy_drift: 0.01, region: 0.5}\n"
-                           "lockstep: {window: 4, patience: 2.5}\n";
+                           "lockstep: {window: 4, patience: 2.5}\n"
+                           "key_file: pair.key\n";
 
 static const char minimal[] = "scene: one\n"
                               "time: {dt: 1, steps: 1, integrator: euler}\n"
@@ -65,6 +66,8 @@ static void test_settings(void **state) {
     assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
     assert_true(scene->largest_drift == 0.01 && scene->largest_departure == 0.5);
     assert_true(scene->window == 4 && scene->patience == 2.5);
+    assert_string_equal(scene->key_file, "dir/pair.key");
+    assert_string_equal(scene->key_file_at, "dir/t.yaml:27:11");
     pm_scene_free(scene);
 }
 
@@ -132,6 +135,7 @@ static void test_defaults(void **state) {
     assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
     assert_true(isinf(scene->largest_drift) && isinf(scene->largest_departure));
     assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
+    assert_null(scene->key_file);
     assert_null(scene->subsystem[0].column);
     pm_scene_free(scene);
     // A path without a folder leaves relative paths as they are.
@@ -147,7 +151,8 @@ static const yaml_case bad[] = {
     {"scene: pair\n", "", "url", "missing key \"scene\""},
     {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
     {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
-    {"url:", "uri:", "uri", "unknown key \"uri\"; allowed: scene, url, time, subsystems, loads"},
+    {"url:", "uri:", "uri",
+     "unknown key \"uri\"; allowed: scene, url, key_file, time, subsystems, loads"},
     // the URL's shape
     {GOOD_URL, "foo://239.255.76.67:7667", "foo",
      "url: expected udpm://GROUP:PORT or mpudpm://GROUP:PORT"},

@@ -74,6 +74,7 @@ succeed "Both laws" evaluate "$scene" --data "$data"
 succeed '"nonfinite": 0' evaluate "$scene" --data "$data" --json --trajectories 0:
 succeed '"trajectories": 1' evaluate "$scene" --json --data "$data" --record "$new"
 # What was recorded is a dataset that the same rollouts fit.
+succeed '"trained_groups": {' evaluate "$scene" --json --data "$data" --trained 0
 succeed '"high": 0, "mean": 0}' evaluate "$scene" --json --data "$new"
 expect 5 "nan.h5" evaluate "$scene" --data "$folder/nan.h5"
 expect 5 "scene.yaml:7:30: subsystem left: column \"q1\" is not in the dataset" evaluate "$scene" \
@@ -84,8 +85,10 @@ expect 6 "scene.yaml:5:14: subsystem left: weights $folder/nowhere/left.h5: " ev
 expect 4 "/nowhere/new.h5" evaluate "$scene" --data "$data" --record /nowhere/new.h5
 expect 4 "/nowhere/plots" evaluate "$scene" --data "$data" --plot /nowhere/plots
 if command -v gnuplot >/dev/null; then
-    timeout 60 "$train" evaluate "$scene" --data "$data" --plot "$folder/plots" \
+    timeout 60 "$train" evaluate "$scene" --data "$data" --trained 0 --plot "$folder/plots" \
         >"$folder/out" 2>"$folder/err" || fail "--plot"
+    grep -q '^Trajectories that training saw: 0 to 0' "$folder/out" || fail "--trained"
+    grep -q trained_snapshots.txt "$folder/plots/errors.gp" || fail "errors.gp without training"
     for picture in errors trajectory growth laws; do
         [ -s "$folder/plots/$picture.png" ] || fail "no $picture.png"
     done

@@ -161,7 +161,7 @@ pm_status study_measure(const char *config, const char *folder, const study_trut
     PM_TRY_DONE(measure_rollouts(evaluation, truth->physics, score));
     PM_TRY_DONE(measure_step(system, truth->dataset, score));
     if (pictures != NULL) {
-        PM_TRY_DONE(pm_evaluation_plot(evaluation, pictures));
+        PM_TRY_DONE(pm_evaluation_plot(evaluation, NULL, pictures));
     }
 done:
     pm_evaluation_free(evaluation);

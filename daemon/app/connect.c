@@ -1,0 +1,63 @@
+// Transport and key of a scene, and what came from strangers.
+#include "app/connect.h"
+
+#include <stdio.h>
+
+pm_status pm_connect_key(const pm_scene *scene, pm_key *key) {
+    if (scene->key_file == NULL) {
+        return PM_OK;
+    }
+    pm_key read;
+    const pm_status status = pm_key_load(&read, scene->key_file);
+    if (status != PM_OK) {
+        return pm_fail(status, "%s: %s", scene->key_file_at, pm_error());
+    }
+    if (key != NULL) {
+        *key = read;
+    }
+    pm_key_clear(&read);
+    return PM_OK;
+}
+
+static pm_status seal(pm_transport *transport, const pm_scene *scene) {
+    pm_key key;
+    PM_TRY(pm_connect_key(scene, &key));
+    const pm_status status = pm_transport_seal(transport, &key);
+    pm_key_clear(&key);
+    return status;
+}
+
+pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene) {
+    pm_transport *opened = NULL;
+    PM_TRY(pm_transport_open(&opened, scene->url, NULL));
+    const pm_status status = scene->key_file == NULL ? PM_OK : seal(opened, scene);
+    if (status != PM_OK) {
+        pm_transport_close(opened);
+        return status;
+    }
+    *transport = opened;
+    return PM_OK;
+}
+
+void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
+    // Not those that a best-effort network, or another run of the scene beside this one, makes.
+    static const pm_drop strange[] = {PM_DROP_DATAGRAM, PM_DROP_LENGTH, PM_DROP_TYPE,
+                                      PM_DROP_COUNT,    PM_DROP_TEXT,   PM_DROP_NUMBER,
+                                      PM_DROP_SEAL,     PM_DROP_REPLAY};
+    const pm_drops *below = pm_transport_drops(transport);
+    char list[256];
+    size_t used = 0;
+    long total = 0;
+    for (size_t i = 0; i < sizeof strange / sizeof strange[0]; ++i) {
+        const long count = drops->count[strange[i]] + below->count[strange[i]];
+        if (count > 0 && used < sizeof list) {
+            const int length = snprintf(list + used, sizeof list - used, "%s%ld %s",
+                                        total > 0 ? ", " : "", count, pm_drop_name(strange[i]));
+            used += length < 0 ? 0 : (size_t)length;
+        }
+        total += count;
+    }
+    if (total > 0) {
+        fprintf(stderr, "portmetd: warning: messages dropped: %s\n", list);
+    }
+}

@@ -1,0 +1,118 @@
+// Children with checkpoints.
+#include "app/supervise.h"
+
+#include <inttypes.h>
+#include <signal.h>
+#include <stdio.h>
+#include <time.h>
+
+#include "app/launch.h"
+#include "app/stop.h"
+#include "net/lockstep_coordinator.h"
+#include "store/snapshot.h"
+
+#define WATCH_INTERVAL 5000000 // ns between two looks at the children
+#define END_GRACE 1.0          // s for all to end by themselves after the first of them
+#define STOP_GRACE 5.0         // s likewise, for the coordinator that was told to stop
+#define MAX_ARGUMENTS 20
+#define COORDINATOR 0 // the first child
+
+// A number drawn anew, or of the run that is to go on, as text.
+static pm_status choose_session(pm_setup *setup, const char *checkpoint, const char **text) {
+    int64_t session = 0;
+    bool found;
+    PM_TRY(pm_snapshot_session(checkpoint, setup->system->digest, &session, &found));
+    session = found ? session : pm_lockstep_session();
+    *text = pm_arena_printf(&setup->arena, "%" PRId64, session);
+    return *text == NULL ? pm_fail(PM_ENOMEM, "run: out of memory") : PM_OK;
+}
+
+const char *const *pm_supervise_arguments(pm_setup *setup, const pm_options *options,
+                                          const char *session, const char *process) {
+    const bool coordinates = process == NULL;
+    const char **argv = pm_arena_array(&setup->arena, MAX_ARGUMENTS, sizeof *argv);
+    const char *steps = pm_arena_printf(&setup->arena, "%d", setup->scene->steps);
+    if (argv == NULL || steps == NULL) {
+        return NULL;
+    }
+    const struct {
+        const char *option, *value;
+    } given[] = {
+        {"--session", session},
+        {"--url", setup->scene->url},
+        {"--weights", options->weights},
+        {"--checkpoint", options->checkpoint},
+        {"--steps", coordinates ? steps : NULL},
+        {"--record", coordinates ? options->record : NULL},
+    };
+    int count = 0;
+    argv[count++] = "portmetd";
+    argv[count++] = coordinates ? "coordinator" : "node";
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; ++i) {
+        if (given[i].value != NULL) {
+            argv[count++] = given[i].option;
+            argv[count++] = given[i].value;
+        }
+    }
+    if (coordinates && options->quiet) {
+        argv[count++] = "--quiet";
+    }
+    argv[count++] = "--";
+    argv[count++] = options->scene;
+    argv[count] = process;
+    return argv;
+}
+
+static pm_status start(pm_launch *launch, pm_setup *setup, const pm_options *options,
+                       const char *session, const char *process, const char *checkpoint) {
+    const char *const *argv = pm_supervise_arguments(setup, options, session, process);
+    const char *name = process == NULL ? "coordinator" : process;
+    return argv == NULL ? pm_fail(PM_ENOMEM, "run: out of memory")
+                        : pm_launch_start(launch, name, argv, checkpoint);
+}
+
+static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_options *options) {
+    const pm_scene *scene = setup->scene;
+    const char *checkpoint, *session;
+    PM_TRY(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
+    PM_TRY(choose_session(setup, checkpoint, &session));
+    PM_TRY(start(launch, setup, options, session, NULL, checkpoint));
+    for (int i = 0; i < scene->nprocess; ++i) {
+        const char *name = scene->process[i].name;
+        PM_TRY(pm_setup_checkpoint(setup, options, name, &checkpoint));
+        PM_TRY(start(launch, setup, options, session, name, checkpoint));
+    }
+    return PM_OK;
+}
+
+// Until the coordinator has ended, or one of the children has failed.
+static pm_status watch(pm_launch *launch) {
+    pm_status status = PM_OK;
+    while (status == PM_OK && !pm_launch_ended_well(launch, COORDINATOR)) {
+        if (pm_stop_requested) {
+            // The coordinator ends all others, and prints what was done so far.
+            pm_launch_signal(launch, COORDINATOR, SIGTERM);
+            (void)pm_launch_wait(launch, STOP_GRACE);
+            return pm_fail(PM_EINTERRUPTED, "interrupted");
+        }
+        nanosleep(&(struct timespec){.tv_nsec = WATCH_INTERVAL}, NULL);
+        status = pm_launch_watch(launch);
+    }
+    return status;
+}
+
+pm_status pm_supervise(pm_setup *setup, const pm_options *options) {
+    pm_launch *launch = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
+    PM_TRY_DONE(start_all(launch, setup, options));
+    status = watch(launch);
+    // Of several failures the coordinator's tells most. Once it has ended well, all is done.
+    if (status != PM_EINTERRUPTED) {
+        const pm_status end = pm_launch_wait(launch, END_GRACE);
+        status = pm_launch_ended_well(launch, COORDINATOR) ? PM_OK : end;
+    }
+done:
+    pm_launch_close(launch);
+    return status;
+}

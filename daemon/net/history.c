@@ -1,0 +1,83 @@
+// Two checkpoints, and the file that holds both.
+#include "net/history.h"
+
+#include <string.h>
+#include <unistd.h>
+
+#include "store/snapshot.h"
+
+int64_t pm_history_interval(const pm_scene *scene) {
+    const int64_t least = 2 * (int64_t)scene->window;
+    return scene->checkpoint > least ? scene->checkpoint : least;
+}
+
+static double *newer(const pm_history *h) {
+    return h->memory + h->size;
+}
+
+pm_status pm_history_init(pm_history *history, pm_arena *arena, const char *path,
+                          const pm_system *system, const pm_crew *crew) {
+    pm_history *h = history;
+    h->path = path;
+    if (path == NULL) {
+        return PM_OK;
+    }
+    h->digest = system->digest;
+    h->interval = pm_history_interval(system->scene);
+    h->size = 1 + pm_crew_memory(crew);
+    h->memory = pm_arena_array(arena, 2 * (size_t)h->size, sizeof *h->memory);
+    if (h->memory == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", path);
+    }
+    h->memory[0] = -1;
+    newer(h)[0] = 0;
+    pm_crew_save(crew, newer(h) + 1);
+    return PM_OK;
+}
+
+pm_status pm_history_load(pm_history *history, int64_t session) {
+    const pm_history *h = history;
+    int64_t found_session;
+    bool found;
+    if (h->path == NULL) {
+        return PM_OK;
+    }
+    PM_TRY(pm_snapshot_session(h->path, h->digest, &found_session, &found));
+    if (!found || found_session != session) {
+        return PM_OK;
+    }
+    return pm_snapshot_load(h->path, h->digest, &found_session, 2 * h->size, h->memory, &found);
+}
+
+pm_status pm_history_note(pm_history *history, int64_t session, int64_t step, const pm_crew *crew) {
+    const pm_history *h = history;
+    if (h->path == NULL || step % h->interval != 0 || step == 0) {
+        return PM_OK;
+    }
+    memcpy(h->memory, newer(h), (size_t)h->size * sizeof *h->memory);
+    newer(h)[0] = (double)step;
+    pm_crew_save(crew, newer(h) + 1);
+    return pm_snapshot_save(h->path, h->digest, session, 2 * h->size, h->memory);
+}
+
+int64_t pm_history_go_back(pm_history *history, int64_t step, pm_crew *crew) {
+    const pm_history *h = history;
+    if (h->path == NULL) {
+        return -1;
+    }
+    if ((double)step < newer(h)[0]) {
+        if (h->memory[0] < 0 || (double)step < h->memory[0]) {
+            return -1;
+        }
+        memcpy(newer(h), h->memory, (size_t)h->size * sizeof *h->memory);
+        h->memory[0] = -1;
+    }
+    pm_crew_restore(crew, newer(h) + 1);
+    return (int64_t)newer(h)[0];
+}
+
+void pm_history_remove(const pm_history *history) {
+    if (history->path != NULL) {
+        unlink(history->path);
+    }
+}

@@ -1,0 +1,40 @@
+// The checkpoints of a process: what its crew must remember, at the last two of every `interval`
+// steps from the start of the run on, in memory and in a file. A process that returns from its
+// death goes on from the newest; one that is asked for what it no longer holds goes back to the
+// newest before that. As no process is ever ahead of another by more than an interval less one
+// step, all of them hold a common one.
+#ifndef PM_NET_HISTORY_H
+#define PM_NET_HISTORY_H
+
+#include "net/crew.h"
+
+// Storage the caller owns; zero-initialise.
+typedef struct pm_history {
+    const char *path; // NULL: nothing is kept
+    uint64_t digest;
+    int64_t interval; // steps
+    int size;         // numbers of a checkpoint: its step, then the crew's
+    double *memory;   // [2][size], the older first; step -1: none
+} pm_history;
+
+// Steps between two checkpoints: as the scene says, or twice its window if that is more.
+int64_t pm_history_interval(const pm_scene *scene);
+
+// Begins with the crew's present state, as of step 0; memory from the arena. PM_ENOMEM.
+pm_status pm_history_init(pm_history *history, pm_arena *arena, const char *path,
+                          const pm_system *system, const pm_crew *crew);
+
+// Takes over the file, if there is one of this session. PM_EFILE.
+pm_status pm_history_load(pm_history *history, int64_t session);
+
+// `step` steps are complete: keeps the crew's state if it is time to. PM_EFILE.
+pm_status pm_history_note(pm_history *history, int64_t session, int64_t step, const pm_crew *crew);
+
+// Brings the crew back to the newest checkpoint of at most `step` steps, and forgets later ones.
+// Returns its step; -1: there is none, and the crew is as it was.
+int64_t pm_history_go_back(pm_history *history, int64_t step, pm_crew *crew);
+
+// The run is over: removes the file.
+void pm_history_remove(const pm_history *history);
+
+#endif

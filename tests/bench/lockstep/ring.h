@@ -1,0 +1,19 @@
+// Bare rings to compare with: processes that do nothing but tell both neighbours that they have
+// reached a step, and wait until these have.
+#ifndef TESTS_BENCH_RING_H
+#define TESTS_BENCH_RING_H
+
+#include "base/status.h"
+#include "cost.h"
+
+typedef enum ring_kind {
+    RING_LCM,  // messages of 72 bytes, liblcm alone
+    RING_OWN,  // published by liblcm, received by net/receiver.h
+    RING_FUTEX // counters in shared memory
+} ring_kind;
+
+// Runs `count` processes, at most 64, for `steps` steps on LCM at `url`. PM_ENET: a process failed,
+// or a message was lost.
+pm_status ring_run(ring_kind kind, const char *url, int count, int steps, cost *result);
+
+#endif

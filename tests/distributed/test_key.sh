@@ -1,0 +1,76 @@
+#!/bin/sh
+# test_key.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER: a scene among strangers. What
+# crashes LCM's decoders is dropped and counted; with a key, so is all that is forged, cut or replayed.
+. "$(dirname "$0")/network.sh"
+stranger=$5
+steps=1000
+"$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
+    fail "in process"
+
+# beside MODE NAME ARGUMENT...: a run of portmetd beside a stranger; ends well, and warns.
+beside() {
+    "$stranger" "$1" 15 &
+    evil=$!
+    started="$started $evil"
+    sleep 0.2
+    start "$2" run "$3" --quiet --steps $steps --record "$folder/$2.h5"
+    wait $pid || fail "$2: among strangers"
+    kill $evil
+    "$same_recording" "$folder/plain.h5" "$folder/$2.h5" || fail "$2: other bits"
+}
+
+# counted NAME WORDS...: some line of warning has each of them.
+counted() {
+    name=$1
+    shift
+    for words in "$@"; do
+        grep -q "warning: messages dropped:.* [1-9][0-9]* $words" "$folder/$name.err" ||
+            fail "$name: not counted: $words"
+    done
+}
+
+beside plain open "$scene"
+counted open "wrong size" "foreign type"
+
+keyed=$folder/keyed.yaml
+sed '1a key_file: pair.key' "$scene" >"$keyed"
+(umask 077 && head -c 32 /dev/urandom >"$folder/pair.key")
+start alone run "$keyed" --quiet --steps $steps --record "$folder/alone.h5"
+ends alone $pid 0 ""
+"$same_recording" "$folder/plain.h5" "$folder/alone.h5" || fail "with a key"
+beside echo sealed "$keyed"
+counted sealed "not authentic"
+"$portmetd" check "$keyed" | grep -q 'key .*pair.key' || fail "check: the key"
+
+# Received by liblcm, too.
+sed "2a url: 'udpm://239.255.76.67:7667?ttl=0&receive=lcm'" "$keyed" >"$folder/lcm.yaml"
+beside echo lcm "$folder/lcm.yaml"
+counted lcm "not authentic"
+
+# Who lacks the key, or has another, is not heard.
+sed '1a lockstep: {patience: 1}' "$scene" >"$folder/hasty.yaml"
+sed '1a key_file: pair.key' "$folder/hasty.yaml" >"$folder/hasty_keyed.yaml"
+start left node "$folder/hasty.yaml" left
+left=$pid
+start right node "$folder/hasty_keyed.yaml" right
+right=$pid
+start coordinator coordinator "$folder/hasty_keyed.yaml" --quiet
+wait $pid
+[ $? -eq 8 ] || fail "coordinator: expected a silent node"
+grep -q 'nodes missing after .*: left$' "$folder/coordinator.err" || fail "coordinator: names left"
+counted coordinator "not authentic"
+wait $left $right
+counted left "wrong length"
+
+# A key that is no key, or not secret.
+chmod 644 "$folder/pair.key"
+start shared run "$keyed"
+ends shared $pid 4 'keyed.yaml:2:.*pair.key: others may use this key'
+start shared check "$keyed"
+ends shared $pid 4 'others may use this key'
+chmod 600 "$folder/pair.key"
+printf x >>"$folder/pair.key"
+start long run "$keyed"
+ends long $pid 4 '33 bytes, expected a key of 32'
+no_orphans "at the end"
+finish

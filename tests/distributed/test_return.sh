@@ -1,0 +1,59 @@
+#!/bin/sh
+# test_return.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER [KILLS [STEPS [SEED]]]: nodes and the
+# coordinator are killed at random while a run goes on; it ends with the bits of an undisturbed one, and
+# leaves no process and no file behind.
+. "$(dirname "$0")/network.sh"
+kills=${6:-6}
+steps=${7:-4000}
+seed=${8:-$(date +%s)}
+configs=$(realpath "$(dirname "$0")/../../configs")
+
+# Three processes: when one dies, it may be between two others, or not. What a balanced integrator
+# must remember is more than the state.
+chain=$folder/scene_chain.yaml
+sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
+    -e 's/integrator: rk4,/integrator: rk4_balanced,/' -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
+"$portmetd" run "$chain" --in-process --steps $steps --record "$folder/plain.h5" >"$folder/plain.out" ||
+    fail "in process"
+
+# laws NAME: what a run's tables say of both laws, errors and fluxes, as speed differs.
+laws() {
+    grep -v -e '^Speed' -e '; in one process$' -e '; over LCM$' "$folder/$1.out"
+}
+
+# same_end NAME: bits, tables and an empty folder.
+same_end() {
+    "$same_recording" "$folder/plain.h5" "$folder/$1.h5" || fail "$1: other bits"
+    laws plain >"$folder/plain.laws"
+    laws "$1" | cmp -s - "$folder/plain.laws" || fail "$1: other tables"
+    [ -z "$(ls "$folder/$1")" ] || fail "$1: left $(ls "$folder/$1")"
+    no_orphans "$1"
+}
+
+# Undisturbed.
+start calm run "$chain" --steps $steps --checkpoint "$folder/calm" --record "$folder/calm.h5"
+ends calm $pid 0 ""
+same_end calm
+
+# Killed at random.
+start killed run "$chain" --steps $steps --checkpoint "$folder/killed" --record "$folder/killed.h5"
+run=$pid
+done=0
+for choice in $(awk -v seed="$seed" -v kills="$kills" 'BEGIN {
+    srand(seed)
+    split("link1 link2 link3 scene_chain.yaml", who, " ")
+    for (i = 0; i < kills; i++) printf "%.2f:%s ", 0.05 + 0.4 * rand(), who[1 + int(4 * rand())]
+}'); do
+    sleep "${choice%:*}"
+    victim=$(child $run "[^ ]*${choice#*:}")
+    [ -n "$victim" ] && kill -KILL "$victim" 2>/dev/null && done=$((done + 1))
+done
+wait $run
+code=$?
+[ $code -eq 0 ] || fail "killed: exit code $code"
+[ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/killed.err")" -eq $done ] ||
+    fail "killed: expected $done lines"
+same_end killed
+echo "seed $seed: $done of $kills kills"
+[ $((2 * done)) -ge "$kills" ] || fail "killed: the run was over too early"
+finish
