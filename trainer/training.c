@@ -301,6 +301,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     t->seed = (uint64_t)seed;
     PM_TRY(read_data(t, root));
     PM_TRY(read_models(t, root));
+    PM_TRY(pm_system_check_loads(t->system));
     PM_TRY(read_stages(t, root));
     return make_digest(t);
 }

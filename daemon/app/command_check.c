@@ -102,10 +102,20 @@ static void print_prescribed(const char *what, const pm_scene_prescribed *value,
     }
 }
 
-static void print_load(const pm_scene_world *load) {
+static bool is_used(const pm_scene *scene, int load_id) {
+    for (int i = 0; i < scene->nport; ++i) {
+        if (scene->port[i].load[0] == load_id || scene->port[i].load[1] == load_id) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void print_load(const pm_scene *scene, int load_id) {
     static const char *const what[] = {"value", "dE", "dS"};
-    printf("\nload %s: prescribed by the world, in numbers or columns of the reference\n",
-           load->name);
+    const pm_scene_world *load = &scene->load[load_id];
+    printf("\nload %s: prescribed by the world, in numbers or columns of the reference%s\n",
+           load->name, is_used(scene, load_id) ? "" : "; no port ends at it");
     for (int g = 0; g < load->layout.ngroup; ++g) {
         const pm_group *group = &load->layout.group[g];
         printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
@@ -154,7 +164,7 @@ static bool sends_fluxes(const pm_scene *scene, int process_id) {
 }
 
 static pm_status print_channels(const pm_scene *scene) {
-    static const char *const words[] = {"TICK", "COMMAND", "REQUEST", "LEDGER"};
+    static const char *const words[] = {"HELLO", "TICK", "COMMAND", "REQUEST", "LEDGER"};
     char channel[PM_CHANNEL_SIZE];
     printf("\nchannels that a spy sees\n");
     for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
@@ -181,7 +191,7 @@ static pm_status describe(const pm_setup *setup) {
         print_subsystem(setup, i);
     }
     for (int i = 0; i < setup->scene->nload; ++i) {
-        print_load(&setup->scene->load[i]);
+        print_load(setup->scene, i);
     }
     for (int i = 0; i < setup->scene->nport; ++i) {
         print_port(setup, i);

@@ -56,7 +56,8 @@ PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdif
     }
 }
 
-// Inner product with LANES partial sums in a fixed order.
+// Inner product with LANES partial sums in a fixed order. What is left over when k is no multiple
+// of LANES is gathered apart, so that the partial sums stay in registers.
 static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
                            const double *restrict y) {
     double lane[LANES] = {0};
@@ -66,11 +67,27 @@ static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
             lane[i] += x[(l + i) * stride] * y[l + i];
         }
     }
-    for (int i = 0; l < k; ++l, ++i) {
-        lane[i] += x[l * stride] * y[l];
+    if (l < k) {
+        double rest[LANES] = {0};
+        for (int i = 0; l + i < k; ++i) {
+            rest[i] = x[(l + i) * stride] * y[l + i];
+        }
+        for (int i = 0; i < LANES; ++i) {
+            lane[i] += rest[i];
+        }
     }
     return ((lane[0] + lane[4]) + (lane[1] + lane[5])) +
            ((lane[2] + lane[6]) + (lane[3] + lane[7]));
+}
+
+// The same for k < 4, where all other partial sums are zero.
+static inline double short_inner(int k, const double *restrict x, ptrdiff_t stride,
+                                 const double *restrict y) {
+    double sum = 0;
+    for (int l = 0; l < k; ++l) {
+        sum += 0 + x[l * stride] * y[l];
+    }
+    return sum;
 }
 
 // c = a b^T by way of b^T, for more than a few rows.
@@ -91,6 +108,10 @@ PM_SIMD_CLONES static void small_nt(int m, int n, int k, const double *a, ptrdif
     for (int i = 0; i < m; ++i) {
         for (int j = 0; j < n; ++j) {
             const double *b_row = b + (ptrdiff_t)j * k;
+            if (k < 4) {
+                c[(ptrdiff_t)i * n + j] = short_inner(k, a + i * a_row, a_col, b_row);
+                continue;
+            }
             // The unit stride is spelled out so that it compiles to vector loads.
             c[(ptrdiff_t)i * n + j] = a_col == 1 ? inner(k, a + i * a_row, 1, b_row)
                                                  : inner(k, a + i * a_row, a_col, b_row);

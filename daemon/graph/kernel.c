@@ -250,11 +250,17 @@ void pm_run_place(const pm_instruction *x, int batch) {
 
 void pm_run_concat(const pm_instruction *x, int batch) {
     const size_t rows = total_rows(x->shape, batch);
-    int first = 0;
-    for (int i = 0; i < x->node->noperand; ++i) {
+    double *out = x->out;
+    for (int i = 0; i < x->nindex; ++i) {
         const int cols = x->part_cols[i];
-        copy_columns(rows, cols, x->part[i], cols, x->out + first, x->shape.cols);
-        first += cols;
+        if (rows == 1) {
+            for (int c = 0; c < cols; ++c) {
+                out[c] = x->part[i][c];
+            }
+        } else {
+            copy_columns(rows, cols, x->part[i], cols, out, x->shape.cols);
+        }
+        out += cols;
     }
 }
 

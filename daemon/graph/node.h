@@ -70,7 +70,7 @@ struct pm_instruction {
     pm_stride stride_a, stride_b; // against the result's shape (for sum_to: the result against a's)
     double *out;
     const double *a, *b;
-    const double *const *part; // concat: all operands
+    const double *const *part; // concat: all operands [nindex]
     const int *part_cols;
     double number;
     int first, nindex;

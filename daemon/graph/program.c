@@ -259,6 +259,7 @@ static pm_status resolve_parts(pm_program *p, const pm_graph *g, pm_instruction 
     }
     x->part = part;
     x->part_cols = cols;
+    x->nindex = count;
     return PM_OK;
 }
 

@@ -17,9 +17,9 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
 
 // Its discrete derivative between the states of `from` and `to`, as covector[i] per symbol
 // (starting at PM_NO_NODE): the partial derivatives of each network at the mean of its features,
-// carried to the states by the features' own discrete derivatives. Exact for a network that is
-// quadratic in its features, D . (z_to - z_from) = E_to - E_from; otherwise to third order in the
-// step.
+// carried to the states by the features' own discrete derivatives, and corrected along the change
+// of the features (Gonzalez, J. Nonlinear Sci. 6, 1996), so that D . (z_to - z_from) = E_to -
+// E_from for any network.
 void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, const pm_params *params, const char *prefix,
                            pm_node *covector);

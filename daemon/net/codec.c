@@ -41,6 +41,13 @@ typedef struct wire_type {
 #define ARRAY(kind, type, name, length) \
     { FIELD_##kind, offsetof(portmet_##type##_t, name), offsetof(portmet_##type##_t, length) }
 
+static const wire_type hello_type = {
+    __portmet_hello_t_get_hash,
+    6,
+    {F(I64, hello, protocol), F(I64, hello, session), F(I64, hello, instance),
+     F(I64, hello, digest), F(I64, hello, checkpoint), F(TEXT, hello, sender)},
+};
+
 static const wire_type flux_type = {
     __portmet_flux_t_get_hash,
     13,
@@ -53,9 +60,10 @@ static const wire_type flux_type = {
 
 static const wire_type tick_type = {
     __portmet_tick_t_get_hash,
-    7,
+    8,
     {F(I64, tick, session), F(I64, tick, digest), F(I64, tick, granted), F(I64, tick, steps),
-     F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(BOOLEAN, tick, want_state)},
+     F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(BOOLEAN, tick, want_state),
+     F(BOOLEAN, tick, open)},
 };
 
 static const wire_type report_type = {
@@ -97,9 +105,9 @@ static const wire_type ledger_type = {
 
 static const wire_type command_type = {
     __portmet_command_t_get_hash,
-    4,
-    {F(I64, command, session), F(I8, command, kind), F(I8, command, code),
-     F(TEXT, command, reason)},
+    5,
+    {F(I64, command, session), F(I64, command, instance), F(I8, command, kind),
+     F(I8, command, code), F(TEXT, command, reason)},
 };
 
 static const wire_type request_type = {
@@ -387,6 +395,16 @@ static size_t size_of(const wire_type *type, const void *message) {
 
 // --- the typed functions ---
 
+int64_t pm_protocol(void) {
+    static const wire_type *const type[] = {&flux_type,   &tick_type,    &report_type,
+                                            &ledger_type, &command_type, &request_type};
+    uint64_t sum = 0;
+    for (size_t i = 0; i < sizeof type / sizeof type[0]; ++i) {
+        sum += (uint64_t)type[i]->fingerprint();
+    }
+    return (int64_t)sum;
+}
+
 #define CODEC(type)                                                                             \
     pm_drop pm_##type##_decode(portmet_##type##_t *message, const void *data, size_t size) {    \
         return decode(&type##_type, message, data, size);                                       \
@@ -398,6 +416,7 @@ static size_t size_of(const wire_type *type, const void *message) {
         return size_of(&type##_type, message);                                                  \
     }
 
+CODEC(hello)
 CODEC(flux)
 CODEC(tick)
 CODEC(report)

@@ -18,6 +18,7 @@
 #include "net/drops.h"
 #include "portmet_command_t.h"
 #include "portmet_flux_t.h"
+#include "portmet_hello_t.h"
 #include "portmet_ledger_t.h"
 #include "portmet_report_t.h"
 #include "portmet_request_t.h"
@@ -27,6 +28,13 @@
 
 // Steps of a run, at most: then rounds counted from its start fit an int64_t.
 #define PM_STEPS_MAX (INT64_C(1) << 40)
+
+// What a hello says of the types: their fingerprints, added up, but its own, which stays the same.
+int64_t pm_protocol(void);
+
+pm_drop pm_hello_decode(portmet_hello_t *message, const void *data, size_t size);
+size_t pm_hello_encode(const portmet_hello_t *message, void *data, size_t capacity);
+size_t pm_hello_size(const portmet_hello_t *message);
 
 pm_drop pm_flux_decode(portmet_flux_t *message, const void *data, size_t size);
 size_t pm_flux_encode(const portmet_flux_t *message, void *data, size_t capacity);

@@ -61,6 +61,17 @@ static pm_status open_port(pm_crew *crew, pm_arena *arena, const pm_scene *scene
     return find_link(crew, arena, scene, scene->subsystem[neighbour].process, &port->link);
 }
 
+// What two subsystems of this crew would both evaluate, the first one does.
+static pm_status share_port(const pm_crew *crew, int part_id, int position) {
+    const pm_crew_part *part = &crew->part[part_id];
+    const pm_crew_port *port = &part->port[position];
+    if (port->load || port->peer <= part_id) {
+        return PM_OK;
+    }
+    return pm_subsystem_share(part->subsystem, position, crew->part[port->peer].subsystem,
+                              port->peer_port);
+}
+
 static pm_status open_part(pm_crew_part *part, pm_arena *arena, const pm_system *system,
                            int subsystem_id, const double *z, const pm_load *load) {
     PM_TRY(pm_subsystem_open(&part->subsystem, system, subsystem_id));
@@ -92,6 +103,7 @@ pm_status pm_crew_init(pm_crew *crew, pm_arena *arena, const pm_system *system, 
         const pm_crew_part *part = &crew->part[i];
         for (int k = 0; k < part->nport; ++k) {
             PM_TRY(open_port(crew, arena, scene, process_id, part->subsystem, k, &part->port[k]));
+            PM_TRY(share_port(crew, i, k));
         }
     }
     PM_TRY(pm_flux_make(&crew->shown, arena, scene, process_id));

@@ -12,10 +12,12 @@
 #include "base/rng.h"
 #include "net/channel.h"
 #include "net/history.h"
+#include "net/identity.h"
 #include "net/member.h"
 #include "net/waiting.h"
 #include "store/snapshot.h"
 
+#define HELLO_INTERVAL 0.1    // s
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 
@@ -36,12 +38,15 @@ struct pm_lockstep_coordinator {
     pm_lockstep_observer observer;
     bool want_state;
     int64_t session, steps;
+    pm_identity identity;
 
     phase phase;
     pm_status status;
     char message[PM_TEXT_MAX + 1];
     double now, next; // s: last poll; next command
     int commands;     // END or ABORT sent so far
+    bool greeted;     // said hello
+    double greet_at;  // s, when to say it again
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool progressed;            // since the last poll: a new wait begins
@@ -58,7 +63,7 @@ struct pm_lockstep_coordinator {
     int nmemory;
     double *memory; // [nmemory] steps completed, then the ledger's, then the observer's
     char tick_channel[PM_CHANNEL_SIZE], ledger_channel[PM_CHANNEL_SIZE];
-    char command_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
+    char request_channel[PM_CHANNEL_SIZE];
     pm_drops drops;
 };
 
@@ -95,6 +100,7 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .t0 = 0,
         .dt = c->system->scene->dt,
         .want_state = c->want_state,
+        .open = c->identity.hello.session == 0,
     };
     unsigned char data[128];
     const size_t size = pm_tick_encode(&message, data, sizeof data);
@@ -130,7 +136,7 @@ static pm_status publish_command(pm_lockstep_coordinator *c) {
     };
     unsigned char data[64 + PM_TEXT_MAX];
     const size_t size = pm_command_encode(&message, data, sizeof data);
-    return pm_transport_publish(c->transport, c->command_channel, data, size);
+    return pm_transport_publish(c->transport, c->identity.command_channel, data, size);
 }
 
 // --- a step ---
@@ -287,6 +293,16 @@ static void repeat_command(pm_lockstep_coordinator *c) {
     }
 }
 
+// Once, and until all initial states are there.
+static pm_status greet(pm_lockstep_coordinator *c) {
+    if (c->greeted && (c->completed >= 0 || c->now < c->greet_at)) {
+        return PM_OK;
+    }
+    c->greeted = true;
+    c->greet_at = c->now + HELLO_INTERVAL;
+    return pm_identity_say(&c->identity);
+}
+
 static void note_life(pm_lockstep_coordinator *c) {
     for (int i = 0; i < c->nmember; ++i) {
         if (c->member[i].alive) {
@@ -299,6 +315,9 @@ static void note_life(pm_lockstep_coordinator *c) {
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     c->now = now;
     note_life(c);
+    if (c->phase == RUNNING) {
+        check(c, greet(c));
+    }
     if (c->phase == RUNNING) {
         check(c, complete_steps(c));
     }
@@ -321,27 +340,103 @@ static void count(pm_lockstep_coordinator *c, pm_drop drop) {
     c->drops.count[drop] += 1;
 }
 
-static pm_drop accept_hello(pm_member *m) {
-    pm_lockstep_coordinator *c = m->coordinator;
-    const portmet_report_t *report = &m->scratch;
-    if (report->session != 0 && report->session != c->session) {
-        return PM_DROP_SESSION;
+static pm_member *find_member(const pm_lockstep_coordinator *c, const char *name) {
+    for (int i = 0; i < c->nmember; ++i) {
+        if (strcmp(c->member[i].name, name) == 0) {
+            return &c->member[i];
+        }
+    }
+    return NULL;
+}
+
+// A node that cannot take part ends a run that has not begun, and is sent away from one that has.
+static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
+                      bool late) {
+    check(c, pm_identity_refuse(&c->identity, hello, PM_ENET, reason));
+    if (!late) {
+        check(c, pm_fail(PM_ENET, "%s", reason));
+    }
+    return PM_KEEP;
+}
+
+static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    char reason[512];
+    pm_member *m = find_member(c, hello->sender);
+    if (m == NULL) {
+        snprintf(reason, sizeof reason, "scene %s has no process %.64s", c->system->scene->name,
+                 hello->sender);
+        return refuse(c, hello, reason, true);
     }
     const bool late = has_step(c, m, 0) || c->completed >= 0;
-    if (c->phase != RUNNING || (late && c->checkpoint == NULL)) {
-        return PM_DROP_REPEATED;
+    if (pm_identity_differs(&c->identity, hello, reason, sizeof reason)) {
+        return refuse(c, hello, reason, late);
     }
+    if (late && c->checkpoint == NULL) {
+        // Its first hello may have been lost, as others' bring the tick, too.
+        m->instance = m->instance == 0 ? hello->instance : m->instance;
+        if (hello->instance == m->instance) {
+            return PM_DROP_REPEATED;
+        }
+        snprintf(
+            reason, sizeof reason,
+            "node %s: the run goes on without it; only runs with --checkpoint take a node back",
+            m->name);
+        return refuse(c, hello, reason, true);
+    }
+    m->instance = hello->instance;
     m->alive = true;
-    if (report->digest != (int64_t)c->system->digest) {
-        check(c, pm_fail(PM_ENET,
-                         "node %s holds another scene, weights or initial state: digest "
-                         "%016llx, expected %016llx",
-                         m->name, (unsigned long long)report->digest,
-                         (unsigned long long)c->system->digest));
-        return PM_KEEP;
-    }
     c->tick_wanted = true;
     return PM_KEEP;
+}
+
+static pm_drop accept_hello(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    if (hello->session != c->identity.hello.session) {
+        return PM_DROP_SESSION;
+    }
+    if (c->phase == CLOSING && c->status != PM_OK && hello->sender[0] != 0) {
+        // It has not joined, and need not wait for it.
+        check(c, pm_identity_refuse(&c->identity, hello, c->status, c->message));
+        return PM_KEEP;
+    }
+    if (c->phase != RUNNING) {
+        return PM_DROP_REPEATED;
+    }
+    if (hello->sender[0] != 0) {
+        return greet_node(c, hello);
+    }
+    const bool first = c->completed >= 0 || pm_identity_precedes(&c->identity, hello);
+    if (first && pm_identity_rivals(&c->identity, hello)) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
+                 c->system->scene->name);
+        check(c, pm_identity_refuse(&c->identity, hello, PM_ENET, reason));
+    }
+    return PM_KEEP;
+}
+
+static void on_hello(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_coordinator *c = context;
+    portmet_hello_t hello;
+    pm_drop drop = pm_hello_decode(&hello, data, size);
+    if (drop == PM_KEEP) {
+        drop = accept_hello(c, &hello);
+    }
+    count(c, drop);
+}
+
+// Its own commands are heard, too.
+static void on_command(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_coordinator *c = context;
+    portmet_command_t command;
+    const pm_drop drop = pm_command_decode(&command, data, size);
+    if (drop == PM_KEEP && c->phase == RUNNING && pm_identity_is_refused(&c->identity, &command)) {
+        c->status = PM_ENET;
+        snprintf(c->message, sizeof c->message, "%s", command.reason);
+        c->phase = FINISHED;
+    }
+    count(c, drop);
 }
 
 // Takes what is new: steps beyond the last complete one, as far as granted.
@@ -368,9 +463,6 @@ static pm_drop accept_done(pm_member *m) {
 static pm_drop accept_report(pm_member *m) {
     pm_lockstep_coordinator *c = m->coordinator;
     const portmet_report_t *report = &m->scratch;
-    if (report->kind == PORTMET_REPORT_T_HELLO) {
-        return accept_hello(m);
-    }
     if (report->session != c->session) {
         return PM_DROP_SESSION;
     }
@@ -406,10 +498,9 @@ static pm_drop answer(pm_lockstep_coordinator *c, const portmet_request_t *reque
     if (request->session != c->session) {
         return PM_DROP_SESSION;
     }
-    for (int i = 0; i < c->nmember; ++i) {
-        if (strcmp(c->member[i].name, request->sender) == 0) {
-            c->member[i].alive = true;
-        }
+    pm_member *m = find_member(c, request->sender);
+    if (m != NULL) {
+        m->alive = true;
     }
     if (strcmp(request->channel, c->tick_channel) == 0 && request->step < c->granted) {
         c->tick_wanted = true;
@@ -509,8 +600,11 @@ static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
     PM_TRY(open_gatherings(c));
     PM_TRY(pm_channel_scene(c->tick_channel, scene, "TICK"));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
-    PM_TRY(pm_channel_scene(c->command_channel, scene, "COMMAND"));
     PM_TRY(pm_channel_scene(c->request_channel, scene, "REQUEST"));
+    PM_TRY(
+        pm_identity_init(&c->identity, c->system, "", wanted, c->checkpoint != NULL, c->transport));
+    PM_TRY(pm_transport_subscribe(c->transport, c->identity.hello_channel, on_hello, c));
+    PM_TRY(pm_transport_subscribe(c->transport, c->identity.command_channel, on_command, c));
     return pm_transport_subscribe(c->transport, c->request_channel, on_request, c);
 }
 

@@ -4,7 +4,8 @@
 //
 // Life: open a session and gather all initial reports -> grant `window` steps beyond the last
 // complete one, until the last -> END, or ABORT on any failure -> finished when all nodes said BYE
-// or a short time has passed. Nodes with another digest are refused by name.
+// or a short time has passed. Nodes with another digest or version are refused by name, and so is a
+// second coordinator for the same session, or where both were started for none.
 //
 // Death and return: with a checkpoint it writes what it and its observer must remember every so
 // many steps (history.h has the same steps for nodes), and after the last one before END. Started
@@ -34,7 +35,8 @@ typedef struct pm_lockstep_observer {
 
 typedef struct pm_lockstep_coordinator_options {
     long steps;                    // of the run; 0: as the scene says
-    int64_t session;               // > 0; 0: drawn from time and process id (pm_lockstep_session)
+    int64_t session;               // > 0: joined by nodes that ask for it; 0: drawn
+                                   // (pm_lockstep_session), and open to nodes that ask for none
     bool want_state;               // the observer needs z
     pm_lockstep_observer observer; // step may be NULL
     const char *checkpoint;        // file to keep what it must remember, and to go on from, unless
@@ -59,8 +61,8 @@ void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_statu
 bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator);
 
 // PM_OK after the last step; else the failure, with pm_error() set to its description. PM_ETIMEOUT:
-// nodes stayed silent, named; PM_ENET: a node was refused; PM_ELAW; a node's own code when it
-// failed; what the observer returned.
+// nodes stayed silent, named; PM_ENET: a node was refused, or this coordinator; PM_ELAW; a node's
+// own code when it failed; what the observer returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
 long pm_lockstep_coordinator_step(

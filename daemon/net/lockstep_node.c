@@ -10,6 +10,7 @@
 #include "net/channel.h"
 #include "net/crew.h"
 #include "net/history.h"
+#include "net/identity.h"
 #include "net/reporter.h"
 #include "net/waiting.h"
 
@@ -35,7 +36,7 @@ struct pm_lockstep_node {
     const char *name;
     pm_crew crew;
     pm_transport *transport;
-    int64_t wanted_session; // 0: any
+    pm_identity identity;
 
     phase phase;
     pm_status status;
@@ -59,7 +60,7 @@ struct pm_lockstep_node {
 
     pm_history history;
     pm_reporter reporter;
-    char tick_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
+    char tick_channel[PM_CHANNEL_SIZE];
     char request_channel[PM_CHANNEL_SIZE];
     pm_drops drops;
 };
@@ -209,8 +210,7 @@ static pm_status greet(pm_lockstep_node *node) {
     }
     if (node->now >= node->next) {
         node->next = node->now + HELLO_INTERVAL;
-        PM_TRY(pm_reporter_say(&node->reporter, node->wanted_session, PORTMET_REPORT_T_HELLO, PM_OK,
-                               ""));
+        PM_TRY(pm_identity_say(&node->identity));
     }
     return PM_OK;
 }
@@ -223,7 +223,7 @@ static void repeat_failure(pm_lockstep_node *node) {
         node->next = node->now + FAILED_INTERVAL;
         // The first failure counts, not that telling it failed too.
         (void)pm_reporter_flush(&node->reporter);
-        const int64_t session = node->session != 0 ? node->session : node->wanted_session;
+        const int64_t session = node->session != 0 ? node->session : node->identity.hello.session;
         (void)pm_reporter_say(&node->reporter, session, PORTMET_REPORT_T_FAILED, node->status,
                               node->message);
     }
@@ -305,7 +305,8 @@ static pm_status begin(pm_lockstep_node *node) {
 
 static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const double dt = node->system->scene->dt;
-    const bool wanted = node->wanted_session == 0 || tick->session == node->wanted_session;
+    const int64_t asked = node->identity.hello.session;
+    const bool wanted = asked == 0 ? tick->open : tick->session == asked;
     if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->system->digest) {
         return PM_DROP_SESSION;
     }
@@ -360,15 +361,33 @@ static void on_tick(void *context, const char *channel, const void *data, size_t
     count(node, drop);
 }
 
-// May this command, of this session or (in HELLO) of one that can be joined, end the node?
+// Is this command of the node's session, or (in HELLO) of the one it was started for?
 static bool concerns(const pm_lockstep_node *node, const portmet_command_t *command) {
-    if (node->phase == HELLO) {
-        return node->wanted_session == 0 || node->wanted_session == command->session;
+    const int64_t session = node->phase == HELLO ? node->identity.hello.session : node->session;
+    return session != 0 && command->session == session;
+}
+
+static pm_status code_of(const portmet_command_t *command) {
+    const bool known = command->code >= PM_EUSAGE && command->code <= PM_EINTERRUPTED;
+    return known ? (pm_status)command->code : PM_ENET;
+}
+
+// Leaves without a word: whoever is refused is not of the run.
+static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *command) {
+    if (!pm_identity_is_refused(&node->identity, command)) {
+        return PM_DROP_SESSION;
     }
-    return command->session == node->session;
+    if (!pm_lockstep_node_leaving(node)) {
+        end_with(node, code_of(command), command->reason);
+        node->phase = FINISHED;
+    }
+    return PM_KEEP;
 }
 
 static pm_drop accept_command(pm_lockstep_node *node, const portmet_command_t *command) {
+    if (command->kind == PORTMET_COMMAND_T_REFUSE) {
+        return accept_refusal(node, command);
+    }
     const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
     const bool end = command->kind == PORTMET_COMMAND_T_END;
     const bool complete = node->phase == RUNNING && node->step == node->steps;
@@ -380,8 +399,7 @@ static pm_drop accept_command(pm_lockstep_node *node, const portmet_command_t *c
             return PM_DROP_RANGE;
         }
         if (abort && node->phase != FAILING) {
-            const bool known = command->code >= PM_EUSAGE && command->code <= PM_EINTERRUPTED;
-            end_with(node, known ? (pm_status)command->code : PM_ENET, command->reason);
+            end_with(node, code_of(command), command->reason);
         }
         if (end) {
             pm_history_remove(&node->history);
@@ -401,6 +419,23 @@ static void on_command(void *context, const char *channel, const void *data, siz
     pm_drop drop = pm_command_decode(&command, data, size);
     if (drop == PM_KEEP) {
         drop = accept_command(node, &command);
+    }
+    count(node, drop);
+}
+
+// Who came first stays.
+static void on_hello(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_node *node = context;
+    portmet_hello_t hello;
+    const pm_drop drop = pm_hello_decode(&hello, data, size);
+    if (drop == PM_KEEP && pm_identity_rivals(&node->identity, &hello) &&
+        (node->phase == RUNNING ||
+         (node->phase == HELLO && pm_identity_precedes(&node->identity, &hello)))) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a node %s of scene %s already", node->name,
+                 node->system->scene->name);
+        check(node, pm_identity_refuse(&node->identity, &hello, PM_ENET, reason));
     }
     count(node, drop);
 }
@@ -489,10 +524,11 @@ static void on_flux(void *context, const char *channel, const void *data, size_t
 static pm_status subscribe(pm_lockstep_node *node) {
     const pm_scene *scene = node->system->scene;
     PM_TRY(pm_channel_scene(node->tick_channel, scene, "TICK"));
-    PM_TRY(pm_channel_scene(node->command_channel, scene, "COMMAND"));
     PM_TRY(pm_channel_scene(node->request_channel, scene, "REQUEST"));
     PM_TRY(pm_transport_subscribe(node->transport, node->tick_channel, on_tick, node));
-    PM_TRY(pm_transport_subscribe(node->transport, node->command_channel, on_command, node));
+    PM_TRY(
+        pm_transport_subscribe(node->transport, node->identity.command_channel, on_command, node));
+    PM_TRY(pm_transport_subscribe(node->transport, node->identity.hello_channel, on_hello, node));
     return pm_transport_subscribe(node->transport, node->request_channel, on_request, node);
 }
 
@@ -511,6 +547,8 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
     }
     PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->system, process_id,
                             node->transport, more));
+    PM_TRY(pm_identity_init(&node->identity, node->system, node->name, options->session,
+                            options->checkpoint != NULL, node->transport));
     return subscribe(node);
 }
 
@@ -526,7 +564,6 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     made->transport = transport;
     const pm_lockstep_node_options plain = {0};
     const pm_lockstep_node_options *given = options == NULL ? &plain : options;
-    made->wanted_session = given->session;
     const pm_status status = prepare(made, process_id, given);
     if (status != PM_OK) {
         pm_lockstep_node_close(made);

@@ -23,6 +23,7 @@ typedef struct pm_member {
     bool alive;                          // heard of since the last poll
     bool left;                           // said BYE
     double heard;                        // s, when heard of
+    int64_t instance;                    // that it said hello with; 0: none
 } pm_member;
 
 // Name, shape and memory (from the arena). PM_ECONFIG, PM_ENOMEM.

@@ -35,7 +35,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int process_id, pm_transport *transport, int more);
 
-// HELLO, FAILED (with code and message) or BYE.
+// FAILED (with code and message) or BYE.
 pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
                           const char *message);
 

@@ -12,6 +12,20 @@ struct pm_assembly {
     pm_sample *sample;
 };
 
+// What both subsystems of a port would evaluate, the first one does.
+static pm_status share_ports(const pm_assembly *a) {
+    for (int i = 0; i < a->system->scene->nport; ++i) {
+        const int *end = a->system->scene->port[i].subsystem;
+        if (end[0] < 0 || end[1] < 0) {
+            continue;
+        }
+        const int first = end[0] < end[1] ? 0 : 1;
+        PM_TRY(pm_subsystem_share(a->subsystem[end[first]], a->position[i][first],
+                                  a->subsystem[end[1 - first]], a->position[i][1 - first]));
+    }
+    return PM_OK;
+}
+
 static pm_status open_all(pm_assembly *a) {
     const pm_scene *scene = a->system->scene;
     a->subsystem = calloc((size_t)scene->nsubsystem, sizeof *a->subsystem);
@@ -27,6 +41,7 @@ static pm_status open_all(pm_assembly *a) {
             a->position[port][pm_subsystem_end(a->subsystem[i], j)] = j;
         }
     }
+    PM_TRY(share_ports(a));
     return pm_sample_new(&a->sample, scene);
 }
 

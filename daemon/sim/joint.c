@@ -48,7 +48,7 @@ typedef struct law_graph {
     pm_node rate[2], e[2];
 } law_graph;
 
-// The rate at `end`; index 0 of rate and e is the subsystem's end, 1 the world's.
+// The rate at `end`; index 0 of rate and e is the subsystem's end, 1 the other one.
 static void build_rate(pm_graph *g, const pm_port_model *model, law_graph *law, int index,
                        pm_end end) {
     pm_port_nodes ends[2] = {law->input[0], law->input[1]};
@@ -72,7 +72,7 @@ static void build_law(pm_graph *g, const pm_system *system, const pm_joint *j, b
     law->last = pm_input(g, true, 1, j->nboth);
     law->rate[1] = law->e[1] = PM_NO_NODE;
     build_rate(g, model, law, 0, j->end);
-    if (j->load != NULL) {
+    if (j->load != NULL || j->shared) {
         build_rate(g, model, law, 1, j->end == PM_END_A ? PM_END_B : PM_END_A);
     }
 }
@@ -129,8 +129,21 @@ pm_status pm_joint_open(pm_joint *j, pm_arena *arena, const pm_system *system,
     return open_law(j, system, integrator->discrete);
 }
 
+pm_status pm_joint_share(pm_joint *here, pm_joint *there, const pm_system *system,
+                         const pm_integrator *integrator) {
+    if (here->program == NULL || there->program == NULL) {
+        return PM_OK;
+    }
+    pm_joint_close(here);
+    pm_joint_close(there);
+    there->peer = here;
+    here->shared = true;
+    return open_law(here, system, integrator->discrete);
+}
+
 void pm_joint_close(pm_joint *j) {
     pm_program_close(j->program);
+    j->program = NULL;
 }
 
 // --- one round ---
@@ -140,7 +153,7 @@ void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const doubl
     for (int c = 0; c < j->own.ny; ++c) {
         const int at = j->component[c];
         j->own.y[c] = z[at];
-        j->own.e[c] = dE[at];
+        j->own.e[c] = value_at(dE, at);
         j->own.eta[c] = value_at(dS, at);
         j->own.response[c] = value_at(response, at);
     }
@@ -202,22 +215,30 @@ static bool renew_inputs(pm_joint *j, const pm_port_values *other, bool first) {
     return renewed;
 }
 
-bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
-                     double *k) {
-    if (j->program == NULL) {
-        return false;
-    }
-    const bool renewed = renew_inputs(j, other, first) || !j->known;
-    if (renewed) {
+static void evaluate(pm_joint *j, const pm_port_values *other, bool first) {
+    j->renewed = renew_inputs(j, other, first) || !j->known;
+    if (j->renewed) {
         pm_program_run(j->program, 1);
         j->known = true;
     }
-    for (int c = 0; c < j->own.ny; ++c) {
-        k[j->component[c]] += j->rate[0][c];
+}
+
+bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
+                     double *k) {
+    const pm_joint *law = j->peer != NULL ? j->peer : j;
+    const int index = j->peer != NULL ? 1 : 0;
+    if (law->program == NULL) {
+        return false;
     }
-    pm_flux_book(&j->booking, weight, j->own.ny, j->law_e[0], j->own.eta, j->rate[0]);
-    if (j->rate[1] != NULL) {
+    if (j->peer == NULL) {
+        evaluate(j, other, first);
+    }
+    for (int c = 0; c < j->own.ny; ++c) {
+        k[j->component[c]] += law->rate[index][c];
+    }
+    pm_flux_book(&j->booking, weight, j->own.ny, law->law_e[index], j->own.eta, law->rate[index]);
+    if (j->load != NULL && j->rate[1] != NULL) {
         pm_flux_book(&j->world_booking, weight, j->world.ny, j->law_e[1], j->world.eta, j->rate[1]);
     }
-    return renewed;
+    return law->renewed;
 }

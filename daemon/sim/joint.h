@@ -37,13 +37,16 @@ typedef struct pm_joint {
     // The port law's graph, and where its numbers go in and out. NULL where a law needs none.
     pm_program *program;
     pm_joint_end input[2];
-    const double *rate[2];  // [ny] into the subsystem, into the world
+    const double *rate[2];  // [ny] into the subsystem, into the other end if it is evaluated here
     const double *law_e[2]; // [ny] co-energies the law was evaluated at: own e, or its prediction
     // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted.
     double *last;
     const double *next;
     int nboth;
     bool known;                     // the rates belong to the inputs
+    bool renewed;                   // they were evaluated when last coupled
+    bool shared;                    // the other end's rate is evaluated here too
+    const struct pm_joint *peer;    // that evaluates the law for this end; NULL: it is done here
     pm_flux booking, world_booking; // over the step under way
 } pm_joint;
 
@@ -52,7 +55,12 @@ pm_status pm_joint_open(pm_joint *j, pm_arena *arena, const pm_system *system,
                         const pm_integrator *integrator, int port_id, pm_end end);
 void pm_joint_close(pm_joint *j);
 
-// What the subsystem's z, dE, dS and response show here; dS and response may be NULL.
+// Lets `here` evaluate the law for both ends, for a port whose subsystems step together. In every
+// round `here` is coupled before `there`. PM_ENOMEM.
+pm_status pm_joint_share(pm_joint *here, pm_joint *there, const pm_system *system,
+                         const pm_integrator *integrator);
+
+// What the subsystem's z, dE, dS and response show here; dE, dS and response may be NULL: zero.
 void pm_joint_expose(pm_joint *j, const double *z, const double *dE, const double *dS,
                      const double *response);
 

@@ -49,11 +49,11 @@ struct pm_subsystem {
 
 // --- building the graphs ---
 
-// By how much dE rises per unit of rate, where a port's prediction asks for it.
-static pm_node build_response(pm_subsystem *s, pm_graph *g, const pm_part *part, pm_node dE,
-                              pm_node z) {
-    bool *wanted = pm_arena_array(&s->arena, (size_t)s->nz, sizeof *wanted);
-    if (wanted == NULL || !s->integrator->discrete) {
+// By how much dE rises per unit of rate, where a port's prediction asks for it. `wanted` [nz] is
+// work space.
+static pm_node build_response(const pm_subsystem *s, pm_graph *g, const pm_part *part, pm_node dE,
+                              pm_node z, bool *wanted) {
+    if (!s->integrator->discrete) {
         return PM_NO_NODE;
     }
     pm_system_responding(s->system, s->id, wanted);
@@ -63,13 +63,17 @@ static pm_node build_response(pm_subsystem *s, pm_graph *g, const pm_part *part,
 
 static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
     pm_graph *g = NULL;
+    bool *responding = pm_arena_array(&s->arena, (size_t)s->nz, sizeof *responding);
+    if (responding == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the state of %s", s->scene->name);
+    }
     PM_TRY(pm_graph_open(&g));
     const pm_node z = pm_input(g, true, 1, s->nz);
     const pm_node from = s->integrator->discrete ? pm_input(g, true, 1, s->nz) : PM_NO_NODE;
     const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
     pm_node dE, dS;
     pm_part_coenergies(g, part, from, z, &dE, &dS);
-    const pm_node wanted[] = {E, S, dE, dS, build_response(s, g, part, dE, z)};
+    const pm_node wanted[] = {E, S, dE, dS, build_response(s, g, part, dE, z, responding)};
     const double **const value[] = {&s->E, &s->S, &s->dE, &s->dS, &s->response};
     pm_node output[5];
     int count = 0;
@@ -218,6 +222,10 @@ pm_end pm_subsystem_end(const pm_subsystem *s, int port) {
 
 bool pm_subsystem_is_load(const pm_subsystem *s, int port) {
     return s->joint[port].load != NULL;
+}
+
+pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port) {
+    return pm_joint_share(&s->joint[port], &peer->joint[peer_port], s->system, s->integrator);
 }
 
 void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load) {

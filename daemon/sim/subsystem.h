@@ -29,6 +29,11 @@ pm_end pm_subsystem_end(const pm_subsystem *s, int port);
 
 bool pm_subsystem_is_load(const pm_subsystem *s, int port); // the other end is the world
 
+// For two subsystems that step together: the law of the port between them, `port` of one and
+// `peer_port` of the other, is evaluated once for both, by `s`, which in every round is coupled
+// first. Neither is stepped once the other is closed. PM_ENOMEM.
+pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port);
+
 int pm_subsystem_rounds(const pm_subsystem *s); // per step
 
 // What the world prescribes, in a scene with loads; it must outlive the subsystem. A run that is

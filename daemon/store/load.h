@@ -1,7 +1,8 @@
 // The loads of a scene over time. Numbers stay; dataset columns are followed along a trajectory,
 // and between its states by polynomials: from one state to the next, the one through the eight
 // nearest. For a sine of angular frequency w, states dt apart, that is off by 1.1e-3 (w dt)^8 of
-// its amplitude; as continuous as the integrators need, which never step across a state.
+// its amplitude, and by twelve times as much at the ends, where all eight lie on one side; as
+// continuous as the integrators need, which never step across a state.
 #ifndef PM_STORE_LOAD_H
 #define PM_STORE_LOAD_H
 

@@ -173,6 +173,36 @@ pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
     return PM_OK;
 }
 
+static pm_status check_load(const pm_scene *scene, const pm_port_model *model,
+                            const pm_scene_port *port, int end) {
+    const pm_scene_world *load = &scene->load[port->load[end]];
+    for (int i = 0; i < port->layout[end].ngroup; ++i) {
+        const pm_group *group = &port->layout[end].group[i];
+        const int component = port->component[end][group->first];
+        // Of every group dE is given, and dS if it has a place in the scene.
+        if (load->value[2 * load->layout.nz + component].at == NULL &&
+            pm_port_responds(model, (pm_end)end, group->name)) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: load %s: group \"%s\" needs a \"dS\": port %s exchanges entropy "
+                           "with it",
+                           load->value[load->layout.nz + component].at, load->name, group->name,
+                           port->name);
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_system_check_loads(const pm_system *system) {
+    const pm_scene *scene = system->scene;
+    for (int i = 0; i < 2 * scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i / 2];
+        if (port->load[i % 2] >= 0) {
+            PM_TRY(check_load(scene, &system->port[i / 2], port, i % 2));
+        }
+    }
+    return PM_OK;
+}
+
 pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *weights_dir) {
     pm_status status;
     pm_system *system = NULL;
@@ -183,6 +213,7 @@ pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *
     for (int i = 0; i < scene->nport; ++i) {
         PM_TRY_DONE(load_port(system, i, weights_dir));
     }
+    PM_TRY_DONE(pm_system_check_loads(system));
     system->digest = digest_system(system);
     *result = system;
     system = NULL;

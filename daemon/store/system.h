@@ -35,6 +35,11 @@ pm_params *pm_system_params(const pm_system *system, int component);
 void pm_system_responding(const pm_system *system, int subsystem, bool *component);
 void pm_system_free(pm_system *system); // NULL is allowed
 
+// Whether every load prescribes the dS of what a port's irreversible operator acts on: without, the
+// world's end would take no part in the exchange, and the rest would be wrong. PM_ECONFIG, at the
+// scene's entry. Part of pm_system_load; a caller that sets specs calls it after.
+pm_status pm_system_check_loads(const pm_system *system);
+
 // Whether what one end of a port shows includes a dS.
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end);
 

@@ -69,6 +69,25 @@ ends coordinator $pid 7 "node right holds another scene"
 ends left $left 7 "node right holds another scene"
 ends right $right 7 "node right holds another scene"
 
+# A second node, another one in the middle of a run, and a second coordinator: refused, and the run goes on.
+start left node "$scene" left
+left=$pid
+start second_left node "$scene" left
+ends second_left $pid 7 "there is a node left of scene pair already"
+start right node "$scene" right
+right=$pid
+start coordinator coordinator "$scene" --quiet --steps $forever
+coordinator=$pid
+sleep 0.5
+start third_left node "$scene" left
+ends third_left $pid 7 "node left"
+start second_coordinator coordinator "$scene" --quiet
+ends second_coordinator $pid 7 "there is a coordinator of scene pair already"
+kill -INT $coordinator
+ends coordinator $coordinator 12 "interrupted"
+ends left $left 12 "interrupted"
+ends right $right 12 "interrupted"
+
 # Without a route for multicast: the commands that mend it.
 ip route del 224.0.0.0/4 dev lo
 for command in run coordinator; do

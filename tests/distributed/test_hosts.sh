@@ -1,51 +1,112 @@
 #!/bin/sh
-# test_hosts.sh PORTMETD MAKE_SCENE SAME_RECORDING: nodes on two hosts, here two network namespaces
-# joined by a virtual cable. A cable that is cut for a moment changes nothing.
+# test_hosts.sh PORTMETD MAKE_SCENE SAME_RECORDING: nodes on two and on three hosts, here network
+# namespaces joined by virtual cables. A cable that is cut for a moment changes nothing. Scenes side by
+# side do not hear each other.
 . "$(dirname "$0")/network.sh"
 url='udpm://239.255.76.67:7667?ttl=1'
-steps=1000
+steps=3000
 
-unshare -n sleep 100 &
-host=$!
-started="$started $host"
+# A switch, and two more hosts with a cable to it each.
+for i in 2 3; do
+    unshare -n sleep 100 &
+    eval "host$i=$!"
+    started="$started $!"
+done
 sleep 0.2
-there() {
-    nsenter --net="/proc/$host/ns/net" "$@"
+on() {
+    eval "namespace=/proc/\$host$1/ns/net"
+    shift
+    nsenter --net="$namespace" "$@"
 }
-if ! ip link add here type veth peer name there netns $host; then
-    echo "skipped: no virtual cable in this kernel"
+plug() {
+    eval "process=\$host$1"
+    ip link add "port$1" type veth peer name cable netns "$process" &&
+        ip link set "port$1" master switch up &&
+        on "$1" ip addr add "10.0.0.$1/24" dev cable &&
+        on "$1" ip link set cable up &&
+        on "$1" ip route add 224.0.0.0/4 dev cable
+}
+if ! { ip link add switch type bridge mcast_snooping 0 && ip addr add 10.0.0.1/24 dev switch &&
+    ip link set switch up && ip route replace 224.0.0.0/4 dev switch && plug 2 && plug 3; }; then
+    echo "skipped: no virtual cable or switch in this kernel"
     exit 77
 fi
-ip addr add 10.0.0.1/24 dev here
-ip link set here up
-ip route replace 224.0.0.0/4 dev here
-there ip addr add 10.0.0.2/24 dev there
-there ip link set there up
-there ip route add 224.0.0.0/4 dev there
+
+# start_on HOST NAME ARGUMENT...: as start, on host 2 or 3.
+start_on() {
+    number=$1
+    name=$2
+    shift 2
+    eval "namespace=/proc/\$host$number/ns/net"
+    nsenter --net="$namespace" "$portmetd" "$@" >"$folder/$name.out" 2>"$folder/$name.err" \
+        </dev/null &
+    pid=$!
+    started="$started $pid"
+}
+
+# cut HOST SECONDS: nothing goes in or out.
+cut() {
+    if on "$1" nft add table ip cut 2>/dev/null; then
+        for hook in input output; do
+            on "$1" nft add chain ip cut $hook "{ type filter hook $hook priority 0; }"
+            on "$1" nft add rule ip cut $hook udp dport 7667 counter drop
+        done
+        sleep "$2"
+        on "$1" nft list chain ip cut output | grep -q 'packets [1-9]' || fail "nothing was lost"
+        on "$1" nft delete table ip cut
+    fi
+}
+
+# Until its recording is there, the run has not begun.
+wait_for_file() {
+    for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+        [ -s "$1" ] && return
+        sleep 0.05
+    done
+    fail "no $1"
+}
 
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
     fail "in process"
 
-start left node "$scene" left --url "$url"
-left=$pid
-there "$portmetd" node "$scene" right --url "$url" >"$folder/right.out" 2>"$folder/right.err" &
-right=$!
-started="$started $right"
-start coordinator coordinator "$scene" --quiet --steps $steps --url "$url" \
-    --record "$folder/hosts.h5"
-coordinator=$pid
-sleep 0.3
-cut() {
-    there nft add chain ip cut "$1" "{ type filter hook $1 priority 0; }" &&
-        there nft add rule ip cut "$1" udp dport 7667 counter drop
+# Two hosts, or three: the coordinator is here.
+for hosts in 2 3; do
+    start_on $hosts left node "$scene" left --url "$url"
+    left=$pid
+    start_on 2 right node "$scene" right --url "$url"
+    right=$pid
+    record=$folder/hosts_$hosts.h5
+    start coordinator coordinator "$scene" --quiet --steps $steps --url "$url" --record "$record"
+    coordinator=$pid
+    wait_for_file "$record"
+    cut 2 0.5
+    ends coordinator $coordinator 0 ""
+    ends left $left 0 ""
+    ends right $right 0 ""
+    "$same_recording" "$folder/plain.h5" "$record" || fail "$hosts hosts"
+done
+
+# By hand on one host: another scene on the same port, and the same scene on another port.
+sed 's/^scene: pair/scene: other_pair/' "$scene" >"$folder/scene_other.yaml"
+aside='udpm://239.255.76.67:7668?ttl=1'
+side_by_side() {
+    start "left_$1" node "$2" left --url "$3"
+    started_by_hand="$started_by_hand left_$1:$pid"
+    start "right_$1" node "$2" right --url "$3"
+    started_by_hand="$started_by_hand right_$1:$pid"
+    start "coordinator_$1" coordinator "$2" --quiet --steps $steps --url "$3" \
+        --record "$folder/side_$1.h5"
+    started_by_hand="$started_by_hand coordinator_$1:$pid"
 }
-if there nft add table ip cut 2>/dev/null && cut input && cut output; then
-    sleep 0.5
-    there nft list chain ip cut output | grep -q 'packets [1-9]' || fail "nothing was lost"
-    there nft delete table ip cut
-fi
-ends coordinator $coordinator 0 ""
-ends left $left 0 ""
-ends right $right 0 ""
-"$same_recording" "$folder/plain.h5" "$folder/hosts.h5" || fail "two hosts"
+started_by_hand=
+side_by_side one "$scene" "$url"
+side_by_side two "$folder/scene_other.yaml" "$url"
+side_by_side three "$scene" "$aside"
+for process in $started_by_hand; do
+    ends "${process%:*}" "${process#*:}" 0 ""
+done
+for name in one two three; do
+    "$same_recording" "$folder/plain.h5" "$folder/side_$name.h5" || fail "side by side: $name"
+done
+no_orphans "at the end"
 finish

@@ -3,8 +3,8 @@
 # coordinator are killed at random while a run goes on; it ends with the bits of an undisturbed one, and
 # leaves no process and no file behind.
 . "$(dirname "$0")/network.sh"
-kills=${6:-6}
-steps=${7:-4000}
+kills=${6:-4}
+steps=${7:-2500}
 seed=${8:-$(date +%s)}
 configs=$(realpath "$(dirname "$0")/../../configs")
 
@@ -12,7 +12,8 @@ configs=$(realpath "$(dirname "$0")/../../configs")
 # must remember is more than the state.
 chain=$folder/scene_chain.yaml
 sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
-    -e 's/integrator: rk4,/integrator: rk4_balanced,/' -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
+    -e 's/integrator: rk4, substeps: 6/integrator: rk4_balanced, substeps: 2/' \
+    -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
 "$portmetd" run "$chain" --in-process --steps $steps --record "$folder/plain.h5" >"$folder/plain.out" ||
     fail "in process"
 
@@ -42,7 +43,7 @@ done=0
 for choice in $(awk -v seed="$seed" -v kills="$kills" 'BEGIN {
     srand(seed)
     split("link1 link2 link3 scene_chain.yaml", who, " ")
-    for (i = 0; i < kills; i++) printf "%.2f:%s ", 0.05 + 0.4 * rand(), who[1 + int(4 * rand())]
+    for (i = 0; i < kills; i++) printf "%.2f:%s ", 0.05 + 0.2 * rand(), who[1 + int(4 * rand())]
 }'); do
     sleep "${choice%:*}"
     victim=$(child $run "[^ ]*${choice#*:}")
@@ -56,4 +57,47 @@ code=$?
 same_end killed
 echo "seed $seed: $done of $kills kills"
 [ $((2 * done)) -ge "$kills" ] || fail "killed: the run was over too early"
+
+# The run itself is killed: its processes end, and the same command goes on with it.
+start first run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5"
+run=$pid
+for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+    [ -e "$folder/again/chain_3-link3.checkpoint" ] && break
+    sleep 0.05
+done
+kill -KILL $run
+wait $run
+for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+    grep -qsF "$chain" /proc/[0-9]*/cmdline || break
+    sleep 0.1
+done
+no_orphans "a run that was killed"
+[ -n "$(ls "$folder/again")" ] || fail "again: no checkpoints"
+start again run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5"
+ends again $pid 0 ""
+same_end again
+
+# By hand: a node and the coordinator are killed, and started again with the same commands.
+by_hand() {
+    if [ "$1" = coordinator ]; then
+        start "$1" coordinator "$chain" --steps $steps --checkpoint "$folder/hand" \
+            --record "$folder/hand.h5"
+    else
+        start "$1" node "$chain" "$1" --checkpoint "$folder/hand"
+    fi
+    eval "$1=$pid"
+}
+for name in link1 link2 link3 coordinator; do
+    by_hand $name
+done
+for name in link2 coordinator link1; do
+    sleep 0.15
+    eval "kill -KILL \$$name"
+    by_hand $name
+done
+for name in coordinator link1 link2 link3; do
+    eval "ends $name \$$name 0 ''"
+done
+cp "$folder/coordinator.out" "$folder/hand.out"
+same_end hand
 finish

@@ -91,6 +91,7 @@ static void try_type(int type, int count, const arrays *a, const uint8_t *data, 
     portmet_ledger_t ledger = {0};
     portmet_command_t command = {0};
     portmet_request_t request = {0};
+    portmet_hello_t hello = {0};
     switch (type) {
     case 0:
         ROUND_TRIP(flux, flux);
@@ -107,8 +108,11 @@ static void try_type(int type, int count, const arrays *a, const uint8_t *data, 
     case 4:
         ROUND_TRIP(command, command);
         break;
-    default:
+    case 5:
         ROUND_TRIP(request, request);
+        break;
+    default:
+        ROUND_TRIP(hello, hello);
         break;
     }
 }
@@ -120,6 +124,7 @@ static size_t fingerprint(int type, uint8_t *to) {
     portmet_report_t report = {.message = ""};
     portmet_command_t command = {.reason = ""};
     portmet_request_t request = {.sender = "", .channel = ""};
+    portmet_hello_t hello = {.sender = ""};
     const size_t written[] = {
         type == 0 ? pm_flux_encode(&flux, buffer, sizeof buffer) : 0,
         type == 1 ? pm_tick_encode(&(portmet_tick_t){0}, buffer, sizeof buffer) : 0,
@@ -127,6 +132,7 @@ static size_t fingerprint(int type, uint8_t *to) {
         type == 3 ? pm_ledger_encode(&(portmet_ledger_t){0}, buffer, sizeof buffer) : 0,
         type == 4 ? pm_command_encode(&command, buffer, sizeof buffer) : 0,
         type == 5 ? pm_request_encode(&request, buffer, sizeof buffer) : 0,
+        type == 6 ? pm_hello_encode(&hello, buffer, sizeof buffer) : 0,
     };
     check(written[type] >= 8);
     memcpy(to, buffer, 8);
@@ -137,8 +143,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (size < 2) {
         return 0;
     }
-    const int type = data[0] % 6, count = data[1] % (LARGEST_COUNT + 1);
-    const bool with_fingerprint = data[0] >= 6;
+    const int type = data[0] % 7, count = data[1] % (LARGEST_COUNT + 1);
+    const bool with_fingerprint = data[0] >= 7;
     data += 2;
     size -= 2;
     // Exactly as long as the message, so that a read beyond its end is seen.

@@ -350,13 +350,30 @@ static void unload_shipped(shipped *s) {
     pm_scene_free(s->scene);
 }
 
+// Where no law is kept by construction there is still nothing to crash.
+static void take_steps(const shipped *s, int steps) {
+    pm_assembly *assembly = NULL;
+    assert_int_equal(pm_assembly_open(&assembly, s->system), PM_OK);
+    pm_assembly_set_load(assembly, &s->load);
+    pm_assembly_set_state(assembly, s->z);
+    for (int i = 0; i < steps; ++i) {
+        assert_int_equal(pm_assembly_step(assembly), PM_OK);
+    }
+    pm_assembly_close(assembly);
+}
+
 static void shipped_weights_keep_both_laws(void **state) {
     (void)state;
     glob_t found;
     assert_int_equal(glob("configs/*.yaml", 0, NULL, &found), 0);
     for (size_t i = 0; i < found.gl_pathc; ++i) {
         shipped s = {.z = NULL};
-        if (load_shipped(&s, found.gl_pathv[i]) && s.system->port[0].spec.form == PM_HARD) {
+        if (!load_shipped(&s, found.gl_pathv[i])) {
+            print_message("    %s has no weights\n", found.gl_pathv[i]);
+        } else if (s.system->port[0].spec.form != PM_HARD) {
+            print_message("    %s keeps none\n", found.gl_pathv[i]);
+            take_steps(&s, 10);
+        } else {
             const world nameless = {.seed = 0};
             print_message("    %s\n", found.gl_pathv[i]);
             assert_int_equal(roll_out(&nameless, s.system, &s.load, s.z, s.scene->steps),

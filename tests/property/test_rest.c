@@ -73,7 +73,8 @@ static void check_samples(const world *w, const pm_sample *x, const pm_sample *y
     }
 }
 
-// A step after setting the state evaluates everything: nothing is known then.
+// A step after setting the state evaluates everything: nothing is known then. (Balanced integrators
+// carry over more than the state.)
 static void check_against_new(const char *integrator, uint64_t seed) {
     world w;
     open_chain(&w, seed);
@@ -100,7 +101,8 @@ static void rest_changes_no_bit(void **state) {
         if (pm_integrator_find(name)->balanced) {
             continue; // what a step leaves unbalanced is not in the state that is set
         }
-        for (uint64_t seed = 1; seed <= 5; ++seed) {
+        const bool balanced = pm_integrator_find(name)->balanced;
+        for (uint64_t seed = 1; seed <= 5 && !balanced; ++seed) {
             check_against_new(name, seed);
         }
     }

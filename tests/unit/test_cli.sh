@@ -23,7 +23,7 @@ expect() {
     found=$?
     [ $found -eq "$code" ] || fail "portmetd $*: expected exit code $code, found $found"
     [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmetd $*: expected one line of error"
-    grep -qF -e "$text" "$folder/err" || fail "portmetd $*: expected \"$text\""
+    grep -qF -e "$text" "$folder/err" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
     grep -q '^portmetd: ' "$folder/err" || fail "portmetd $*: the program's name is missing"
 }
 
@@ -34,7 +34,7 @@ succeed() {
     timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
         fail "portmetd $*: expected success"
     [ ! -s "$folder/err" ] || fail "portmetd $*: expected no error"
-    grep -qF -e "$text" "$folder/out" || fail "portmetd $*: expected \"$text\""
+    grep -qF -e "$text" "$folder/out" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
 }
 
 # edit EXPRESSION: bad.yaml, the good scene changed by sed.
@@ -88,6 +88,9 @@ expect 3 "bad.yaml:20:42: " check "$bad"
 edit 's/integrator: rk4/integrator: rk5/'
 expect 3 'bad.yaml:2:41: unknown integrator "rk5", expected one of: ' check "$bad"
 expect 3 "bad.yaml:2:41: " run "$bad" --in-process
+configs=$(realpath "$(dirname "$0")/../../configs")
+sed -e 's/, dS: \[1\]//' -e "s,weights/,$configs/weights/," "$configs/driven_lower.yaml" >"$bad"
+expect 3 'load pivot: group "s" needs a "dS": port base' check "$bad"
 edit '/^reference:/d'
 expect 3 "bad.yaml:4:3: subsystem left: no state to start from: expected \`initial\`" run "$bad" --in-process
 succeed "a run needs either" check "$bad"

@@ -46,6 +46,7 @@ static const portmet_tick_t tick = {
     .t0 = 0,
     .dt = 0.3,
     .want_state = 1,
+    .open = 1,
 };
 static const portmet_report_t report = {
     .session = 11,
@@ -83,8 +84,13 @@ static const portmet_ledger_t ledger = {
     .entropy_residual = -0.,
     .violations = 2,
 };
-static const portmet_command_t command = {
-    .session = 11, .kind = PORTMET_COMMAND_T_ABORT, .code = 7, .reason = "gr\xc3\xbc\xc3\x9f dich"};
+static const portmet_command_t command = {.session = 11,
+                                          .instance = 3,
+                                          .kind = PORTMET_COMMAND_T_ABORT,
+                                          .code = 7,
+                                          .reason = "gr\xc3\xbc\xc3\x9f dich"};
+static const portmet_hello_t hello = {
+    .protocol = -5, .session = 0, .instance = 7, .digest = -9, .checkpoint = 100, .sender = "a"};
 static const portmet_request_t request = {
     .session = 11, .sender = "", .channel = "scene_FLUX_a", .step = 3, .round = 1};
 
@@ -132,11 +138,12 @@ CODEC_CASE(report, .npart = COUNT, .energy = decoded[0], .entropy = decoded[1],
 CODEC_CASE(ledger, .session = 0)
 CODEC_CASE(command, .session = 0)
 CODEC_CASE(request, .session = 0)
+CODEC_CASE(hello, .session = 0)
 
 #define ROW(type) \
     { #type, ours_##type, theirs_##type, size_##type, decode_##type }
-static const codec_case cases[] = {ROW(flux),   ROW(tick),    ROW(report),
-                                   ROW(ledger), ROW(command), ROW(request)};
+static const codec_case cases[] = {ROW(flux),    ROW(tick),    ROW(report), ROW(ledger),
+                                   ROW(command), ROW(request), ROW(hello)};
 #define NCASE (sizeof cases / sizeof cases[0])
 
 static int make_memory(void **context) {
@@ -312,7 +319,7 @@ static void test_text_must_be_clean(void **context) {
     const codec_case *c = &cases[4];
     unsigned char good[CAPACITY], data[CAPACITY];
     const size_t size = c->ours(good, sizeof good);
-    const size_t length_at = 8 + 8 + 1 + 1;
+    const size_t length_at = 8 + 8 + 8 + 1 + 1;
     static const uint32_t lengths[] = {0, PM_TEXT_MAX + 2, 0x7fffffff, 0xffffffff, 0x80000000};
     for (size_t i = 0; i < sizeof lengths / sizeof lengths[0]; ++i) {
         memcpy(data, good, size);

@@ -96,6 +96,26 @@ static void test_foreign_code_and_signal_are_transport_failures(void **state) {
     assert_none_left();
 }
 
+// Killed again and again: started again, at shrinking haste, and given up.
+static void test_child_that_keeps_dying_is_given_up(void **state) {
+    (void)state;
+    pm_launch *launch = NULL;
+    assert_int_equal(pm_launch_open(&launch, 1), PM_OK);
+    const char *const argv[] = {"test_launch", "killed", NULL};
+    assert_int_equal(pm_launch_start(launch, "lower", argv, "/nowhere/x"), PM_OK);
+    const double begin = pm_clock();
+    pm_status status = PM_OK;
+    while (status == PM_OK && pm_clock() - begin < SLEEP) {
+        status = pm_launch_watch(launch);
+        assert_false(pm_launch_ended_well(launch, 0));
+    }
+    assert_int_equal(status, PM_ENET);
+    assert_string_equal(pm_error(), "process lower was killed by signal 9 (Killed)");
+    assert_true(pm_clock() - begin > 0.5);
+    pm_launch_close(launch);
+    assert_none_left();
+}
+
 static void test_child_that_stays_is_a_timeout_and_gets_ended(void **state) {
     (void)state;
     pm_launch *launch = start("sleep");
@@ -144,6 +164,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(test_child_that_ends_well),
         cmocka_unit_test(test_failure_is_named_with_its_code_and_line),
         cmocka_unit_test(test_foreign_code_and_signal_are_transport_failures),
+        cmocka_unit_test(test_child_that_keeps_dying_is_given_up),
         cmocka_unit_test(test_child_that_stays_is_a_timeout_and_gets_ended),
         cmocka_unit_test(test_child_that_ignores_sigterm_is_killed),
         cmocka_unit_test(test_children_die_with_their_parent),

@@ -143,7 +143,8 @@ static void test_forged_messages_are_dropped(void **context) {
     company_open_all(&c, 2, 1, hub, OWN);
     const int64_t digest = (int64_t)c.f.system->digest;
     DROPS(node, tick, "chain_TICK", SESSION, .session = OWN, .digest = digest + 1, .steps = 20);
-    DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .digest = digest, .steps = 20);
+    DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .digest = digest, .steps = 20,
+          .open = 1);
     DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .digest = digest, .steps = -1);
     DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .digest = digest, .steps = INT64_MAX);
     DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
@@ -182,8 +183,10 @@ static void test_forged_messages_are_dropped(void **context) {
     REPORT(COUNT, OWN, PORTMET_REPORT_T_DONE, 6, 1, 0, 5); // a port is missing
     REPORT(COUNT, OWN, PORTMET_REPORT_T_DONE, 6, 1, 1, 4); // the state is incomplete
     REPORT(COUNT, OWN, PORTMET_REPORT_T_DONE, 6, 1, 1, 0); // the state is missing
-    WORD(SESSION, FOREIGN, PORTMET_REPORT_T_HELLO);
-    WORD(REPEATED, OWN, PORTMET_REPORT_T_HELLO);
+    DROPS(coordinator, hello, "chain_HELLO", SESSION, .session = FOREIGN, .sender = "link1");
+    DROPS(coordinator, hello, "chain_HELLO", SESSION, .session = 0, .sender = "link1");
+    DROPS(node, command, "chain_COMMAND", SESSION, .session = OWN, .kind = PORTMET_COMMAND_T_REFUSE,
+          .instance = 1, .reason = "");
     WORD(SESSION, FOREIGN, PORTMET_REPORT_T_FAILED);
     WORD(SESSION, 0, PORTMET_REPORT_T_FAILED);
     WORD(RANGE, OWN, PORTMET_REPORT_T_BYE);

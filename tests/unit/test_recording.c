@@ -147,6 +147,44 @@ static void every_number_arrives_where_it_belongs(void **state) {
     assert_all_series(path, 600);
 }
 
+static void append(pm_recording *recording, long from, long to) {
+    pm_sample *sample = NULL;
+    assert_int_equal(pm_sample_new(&sample, &scene), PM_OK);
+    for (long step = from; step < to; ++step) {
+        fill(sample, step);
+        assert_int_equal(pm_recording_append(recording, sample), PM_OK);
+    }
+    pm_sample_free(sample);
+}
+
+// Gone on with after fewer samples than were flushed, after a whole block, and from the start.
+static void a_recording_goes_on_where_it_is_told(void **state) {
+    const char *path = scratch_path(*state, "run.h5");
+    static const long from[] = {300, 256, 120, 0};
+    pm_recording *recording = NULL;
+    const pid_t child = fork();
+    if (child == 0) {
+        assert_int_equal(pm_recording_open(&recording, path, &scene), PM_OK);
+        append(recording, 0, 310);
+        assert_int_equal(pm_recording_flush(recording), PM_OK);
+        append(recording, 310, 700);
+        raise(SIGKILL);
+    }
+    assert_int_equal(waitpid(child, NULL, 0), child);
+    for (int i = 0; i < 4; ++i) {
+        pm_recording *again = NULL;
+        assert_int_equal(pm_recording_reopen(&again, path, &scene, from[i]), PM_OK);
+        append(again, from[i], 600);
+        assert_int_equal(pm_recording_close(again), PM_OK);
+        assert_all_series(path, 600);
+    }
+    assert_int_equal(pm_recording_reopen(&recording, path, &scene, 601), PM_EFILE);
+    assert_non_null(strstr(pm_error(), "expected a series of 601 samples"));
+    subsystem[1].name = "other";
+    assert_int_equal(pm_recording_reopen(&recording, path, &scene, 5), PM_EFILE);
+    subsystem[1].name = "right";
+}
+
 static void assert_texts(const char *path, const char *object, const char *name, int count,
                          const char *const *expected) {
     char text[4][32] = {{0}};
@@ -290,6 +328,7 @@ int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(every_number_arrives_where_it_belongs, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_recording_goes_on_where_it_is_told, setup, teardown),
         cmocka_unit_test_setup_teardown(variables_and_units_are_written, setup, teardown),
         cmocka_unit_test_setup_teardown(what_was_flushed_outlives_a_killed_writer, setup, teardown),
         cmocka_unit_test_setup_teardown(a_recording_that_cannot_be_made_says_so, setup, teardown),

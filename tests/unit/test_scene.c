@@ -33,7 +33,7 @@ static const char good[] = "scene: pair\n"
                            "reference: {file: ref.h5, trajectory: 3}\n"
                            "laws: {energy: 1.0e-11, entropy: 0}\n"
                            "guards: {energy_drift: 0.01, region: 0.5}\n"
-                           "lockstep: {window: 4, patience: 2.5}\n"
+                           "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n"
                            "key_file: pair.key\n";
 
 static const char minimal[] = "scene: one\n"
@@ -65,7 +65,7 @@ static void test_settings(void **state) {
     assert_string_equal(scene->reference_trajectory_at, "dir/t.yaml:23:39");
     assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
     assert_true(scene->largest_drift == 0.01 && scene->largest_departure == 0.5);
-    assert_true(scene->window == 4 && scene->patience == 2.5);
+    assert_true(scene->window == 4 && scene->patience == 2.5 && scene->checkpoint == 30);
     assert_string_equal(scene->key_file, "dir/pair.key");
     assert_string_equal(scene->key_file_at, "dir/t.yaml:27:11");
     pm_scene_free(scene);
@@ -131,7 +131,8 @@ static void test_defaults(void **state) {
     (void)state;
     pm_scene *scene = parsed(minimal);
     assert_string_equal(scene->url, "udpm://239.255.76.67:7667?ttl=0");
-    assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10);
+    assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10 &&
+                scene->checkpoint == 100);
     assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
     assert_true(isinf(scene->largest_drift) && isinf(scene->largest_departure));
     assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
@@ -175,6 +176,7 @@ static const yaml_case bad[] = {
     {"energy_drift: 0.01", "energy_drift: 0", "0", "energy_drift: expected a number > 0"},
     {"window: 4", "window: 0", "0", "window: expected a whole number >= 1"},
     {"patience: 2.5", "patience: 0", "0", "patience: expected a number > 0"},
+    {"checkpoint: 30", "checkpoint: 0", "0", "checkpoint: expected a whole number >= 1"},
     {"trajectory: 3", "trajectory: -1", "-1", "trajectory: expected a whole number >= 0"},
     {"file: ref.h5", "path: ref.h5", "path", "unknown key \"path\"; allowed: file, trajectory"},
     // subsystems

@@ -176,7 +176,10 @@ static pm_status check_names(const study *s, int count, char **names) {
 
 static pm_status run(bench *b, int count, char **names) {
     char path[4096];
-    snprintf(path, sizeof path, "%s/study.yaml", b->source);
+    if ((size_t)snprintf(path, sizeof path, "%s/study.yaml", b->source) >= sizeof path) {
+        return pm_fail(PM_EFILE, "%s: the path is too long", b->source);
+    }
+    PM_TRY(study_place_look(&b->place));
     PM_TRY(study_load(&b->study, path));
     PM_TRY(check_names(&b->study, count, names));
     if ((mkdir(WORK, 0777) != 0 && errno != EEXIST) ||

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <glob.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -33,13 +34,16 @@ pm_status study_run(char *const *argv, const char *folder, const char *log, doub
     if (child == 0) {
         become(argv, folder, log);
     }
+    if (child < 0) {
+        return pm_fail(PM_EFILE, "%s: %s", argv[0], strerror(errno));
+    }
     int code = 0;
     struct rusage usage;
     pid_t ended;
     do {
         ended = wait4(child, &code, 0, &usage);
     } while (ended < 0 && errno == EINTR);
-    if (child < 0 || ended < 0) {
+    if (ended < 0) {
         return pm_fail(PM_EFILE, "%s: %s", argv[0], strerror(errno));
     }
     if (code != 0) {
@@ -70,11 +74,41 @@ static pm_status write_text(const char *path, const char *text) {
     return PM_OK;
 }
 
+static pm_status fold_file(uint64_t *digest, const char *path) {
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    int64_t word = 0;
+    while (fread(&word, 1, sizeof word, file) > 0) {
+        *digest = pm_digest_integer(*digest, word);
+        word = 0;
+    }
+    fclose(file);
+    return PM_OK;
+}
+
+pm_status study_place_look(study_place *place) {
+    char pattern[4096];
+    glob_t found;
+    if ((size_t)snprintf(pattern, sizeof pattern, "%s/*.yaml", place->configs) >= sizeof pattern ||
+        glob(pattern, 0, NULL, &found) != 0) {
+        return pm_fail(PM_EFILE, "%s: no scenes there", place->configs);
+    }
+    place->digest = PM_DIGEST_INIT;
+    pm_status status = fold_file(&place->digest, place->trainer);
+    for (size_t i = 0; i < found.gl_pathc && status == PM_OK; ++i) {
+        status = fold_file(&place->digest, found.gl_pathv[i]);
+    }
+    globfree(&found);
+    return status;
+}
+
 // Runs the trainer in a folder of its own; `data` NULL: a simulation.
 static pm_status make(const study_place *place, const char *text, const char *data, pm_arena *arena,
                       study_made *made) {
     const uint64_t digest =
-        pm_digest_text(pm_digest_text(PM_DIGEST_INIT, text), data == NULL ? "" : data);
+        pm_digest_text(pm_digest_text(place->digest, text), data == NULL ? "" : data);
     const char *folder =
         pm_arena_printf(arena, "%s/%016llx", place->work, (unsigned long long)digest);
     char *config = pm_arena_printf(arena, "%s/config.yaml", folder);

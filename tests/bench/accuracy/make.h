@@ -1,8 +1,10 @@
-// Runs portmet-train for a study. What it makes is kept in folders named by a digest of all that
-// went in, so that variants which two questions share are trained once and a study that was
-// interrupted goes on. Remove the work folder to have everything made afresh.
+// Runs portmet-train for a study. What it makes is kept in folders named by a digest of trainer,
+// scene, configuration and data, so that variants which two questions share are trained once and a
+// study that was interrupted goes on.
 #ifndef TESTS_BENCH_MAKE_H
 #define TESTS_BENCH_MAKE_H
+
+#include <stdint.h>
 
 #include "study.h"
 
@@ -10,7 +12,11 @@ typedef struct study_place {
     const char *configs; // folder of scenes and training files
     const char *trainer; // path of portmet-train
     const char *work;    // folder for all that is made
+    uint64_t digest;     // of the trainer and all scenes
 } study_place;
+
+// Fills in the digest. PM_EFILE.
+pm_status study_place_look(study_place *place);
 
 typedef struct study_made {
     const char *config;  // the file that portmet-train was given

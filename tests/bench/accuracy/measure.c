@@ -36,7 +36,9 @@ static account take_account(const pm_truth_model *model, int reached, const doub
         z += model->ode.nz;
         model->conserve(model->ode.data, z, value);
         a.energy = fmax(a.energy, fabs(value[0] - start[0]));
-        a.momentum = fmax(a.momentum, fabs(value[1] - start[1]));
+        if (model->nconserved > 1) {
+            a.momentum = fmax(a.momentum, fabs(value[1] - start[1]));
+        }
         const double entropy = model->entropy(model->ode.data, z);
         a.falls += entropy < before - SMALLEST_FALL;
         a.fall = fmax(a.fall, before - entropy);
@@ -65,7 +67,7 @@ static pm_status measure_laws(const pm_evaluation *e, const pm_truth *truth, stu
                                        pm_dataset_state(e->predicted, i, 0));
         energy[i] = a.energy;
         momentum[i] = a.momentum;
-        own[i] = has_energy ? e->rollout[i].energy_drift : NAN;
+        own[i] = has_energy ? e->rollout[i].ledger.energy_drift : NAN;
         falls += a.falls;
         steps += a.steps;
         laws->fall = fmax(laws->fall, a.fall);

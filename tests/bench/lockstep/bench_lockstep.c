@@ -84,13 +84,17 @@ done:
 static pm_status run_scene(const bench_case *c, cost *result) {
     static const char *const urls[] = {
         [IN_PROCESS] = NULL, [OWN_RECEIVE] = ADDRESS, [LCM_RECEIVE] = ADDRESS "&receive=lcm"};
-    const lattice_shape shape = strcmp(c->scene, "ring") == 0 ? LATTICE_RING : LATTICE_CHAIN;
+    const lattice l = {.shape = strcmp(c->scene, "ring") == 0 ? LATTICE_RING : LATTICE_CHAIN,
+                       .count = c->count,
+                       .window = c->window,
+                       .dt = 1e-3,
+                       .part = lattice_trivial_part,
+                       .port = lattice_trivial_port};
     pm_scene *scene = NULL;
     pm_system *system = NULL;
     double *z = NULL;
     pm_status status;
-    PM_TRY_DONE(c->is_file ? load_file(c, &scene, &system, &z)
-                           : lattice_make(&scene, &system, shape, c->count, c->window));
+    PM_TRY_DONE(c->is_file ? load_file(c, &scene, &system, &z) : lattice_make(&scene, &system, &l));
     if (c->way == IN_PROCESS) {
         PM_TRY_DONE(pm_scene_join_processes(scene));
     }

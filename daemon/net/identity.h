@@ -1,0 +1,41 @@
+// Who a process or coordinator is: what it says at its start, and how another one is refused.
+#ifndef PM_NET_IDENTITY_H
+#define PM_NET_IDENTITY_H
+
+#include <stdbool.h>
+
+#include "net/codec.h"
+#include "net/transport.h"
+#include "store/system.h"
+
+// Storage the caller owns.
+typedef struct pm_identity {
+    pm_transport *transport;
+    char hello_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
+    portmet_hello_t hello;
+} pm_identity;
+
+// `name`: of the process, "" for a coordinator, and must stay. `session`: the one it was started
+// for, or 0. PM_ECONFIG.
+pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const char *name,
+                           int64_t session, bool keeps_checkpoints, pm_transport *transport);
+
+pm_status pm_identity_say(const pm_identity *identity); // hello
+
+// Whether a hello is another one's who would be the same process of the same run; and whether that
+// one came later.
+bool pm_identity_rivals(const pm_identity *identity, const portmet_hello_t *hello);
+bool pm_identity_precedes(const pm_identity *identity, const portmet_hello_t *hello);
+
+// Why whoever says hello does not fit to this one, into `reason` [size]; false: it does.
+bool pm_identity_differs(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
+                         size_t size);
+
+// Tells the one who said hello to leave.
+pm_status pm_identity_refuse(const pm_identity *identity, const portmet_hello_t *hello,
+                             pm_status code, const char *reason);
+
+// Whether a command refuses this one.
+bool pm_identity_is_refused(const pm_identity *identity, const portmet_command_t *command);
+
+#endif

@@ -1,0 +1,72 @@
+// The steps of a run over LCM allocate nothing in our code: coordinator and nodes in one thread,
+// each with its own endpoint, on liblcm's receiver and on our own. Run in a private network.
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "../unit/allocations.h"
+#include "../unit/fixture.h"
+#include "net/lockstep.h"
+
+#define COUNT 3
+#define STEPS 40
+#define FIRST 10 // steps by which everything has been made
+
+static void require(pm_status status) {
+    if (status != PM_OK) {
+        fprintf(stderr, "steps_allocate_nothing: %s\n", pm_error());
+        exit(1);
+    }
+}
+
+// Allocations by the end of step FIRST, and by the last one's.
+static pm_status observe(void *context, const pm_sample *sample) {
+    long *count = context;
+    if (sample->step == FIRST || sample->step == STEPS) {
+        count[sample->step == STEPS] = allocations;
+    }
+    return PM_OK;
+}
+
+static int check_run(const char *url, int window) {
+    long count[2] = {0, -1};
+    fixture f = {0};
+    pm_transport *transport[COUNT + 1];
+    pm_lockstep_node *node[COUNT];
+    pm_lockstep_coordinator *coordinator = NULL;
+    fixture_open(&f, COUNT, 1);
+    f.scene->window = window;
+    for (int i = 0; i <= COUNT; ++i) {
+        require(pm_transport_open(&transport[i], url, NULL));
+    }
+    const pm_lockstep_node_options of_node = {.z = f.z};
+    for (int i = 0; i < COUNT; ++i) {
+        require(pm_lockstep_node_open(&node[i], f.system, i, transport[i], &of_node));
+    }
+    const pm_lockstep_coordinator_options options = {
+        .steps = STEPS, .want_state = true, .observer = {count, observe}};
+    require(pm_lockstep_coordinator_open(&coordinator, f.system, transport[COUNT], &options));
+    require(pm_lockstep_run_together(coordinator, COUNT, node, NULL));
+    pm_lockstep_coordinator_close(coordinator);
+    for (int i = 0; i < COUNT; ++i) {
+        pm_lockstep_node_close(node[i]);
+    }
+    for (int i = 0; i <= COUNT; ++i) {
+        pm_transport_close(transport[i]);
+    }
+    fixture_close(&f);
+    if (count[0] <= 0 || count[1] != count[0]) {
+        fprintf(stderr, "%s, window %d: %ld allocations by step %d, %ld by step %d\n", url, window,
+                count[0], FIRST, count[1], STEPS);
+        return 1;
+    }
+    return 0;
+}
+
+int main(void) {
+    int failed = 0;
+    for (int window = 1; window <= 5; window += 4) {
+        failed += check_run("udpm://239.255.76.67:7667?ttl=0", window);
+        failed += check_run("udpm://239.255.76.67:7667?ttl=0&receive=lcm", window);
+    }
+    return failed == 0 ? 0 : 1;
+}

@@ -1,0 +1,184 @@
+// Who may take part: a second coordinator, a second node of the same name, and nodes that differ
+// are refused by name, and the run that is under way goes on as if nothing had been.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+// cmocka needs the above.
+#include <cmocka.h>
+#include <string.h>
+
+#include "company.h"
+#include "net/codec.h"
+#include "scratch.h"
+
+// Turns of a company and of one more node, until that has ended.
+static pm_status run_stranger(company *c, pm_lockstep_node *node, pm_transport *transport) {
+    while (!pm_lockstep_node_finished(node)) {
+        assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
+        pm_lockstep_node_poll(node, c->now);
+        company_turn(c);
+    }
+    const pm_status status = pm_lockstep_node_result(node);
+    pm_lockstep_node_close(node);
+    pm_transport_close(transport);
+    return status;
+}
+
+static pm_status join(company *c, const pm_system *system, int i, int64_t session,
+                      const char *checkpoint) {
+    pm_transport *transport;
+    pm_lockstep_node *node;
+    const pm_lockstep_node_options options = {
+        .z = c->f.z, .session = session, .checkpoint = checkpoint};
+    assert_int_equal(pm_transport_open(&transport, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_lockstep_node_open(&node, system, i, transport, &options), PM_OK);
+    return run_stranger(c, node, transport);
+}
+
+static void finish(company *c) {
+    company_run(c);
+    assert_all_ok(c);
+    company_close(c);
+}
+
+// While the first waits, and in the middle of its run; with checkpoints, too.
+static void test_second_node(void **context) {
+    (void)context;
+    for (int at = 0; at < 4; ++at) {
+        scratch s;
+        scratch_open(&s);
+        pm_hub *hub = company_hub(NULL);
+        company c;
+        if (at < 2) {
+            company_open(&c, 2, 1, hub, 0);
+            company_add(&c, 0, c.f.system, 0);
+        } else {
+            company_open_keeping(&c, 2, 1, hub, s.folder);
+        }
+        company_turn(&c);
+        if (at % 2 == 1) {
+            if (at == 1) {
+                company_add(&c, 1, c.f.system, 0);
+            }
+            company_run_to(&c, 5);
+        }
+        const char *checkpoint = at < 2 ? NULL : scratch_path(&s, "second");
+        assert_error(join(&c, c.f.system, 0, 0, checkpoint), PM_ENET, "link1");
+        if (at == 0) {
+            company_add(&c, 1, c.f.system, 0);
+        }
+        finish(&c);
+        pm_hub_close(hub);
+        scratch_close(&s);
+    }
+}
+
+// Other weights, or other checkpoints: sent away from a run that has begun.
+static void test_nodes_that_differ(void **context) {
+    (void)context;
+    pm_hub *hub = company_hub(NULL);
+    company c;
+    company_open_all(&c, 2, 1, hub, 77);
+    company_run_to(&c, 5);
+    fixture other = {0};
+    fixture_open(&other, 2, 999);
+    assert_error(join(&c, other.system, 1, 77, NULL), PM_ENET, "link2");
+    fixture_close(&other);
+    finish(&c);
+    pm_hub_close(hub);
+}
+
+static void test_checkpoints_that_differ(void **context) {
+    (void)context;
+    scratch s;
+    scratch_open(&s);
+    pm_hub *hub = company_hub(NULL);
+    company c;
+    company_open(&c, 2, 1, hub, 0);
+    company_add(&c, 0, c.f.system, 0);
+    assert_error(join(&c, c.f.system, 1, 0, scratch_path(&s, "x")), PM_ENET,
+                 "node link2 keeps a checkpoint every 7 steps, the run every 0");
+    company_run(&c);
+    assert_all_failed(&c, PM_ENET, "link2 keeps a checkpoint");
+    company_close(&c);
+    pm_hub_close(hub);
+    scratch_close(&s);
+}
+
+static void test_other_version(void **context) {
+    (void)context;
+    pm_hub *hub = company_hub(NULL);
+    pm_transport *stranger;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    company c;
+    company_open(&c, 2, 1, hub, 0);
+    company_add(&c, 0, c.f.system, 0);
+    const portmet_hello_t hello = {.protocol = pm_protocol() + 1,
+                                   .instance = 5,
+                                   .digest = (int64_t)c.f.system->digest,
+                                   .sender = "link2"};
+    unsigned char data[256];
+    const size_t size = pm_hello_encode(&hello, data, sizeof data);
+    assert_int_equal(pm_transport_publish(stranger, "chain_HELLO", data, size), PM_OK);
+    company_run(&c);
+    assert_all_failed(&c, PM_ENET, "link2 speaks another version of the protocol");
+    company_close(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
+// The first gathers, or runs; sessions keep apart.
+static void test_second_coordinator(void **context) {
+    (void)context;
+    for (int at = 0; at < 3; ++at) {
+        pm_hub *hub = company_hub(NULL);
+        company first, second;
+        company_open_all(&first, 2, 1, hub, at == 2 ? 77 : 0);
+        if (at > 0) {
+            company_run_to(&first, 5);
+        } else {
+            company_turn(&first);
+        }
+        company_open(&second, 2, 1, hub, at == 2 ? 77 : 0);
+        while (!company_is_over(&second)) {
+            company_turn(&first);
+            company_turn(&second);
+        }
+        assert_error(pm_lockstep_coordinator_result(second.coordinator), PM_ENET,
+                     "there is a coordinator of scene chain already");
+        finish(&first);
+        company_close(&second);
+        pm_hub_close(hub);
+    }
+}
+
+// A run for its own session is closed to nodes that ask for none.
+static void test_closed_runs(void **context) {
+    (void)context;
+    pm_hub *hub = company_hub(NULL);
+    company a, b;
+    company_open_all(&a, 2, 1, hub, 77);
+    company_open_all(&b, 2, 1, hub, 0);
+    while (!company_is_over(&a) || !company_is_over(&b)) {
+        company_turn(&a);
+        company_turn(&b);
+    }
+    assert_all_ok(&a);
+    assert_all_ok(&b);
+    company_close(&a);
+    company_close(&b);
+    pm_hub_close(hub);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_second_node),
+        cmocka_unit_test(test_nodes_that_differ),
+        cmocka_unit_test(test_checkpoints_that_differ),
+        cmocka_unit_test(test_other_version),
+        cmocka_unit_test(test_second_coordinator),
+        cmocka_unit_test(test_closed_runs),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
