@@ -2,7 +2,8 @@
 # network. Sourced from the repository's root by a script that runs under `set -eu`.
 
 build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libglib2.0-dev libhdf5-dev
-    libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev liblbfgs-dev gnuplot-nox iproute2 nftables"
+    libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev libsuitesparse-dev liblbfgs-dev
+    gnuplot-nox iproute2 nftables"
 
 # quietly LOG COMMAND...: the output goes to LOG; its end is shown if the command fails.
 quietly() {

@@ -1,4 +1,5 @@
 // portmet-train truth: simulates the trajectories a configuration asks for and writes a dataset.
+#include "command_truth_body.h"
 #include "commands.h"
 
 #include <math.h>
@@ -29,7 +30,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .summary =
             "Simulates ground truth with SUNDIALS CVODE at the limit of double precision and\n"
             "prints how far the result is converged and how well it keeps the laws. Every\n"
-            "trajectory has random numbers of its own, so a part is the same as in the whole.",
+            "trajectory has random numbers of its own, so a part is the same as in the whole.\n"
+            "For a body on a mesh: quasi-static finite elements, with their balance of energy.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof table / sizeof *table,
@@ -158,6 +160,10 @@ pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *s
     int first = 0, end = 0;
     PM_TRY_DONE(pm_truth_load(&truth, a.config));
     PM_TRY_DONE(pm_options_range(a.trajectories, truth->ntrajectory, &first, &end));
+    if (truth->model.body != NULL) {
+        status = pm_truth_body_write(truth, first, end - first, command, a.output, stop);
+        goto done;
+    }
     PM_TRY_DONE(pm_dataset_new(&dataset, end - first, truth->ntime, truth->model.ncolumn, truth->dt,
                                truth->model.column));
     PM_TRY_DONE(add_notes(dataset, truth, first, command));

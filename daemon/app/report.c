@@ -140,7 +140,8 @@ void pm_report_restore(pm_report *report, const double *memory) {
     const pm_scene *scene = report->setup->scene;
     const size_t nbulk = 2 * (size_t)scene->nsubsystem, nflux = 4 * (size_t)scene->nport;
     report->steps = report->timed_from = (long)memory[0];
-    report->ncompared = (int)memory[1];
+    const double most = report->capacity;
+    report->ncompared = (int)(memory[1] < 0 ? 0 : memory[1] > most ? most : memory[1]);
     report->evaluated = (long)memory[2];
     report->skipped = (long)memory[3];
     memory += COUNTS;

@@ -88,6 +88,7 @@ pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *firs
     r->sender = sender;
     r->sequence = first->sequence;
     r->total = first->total;
+    r->received = 0;
     r->count = r->missing = first->count;
     memset(r->data + r->total, 0, r->count);
     (void)pm_reassembly_add(r, first, sender);
@@ -101,11 +102,13 @@ bool pm_reassembly_add(pm_reassembly *reassembly, const pm_datagram *part, uint6
     if (belongs && r->data[r->total + part->number] == 0) {
         memcpy(r->data + part->offset, part->data, part->size);
         r->data[r->total + part->number] = 1;
+        r->received += part->size;
         r->missing -= 1;
     }
     return belongs;
 }
 
 bool pm_reassembly_complete(const pm_reassembly *reassembly) {
-    return reassembly->count > 0 && reassembly->missing == 0;
+    return reassembly->count > 0 && reassembly->missing == 0 &&
+           reassembly->received == reassembly->total;
 }

@@ -40,7 +40,7 @@ typedef struct pm_reassembly {
     size_t capacity;
     uint64_t sender; // whatever tells senders apart
     uint32_t sequence;
-    size_t total;
+    size_t total, received;  // bytes
     unsigned count, missing; // parts; missing 0: nothing under way
 } pm_reassembly;
 
@@ -52,7 +52,8 @@ pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *firs
 // True if the part belongs to what is under way; then takes it in.
 bool pm_reassembly_add(pm_reassembly *reassembly, const pm_datagram *part, uint64_t sender);
 
-// No part is missing: data [total] is the message, until the next _begin.
+// No part is missing, and they are as long as the whole: data [total] is the message, until the
+// next _begin. So a few bytes cannot pass for a large message.
 bool pm_reassembly_complete(const pm_reassembly *reassembly);
 
 #endif

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "net/codec.h"
 #include "store/snapshot.h"
 
 int64_t pm_history_interval(const pm_scene *scene) {
@@ -46,7 +47,14 @@ pm_status pm_history_load(pm_history *history, int64_t session) {
     if (!found || found_session != session) {
         return PM_OK;
     }
-    return pm_snapshot_load(h->path, h->digest, &found_session, 2 * h->size, h->memory, &found);
+    PM_TRY(pm_snapshot_load(h->path, h->digest, &found_session, 2 * h->size, h->memory, &found));
+    for (int i = 0; i < 2; ++i) {
+        const double step = h->memory[i * h->size];
+        if (step < -1 || step > (double)PM_STEPS_MAX) {
+            return pm_fail(PM_EFILE, "%s: a snapshot of step %g", h->path, step);
+        }
+    }
+    return PM_OK;
 }
 
 pm_status pm_history_note(pm_history *history, int64_t session, int64_t step, const pm_crew *crew) {

@@ -576,6 +576,10 @@ static pm_status open_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     }
     PM_TRY(pm_snapshot_load(c->checkpoint, c->system->digest, &c->session, c->nmemory, c->memory,
                             &found));
+    if (c->memory[0] < -1 || c->memory[0] > (double)c->steps) {
+        return pm_fail(PM_EFILE, "%s: a snapshot of step %g, the run has %lld", c->checkpoint,
+                       c->memory[0], (long long)c->steps);
+    }
     c->completed = (int64_t)c->memory[0];
     if (c->completed < 0) {
         return PM_OK;

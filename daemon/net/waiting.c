@@ -23,7 +23,8 @@ static double follow(double usual, double taken) {
 void pm_waiting_start(pm_waiting *waiting, double now) {
     waiting->usual = follow(waiting->usual, now - waiting->since);
     waiting->since = now;
-    waiting->interval = PM_WAITING_FACTOR * waiting->usual;
+    waiting->interval = waiting->wary > 0 ? PM_WAITING_FACTOR * waiting->usual : PM_WAITING_FIRST;
+    waiting->wary -= waiting->wary > 0;
     waiting->next = now + waiting->interval;
 }
 
@@ -36,6 +37,7 @@ bool pm_waiting_ask(pm_waiting *waiting, double now) {
         waiting->interval = PM_WAITING_LAST;
     }
     waiting->next = now + waiting->interval;
+    waiting->wary = PM_WAITING_LATELY;
     return true;
 }
 

@@ -9,11 +9,13 @@
 
 // s between requests: the first comes soon after a loss, each later one twice as late, which spares
 // the network. "Soon" is measured in what waits usually take, so that few requests are needless on
-// a busy machine, and a loss costs little on an idle one.
+// a busy machine, and a loss costs little on an idle one. Where nothing was lost lately the first
+// one comes at the latest time: to arm a timer that short costs the kernel as much as a message.
 #define PM_WAITING_SOONEST 0.0001
 #define PM_WAITING_FIRST 0.002 // at the latest
 #define PM_WAITING_LAST 0.1
-#define PM_WAITING_FACTOR 3 // first request, in usual waits
+#define PM_WAITING_FACTOR 3    // first request, in usual waits
+#define PM_WAITING_LATELY 1000 // waits
 
 // How many times the scene's patience one message may take although its sender shows life. Longer
 // than patience itself: the sender may be waiting for another one, who is about to be found
@@ -24,6 +26,7 @@
 typedef struct pm_waiting {
     double since, next, interval;
     double usual; // how long waits take, the median; 0: none was measured
+    int wary;     // waits to go until the last request is no longer lately
 } pm_waiting;
 
 // Ends a wait, if there was one, and begins the next.

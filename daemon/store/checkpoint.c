@@ -54,7 +54,7 @@ pm_status pm_checkpoint_load(const char *path, const char *kind, uint64_t digest
                              const pm_checkpoint_field *field) {
     pm_hdf5 *file = NULL;
     pm_arena arena = {0};
-    PM_TRY(pm_hdf5_open(&file, path, PM_EFILE));
+    PM_TRY(pm_hdf5_open(&file, path, PM_HDF5_OWN, PM_EFILE));
     const pm_status status = load(file, &arena, path, kind, digest, nfield, field);
     pm_hdf5_close(file);
     pm_arena_free(&arena);

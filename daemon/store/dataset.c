@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/attempt.h"
 #include "store/hdf5_io.h"
 
 #define LAYOUT "state_layout"
@@ -214,12 +215,12 @@ static pm_status read_content(pm_dataset *d, const pm_hdf5 *file, const char *pa
     return check(d, path);
 }
 
-pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
+static pm_status load(pm_dataset **dataset, const char *path) {
     pm_hdf5 *file = NULL;
     pm_dataset *d = NULL;
     int shape[3];
     pm_status status;
-    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_EDATA));
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
     PM_TRY_DONE(pm_hdf5_shape(file, "/z", 3, shape));
     PM_TRY_DONE(dataset_alloc(&d, shape[0], shape[1], shape[2]));
     PM_TRY_DONE(read_content(d, file, path));
@@ -229,6 +230,22 @@ done:
     pm_dataset_free(d);
     pm_hdf5_close(file);
     return status;
+}
+
+static void try_load(const void *path) {
+    pm_dataset *dataset = NULL;
+    (void)load(&dataset, path);
+    pm_dataset_free(dataset);
+}
+
+// Foreign files may use all of HDF5, which does not survive every damage to them.
+pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
+    if (!pm_hdf5_is_own(path)) {
+        char what[512];
+        snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+        PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
+    }
+    return load(dataset, path);
 }
 
 // --- saving ---

@@ -5,9 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "store/hdf5_check.h"
 #include "store/hdf5_handle.h"
 
 #define CAUSE_SIZE 1024 // of HDF5's text, which holds paths
@@ -91,7 +93,31 @@ static hid_t file_access(void) {
     return list;
 }
 
-static pm_status open_as(pm_hdf5 **file, const char *path, pm_status content, unsigned flags) {
+// What speaks against giving the file to the library; NULL: nothing.
+static const char *objection_to(const char *path) {
+    const int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    struct stat facts;
+    const char *objection = "it cannot be read";
+    if (file >= 0 && fstat(file, &facts) == 0 && S_ISREG(facts.st_mode) && facts.st_size > 0) {
+        const size_t size = (size_t)facts.st_size;
+        void *data = mmap(NULL, size, PROT_READ, MAP_PRIVATE, file, 0);
+        if (data != MAP_FAILED) {
+            objection = pm_hdf5_check(data, size);
+            munmap(data, size);
+        }
+    }
+    if (file >= 0) {
+        close(file);
+    }
+    return objection;
+}
+
+bool pm_hdf5_is_own(const char *path) {
+    return objection_to(path) == NULL;
+}
+
+static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content,
+                         unsigned flags) {
     struct stat facts;
     if (stat(path, &facts) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be opened: %s", path, strerror(errno));
@@ -111,6 +137,11 @@ static pm_status open_as(pm_hdf5 **file, const char *path, pm_status content, un
         pm_hdf5_close(opened);
         return pm_fail(PM_EFILE, "%s: not an HDF5 file", path);
     }
+    const char *objection = source == PM_HDF5_OWN ? objection_to(path) : NULL;
+    if (objection != NULL) {
+        pm_hdf5_close(opened);
+        return pm_fail(PM_EFILE, "%s: damaged, or not written by portmet: %s", path, objection);
+    }
     const hid_t list = file_access();
     opened->file = H5Fopen(path, flags, list);
     const pm_status status =
@@ -124,12 +155,12 @@ static pm_status open_as(pm_hdf5 **file, const char *path, pm_status content, un
     return PM_OK;
 }
 
-pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content) {
-    return open_as(file, path, content, H5F_ACC_RDONLY);
+pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content) {
+    return open_as(file, path, source, content, H5F_ACC_RDONLY);
 }
 
 pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
-    return open_as(file, path, PM_EFILE, H5F_ACC_RDWR);
+    return open_as(file, path, PM_HDF5_ANY, PM_EFILE, H5F_ACC_RDWR);
 }
 
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {

@@ -15,14 +15,21 @@
 #include "base/arena.h"
 #include "base/status.h"
 
-#define PM_HDF5_MAX_RANK 3
+#define PM_HDF5_MAX_RANK 4
 
 typedef struct pm_hdf5 pm_hdf5;
 
 // --- files ---
 
+// Where a file to be read comes from. OWN: pm_hdf5_create, and only what hdf5_check.h lets pass
+// gets as far as the library, which crashes on many a damaged file. ANY: whatever the library can
+// read.
+typedef enum pm_hdf5_source { PM_HDF5_OWN, PM_HDF5_ANY } pm_hdf5_source;
+
 // Opens for reading. `content` is the code of failures that lie in the content.
-pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_status content);
+pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content);
+// Would OWN let it pass? Files that cannot be opened do not.
+bool pm_hdf5_is_own(const char *path);
 
 // Opens a file that was written in place, to go on writing. PM_EFILE.
 pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -68,6 +69,14 @@ static pm_status read_head(const char *path, FILE *file, uint64_t digest, head *
     return PM_OK;
 }
 
+static bool all_finite(const double *value, int count) {
+    bool finite = true;
+    for (int i = 0; i < count; ++i) {
+        finite = finite && isfinite(value[i]);
+    }
+    return finite;
+}
+
 static pm_status damaged(const char *path) {
     return pm_fail(PM_EFILE,
                    "%s: a damaged snapshot, or one of another number of steps; remove it "
@@ -80,7 +89,8 @@ static pm_status read_all(const char *path, FILE *file, uint64_t digest, head *h
     uint64_t sum;
     PM_TRY(read_head(path, file, digest, h));
     if (h->count != count || fread(value, sizeof *value, (size_t)count, file) != (size_t)count ||
-        fread(&sum, sizeof sum, 1, file) != 1 || sum != check_sum(h, value)) {
+        fread(&sum, sizeof sum, 1, file) != 1 || sum != check_sum(h, value) ||
+        !all_finite(value, count)) {
         return damaged(path);
     }
     return PM_OK;

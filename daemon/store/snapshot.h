@@ -14,7 +14,8 @@ pm_status pm_snapshot_save(const char *path, uint64_t digest, int64_t session, i
                            const double *value);
 
 // Reads `session` and value [count]; untouched, with `found` false, where there is no file.
-// PM_EFILE: truncated, damaged, of another digest or count; then, too, they are untouched.
+// PM_EFILE: truncated, damaged, not finite, of another digest or count; then, too, they are
+// untouched.
 pm_status pm_snapshot_load(const char *path, uint64_t digest, int64_t *session, int count,
                            double *value, bool *found);
 

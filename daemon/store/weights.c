@@ -317,7 +317,7 @@ static pm_status blame_weights(pm_status status, const char *path) {
 }
 
 static pm_status open_weights(pm_hdf5 **file, const char *path) {
-    const pm_status status = pm_hdf5_open(file, path, PM_EWEIGHTS);
+    const pm_status status = pm_hdf5_open(file, path, PM_HDF5_OWN, PM_EWEIGHTS);
     return status == PM_EFILE ? pm_fail(PM_EWEIGHTS, "weights %s", pm_error()) : status;
 }
 

@@ -97,7 +97,7 @@ static void try_port(pm_yaml root, pm_arena *arena) {
         for (int i = 0; i < 2; ++i) {
             end[i] =
                 (pm_port_nodes){pm_input(g, true, 1, layout.nz), pm_input(g, true, 1, layout.nz),
-                                pm_input(g, true, 1, layout.nz)};
+                                pm_input(g, true, 1, layout.nz), PM_NO_NODE};
         }
         pm_node degeneracy = PM_NO_NODE;
         const pm_node rate = port.law->rate(g, &port, PM_END_A, end, &degeneracy);

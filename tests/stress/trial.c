@@ -98,7 +98,7 @@ static pm_status step_on(trial *t, long steps) {
 static pm_status check_recording(const trial *t, const char *path) {
     pm_hdf5 *file = NULL;
     int count = 0;
-    pm_status status = pm_hdf5_open(&file, path, PM_EDATA);
+    pm_status status = pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA);
     if (status == PM_OK) {
         status = pm_hdf5_shape(file, "/ledger/energy", 1, &count);
     }

@@ -2,17 +2,20 @@
 #include <float.h>
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "base/activation.h"
 #include "base/arena.h"
+#include "base/attempt.h"
 #include "base/digest.h"
 #include "base/linalg.h"
 #include "base/rng.h"
@@ -204,6 +207,24 @@ static void failures_are_described(void **state) {
     assert_string_equal(pm_error(), "row 3: bad");
 }
 
+static void end_by(const void *signal_number) {
+    const int number = *(const int *)signal_number;
+    if (number != 0) {
+        raise(number);
+        _exit(3);
+    }
+}
+
+static void attempts_tell_how_they_ended(void **state) {
+    (void)state;
+    const int none = 0, killed = SIGKILL, ignored = SIGCHLD;
+    assert_int_equal(pm_attempt(end_by, &none, PM_EFILE, "it"), PM_OK);
+    assert_int_equal(pm_attempt(end_by, &killed, PM_EFILE, "it"), PM_EFILE);
+    assert_string_equal(pm_error(), "it (Killed)");
+    assert_int_equal(pm_attempt(end_by, &ignored, PM_EDATA, "it"), PM_EDATA);
+    assert_string_equal(pm_error(), "it");
+}
+
 int main(void) {
     pm_linalg_init();
     const struct CMUnitTest tests[] = {
@@ -215,6 +236,7 @@ int main(void) {
         cmocka_unit_test(activations_are_accurate),
         cmocka_unit_test(digests_tell_apart),
         cmocka_unit_test(failures_are_described),
+        cmocka_unit_test(attempts_tell_how_they_ended),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -180,6 +180,26 @@ static void test_reassembly(void **context) {
     pm_reassembly_free(&r);
 }
 
+// Two parts of a message that leave out the most of it, or tell some of it twice.
+static void test_parts_must_make_the_whole(void **context) {
+    (void)context;
+    static const size_t to[] = {490, 500, 510};
+    const unsigned char data[TOTAL] = {1};
+    pm_reassembly r = {0};
+    for (unsigned i = 0; i < 3; ++i) {
+        const size_t half = TOTAL / 2;
+        bytes b = fragment("c", data, half, 0, 250, 0, 2);
+        pm_datagram d;
+        assert_true(pm_datagram_parse(&d, b.at, b.size));
+        assert_int_equal(pm_reassembly_begin(&r, &d, i), PM_OK);
+        b = fragment("c", data, half, half - (to[i] - 250), half, 1, 2);
+        assert_true(pm_datagram_parse(&d, b.at, b.size));
+        assert_true(pm_reassembly_add(&r, &d, i));
+        assert_int_equal(pm_reassembly_complete(&r), to[i] == half);
+    }
+    pm_reassembly_free(&r);
+}
+
 // --- the filter ---
 
 typedef struct gate {
@@ -345,6 +365,7 @@ int main(void) {
         cmocka_unit_test(test_short_messages),
         cmocka_unit_test(test_fragments_that_contradict_themselves),
         cmocka_unit_test(test_reassembly),
+        cmocka_unit_test(test_parts_must_make_the_whole),
         cmocka_unit_test(test_filter),
         cmocka_unit_test(test_filter_is_exact),
         cmocka_unit_test(test_no_filter),

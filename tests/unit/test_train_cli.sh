@@ -67,6 +67,21 @@ expect 4 "/nowhere/new.h5" truth $slow -o /nowhere/new.h5 --trajectories 1
 sed 's/dt: 0.3/dt: soon/' $slow >"$folder/bad.yaml"
 expect 3 "bad.yaml:7:5: " truth "$folder/bad.yaml" -o "$new"
 [ ! -e "$new" ] || fail "a failed command left a file"
+beam=$folder/beam.yaml
+# with_beam SED-SCRIPT: the beam of the configurations, small and changed by the script.
+with_beam() {
+    sed -e 's/elements: .*/elements: [4, 1, 1]/; s/states: .*/states: 5/' -e "$1" configs/truth/beam.yaml >"$beam"
+}
+with_beam ''
+succeed "stored and dissipated differ from the work by" truth "$beam" -o "$folder/beam.h5" --trajectories 0:2
+with_beam 's/0.49\]/0.7]/'
+expect 3 "in all below 1" truth "$beam" -o "$new"
+with_beam 's/4, 1, 1/4, 1.5, 1/'
+expect 3 "elements along x, y, z" truth "$beam" -o "$new"
+with_beam 's/hold: .*/hold: [0.8, 0.2]/'
+expect 3 "hold: expected [lowest, highest]" truth "$beam" -o "$new"
+with_beam 's/  patches:/  rows: {force: 1.0, positions: 2, ramp: 1.0}/; /Drawn/,/tilt/!{/:.*\[0\./{/material/!d}}; /force: \[/d; /length/d; /width/d; /tilt: /d'
+expect 3 "trajectory 8 of 8" truth "$beam" -o "$new" --trajectories 8
 succeed "2 of 2 trajectories to 1e-10" truth $slow --trajectories=45:47 --output "$new"
 
 # --- evaluate ---

@@ -10,6 +10,7 @@ static const pm_truth_simulator simulators[] = {
     {"pendulum_chain", pm_pendulum_chain_read},
     {"driven_link", pm_driven_link_read},
     {"gas_containers", pm_gas_containers_read},
+    {"beam", pm_beam_read},
 };
 #define NSIMULATOR (sizeof simulators / sizeof *simulators)
 

@@ -8,17 +8,30 @@
 
 #include "base/arena.h"
 #include "base/rng.h"
+#include "store/field.h"
 #include "store/yaml.h"
 #include "truth/ode.h"
 
 #define PM_TRUTH_MAX_CONSERVED 4
+// A body with fields on a mesh, in place of an ODE. `data` is the model's.
+typedef struct pm_truth_body {
+    int nnode, nelement, nvariable;
+    const char *variable;                                // of each node, separated by blanks
+    void (*describe)(const void *data, pm_field *field); // fills in the mesh
+    // Trajectory `trajectory` of this seed, into row `row` of the field. PM_ECONFIG (there is no
+    // such trajectory), PM_ENUMERIC, PM_ENOMEM.
+    pm_status (*run)(const void *data, uint64_t seed, int trajectory, pm_field *field, int row);
+} pm_truth_body;
+
 // What a simulator makes of its configuration. Everything lives in the configuration's arena.
 typedef struct pm_truth_model {
     pm_ode ode;
+    const pm_truth_body *body; // NULL: an ODE. Otherwise of the ODE only `data` has a meaning, and
+    // of what follows only title, units and parameters.
     const char *title;
     int ncolumn; // of the dataset: the first components of the state; others stay inside
     const char *const *column;                              // [ncolumn]
-    const char *units;                                      // of the columns, separated by ';'
+    const char *units;                                      // of columns or variables, by ';'
     const char *parameters;                                 // as text, for the dataset's notes
     void (*draw)(const void *data, pm_rng *rng, double *z); // an initial state [nz]
     // Quantities that the exact solution keeps (at most PM_TRUTH_MAX_CONSERVED): their names, and
@@ -48,8 +61,8 @@ typedef struct pm_truth {
 pm_status pm_truth_load(pm_truth **truth, const char *path);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
-// Trajectory `trajectory` [ntime][nz], from its own stream of random numbers, and in `check` the
-// same at twice the tolerance, to tell how far it is converged. PM_ENUMERIC, PM_ENOMEM.
+// For an ODE: trajectory `trajectory` [ntime][nz], from its own stream of random numbers, and in
+// `check` the same at twice the tolerance, to tell how far it is converged. PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_truth_run(const pm_truth *truth, int trajectory, double *z, double *check);
 
 // Largest |z - check| of any column over that column's root mean square.
@@ -73,6 +86,8 @@ void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const d
 pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 // One thermoelastic link whose pivot is driven, with a force on its mass and a bath beside it.
 pm_status pm_driven_link_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
+// A clamped beam of viscoelastic rubber, pressed from its sides (beam_solve.h).
+pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 // Two gases that exchange heat and volume through a moving wall.
 pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 

@@ -1,0 +1,41 @@
+// fork, and how the child ended.
+#include "base/attempt.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define LONGEST 20 // s of CPU time: then it hangs
+
+static void limit(int resource, rlim_t most) {
+    struct rlimit now;
+    if (getrlimit((__rlimit_resource_t)resource, &now) == 0 && now.rlim_cur > most) {
+        now.rlim_cur = most;
+        setrlimit((__rlimit_resource_t)resource, &now);
+    }
+}
+
+pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_status code,
+                     const char *what) {
+    const pid_t child = fork();
+    if (child == 0) {
+        limit(RLIMIT_CPU, LONGEST);
+        limit(RLIMIT_CORE, 0);
+        work(context);
+        _exit(0);
+    }
+    int end = 0;
+    pid_t ended = child;
+    do {
+        ended = child < 0 ? -1 : waitpid(child, &end, 0);
+    } while (ended < 0 && child > 0 && errno == EINTR);
+    if (ended < 0) {
+        return pm_fail(PM_ENOMEM, "%s: no process to try it in: %s", what, strerror(errno));
+    }
+    if (WIFSIGNALED(end)) {
+        return pm_fail(code, "%s (%s)", what, strsignal(WTERMSIG(end)));
+    }
+    return WEXITSTATUS(end) == 0 ? PM_OK : pm_fail(code, "%s", what);
+}

@@ -1,0 +1,13 @@
+// Trying in a child process what may crash in a library that we cannot mend.
+#ifndef PM_BASE_ATTEMPT_H
+#define PM_BASE_ATTEMPT_H
+
+#include "base/status.h"
+
+// Calls work(context) in a child process, whose results are lost, and waits for it. PM_OK if it
+// returned; else `code`: "<what> (<the signal that ended it>)". PM_ENOMEM: no process. To be called
+// before there are threads.
+pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_status code,
+                     const char *what);
+
+#endif

@@ -1,0 +1,191 @@
+// Fields on a mesh: memory and the HDF5 layout described in field.h.
+#include "store/field.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "store/hdf5_io.h"
+
+#define LAYOUT "state_layout"
+
+// --- memory ---
+
+static pm_status fail_memory(void) {
+    return pm_fail(PM_ENOMEM, "field: out of memory");
+}
+
+void pm_field_free(pm_field *field) {
+    if (field != NULL) {
+        pm_arena_free(&field->arena);
+        free(field);
+    }
+}
+
+// What every field has.
+static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
+    const size_t nstate = (size_t)shape.ntrajectory * (size_t)shape.ntime;
+    const size_t nnode = (size_t)shape.nnode;
+    pm_field *d = calloc(1, sizeof *d);
+    if (d == NULL) {
+        return fail_memory();
+    }
+    d->ntrajectory = shape.ntrajectory;
+    d->ntime = shape.ntime;
+    d->nnode = shape.nnode;
+    d->nvariable = shape.nvariable;
+    d->nelement = shape.nelement;
+    d->t = pm_arena_array(&d->arena, (size_t)shape.ntime, sizeof *d->t);
+    d->z = pm_arena_array(&d->arena, nstate * nnode, (size_t)shape.nvariable * sizeof *d->z);
+    d->f = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->f);
+    d->position = pm_arena_array(&d->arena, nnode, 3 * sizeof *d->position);
+    if (d->t == NULL || d->z == NULL || d->f == NULL || d->position == NULL) {
+        pm_field_free(d);
+        return fail_memory();
+    }
+    *field = d;
+    return PM_OK;
+}
+
+pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const char *variable) {
+    pm_field *d;
+    PM_TRY(field_alloc(&d, shape));
+    const size_t nstate = (size_t)shape.ntrajectory * (size_t)shape.ntime;
+    d->hexahedron = pm_arena_array(&d->arena, (size_t)shape.nelement, 8 * sizeof *d->hexahedron);
+    d->clamped = pm_arena_array(&d->arena, (size_t)shape.nnode, sizeof *d->clamped);
+    d->energy = pm_arena_array(&d->arena, nstate, PM_FIELD_ENERGIES * sizeof *d->energy);
+    d->variable = pm_arena_strdup(&d->arena, variable);
+    if (d->hexahedron == NULL || d->clamped == NULL || d->energy == NULL || d->variable == NULL) {
+        pm_field_free(d);
+        return fail_memory();
+    }
+    d->dt = dt;
+    for (int j = 0; j < d->ntime; ++j) {
+        d->t[j] = j * dt;
+    }
+    *field = d;
+    return PM_OK;
+}
+
+// --- loading ---
+
+// The first `count` words of `text`. NULL: out of memory, or fewer words.
+static const char *first_words(pm_arena *arena, const char *text, int count) {
+    const char *end = text;
+    for (int i = 0; i < count; ++i) {
+        end += strspn(end, " \t\n");
+        if (*end == '\0') {
+            return NULL;
+        }
+        end += strcspn(end, " \t\n");
+    }
+    return pm_arena_printf(arena, "%.*s", (int)(end - text), text);
+}
+
+static pm_status check_finite(const double *value, size_t count, const char *path,
+                              const char *name) {
+    for (size_t i = 0; i < count; ++i) {
+        if (!isfinite(value[i])) {
+            return pm_fail(PM_EDATA, "%s: value %zu of %s is %g, expected a finite number", path, i,
+                           name, value[i]);
+        }
+    }
+    return PM_OK;
+}
+
+// Forces, of all times or of all but the first.
+static pm_status read_forces(pm_field *d, const pm_hdf5 *file) {
+    int shape[4];
+    PM_TRY(pm_hdf5_shape(file, "/f", 4, shape));
+    const bool whole = shape[1] != d->ntime - 1;
+    const int expected[4] = {d->ntrajectory, whole ? d->ntime : d->ntime - 1, d->nnode, 3};
+    const size_t width = 3 * (size_t)d->nnode, count = (size_t)expected[1] * width;
+    PM_TRY(pm_hdf5_read(file, "/f", 4, expected, d->f));
+    // From the last trajectory on, each moves to its place behind the zeros of its first time.
+    for (int i = d->ntrajectory - 1; i >= 0 && !whole; --i) {
+        double *to = pm_field_force(d, i, 0);
+        memmove(to + width, d->f + (size_t)i * count, count * sizeof *to);
+        memset(to, 0, width * sizeof *to);
+    }
+    return PM_OK;
+}
+
+static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path) {
+    const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, d->nvariable};
+    const int position[2] = {d->nnode, 3};
+    const size_t nstate = (size_t)d->ntrajectory * (size_t)d->ntime * (size_t)d->nnode;
+    const char *layout;
+    PM_TRY(pm_hdf5_read_text(file, "/", LAYOUT, &d->arena, &layout));
+    d->variable = first_words(&d->arena, layout, d->nvariable);
+    if (d->variable == NULL) {
+        return pm_fail(PM_EDATA, "%s: " LAYOUT " is \"%s\", expected %d names", path, layout,
+                       d->nvariable);
+    }
+    PM_TRY(pm_hdf5_read(file, "/dt", 0, NULL, &d->dt));
+    PM_TRY(pm_hdf5_read(file, "/t", 1, &shape[1], d->t));
+    PM_TRY(pm_hdf5_read(file, "/z", 4, shape, d->z));
+    PM_TRY(pm_hdf5_read(file, "/node_position_reference", 2, position, d->position));
+    PM_TRY(read_forces(d, file));
+    PM_TRY(check_finite(d->t, (size_t)d->ntime, path, "t"));
+    PM_TRY(check_finite(d->position, 3 * (size_t)d->nnode, path, "node_position_reference"));
+    PM_TRY(check_finite(d->f, 3 * nstate, path, "f"));
+    return check_finite(d->z, nstate * (size_t)d->nvariable, path, "z");
+}
+
+pm_status pm_field_load(pm_field **field, const char *path) {
+    pm_hdf5 *file = NULL;
+    pm_field *d = NULL;
+    int shape[4];
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
+    PM_TRY_DONE(pm_hdf5_shape(file, "/z", 4, shape));
+    PM_TRY_DONE(field_alloc(&d, (pm_field_shape){.ntrajectory = shape[0],
+                                                 .ntime = shape[1],
+                                                 .nnode = shape[2],
+                                                 .nvariable = shape[3]}));
+    PM_TRY_DONE(read_content(d, file, path));
+    *field = d;
+    d = NULL;
+done:
+    pm_field_free(d);
+    pm_hdf5_close(file);
+    return status;
+}
+
+// --- saving ---
+
+static pm_status write_content(const pm_field *d, pm_hdf5 *file) {
+    const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, d->nvariable};
+    const int force[4] = {d->ntrajectory, d->ntime, d->nnode, 3};
+    const int energy[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
+    const int position[2] = {d->nnode, 3}, hexahedron[2] = {d->nelement, 8};
+    PM_TRY(pm_hdf5_write_text(file, "/", LAYOUT, d->variable));
+    PM_TRY(pm_hdf5_write(file, "/dt", 0, NULL, &d->dt));
+    PM_TRY(pm_hdf5_write(file, "/t", 1, &shape[1], d->t));
+    PM_TRY(pm_hdf5_write(file, "/z", 4, shape, d->z));
+    PM_TRY(pm_hdf5_write(file, "/f", 4, force, d->f));
+    PM_TRY(pm_hdf5_write(file, "/energy", 3, energy, d->energy));
+    PM_TRY(pm_hdf5_write(file, "/node_position_reference", 2, position, d->position));
+    PM_TRY(pm_hdf5_write(file, "/hexahedra", 2, hexahedron, d->hexahedron));
+    PM_TRY(pm_hdf5_write(file, "/clamped", 1, &d->nnode, d->clamped));
+    PM_TRY(pm_hdf5_write_text(file, "/z", "description", "[trajectory][time][node][variable]"));
+    PM_TRY(pm_hdf5_write_text(file, "/f", "description", "[trajectory][time][node][xyz], N"));
+    return pm_hdf5_write_text(file, "/energy", "description",
+                              "[trajectory][time][stored, dissipated, work of the forces], J");
+}
+
+pm_status pm_field_save(const pm_field *field, const char *path, int count,
+                        const char *const (*note)[2]) {
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
+    for (int i = 0; i < count; ++i) {
+        PM_TRY_DONE(pm_hdf5_write_text(file, "/", note[i][0], note[i][1]));
+    }
+    PM_TRY_DONE(write_content(field, file));
+    status = pm_hdf5_commit(file);
+done:
+    pm_hdf5_close(file);
+    return status;
+}

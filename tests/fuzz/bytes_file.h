@@ -1,0 +1,20 @@
+// Hostile bytes as a file, for readers that want a path: PM_FUZZ_FILE, written over for each input.
+#ifndef PM_TESTS_BYTES_FILE_H
+#define PM_TESTS_BYTES_FILE_H
+
+#include <fcntl.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+static inline void bytes_file(const uint8_t *data, size_t size) {
+    static int file = -1;
+    if (file < 0) {
+        file = open(PM_FUZZ_FILE, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    }
+    if (file < 0 || ftruncate(file, 0) != 0 || pwrite(file, data, size, 0) != (ssize_t)size) {
+        abort();
+    }
+}
+
+#endif

@@ -1,0 +1,31 @@
+// Any text must read as a training file and as a truth file, or fail with one line. It stands in a
+// folder beside which lie the shipped scenes (PM_FUZZ_FILE).
+#include <stdlib.h>
+#include <string.h>
+
+#include "bytes_file.h"
+#include "training.h"
+#include "truth/truth.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void check(int holds) {
+    if (!holds) {
+        abort();
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    bytes_file(data, size);
+    pm_training *training = NULL;
+    if (pm_training_load(&training, PM_FUZZ_FILE) != PM_OK) {
+        check(training == NULL && pm_error()[0] != '\0' && strchr(pm_error(), '\n') == NULL);
+    }
+    pm_training_free(training);
+    pm_truth *truth = NULL;
+    if (pm_truth_load(&truth, PM_FUZZ_FILE) != PM_OK) {
+        check(truth == NULL && pm_error()[0] != '\0' && strchr(pm_error(), '\n') == NULL);
+    }
+    pm_truth_free(truth);
+    return 0;
+}

@@ -1,0 +1,128 @@
+// Fields on a mesh: what is saved comes back; a file may leave out the first forces; what is wrong
+// is told.
+#include <hdf5.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "scratch.h"
+#include "store/field.h"
+
+enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };
+
+static int setup(void **state) {
+    static scratch folder;
+    scratch_open(&folder);
+    *state = &folder;
+    return 0;
+}
+
+static int teardown(void **state) {
+    scratch_close(*state);
+    return 0;
+}
+
+static const char *saved(scratch *folder) {
+    const char *path = scratch_path(folder, "field.h5");
+    const char *const notes[][2] = {{"title", "trial"}};
+    const pm_field_shape shape = {NTRAJECTORY, NTIME, NNODE, NVARIABLE, 1};
+    pm_field *d = NULL;
+    assert_int_equal(pm_field_new(&d, shape, 0.5, "qx qy vx vy s"), PM_OK);
+    for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * NVARIABLE; ++i) {
+        d->z[i] = 1.0 / (i + 1);
+    }
+    for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * 3; ++i) {
+        d->f[i] = i;
+    }
+    for (int i = 0; i < NNODE * 3; ++i) {
+        d->position[i] = -i;
+    }
+    assert_int_equal(pm_field_save(d, path, 1, notes), PM_OK);
+    pm_field_free(d);
+    return path;
+}
+
+static void saved_comes_back(void **state) {
+    pm_field *d = NULL;
+    assert_int_equal(pm_field_load(&d, saved(*state)), PM_OK);
+    assert_int_equal(d->ntrajectory, NTRAJECTORY);
+    assert_string_equal(d->variable, "qx qy vx vy s");
+    assert_true(d->dt == 0.5 && d->t[2] == 1);
+    assert_true(pm_field_state(d, 1, 2)[NVARIABLE * 3 + 4] == 1.0 / 120);
+    assert_true(pm_field_force(d, 1, 0)[1] == NTIME * NNODE * 3 + 1);
+    assert_true(d->position[11] == -11);
+    pm_field_free(d);
+}
+
+// Replaces /f by one of `ntime` times that counts from 1, written in single precision.
+static void replace_forces(const char *path, hsize_t ntime) {
+    const hsize_t size[4] = {NTRAJECTORY, ntime, NNODE, 3};
+    double value[NTRAJECTORY * NTIME * NNODE * 3];
+    for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * 3; ++i) {
+        value[i] = i + 1;
+    }
+    const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Ldelete(file, "/f", H5P_DEFAULT) >= 0);
+    const hid_t space = H5Screate_simple(4, size, NULL);
+    const hid_t id =
+        H5Dcreate2(file, "/f", H5T_IEEE_F32LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(H5Dwrite(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0);
+    H5Dclose(id);
+    H5Sclose(space);
+    H5Fclose(file);
+}
+
+static void missing_first_forces_are_zero(void **state) {
+    const char *path = saved(*state);
+    pm_field *d = NULL;
+    replace_forces(path, NTIME - 1);
+    assert_int_equal(pm_field_load(&d, path), PM_OK);
+    for (int i = 0; i < NTRAJECTORY; ++i) {
+        for (int k = 0; k < NNODE * 3; ++k) {
+            assert_true(pm_field_force(d, i, 0)[k] == 0);
+            assert_true(pm_field_force(d, i, 2)[k] == (2 * i + 1) * NNODE * 3 + k + 1);
+        }
+    }
+    pm_field_free(d);
+}
+
+static void assert_load_fails(const char *path, const char *words) {
+    pm_field *d = NULL;
+    assert_int_equal(pm_field_load(&d, path), PM_EDATA);
+    assert_null(d);
+    if (strstr(pm_error(), words) == NULL) {
+        fail_msg("error \"%s\", expected \"%s\"", pm_error(), words);
+    }
+}
+
+static void faults_are_told(void **state) {
+    const char *path = saved(*state);
+    const double nan_value = NAN;
+    replace_forces(path, 1);
+    assert_load_fails(path, "dataset /f: dimension 2 is 1, expected 3");
+    path = saved(*state);
+    const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t id = H5Dopen2(file, "/z", H5P_DEFAULT);
+    const hsize_t at[4] = {1, 0, 0, 0}, one[4] = {1, 1, 1, 1};
+    const hid_t space = H5Dget_space(id), memory = H5Screate_simple(4, one, NULL);
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, at, NULL, one, NULL);
+    assert_true(H5Dwrite(id, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, &nan_value) >= 0);
+    H5Sclose(memory);
+    H5Sclose(space);
+    H5Dclose(id);
+    H5Fclose(file);
+    assert_load_fails(path, "value 60 of z is");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(saved_comes_back, setup, teardown),
+        cmocka_unit_test_setup_teardown(missing_first_forces_are_zero, setup, teardown),
+        cmocka_unit_test_setup_teardown(faults_are_told, setup, teardown),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,114 @@
+// Rows and random patches of loaded nodes.
+#include "truth/beam_load.h"
+
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+// Nearest to the clamp that the centre of a patch comes, by the beam's length.
+static const double nearest = 0.4;
+
+// The node of a face at indices i along the beam and j across.
+static int face_node(const pm_beam_mesh *mesh, int face, int i, int j) {
+    const int top = face < 2;
+    return face % 2 == 0 ? pm_beam_mesh_node(mesh, i, top ? mesh->count[1] : 0, j)
+                         : pm_beam_mesh_node(mesh, i, j, top ? mesh->count[2] : 0);
+}
+
+// Axes of a face: into the beam (with its sign), and across.
+static int axis_in(int face) {
+    return 1 + face % 2;
+}
+static int axis_across(int face) {
+    return 2 - face % 2;
+}
+static double sign_in(int face) {
+    return face < 2 ? -1 : 1;
+}
+
+static void add_node(pm_beam_load *load, int node) {
+    assert(load->nnode < PM_BEAM_MAX_LOADED);
+    load->node[load->nnode++] = node;
+}
+
+void pm_beam_load_row(pm_beam_load *load, const pm_beam_mesh *mesh, int face, int position,
+                      double force, double ramp) {
+    *load = (pm_beam_load){.time = {0, ramp, ramp, ramp}, .fraction = {0, 1, 1, 1}};
+    for (int j = 0; j <= mesh->count[axis_across(face)]; ++j) {
+        add_node(load, face_node(mesh, face, mesh->count[0] - position, j));
+    }
+    load->force[axis_in(face)] = sign_in(face) * force;
+}
+
+static double draw_between(pm_rng *rng, const double range[2]) {
+    return range[0] + (range[1] - range[0]) * pm_rng_uniform(rng);
+}
+
+// The nodes of a face in a rectangle; the nearest one if there is none.
+static void add_rectangle(pm_beam_load *load, const pm_beam_mesh *mesh, int face,
+                          const double centre[2], const double half[2]) {
+    const int across = axis_across(face);
+    const double spacing[2] = {mesh->size[0] / mesh->count[0],
+                               mesh->size[across] / mesh->count[across]};
+    for (int i = 1; i <= mesh->count[0]; ++i) {
+        for (int j = 0; j <= mesh->count[across]; ++j) {
+            if (fabs(i * spacing[0] - centre[0]) <= half[0] &&
+                fabs(j * spacing[1] - centre[1]) <= half[1]) {
+                add_node(load, face_node(mesh, face, i, j));
+            }
+        }
+    }
+    if (load->nnode == 0) {
+        add_node(load, face_node(mesh, face, (int)lround(centre[0] / spacing[0]),
+                                 (int)lround(centre[1] / spacing[1])));
+    }
+}
+
+static void draw_force(pm_beam_load *load, const pm_beam_patches *patches, int face, pm_rng *rng) {
+    double direction[3], square = 0;
+    for (int d = 0; d < 3; ++d) {
+        direction[d] = d == axis_in(face) ? sign_in(face) : patches->tilt * pm_rng_normal(rng);
+        square += direction[d] * direction[d];
+    }
+    const double size = draw_between(rng, patches->force) / (load->nnode * sqrt(square));
+    for (int d = 0; d < 3; ++d) {
+        load->force[d] = size * direction[d];
+    }
+}
+
+void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
+                        const pm_beam_patches *patches, pm_rng *rng) {
+    *load = (pm_beam_load){.fraction = {0, 1, 1, 0}};
+    const int face = (int)pm_rng_below(rng, PM_BEAM_FACES);
+    const double along[2] = {nearest * mesh->size[0], mesh->size[0]};
+    const double across[2] = {0, mesh->size[axis_across(face)]};
+    const double centre[2] = {draw_between(rng, along), draw_between(rng, across)};
+    const double half[2] = {draw_between(rng, patches->length) / 2,
+                            draw_between(rng, patches->width) / 2};
+    add_rectangle(load, mesh, face, centre, half);
+    draw_force(load, patches, face, rng);
+    load->time[1] = draw_between(rng, patches->ramp);
+    load->time[2] = load->time[1] + draw_between(rng, patches->hold);
+    load->time[3] = load->time[2] + draw_between(rng, patches->unload);
+}
+
+// The polyline at time t.
+static double fraction_at(const pm_beam_load *load, double t) {
+    for (int i = 1; i < PM_BEAM_KNOTS; ++i) {
+        if (t < load->time[i]) {
+            const double part = (t - load->time[i - 1]) / (load->time[i] - load->time[i - 1]);
+            return load->fraction[i - 1] + part * (load->fraction[i] - load->fraction[i - 1]);
+        }
+    }
+    return load->fraction[PM_BEAM_KNOTS - 1];
+}
+
+void pm_beam_load_at(const pm_beam_load *load, const pm_beam_mesh *mesh, double t, double *f) {
+    const double fraction = fraction_at(load, t);
+    memset(f, 0, 3 * (size_t)mesh->nnode * sizeof *f);
+    for (int i = 0; i < load->nnode; ++i) {
+        for (int d = 0; d < 3; ++d) {
+            f[3 * load->node[i] + d] = fraction * load->force[d];
+        }
+    }
+}

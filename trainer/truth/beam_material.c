@@ -1,0 +1,112 @@
+// Stress and tangent of the material of beam_material.h: those of Cbar first, then projected to
+// keep the volume (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.6).
+#include "truth/beam_material.h"
+
+#include <math.h>
+#include <string.h>
+
+static const double unit[PM_SYMMETRIC] = {1, 1, 1, 0, 0, 0};
+
+void pm_beam_memory_init(pm_beam_memory *memory) {
+    memcpy(memory->inverse, unit, sizeof unit);
+    for (int i = 0; i < PM_BEAM_MAX_BRANCHES; ++i) {
+        memcpy(memory->inner[i], unit, sizeof unit);
+    }
+}
+
+// --- stress of Cbar: adds to `stress` (Kirchhoff) and `tangent` ---
+
+static void add_spring(const pm_beam_material *m, double share, const double *b,
+                       pm_beam_response *r) {
+    const double C10 = share * m->C10, C01 = share * m->C01, I1 = pm_tensor_trace(b);
+    const double I2 = (I1 * I1 - pm_tensor_double_dot(b, b)) / 2;
+    r->energy += C10 * (I1 - 3) + C01 * (I2 - 3);
+    for (int m1 = 0; m1 < PM_SYMMETRIC; ++m1) {
+        const int i = pm_tensor_row[m1], j = pm_tensor_column[m1];
+        double bb = 0;
+        for (int k = 0; k < 3; ++k) {
+            bb += b[pm_tensor_at[i][k]] * b[pm_tensor_at[k][j]];
+        }
+        r->stress[m1] += 2 * (C10 + C01 * I1) * b[m1] - 2 * C01 * bb;
+        for (int m2 = 0; m2 < PM_SYMMETRIC; ++m2) {
+            const int k = pm_tensor_row[m2], l = pm_tensor_column[m2];
+            const double cross = b[pm_tensor_at[i][k]] * b[pm_tensor_at[j][l]] +
+                                 b[pm_tensor_at[i][l]] * b[pm_tensor_at[j][k]];
+            r->tangent[m1][m2] += 4 * C01 * (b[m1] * b[m2] - cross / 2);
+        }
+    }
+}
+
+// With a = h / tau, A after the step is decay A + start Cbar^-1 before + end Cbar^-1 after.
+static void step_weights(double a, double *decay, double *start, double *end) {
+    *decay = exp(-a);
+    const double mean = a > 0 ? -expm1(-a) / a : 1;
+    *start = mean - *decay;
+    *end = 1 - mean;
+}
+
+static void add_branch(const pm_beam_material *m, int branch, double h, const double Fbar[9],
+                       const pm_beam_memory *before, pm_beam_memory *after, const double *Cbar,
+                       pm_beam_response *r) {
+    const double mu = 2 * m->g[branch] * (m->C10 + m->C01);
+    double decay, start, end, pushed[PM_SYMMETRIC], inverse[PM_SYMMETRIC];
+    double *A = after->inner[branch];
+    step_weights(h / m->tau[branch], &decay, &start, &end);
+    for (int i = 0; i < PM_SYMMETRIC; ++i) {
+        A[i] =
+            decay * before->inner[branch][i] + start * before->inverse[i] + end * after->inverse[i];
+    }
+    pm_tensor_push(Fbar, A, pushed);
+    for (int i = 0; i < PM_SYMMETRIC; ++i) {
+        r->stress[i] += mu * pushed[i];
+        r->tangent[i][i] -= mu * end * (i < 3 ? 2 : 1);
+    }
+    pm_tensor_inverse(A, inverse);
+    const double CA = pm_tensor_double_dot(Cbar, A);
+    r->energy += mu / 2 * (CA - 3 - log(pm_tensor_det(A)));
+    r->dissipation +=
+        mu / (2 * m->tau[branch]) * (CA + pm_tensor_double_dot(inverse, after->inverse) - 6);
+}
+
+// --- keeping the volume ---
+
+// Takes the trace out of the stress, and out of both sides of the tangent.
+static void project(pm_beam_response *r) {
+    const double trace = pm_tensor_trace(r->stress);
+    double side[PM_SYMMETRIC], total = 0;
+    for (int i = 0; i < PM_SYMMETRIC; ++i) {
+        side[i] = (r->tangent[i][0] + r->tangent[i][1] + r->tangent[i][2]) / 3;
+        r->stress[i] -= trace / 3 * unit[i];
+    }
+    total = pm_tensor_trace(side) / 3;
+    for (int i = 0; i < PM_SYMMETRIC; ++i) {
+        for (int j = 0; j < PM_SYMMETRIC; ++j) {
+            r->tangent[i][j] += -unit[i] * side[j] - side[i] * unit[j] +
+                                (total - 2 * trace / 9) * unit[i] * unit[j] -
+                                2.0 / 3 * (unit[i] * r->stress[j] + r->stress[i] * unit[j]);
+        }
+        r->tangent[i][i] += 2 * trace / 3 * (i < 3 ? 1 : 0.5);
+    }
+}
+
+void pm_beam_material_respond(const pm_beam_material *material, double h, const double F[9],
+                              double J, const pm_beam_memory *before, pm_beam_memory *after,
+                              pm_beam_response *response) {
+    const double scale = pow(J, -1.0 / 3);
+    double Fbar[9], transposed[9], b[PM_SYMMETRIC], Cbar[PM_SYMMETRIC], spring = 1;
+    for (int i = 0; i < 9; ++i) {
+        Fbar[i] = scale * F[i];
+        transposed[i % 3 * 3 + i / 3] = Fbar[i];
+    }
+    pm_tensor_push(Fbar, unit, b);
+    pm_tensor_push(transposed, unit, Cbar);
+    pm_tensor_inverse(Cbar, after->inverse);
+    memset(response, 0, sizeof *response);
+    response->J = J;
+    for (int i = 0; i < material->nbranch; ++i) {
+        add_branch(material, i, h, Fbar, before, after, Cbar, response);
+        spring -= material->g[i];
+    }
+    add_spring(material, spring, b, response);
+    project(response);
+}
