@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "graph/program.h"
+#include "model/region.h"
 #include "step_graph.h"
 
 #define MAX_SETS 256
@@ -200,7 +201,19 @@ done:
     return status;
 }
 
+static pm_status find_regions(pm_system *system, const pm_samples *samples) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        PM_TRY(pm_region_declare(&system->part[i]));
+        for (int k = 0; k < samples->count; ++k) {
+            const double *z = samples->z + (ptrdiff_t)k * pm_samples_width(samples);
+            pm_region_widen(&system->part[i], z + system->scene->subsystem[i].first);
+        }
+    }
+    return PM_OK;
+}
+
 pm_status pm_normalise_system(pm_system *system, const pm_samples *samples) {
+    PM_TRY(find_regions(system, samples));
     // The first pass normalises what co-energies are made of, the second features of co-energies.
     PM_TRY(one_pass(system, samples));
     return one_pass(system, samples);

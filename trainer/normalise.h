@@ -1,5 +1,6 @@
 // Fixes what a model carries besides its weights: means and deviations of features, scales of
-// operators, lengths of frame vectors, all from the states of the training data.
+// operators, lengths of frame vectors, the region of states (region.h), all from the states of the
+// training data.
 #ifndef PM_TRAINER_NORMALISE_H
 #define PM_TRAINER_NORMALISE_H
 

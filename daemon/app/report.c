@@ -21,6 +21,7 @@ struct pm_report {
     energy_entropy *bulk;      // [nsubsystem]
     energy_entropy (*flux)[2]; // [nport][end]
     long evaluated, skipped;   // terms, up to the last sample
+    long *outside;             // [nsubsystem] steps outside the regions of training, likewise
     int capacity, ncompared;   // states that the run and the reference share; reached so far
     double *predicted;         // [capacity][ncolumn]
     double *error;             // [columns.ngroup] scratch of the table
@@ -32,6 +33,7 @@ static pm_status allocate(pm_report *report) {
     pm_arena *arena = &report->arena;
     report->bulk = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof report->bulk[0]);
     report->flux = pm_arena_array(arena, (size_t)scene->nport, sizeof report->flux[0]);
+    report->outside = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof report->outside[0]);
     if (setup->reference != NULL) {
         const int reachable = scene->steps / setup->stride + 1;
         const int ntime = setup->reference->ntime;
@@ -41,7 +43,7 @@ static pm_status allocate(pm_report *report) {
         report->error = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof(double));
     }
     const bool complete =
-        report->bulk != NULL && report->flux != NULL &&
+        report->bulk != NULL && report->flux != NULL && report->outside != NULL &&
         (setup->reference == NULL || (report->predicted != NULL && report->error != NULL));
     return complete ? PM_OK : pm_fail(PM_ENOMEM, "report: out of memory");
 }
@@ -96,6 +98,7 @@ void pm_report_add(pm_report *report, const pm_sample *sample) {
         report->bulk[i].entropy += sample->bulk_entropy[i];
         report->evaluated += sample->evaluated[i];
         report->skipped += sample->skipped[i];
+        report->outside[i] = sample->outside[i];
     }
     for (int i = 0; i < scene->nport; ++i) {
         for (int end = 0; end < 2; ++end) {
@@ -241,6 +244,18 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     printf("  largest drift of the total energy: %.2e J\n", ledger->energy_drift);
 }
 
+// Nothing where all states were like those of training, or no weights know which those are.
+static void print_outside(const pm_report *report) {
+    const pm_scene *scene = report->setup->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (report->outside[i] > 0) {
+            printf("\n%s left the states its weights were trained on, on %ld of %ld steps",
+                   scene->subsystem[i].name, report->outside[i], report->steps);
+        }
+    }
+    printf("\n");
+}
+
 static const char *plural(int count) {
     return count == 1 ? "" : "s";
 }
@@ -255,8 +270,9 @@ void pm_report_print(const pm_report *report, const pm_ledger *ledger, const cha
     print_fluxes(report);
     print_errors(report);
     print_laws(report, ledger);
+    print_outside(report);
     const double stepping = report->last - report->first;
-    printf("\nSpeed: %.0f steps/s in %.3f s of stepping, %.3f s in all; terms evaluated %ld, "
+    printf("Speed: %.0f steps/s in %.3f s of stepping, %.3f s in all; terms evaluated %ld, "
            "skipped %ld\n",
            stepping > 0 ? (double)(report->steps - report->timed_from) / stepping : 0.0, stepping,
            seconds, report->evaluated, report->skipped);

@@ -98,9 +98,11 @@ static pm_node activate(pm_graph *g, pm_activation activation, pm_node x) {
     case PM_SOFTPLUS:
         return pm_softplus(g, x);
     case PM_SILU:
+        return pm_silu(g, x);
+    case PM_EXP:
         break;
     }
-    return pm_silu(g, x);
+    return pm_exp(g, x);
 }
 
 static pm_node build_hidden(pm_graph *g, const pm_network_spec *spec, pm_node x,

@@ -68,7 +68,7 @@ static const wire_type tick_type = {
 
 static const wire_type report_type = {
     __portmet_report_t_get_hash,
-    23,
+    24,
     {F(I64, report, session),
      F(I64, report, digest),
      F(I8, report, kind),
@@ -84,6 +84,7 @@ static const wire_type report_type = {
      ARRAY(DOUBLES, report, bulk_entropy_gross, npart),
      ARRAY(I64S, report, evaluated, npart),
      ARRAY(I64S, report, skipped, npart),
+     ARRAY(I64S, report, outside, npart),
      F(COUNT_TO, report, nend),
      ARRAY(DOUBLES, report, energy_flux, nend),
      ARRAY(DOUBLES, report, entropy_flux, nend),

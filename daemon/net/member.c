@@ -81,6 +81,7 @@ void pm_member_fill(const pm_member *member, int row, pm_sample *sample) {
         sample->bulk_gross[2 * i + 1] = r->bulk_entropy_gross[from];
         sample->evaluated[i] = (long)r->evaluated[from];
         sample->skipped[i] = (long)r->skipped[from];
+        sample->outside[i] = (long)r->outside[from];
         if (z != NULL) {
             const pm_scene_subsystem *subsystem = &member->scene->subsystem[i];
             memcpy(sample->z + subsystem->first, z, (size_t)subsystem->layout.nz * sizeof *z);

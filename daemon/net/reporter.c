@@ -43,7 +43,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
         .npart = rows * npart, .nend = rows * nend, .nz = rows * nz, .message = ""};
     const size_t p = (size_t)report->npart, e = (size_t)report->nend, z = (size_t)report->nz;
     double *memory = pm_arena_array(arena, 6 * p + 4 * e + z, sizeof *memory);
-    int64_t *counts = pm_arena_array(arena, 2 * p, sizeof *counts);
+    int64_t *counts = pm_arena_array(arena, 3 * p, sizeof *counts);
     if (memory == NULL || counts == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory for a report",
                        scene->process[process_id].name);
@@ -62,6 +62,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
     report->z = memory;
     report->evaluated = counts;
     report->skipped = counts + p;
+    report->outside = counts + 2 * p;
     return PM_OK;
 }
 
@@ -117,6 +118,7 @@ static int add_books(portmet_report_t *m, int part, int end, const pm_books *boo
     m->bulk_entropy_gross[part] = books->bulk.entropy_gross;
     m->evaluated[part] = books->evaluated;
     m->skipped[part] = books->skipped;
+    m->outside[part] = books->outside;
     for (int i = 0; i < books->nflux; ++i, ++end) {
         m->energy_flux[end] = books->flux[i].energy;
         m->entropy_flux[end] = books->flux[i].entropy;

@@ -86,8 +86,8 @@ static bool solve(const products *p, double energy, double entropy, double *alon
     return square <= 1;
 }
 
-bool pm_balance_move(const pm_balance *balance, const pm_layout *layout, const double *start,
-                     double E, double S, const double *dE, const double *dS, double *z) {
+bool pm_balance_move(pm_balance *balance, const pm_layout *layout, const double *start, double E,
+                     double S, const double *dE, const double *dS, double *z) {
     const double energy = lack(balance->energy, E, balance->energy_gross);
     const double entropy = lack(balance->entropy, S, balance->entropy_gross);
     if (dE == NULL || (energy == 0 && entropy == 0)) {
@@ -96,6 +96,7 @@ bool pm_balance_move(const pm_balance *balance, const pm_layout *layout, const d
     const products p = products_of(layout, start, z, dE, dS);
     double along_E = 0, along_S = 0;
     if (!solve(&p, energy, entropy, &along_E, &along_S)) {
+        pm_balance_start(balance, E, S);
         return false;
     }
     for (int i = 0; i < layout->ngroup; ++i) {

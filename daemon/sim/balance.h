@@ -33,8 +33,9 @@ void pm_balance_book(pm_balance *balance, bool first, double weight, int n, cons
 // One step of Newton's method: moves z [layout->nz], the state after the step from `start`, at
 // which E, S, dE, dS were taken. False: z was left as it is, since it has what it must, or since
 // there is no way there as short as the step itself (as when energy and entropy depend on the state
-// alike, or at rest).
-bool pm_balance_move(const pm_balance *balance, const pm_layout *layout, const double *start,
-                     double E, double S, const double *dE, const double *dS, double *z);
+// alike, at rest, or where the step is far too long). Then what is lacking is written off, lest a
+// later step make good what is not its own: the totals show it.
+bool pm_balance_move(pm_balance *balance, const pm_layout *layout, const double *start, double E,
+                     double S, const double *dE, const double *dS, double *z);
 
 #endif

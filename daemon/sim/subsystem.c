@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "graph/program.h"
+#include "model/region.h"
 #include "sim/balance.h"
 
 // Newton's steps to the booked energy and entropy. The first leaves the square of the method's
@@ -372,8 +373,9 @@ void pm_subsystem_advance(pm_subsystem *s) {
 // --- one step ---
 
 static void clear_booking(pm_subsystem *s) {
-    const long evaluated = s->booking.evaluated, skipped = s->booking.skipped;
-    s->booking = (pm_books){.evaluated = evaluated, .skipped = skipped};
+    const pm_books *b = &s->booking;
+    s->booking =
+        (pm_books){.evaluated = b->evaluated, .skipped = b->skipped, .outside = b->outside};
     for (int i = 0; i < s->njoint; ++i) {
         s->joint[i].booking = s->joint[i].world_booking = (pm_flux){0};
     }
@@ -414,9 +416,9 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 
 // --- memory ---
 
-// Step, terms evaluated and skipped; the books' own flux, those of its ports, the balance; the
-// state.
-#define COUNTS 3
+// Step, terms evaluated and skipped, steps outside; the books' own flux, those of its ports, the
+// balance; the state.
+#define COUNTS 4
 #define FLUX 4
 #define BALANCE 4
 
@@ -440,6 +442,7 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     *memory++ = (double)s->step;
     *memory++ = (double)s->books.evaluated;
     *memory++ = (double)s->books.skipped;
+    *memory++ = (double)s->books.outside;
     memory = put_flux(&s->books.bulk, memory);
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = put_flux(&s->flux[i], memory);
@@ -457,6 +460,7 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
     s->step = (long)count[0];
     s->booking.evaluated = s->books.evaluated = (long)count[1];
     s->booking.skipped = s->books.skipped = (long)count[2];
+    s->booking.outside = s->books.outside = (long)count[3];
     memory = get_flux(&s->books.bulk, memory + COUNTS);
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = get_flux(&s->flux[i], memory);
@@ -493,6 +497,20 @@ static pm_status check_potentials(const pm_subsystem *s) {
                    s->scene->name, s->E[0], value_at(s->S, 0));
 }
 
+// Counts states outside the region the weights were trained on, as far as the scene's guard allows.
+static pm_status check_region(pm_subsystem *s) {
+    const pm_departure d = pm_region_departure(&s->system->part[s->id], s->z);
+    s->booking.outside += d.group != NULL;
+    if (!(d.widths > s->system->scene->largest_departure)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_ENUMERIC,
+                   "subsystem %s: step %ld: %s%s%s = %.4g %s, and its weights were trained on %.4g "
+                   "to %.4g: train on a wider range, or widen the scene's guard",
+                   s->scene->name, s->step + 1, d.group->size > 1 ? "|" : "", d.group->name,
+                   d.group->size > 1 ? "|" : "", d.value, d.group->unit, d.low, d.high);
+}
+
 static pm_status check_load(const pm_subsystem *s) {
     if (s->load == NULL || s->step < s->load->end) {
         return PM_OK;
@@ -513,6 +531,9 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
     }
     if (status == PM_OK) {
         status = check_load(s);
+    }
+    if (status == PM_OK) {
+        status = check_region(s);
     }
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
@@ -544,6 +565,7 @@ void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     sample->bulk_gross[2 * i + 1] = books->bulk.entropy_gross;
     sample->evaluated[i] = books->evaluated;
     sample->skipped[i] = books->skipped;
+    sample->outside[i] = books->outside;
     int world = s->njoint;
     for (int k = 0; k < s->njoint; ++k) {
         const pm_joint *j = &s->joint[k];

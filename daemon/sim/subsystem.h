@@ -62,6 +62,7 @@ typedef struct pm_books {
     double energy, entropy; // at the state
     pm_flux bulk;           // its own terms
     long evaluated, skipped;
+    long outside; // steps that ended outside the region the weights were trained on
     int nflux;
     const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
 } pm_books;

@@ -16,7 +16,7 @@
 static const char *const form_names[] = {
     [PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free", NULL};
 static const char *const activation_names[] = {
-    [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", NULL};
+    [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", [PM_EXP] = "exp", NULL};
 static const char *const skip_names[] = {
     [PM_SKIP_NONE] = "none", [PM_SKIP_LINEAR] = "linear", [PM_SKIP_QUADRATIC] = "quadratic", NULL};
 

@@ -14,7 +14,7 @@
 //     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
 //   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
 //
-// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu), skip
+// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu, exp), skip
 // none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
 // groups "a.q", co-energies "a.dE.s" (model/spec.h).
 #ifndef PM_STORE_MODEL_YAML_H

@@ -26,7 +26,7 @@ static void *carve(char **memory, size_t count, size_t size) {
 pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
     const size_t nz = (size_t)scene->nz, n = (size_t)scene->nsubsystem;
     const size_t nport = (size_t)scene->nport;
-    const size_t size = sizeof(pm_sample) + (nz + 6 * n) * sizeof(double) + 2 * n * sizeof(long) +
+    const size_t size = sizeof(pm_sample) + (nz + 6 * n) * sizeof(double) + 3 * n * sizeof(long) +
                         nport * sizeof(pm_flux[2]);
     pm_sample *s = calloc(1, size);
     if (s == NULL) {
@@ -42,6 +42,7 @@ pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
     s->flux = carve(&memory, nport, sizeof *s->flux);
     s->evaluated = carve(&memory, n, sizeof *s->evaluated);
     s->skipped = carve(&memory, n, sizeof *s->skipped);
+    s->outside = carve(&memory, n, sizeof *s->outside);
     *sample = s;
     return PM_OK;
 }

@@ -35,6 +35,7 @@ typedef struct pm_sample {
     pm_flux (*flux)[2];   // [nport][end]
     long *evaluated;      // [nsubsystem] bulk and port terms evaluated, and skipped, so far
     long *skipped;
+    long *outside; // [nsubsystem] steps so far that ended outside what the weights were trained on
     // Filled in by the ledger: the step's worst, and what loads have given to the world so far.
     double energy_residual, entropy_residual;
     double world_energy, world_entropy; // J, J/K

@@ -193,16 +193,20 @@ static pm_status read_laws(pm_scene_reader *r) {
 }
 
 static pm_status read_guards(pm_scene_reader *r) {
-    static const char *const keys[] = {"energy_drift", NULL};
-    r->scene->largest_drift = INFINITY;
+    static const char *const keys[] = {"energy_drift", "region", NULL};
+    r->scene->largest_drift = r->scene->largest_departure = INFINITY;
     const pm_yaml guards = pm_yaml_get(r->root, "guards");
     if (!pm_yaml_exists(guards)) {
         return PM_OK;
     }
     PM_TRY(pm_yaml_allow(guards, keys));
     const pm_yaml drift = pm_yaml_get(guards, "energy_drift");
-    return pm_yaml_exists(drift)
-               ? pm_yaml_double(drift, DBL_MIN, INFINITY, &r->scene->largest_drift)
+    if (pm_yaml_exists(drift)) {
+        PM_TRY(pm_yaml_double(drift, DBL_MIN, INFINITY, &r->scene->largest_drift));
+    }
+    const pm_yaml region = pm_yaml_get(guards, "region");
+    return pm_yaml_exists(region)
+               ? pm_yaml_double(region, 0, INFINITY, &r->scene->largest_departure)
                : PM_OK;
 }
 

@@ -79,7 +79,8 @@ typedef struct pm_scene {
     int reference_trajectory;
     const char *reference_trajectory_at;        // the whole reference where no trajectory is named
     double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
-    double largest_drift; // J, of the total energy, beyond which a run ends; infinite: none
+    double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
+    double largest_departure; // from the regions of training, in their widths, likewise
     int nsubsystem;
     pm_scene_subsystem *subsystem;
     int nload;

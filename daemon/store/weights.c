@@ -8,6 +8,7 @@
 #include <time.h>
 
 #include "base/digest.h"
+#include "model/region.h"
 #include "store/hdf5_io.h"
 #include "store/model_yaml.h"
 
@@ -344,6 +345,19 @@ done:
     return status;
 }
 
+// The region that the weights were trained on, if the file knows it.
+static pm_status declare_region(const pm_hdf5 *file, pm_part *part, pm_arena *arena) {
+    int count;
+    const char **name;
+    PM_TRY(pm_hdf5_members(file, "/parameters", arena, &count, &name));
+    for (int i = 0; i < count; ++i) {
+        if (strncmp(name[i], "region.", strlen("region.")) == 0) {
+            return pm_region_declare(part);
+        }
+    }
+    return PM_OK;
+}
+
 pm_status pm_weights_load_part(const char *path, pm_arena *arena, pm_part *part,
                                pm_provenance *provenance) {
     pm_hdf5 *file = NULL;
@@ -354,6 +368,7 @@ pm_status pm_weights_load_part(const char *path, pm_arena *arena, pm_part *part,
     PM_TRY_DONE(open_weights(&file, path));
     PM_TRY_DONE(read_head(file, path, arena, &c, &p));
     PM_TRY_DONE(blame_weights(declare_part(&loaded, c.model, arena), path));
+    PM_TRY_DONE(declare_region(file, &loaded, arena));
     PM_TRY_DONE(read_values(file, path, arena, &c, &p));
     *part = loaded;
     loaded = (pm_part){0};

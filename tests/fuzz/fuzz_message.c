@@ -22,7 +22,7 @@ static void check(int holds) {
 // beyond any end is seen.
 typedef struct arrays {
     double *value[ARRAYS];
-    int64_t *number[2];
+    int64_t *number[3];
 } arrays;
 
 static void arrays_open(arrays *a, int count) {
@@ -30,7 +30,7 @@ static void arrays_open(arrays *a, int count) {
         a->value[i] = malloc((size_t)count * sizeof(double) + 1);
         check(a->value[i] != NULL);
     }
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 3; ++i) {
         a->number[i] = malloc((size_t)count * sizeof(int64_t) + 1);
         check(a->number[i] != NULL);
     }
@@ -42,6 +42,7 @@ static void arrays_close(arrays *a) {
     }
     free(a->number[0]);
     free(a->number[1]);
+    free(a->number[2]);
 }
 
 // Decodes into `message`; if it is kept, checks its size and the bytes it encodes to.
@@ -78,6 +79,7 @@ static void try_type(int type, int count, const arrays *a, const uint8_t *data, 
                                .bulk_entropy_gross = v[5],
                                .evaluated = a->number[0],
                                .skipped = a->number[1],
+                               .outside = a->number[2],
                                .nend = count,
                                .energy_flux = v[6],
                                .entropy_flux = v[7],

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "sim/assembly.h"
+#include "sim/balance.h"
 #include "world.h"
 
 #define WORLDS 16
@@ -128,8 +129,27 @@ static void what_cannot_move_stays(void **state) {
     }
 }
 
+// A tenth of the step is made good; twice the step is not, and is not asked for again.
+static void what_is_too_far_is_written_off(void **state) {
+    (void)state;
+    static const pm_layout layout = {.ngroup = 1, .nz = 2, .group = {{"x", "m", 2, 0}}};
+    static const double start[2] = {0, 0}, dE[2] = {1, 0};
+    const world nameless = {.seed = 0};
+    double z[2] = {0.1, 0};
+    pm_balance balance;
+    pm_balance_start(&balance, 1, 0);
+    assert_true(pm_balance_move(&balance, &layout, start, 1.01, 0, dE, NULL, z));
+    world_check(&nameless, "x", z[0], 0.09, 1e-15);
+    assert_false(pm_balance_move(&balance, &layout, start, 1, 0, dE, NULL, z));
+    assert_true(balance.energy == 1);
+    assert_false(pm_balance_move(&balance, &layout, start, 1.2, 0, dE, NULL, z));
+    world_check(&nameless, "x", z[0], 0.09, 1e-15);
+    assert_true(balance.energy == 1.2);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_is_too_far_is_written_off),
         cmocka_unit_test(parts_have_what_was_booked),
         cmocka_unit_test(what_cannot_move_stays),
     };

@@ -199,7 +199,7 @@ static pm_status stress_weights(stress *t, const char *name) {
     for (size_t m = 0; m < METHODS; ++m) {
         trial_row row = {.count = 0};
         snprintf(row.name, sizeof row.name, "%s, random weights, %s", name, methods[m]);
-        for (int i = 0; i < 100 * t->effort; ++i) {
+        for (int i = 0; i < 10 * t->effort * t->effort; ++i) {
             subject s = {.scene = NULL};
             pm_rng rng;
             pm_rng_init(&rng, SEED, (uint64_t)i);

@@ -21,7 +21,7 @@
 
 static double values[5][COUNT] = {
     {1.5, -0.0, 5e-324}, {1e308, -2, 3}, {4, 5, 6}, {7, 8, -9}, {-1e-9, 0, 11}};
-static int64_t counts[2][COUNT] = {{100, INT64_MAX, 0}, {INT64_MIN, -1, 10}};
+static int64_t counts[3][COUNT] = {{100, INT64_MAX, 0}, {INT64_MIN, -1, 10}, {7, 0, 1}};
 
 static const portmet_flux_t flux = {
     .session = INT64_MAX,
@@ -64,6 +64,7 @@ static const portmet_report_t report = {
     .bulk_entropy_gross = values[0],
     .evaluated = counts[0],
     .skipped = counts[1],
+    .outside = counts[2],
     .nend = COUNT - 1,
     .energy_flux = values[1],
     .entropy_flux = values[2],
@@ -95,7 +96,7 @@ static const portmet_request_t request = {
 
 // Memory for decoding, kept at exact sizes so that a sanitizer sees any byte too many.
 static double *decoded[ARRAYS];
-static int64_t *decoded_counts[2];
+static int64_t *decoded_counts[3];
 
 // Encodes with our code and with lcm-gen's; decodes with ours and, if kept, encodes again to
 // `back`.
@@ -131,9 +132,9 @@ CODEC_CASE(tick, .session = 0)
 CODEC_CASE(report, .npart = COUNT, .energy = decoded[0], .entropy = decoded[1],
            .bulk_energy = decoded[2], .bulk_entropy = decoded[3], .bulk_energy_gross = decoded[4],
            .bulk_entropy_gross = decoded[5], .evaluated = decoded_counts[0],
-           .skipped = decoded_counts[1], .nend = COUNT, .energy_flux = decoded[6],
-           .entropy_flux = decoded[7], .energy_gross = decoded[8], .entropy_gross = decoded[9],
-           .nz = COUNT, .z = decoded[10])
+           .skipped = decoded_counts[1], .outside = decoded_counts[2], .nend = COUNT,
+           .energy_flux = decoded[6], .entropy_flux = decoded[7], .energy_gross = decoded[8],
+           .entropy_gross = decoded[9], .nz = COUNT, .z = decoded[10])
 CODEC_CASE(ledger, .session = 0)
 CODEC_CASE(command, .session = 0)
 CODEC_CASE(request, .session = 0)
@@ -151,7 +152,7 @@ static int make_memory(void **context) {
         decoded[i] = malloc(COUNT * sizeof(double));
         assert_non_null(decoded[i]);
     }
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 3; ++i) {
         decoded_counts[i] = malloc(COUNT * sizeof(int64_t));
         assert_non_null(decoded_counts[i]);
     }
@@ -165,6 +166,7 @@ static int free_memory(void **context) {
     }
     free(decoded_counts[0]);
     free(decoded_counts[1]);
+    free(decoded_counts[2]);
     return 0;
 }
 
@@ -271,7 +273,7 @@ static void test_hostile_counts_are_dropped(void **context) {
                                        0xffffffff, 0x80000000, COUNT + 1};
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
     const size_t report_parts = 8 + 8 + 8 + 1 + 1 + 8 + 8;
-    const size_t report_ends = report_parts + 4 + 8 * 8 * COUNT;
+    const size_t report_ends = report_parts + 4 + 9 * 8 * COUNT;
     const size_t report_z = report_ends + 4 + 4 * 8 * (COUNT - 1);
     for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {
         assert_count_dropped(&cases[0], hostile[j], flux_ends);

@@ -125,8 +125,8 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
     DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_, .kind = kind_, \
           .step = step_, .npart = npart_, .energy = y, .entropy = y, .bulk_energy = y,           \
           .bulk_entropy = y, .bulk_energy_gross = y, .bulk_entropy_gross = y, .evaluated = n,    \
-          .skipped = n, .nend = nend_, .energy_flux = y, .entropy_flux = y, .energy_gross = y,   \
-          .entropy_gross = y, .nz = nz_, .z = y, .message = "forged")
+          .skipped = n, .outside = n, .nend = nend_, .energy_flux = y, .entropy_flux = y,        \
+          .energy_gross = y, .entropy_gross = y, .nz = nz_, .z = y, .message = "forged")
 #define DONE(reason, session_, step_) \
     REPORT(reason, session_, PORTMET_REPORT_T_DONE, step_, 1, 1, 5)
 #define WORD(reason, session_, kind_) REPORT(reason, session_, kind_, 0, 0, 0, 0)

@@ -155,7 +155,7 @@ static const yaml_case bad[] = {
     {"hidden: [16, 8]", "hidden: [16, 0]", "0]", "hidden: expected a whole number >= 1 and <= "},
     {"hidden: [16, 8]", "hidden: [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[1", "hidden: 17 layers"},
     {"hidden: [16, 8]", "layers: [16, 8]", "layers", "allowed: features, hidden, activation, skip"},
-    {"activation: silu", "activation: relu", "relu", "one of tanh, softplus, silu, found \"relu\""},
+    {"activation: silu", "activation: relu", "relu", "one of tanh, softplus, silu, exp, found \"relu\""},
     {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, found \"cubic\""},
     {"[\"|p|^2\"]", "[[p]]", "[p]", "features: expected text, found a list"},
     {"{given: [u, w]}", "{given: [u, w], skip: linear}", "skip",

@@ -32,9 +32,9 @@ static const char good[] = "scene: pair\n"
                            "    weights: w/joint.h5\n"
                            "reference: {file: ref.h5, trajectory: 3}\n"
                            "laws: {energy: 1.0e-11, entropy: 0}\n"
-                            "guards: {energy_drift: 0.01}\n"
-                            "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n"
-                            "key_file: pair.key\n";
+                           "guards: {energy_drift: 0.01, region: 0.5}\n"
+                           "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n"
+                           "key_file: pair.key\n";
 
 static const char minimal[] = "scene: one\n"
                               "time: {dt: 1, steps: 1, integrator: euler}\n"
@@ -64,7 +64,7 @@ static void test_settings(void **state) {
     assert_int_equal(scene->reference_trajectory, 3);
     assert_string_equal(scene->reference_trajectory_at, "dir/t.yaml:23:39");
     assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
-    assert_true(scene->largest_drift == 0.01);
+    assert_true(scene->largest_drift == 0.01 && scene->largest_departure == 0.5);
     assert_true(scene->window == 4 && scene->patience == 2.5 && scene->checkpoint == 30);
     assert_string_equal(scene->key_file, "dir/pair.key");
     assert_string_equal(scene->key_file_at, "dir/t.yaml:27:11");
@@ -134,7 +134,7 @@ static void test_defaults(void **state) {
     assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10 &&
                 scene->checkpoint == 100);
     assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
-    assert_true(isinf(scene->largest_drift));
+    assert_true(isinf(scene->largest_drift) && isinf(scene->largest_departure));
     assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
     assert_null(scene->key_file);
     assert_null(scene->subsystem[0].column);

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "model/region.h"
 #include "scratch.h"
 #include "store/model_yaml.h"
 #include "store/weights.h"
@@ -127,6 +128,25 @@ static void a_subsystem_comes_back_bit_by_bit(void **state) {
     assert_true(p.loss == provenance.loss && p.seconds == provenance.seconds);
     assert_true(p.digest != 0);
     assert_int_equal(scratch_files(&folder, 0), 1);
+    pm_part_free(&loaded);
+}
+
+static void a_region_comes_back(void **state) {
+    (void)state;
+    static const double states[][5] = {{3, 4, 0, 1, -2}, {0, 1, 6, 8, 0.5}};
+    static const double outside[] = {0, 20, 1, 0, 0};
+    pm_part loaded = {0};
+    pm_provenance found;
+    const char *path = scratch_path(&folder, "region.h5");
+    assert_int_equal(pm_region_declare(&part), PM_OK);
+    pm_region_widen(&part, states[0]);
+    pm_region_widen(&part, states[1]);
+    assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_OK);
+    assert_int_equal(pm_weights_load_part(path, &arena, &loaded, &found), PM_OK);
+    assert_null(pm_region_departure(&loaded, states[0]).group);
+    const pm_departure d = pm_region_departure(&loaded, outside);
+    assert_string_equal(d.group->name, "q");
+    assert_true(d.value == 20 && d.low == 1 && d.high == 5 && d.widths == 15. / 4);
     pm_part_free(&loaded);
 }
 
@@ -402,6 +422,7 @@ int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_subsystem_comes_back_bit_by_bit, setup, teardown),
+        cmocka_unit_test_setup_teardown(a_region_comes_back, setup, teardown),
         cmocka_unit_test_setup_teardown(a_port_comes_back_bit_by_bit, setup, teardown),
         cmocka_unit_test_setup_teardown(the_digest_depends_on_content_only, setup, teardown),
         cmocka_unit_test_setup_teardown(files_that_are_not_weights_are_refused, setup, teardown),

@@ -1,0 +1,50 @@
+// Ranges of lengths and values.
+#include "model/region.h"
+
+#include <float.h>
+#include <math.h>
+
+static const char low_name[] = "region.low", high_name[] = "region.high";
+
+// Finite, as all that weights files hold; the first state replaces both.
+pm_status pm_region_declare(pm_part *part) {
+    const int n = part->layout.ngroup;
+    const bool made = pm_params_add(&part->params, low_name, 1, n, false, 0, DBL_MAX) != NULL &&
+                      pm_params_add(&part->params, high_name, 1, n, false, 0, -DBL_MAX) != NULL;
+    return made ? PM_OK : PM_ENOMEM;
+}
+
+static double measure(const pm_group *group, const double *z) {
+    const double *x = z + group->first;
+    double square = 0;
+    for (int c = 0; c < group->size; ++c) {
+        square += x[c] * x[c];
+    }
+    return group->size == 1 ? x[0] : sqrt(square);
+}
+
+void pm_region_widen(pm_part *part, const double *z) {
+    double *low = pm_params_find(&part->params, low_name)->value;
+    double *high = pm_params_find(&part->params, high_name)->value;
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        const double value = measure(&part->layout.group[i], z);
+        low[i] = fmin(low[i], value);
+        high[i] = fmax(high[i], value);
+    }
+}
+
+pm_departure pm_region_departure(const pm_part *part, const double *z) {
+    const pm_param_entry *low = pm_params_find(&part->params, low_name);
+    const pm_param_entry *high = pm_params_find(&part->params, high_name);
+    pm_departure worst = {.group = NULL};
+    for (int i = 0; low != NULL && high != NULL && i < part->layout.ngroup; ++i) {
+        const pm_group *group = &part->layout.group[i];
+        const double value = measure(group, z), width = high->value[i] - low->value[i];
+        const double beyond = fmax(low->value[i] - value, value - high->value[i]);
+        const double widths = width > 0 ? beyond / width : beyond > 0 ? INFINITY : 0;
+        if (widths > worst.widths) {
+            worst = (pm_departure){group, value, low->value[i], high->value[i], widths};
+        }
+    }
+    return worst;
+}

@@ -1,0 +1,23 @@
+// The region of states that a part's weights were trained on: for each group of variables the range
+// of its length, or of the value itself where it has one component, so that a rotation leads
+// nowhere. Kept among the part's constants as "region.low" and "region.high" [1][ngroup]; weights
+// that lack them have no region, and nothing leaves it.
+#ifndef PM_MODEL_REGION_H
+#define PM_MODEL_REGION_H
+
+#include "model/part.h"
+
+// Gives the part an empty region, to be widened. PM_ENOMEM.
+pm_status pm_region_declare(pm_part *part);
+// Widens it to hold the state z [nz].
+void pm_region_widen(pm_part *part, const double *z);
+
+// The group that is furthest outside.
+typedef struct pm_departure {
+    const pm_group *group; // NULL: none is outside
+    double value, low, high;
+    double widths; // by how much it is outside, in widths of its range
+} pm_departure;
+pm_departure pm_region_departure(const pm_part *part, const double *z);
+
+#endif

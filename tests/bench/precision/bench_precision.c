@@ -1,0 +1,282 @@
+// Run time against error: every integrator with its step halved time and again, on scenes with
+// their shipped weights. The error is taken against the learned equations solved as exactly as
+// numbers allow (what the integrator does), and against physics (what is left in all). The
+// simulator that made the truth is measured at several tolerances beside them.
+//   run_bench_precision CSV CONFIGS SCENE ...
+// Rows: scene, method, substeps, exchanges per second, CPU time per simulated second, errors, drift
+// of the energy, largest fall of the entropy. Errors are relative L2 errors over a trajectory, of
+// the worst group of variables; medians over trajectories of a seed of their own.
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "bench.h"
+#include "evaluate.h"
+#include "sim/assembly.h"
+#include "sim/integrator.h"
+#include "truth/truth.h"
+
+#define SEED 20231105
+#define TRAJECTORIES 12
+// Of the exact solution; half as many tell how exact it is.
+#define EXACT_SUBSTEPS 128
+// Exchanges per step; the longest run of each method has as many.
+#define MOST_ROUNDS 512
+#define MAX_GROUPS 16
+#define MAX_STATE 64
+#define TIMING 0.05 // s, CPU time over which a step is measured
+
+typedef struct bench {
+    FILE *csv;
+    pm_truth *truth;
+    pm_scene *scene;
+    pm_system *system;
+    pm_dataset *physics;
+    pm_evaluation *exact;    // of the learned equations
+    double start[MAX_STATE]; // of the first trajectory
+} bench;
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for a benchmark");
+}
+
+// --- rows ---
+
+typedef struct row {
+    const char *method;
+    double substeps, exchanges; // exchanges per simulated second
+    double seconds;             // of CPU time per simulated second
+    double own, all;            // errors against the learned equations and physics
+    double drift, fall;         // J, J/K
+} row;
+
+static void print_row(const bench *b, const row *r) {
+    printf("%-22s %-18s %8g %10.0f %12.3e %10.1e %10.1e %10.1e %10.1e\n", b->scene->name, r->method,
+           r->substeps, r->exchanges, r->seconds, r->own, r->all, r->drift, r->fall);
+    fprintf(b->csv, "%s,%s,%g,%g,%.4g,%.4g,%.4g,%.4g,%.4g\n", b->scene->name, r->method,
+            r->substeps, r->exchanges, r->seconds, r->own, r->all, r->drift, r->fall);
+    fflush(stdout);
+}
+
+static void print_header(FILE *csv) {
+    printf("%-22s %-18s %8s %10s %12s %10s %10s %10s %10s\n", "", "", "substeps", "exchanges/s",
+           "CPU s per s", "own error", "error", "drift, J", "fall, J/K");
+    fprintf(csv, "scene,method,substeps,exchanges,seconds,own,all,drift,fall\n");
+}
+
+// --- errors ---
+
+// Of the group that is worst.
+static double error_of(const pm_columns *columns, const pm_dataset *predicted,
+                       const pm_dataset *truth, int trajectory) {
+    double error[MAX_GROUPS], worst = 0;
+    pm_score(columns, truth->ntime, truth->ncolumn, pm_dataset_state(predicted, trajectory, 0),
+             pm_dataset_state(truth, trajectory, 0), error, NULL);
+    for (int i = 0; i < columns->ngroup; ++i) {
+        worst = isnan(error[i]) ? INFINITY : fmax(worst, error[i]);
+    }
+    return worst;
+}
+
+// The median over all trajectories; infinite for rollouts that did not go all the way.
+static double median_error(const pm_evaluation *e, const pm_dataset *truth) {
+    double error[TRAJECTORIES];
+    for (int i = 0; i < TRAJECTORIES; ++i) {
+        const bool whole = e->rollout[i].reached == truth->ntime;
+        error[i] = whole ? error_of(&e->columns, e->predicted, truth, i) : INFINITY;
+    }
+    return pm_box_of(TRAJECTORIES, error).median;
+}
+
+// --- the learned equations ---
+
+static pm_status roll_out(const bench *b, const char *method, int substeps, pm_evaluation **e) {
+    const pm_evaluate_how how = {.threads = 1};
+    b->scene->integrator = method;
+    b->scene->substeps = substeps;
+    return pm_evaluate(e, b->system, b->physics, 0, TRAJECTORIES, &how);
+}
+
+static pm_status solve_exactly(bench *b) {
+    pm_evaluation *half = NULL;
+    PM_TRY(roll_out(b, "rk6_balanced", EXACT_SUBSTEPS / 2, &half));
+    const pm_status status = roll_out(b, "rk6_balanced", EXACT_SUBSTEPS, &b->exact);
+    if (status == PM_OK) {
+        printf("%s: the learned equations are solved to %.1e (median)\n", b->scene->name,
+               median_error(half, b->exact->predicted));
+        pm_columns_to_state(&b->exact->columns, pm_dataset_state(b->physics, 0, 0), b->start);
+    }
+    pm_evaluation_free(half);
+    return status;
+}
+
+// CPU time per simulated second, along the first trajectory.
+static pm_status time_steps(const bench *b, double *seconds) {
+    pm_assembly *assembly = NULL;
+    PM_TRY(pm_assembly_open(&assembly, b->system));
+    long steps = 0;
+    double elapsed = 0;
+    for (const double start = bench_clock(); elapsed < TIMING; elapsed = bench_clock() - start) {
+        if (steps % (b->physics->ntime - 1) == 0) {
+            pm_assembly_set_state(assembly, b->start);
+        }
+        // A method that is not stable here costs what it costs.
+        (void)pm_assembly_step(assembly);
+        ++steps;
+    }
+    pm_assembly_close(assembly);
+    *seconds = elapsed / (double)steps / b->scene->dt;
+    return PM_OK;
+}
+
+static pm_status measure_method(const bench *b, const pm_integrator *rk, int substeps) {
+    pm_evaluation *e = NULL;
+    PM_TRY(roll_out(b, rk->name, substeps, &e));
+    row r = {.method = rk->name,
+             .substeps = substeps,
+             .exchanges = substeps * rk->nstage / b->scene->dt,
+             .own = median_error(e, b->exact->predicted),
+             .all = median_error(e, b->physics)};
+    for (int i = 0; i < TRAJECTORIES; ++i) {
+        const pm_rollout *rollout = &e->rollout[i];
+        const bool whole = rollout->reached == b->physics->ntime;
+        r.drift = fmax(r.drift, whole ? rollout->ledger.energy_drift : INFINITY);
+        r.fall = fmax(r.fall, rollout->ledger.worst_entropy_fall);
+    }
+    pm_evaluation_free(e);
+    PM_TRY(time_steps(b, &r.seconds));
+    print_row(b, &r);
+    return PM_OK;
+}
+
+static pm_status measure_methods(const bench *b) {
+    char names[256];
+    snprintf(names, sizeof names, "%s", pm_integrator_names());
+    for (char *rest = names, *name; (name = strtok_r(rest, ", ", &rest)) != NULL;) {
+        const pm_integrator *rk = pm_integrator_find(name);
+        for (int substeps = 1; substeps * rk->nstage <= MOST_ROUNDS; substeps *= 2) {
+            PM_TRY(measure_method(b, rk, substeps));
+        }
+    }
+    return PM_OK;
+}
+
+// --- physics ---
+
+// Keeps the columns of a solution [ntime][nz].
+static void keep(const pm_truth *truth, const double *z, pm_dataset *dataset, int trajectory) {
+    for (int j = 0; j < truth->ntime; ++j) {
+        memcpy(pm_dataset_state(dataset, trajectory, j), z + (ptrdiff_t)j * truth->model.ode.nz,
+               (size_t)dataset->ncolumn * sizeof *z);
+    }
+}
+
+static pm_status simulate(const pm_truth *truth, pm_dataset *dataset) {
+    const size_t size = (size_t)truth->ntime * (size_t)truth->model.ode.nz;
+    double *z = calloc(2 * size, sizeof *z);
+    pm_status status = z == NULL ? no_memory() : PM_OK;
+    for (int i = 0; i < TRAJECTORIES && status == PM_OK; ++i) {
+        status = pm_truth_run(truth, i, z, z + size);
+        if (status == PM_OK) {
+            keep(truth, z, dataset, i);
+        }
+    }
+    free(z);
+    return status;
+}
+
+// The simulator at one tolerance; z [ntime][nz] is work space.
+static pm_status measure_simulator(const bench *b, double tolerance, pm_dataset *solved,
+                                   double *z) {
+    const pm_ode_method method = {b->truth->family, tolerance, tolerance};
+    const int ntime = b->truth->ntime;
+    double error[TRAJECTORIES], seconds = 0;
+    for (int i = 0; i < TRAJECTORIES; ++i) {
+        memcpy(z, pm_dataset_state(b->physics, i, 0), (size_t)b->physics->ncolumn * sizeof *z);
+        const double before = bench_clock();
+        PM_TRY(pm_ode_solve(&b->truth->model.ode, method, ntime, b->truth->dt, z));
+        seconds += (bench_clock() - before) / ((ntime - 1) * b->truth->dt) / TRAJECTORIES;
+        keep(b->truth, z, solved, i);
+        error[i] = error_of(&b->exact->columns, solved, b->physics, i);
+    }
+    const row r = {.method = b->truth->family == PM_ODE_ADAMS ? "CVODE Adams" : "CVODE BDF",
+                   .substeps = tolerance,
+                   .seconds = seconds,
+                   .own = NAN,
+                   .all = pm_box_of(TRAJECTORIES, error).median};
+    print_row(b, &r);
+    return PM_OK;
+}
+
+static pm_status measure_simulators(const bench *b) {
+    pm_dataset *solved = NULL;
+    double *z = calloc((size_t)b->truth->ntime * (size_t)b->truth->model.ode.nz, sizeof *z);
+    pm_status status = z == NULL ? no_memory() : PM_OK;
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(pm_dataset_new(&solved, TRAJECTORIES, b->physics->ntime, b->physics->ncolumn,
+                               b->physics->dt, b->physics->column));
+    for (int digits = 3; digits <= 12; ++digits) {
+        PM_TRY_DONE(measure_simulator(b, pow(10, -digits), solved, z));
+    }
+done:
+    pm_dataset_free(solved);
+    free(z);
+    return status;
+}
+
+// --- scenes ---
+
+static pm_status open_scene(bench *b, const char *configs, const char *name) {
+    char path[4096];
+    snprintf(path, sizeof path, "%s/truth/%s.yaml", configs, name);
+    PM_TRY(pm_truth_load(&b->truth, path));
+    b->truth->seed = SEED;
+    PM_TRY(pm_dataset_new(&b->physics, TRAJECTORIES, b->truth->ntime, b->truth->model.ncolumn,
+                          b->truth->dt, b->truth->model.column));
+    PM_TRY(simulate(b->truth, b->physics));
+    snprintf(path, sizeof path, "%s/%s.yaml", configs, name);
+    PM_TRY(pm_scene_load(&b->scene, path));
+    return pm_system_load(&b->system, b->scene, NULL);
+}
+
+static pm_status measure_scene(FILE *csv, const char *configs, const char *name) {
+    bench b = {.csv = csv};
+    pm_status status;
+    PM_TRY_DONE(open_scene(&b, configs, name));
+    PM_TRY_DONE(solve_exactly(&b));
+    PM_TRY_DONE(measure_methods(&b));
+    PM_TRY_DONE(measure_simulators(&b));
+done:
+    pm_evaluation_free(b.exact);
+    pm_system_free(b.system);
+    pm_scene_free(b.scene);
+    pm_dataset_free(b.physics);
+    pm_truth_free(b.truth);
+    return status;
+}
+
+int main(int argc, char **argv) {
+    if (argc < 4) {
+        fprintf(stderr, "usage: run_bench_precision CSV CONFIGS SCENE ...\n");
+        return PM_EUSAGE;
+    }
+    pm_linalg_init();
+    FILE *csv = fopen(argv[1], "w");
+    if (csv == NULL) {
+        fprintf(stderr, "bench_precision: %s: %s\n", argv[1], strerror(errno));
+        return PM_EFILE;
+    }
+    print_header(csv);
+    pm_status status = PM_OK;
+    for (int i = 3; i < argc && status == PM_OK; ++i) {
+        status = measure_scene(csv, argv[2], argv[i]);
+    }
+    if (status != PM_OK) {
+        fprintf(stderr, "bench_precision: %s\n", pm_error());
+    }
+    fclose(csv);
+    return (int)status;
+}

@@ -1,0 +1,47 @@
+#!/bin/sh
+# precision.sh RUN_BENCH PORTMETD CONFIGS FOLDER: run time against error in one process; then the wall
+# time of some of these runs over LCM, a process each, the fastest of three, in a private network (left
+# out where there can be none); and the picture of both. Leaves table.csv, lcm.csv and precision.png in
+# FOLDER.
+set -eu
+run_bench=$1
+portmetd=$2
+configs=$3
+mkdir -p "$4"
+folder=$(cd "$4" && pwd)
+source=$(cd "$(dirname "$0")" && pwd)
+dt=0.3 # s, of both scenes
+
+"$run_bench" "$folder/table.csv" "$configs" double_pendulum double_pendulum_fast
+
+cd "$configs/.."
+. daemon/setup.sh
+network=$(private_network)
+
+# over_lcm SCENE METHOD SUBSTEPS: the row of the table, with the time of a run over LCM.
+over_lcm() {
+    sed -e "s/integrator: [a-z0-9_]*/integrator: $2/" -e "s/substeps: [0-9]*/substeps: $3/" \
+        -e "s|weights: weights|weights: $configs/weights|" \
+        -e "s|file: reference|file: $configs/reference|" "$configs/$1.yaml" >"$folder/scene.yaml"
+    speed=$(for repetition in 1 2 3; do
+        $network "$portmetd" run "$folder/scene.yaml" | sed -n 's/^Speed: \([0-9]*\) .*/\1/p'
+    done | sort -n | tail -n 1)
+    awk -F, -v OFS=, -v row="$1,$2,$3," -v seconds_per_step="$speed" -v dt=$dt \
+        'index($0, row) == 1 { $5 = 1 / (seconds_per_step * dt); print }' "$folder/table.csv"
+}
+
+head -n 1 "$folder/table.csv" >"$folder/lcm.csv"
+if [ -n "$network" ]; then
+    for point in rk4,4 rk4,16 rk4_balanced,2 rk4_balanced,4 rk4_balanced,8 rk4_balanced,16 \
+        rk6_balanced,1 rk6_balanced,2 rk6_balanced,4 rk6_balanced,8 discrete_gradient,1; do
+        over_lcm double_pendulum "${point%,*}" "${point#*,}"
+    done >>"$folder/lcm.csv"
+    for point in rk4,16 rk4_balanced,16 rk4_balanced,32 rk6_balanced,16 discrete_gradient,1 \
+        discrete_gradient,2; do
+        over_lcm double_pendulum_fast "${point%,*}" "${point#*,}"
+    done >>"$folder/lcm.csv"
+    echo "Over LCM:"
+    cat "$folder/lcm.csv"
+fi
+rm -f "$folder/scene.yaml"
+gnuplot -e "folder='$folder'" "$source/precision.gp" 2>/dev/null && echo "picture: $folder/precision.png"
