@@ -19,8 +19,9 @@
 #define TERM_GRACE 2.0        // s from SIGTERM to SIGKILL
 #define POLL_INTERVAL 2000000 // ns between two looks at the children
 #define LINE 1024             // bytes kept of a line
+#define HOLD 1.0              // s until a child's line is shown: an error ends it before that
 #define MAX_DEATHS 6          // of a child, in a row, without its getting on
-#define FIRST_PAUSE 0.005     // s from a death to the new start; doubles from death to death
+#define PAUSE 0.005           // s from a death to the new start, doubled by every death
 
 typedef struct pm_child {
     const char *name;
@@ -29,6 +30,8 @@ typedef struct pm_child {
     bool running;
     int wait_status;      // of waitpid, once it has ended
     FILE *output;         // its standard error: a file in memory
+    off_t size, shown;    // bytes of that, and of these printed
+    double grown;         // s, when it last wrote
     const char *progress; // NULL: it is not started again
     struct timespec seen; // when that file was written, as of the last death
     int deaths;           // since
@@ -102,7 +105,7 @@ static void mourn(pm_child *child) {
     if (child->deaths > MAX_DEATHS) {
         return;
     }
-    child->back = pm_clock() + FIRST_PAUSE * (1 << child->deaths);
+    child->back = pm_clock() + PAUSE * (1 << child->deaths);
     fprintf(stderr, "[%s] killed by signal %d (%s), started again\n", child->name,
             WTERMSIG(child->wait_status), strsignal(WTERMSIG(child->wait_status)));
 }
@@ -123,11 +126,35 @@ static void print_line(const pm_child *child, const char *line) {
     }
 }
 
-// Prints all that the child wrote but the last line, which `last` [LINE] receives.
+// Prints what the child wrote a while ago. Its place in the file is the child's too: it stays.
+static void show_output(pm_child *child) {
+    struct stat file;
+    if (fstat(fileno(child->output), &file) != 0 || file.st_size == child->shown) {
+        return;
+    }
+    if (file.st_size != child->size) {
+        child->size = file.st_size;
+        child->grown = pm_clock();
+    }
+    char line[LINE];
+    while (pm_clock() - child->grown > HOLD && child->shown < child->size) {
+        const ssize_t count = pread(fileno(child->output), line, sizeof line - 1, child->shown);
+        if (count <= 0) {
+            return;
+        }
+        line[count] = 0;
+        const size_t length = strcspn(line, "\n");
+        child->shown += (off_t)length + (line[length] == '\n');
+        line[length] = 0;
+        print_line(child, line);
+    }
+}
+
+// Prints the rest of what the child wrote but the last line, which `last` [LINE] receives.
 static void collect_output(pm_child *child, char *last) {
     char line[LINE];
     last[0] = 0;
-    rewind(child->output);
+    fseeko(child->output, child->shown, SEEK_SET);
     while (fgets(line, sizeof line, child->output) != NULL) {
         print_line(child, last);
         line[strcspn(line, "\n")] = 0;
@@ -159,6 +186,9 @@ pm_status pm_launch_watch(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
         look(child);
+        if (child->running) {
+            show_output(child);
+        }
         if (child->back > 0 && pm_clock() >= child->back) {
             PM_TRY(start(child));
         }

@@ -48,7 +48,6 @@ void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *m
 bool pm_lockstep_node_finished(const pm_lockstep_node *node);
 bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
 
-// A second node of the same name and session is refused by the first.
 // PM_OK after END; else the failure, with pm_error() set to its description. PM_ETIMEOUT: a peer
 // stayed silent, named; PM_ENET: refused; PM_ENUMERIC: the state became non-finite; the
 // coordinator's code after ABORT; PM_EFILE: the checkpoint.

@@ -28,7 +28,7 @@ static void count_numbers(const pm_scene *scene, int process_id, int *npart, int
 int pm_report_rows(const pm_scene *scene, int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);
-    const size_t size = sizeof(double) * (8 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
+    const size_t size = sizeof(double) * (9 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
     const int most = size < LARGEST_REPORT ? (int)(LARGEST_REPORT / size) : 1;
     const int half = scene->window > 1 ? scene->window / 2 : 1;
     return half < most ? half : most;

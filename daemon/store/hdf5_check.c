@@ -195,7 +195,7 @@ static bool check_attribute(walk *w, const unsigned char *at, uint64_t size) {
     return values * bytes <= size - head || object_to(w, "an attribute is cut");
 }
 
-// The value of what was never written: none, or one of the dataset's own (checked by check_object).
+// The value of what was never written: none, or an empty one.
 static bool check_fill(walk *w, const unsigned char *at, uint64_t size) {
     const bool good = size >= 4 && at[0] == 2 && at[1] <= 3 && at[2] <= 2 &&
                       (at[3] == 0 || (at[3] == 1 && size >= 8 && number(at + 4, 4) == 0));

@@ -77,6 +77,25 @@ start again run "$chain" --steps $steps --checkpoint "$folder/again" --record "$
 ends again $pid 0 ""
 same_end again
 
+# A run that pauses says so while it does: one process is stopped, not killed.
+start paused run "$chain" --steps 1000000 --checkpoint "$folder/paused"
+run=$pid
+for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+    [ -e "$folder/paused/chain_3-link2.checkpoint" ] && break
+    sleep 0.05
+done
+victim=$(child $run "[^ ]*link2")
+kill -STOP "$victim"
+for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+    grep -q "the run pauses after step [0-9]*: no word from link2" "$folder/paused.err" && break
+    sleep 0.3
+done
+grep -q "the run pauses" "$folder/paused.err" || fail "paused: nothing is said while it pauses"
+kill -CONT "$victim"
+kill -INT $run
+wait $run
+no_orphans "a run that paused"
+
 # By hand: a node and the coordinator are killed, and started again with the same commands.
 by_hand() {
     if [ "$1" = coordinator ]; then
