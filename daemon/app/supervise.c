@@ -1,10 +1,15 @@
 // Children with checkpoints.
 #include "app/supervise.h"
 
+#include <fcntl.h>
 #include <inttypes.h>
 #include <signal.h>
 #include <stdio.h>
+#include <sys/file.h>
 #include <time.h>
+#include <unistd.h>
+
+#include "base/progress.h"
 
 #include "app/launch.h"
 #include "app/stop.h"
@@ -14,8 +19,24 @@
 #define WATCH_INTERVAL 5000000 // ns between two looks at the children
 #define END_GRACE 1.0          // s for all to end by themselves after the first of them
 #define STOP_GRACE 5.0         // s likewise, for the coordinator that was told to stop
+#define LOCK_GRACE 3.0         // s for the processes of a run that was killed to be gone
 #define MAX_ARGUMENTS 20
 #define COORDINATOR 0 // the first child
+
+// Opens and locks the folder of the checkpoints. The children inherit the lock, so that it is free
+// when the last process of a run is gone, however the run ended.
+static pm_status lock(int *folder, const char *path) {
+    const double deadline = pm_clock() + LOCK_GRACE;
+    *folder = open(path, O_RDONLY | O_DIRECTORY);
+    while (*folder < 0 || flock(*folder, LOCK_EX | LOCK_NB) != 0) {
+        if (*folder < 0 || pm_clock() > deadline || pm_stop_requested) {
+            return pm_fail(PM_EFILE, "%s: %s", path,
+                           *folder < 0 ? "cannot be opened" : "another run uses it");
+        }
+        nanosleep(&(struct timespec){.tv_nsec = WATCH_INTERVAL}, NULL);
+    }
+    return PM_OK;
+}
 
 // A number drawn anew, or of the run that is to go on, as text.
 static pm_status choose_session(pm_setup *setup, const char *checkpoint, const char **text) {
@@ -103,7 +124,12 @@ static pm_status watch(pm_launch *launch) {
 
 pm_status pm_supervise(pm_setup *setup, const pm_options *options) {
     pm_launch *launch = NULL;
+    int folder = -1;
+    const char *checkpoint;
     pm_status status;
+    // Makes the folder, too.
+    PM_TRY_DONE(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
+    PM_TRY_DONE(lock(&folder, options->checkpoint));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
     PM_TRY_DONE(start_all(launch, setup, options));
     status = watch(launch);
@@ -114,5 +140,8 @@ pm_status pm_supervise(pm_setup *setup, const pm_options *options) {
     }
 done:
     pm_launch_close(launch);
+    if (folder >= 0) {
+        close(folder);
+    }
     return status;
 }

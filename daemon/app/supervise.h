@@ -11,7 +11,8 @@ const char *const *pm_supervise_arguments(pm_setup *setup, const pm_options *opt
                                           const char *session, const char *process);
 
 // Runs the scene, or goes on with the run whose checkpoints are there. The coordinator prints the
-// tables. Returns its result; PM_EINTERRUPTED; what pm_launch_watch returns.
+// tables. Returns its result; PM_EFILE: another run uses the folder; PM_EINTERRUPTED; what
+// pm_launch_watch returns.
 pm_status pm_supervise(pm_setup *setup, const pm_options *options);
 
 #endif
