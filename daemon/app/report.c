@@ -123,7 +123,7 @@ static size_t predicted_size(const pm_report *report) {
 
 int pm_report_memory(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
-    return COUNTS + 2 * scene->nsubsystem + 4 * scene->nport + (int)predicted_size(report);
+    return COUNTS + 3 * scene->nsubsystem + 4 * scene->nport + (int)predicted_size(report);
 }
 
 void pm_report_save(const pm_report *report, double *memory) {
@@ -133,6 +133,9 @@ void pm_report_save(const pm_report *report, double *memory) {
     *memory++ = report->ncompared;
     *memory++ = (double)report->evaluated;
     *memory++ = (double)report->skipped;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        *memory++ = (double)report->outside[i];
+    }
     memcpy(memory, report->bulk, nbulk * sizeof *memory);
     memcpy(memory + nbulk, report->flux, nflux * sizeof *memory);
     if (report->predicted != NULL) {
@@ -149,6 +152,9 @@ void pm_report_restore(pm_report *report, const double *memory) {
     report->evaluated = (long)memory[2];
     report->skipped = (long)memory[3];
     memory += COUNTS;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        report->outside[i] = (long)*memory++;
+    }
     memcpy(report->bulk, memory, nbulk * sizeof *memory);
     memcpy(report->flux, memory + nbulk, nflux * sizeof *memory);
     if (report->predicted != NULL) {

@@ -113,6 +113,8 @@ static pm_status report(pm_lockstep_node *node) {
 
 // Computes again from the newest checkpoint of at most `step` steps, if there is one.
 static pm_status go_back(pm_lockstep_node *node, int64_t step) {
+    // What was done up to now stays true.
+    PM_TRY(pm_reporter_flush(&node->reporter));
     const int64_t found = pm_history_go_back(&node->history, step, &node->crew);
     if (found < 0) {
         return PM_OK;
@@ -121,7 +123,6 @@ static pm_status go_back(pm_lockstep_node *node, int64_t step) {
     node->round = 0;
     node->started = false;
     node->progressed = true;
-    pm_reporter_forget(&node->reporter);
     return found == 0 ? report(node) : PM_OK;
 }
 

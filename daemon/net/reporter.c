@@ -176,10 +176,6 @@ pm_status pm_reporter_flush(pm_reporter *reporter) {
     return pm_outbox_publish(&r->sent, r->transport, r->count++, size);
 }
 
-void pm_reporter_forget(pm_reporter *reporter) {
-    reporter->rows = 0;
-}
-
 pm_status pm_reporter_repeat(const pm_reporter *reporter, int64_t step, bool *kept) {
     const pm_reporter *r = reporter;
     const int64_t oldest = r->count > r->sent.depth ? r->count - r->sent.depth : 0;

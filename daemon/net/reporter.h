@@ -47,9 +47,6 @@ pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step,
 // Publishes what is gathered, if anything. PM_ENUMERIC.
 pm_status pm_reporter_flush(pm_reporter *reporter);
 
-// Forgets what is gathered.
-void pm_reporter_forget(pm_reporter *reporter);
-
 // Publishes the report about a step again if it is kept; `kept` receives whether it is.
 pm_status pm_reporter_repeat(const pm_reporter *reporter, int64_t step, bool *kept);
 
