@@ -142,17 +142,13 @@ const pm_command pm_command_run = {
     .name = "run",
     .arguments = "SCENE",
     .summary = "run a scene: its processes, and a coordinator",
-    .help =
-        "Launches `portmetd node` once per process, by default one for each subsystem, coordinates "
-        "them over LCM, and prints mean\n"
-        "fluxes, errors against the scene's reference trajectory, the ledger of both laws, and "
-        "the\n"
-        "speed. It starts from each subsystem's `initial`, else from the reference's first state.\n"
-        "Ctrl-C ends all processes and prints the tables of the steps done so far. With "
-        "--checkpoint\n"
-        "whoever is killed is started again and goes on, with the same bits at the end; so does "
-        "the\n"
-        "whole run when this command is given again.\n",
+    .help = "Launches `portmetd node` once per process, by default one for each subsystem,\n"
+            "coordinates them over LCM, and prints mean fluxes, errors against the scene's\n"
+            "reference trajectory, the ledger of both laws, and the speed. It starts from each\n"
+            "subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
+            "processes and prints the tables of the steps done so far. With --checkpoint whoever\n"
+            "is killed is started again and goes on, with the same bits at the end; so does the\n"
+            "whole run when this command is given again.\n",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS |
                PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_QUIET,
     .execute = execute,

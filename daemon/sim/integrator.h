@@ -1,4 +1,5 @@
-// Explicit Runge-Kutta methods as Butcher tableaux. One flux exchange per stage.
+// Runge-Kutta methods as Butcher tableaux, explicit or, by stages that iterate, implicit. One flux
+// exchange per stage.
 #ifndef PM_SIM_INTEGRATOR_H
 #define PM_SIM_INTEGRATOR_H
 

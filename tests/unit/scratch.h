@@ -51,6 +51,19 @@ static inline void scratch_close(scratch *s) {
     rmdir(s->folder);
 }
 
+// Fixtures of cmocka: one folder for each test, or for all of them.
+static inline int scratch_setup(void **state) {
+    static scratch folder;
+    scratch_open(&folder);
+    *state = &folder;
+    return 0;
+}
+
+static inline int scratch_teardown(void **state) {
+    scratch_close(*state);
+    return 0;
+}
+
 static inline void scratch_write(const char *path, const void *data, size_t size) {
     FILE *file = fopen(path, "wb");
     assert(file != NULL);

@@ -14,18 +14,6 @@
 
 static const char *const columns[] = {"q", "p", "s"};
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    *state = &folder;
-    return 0;
-}
-
-static int teardown(void **state) {
-    scratch_close(*state);
-    return 0;
-}
-
 // A dataset of 2 trajectories, 4 times, 3 columns with distinct values.
 static pm_dataset *sample_dataset(void) {
     pm_dataset *d = NULL;
@@ -280,17 +268,26 @@ static void the_public_double_pendulum_loads_as_it_is(void **state) {
 int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(save_and_load_return_the_same, setup, teardown),
-        cmocka_unit_test_setup_teardown(files_that_are_not_datasets_are_refused, setup, teardown),
-        cmocka_unit_test_setup_teardown(every_truncation_is_noticed, setup, teardown),
-        cmocka_unit_test_setup_teardown(wrong_shapes_and_types_are_refused, setup, teardown),
-        cmocka_unit_test_setup_teardown(the_layout_attribute_is_required_and_must_be_text, setup,
-                                        teardown),
-        cmocka_unit_test_setup_teardown(links_into_other_files_are_not_followed, setup, teardown),
-        cmocka_unit_test_setup_teardown(values_that_are_not_finite_are_named, setup, teardown),
-        cmocka_unit_test_setup_teardown(what_cannot_be_loaded_is_not_saved, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_failed_rename_leaves_nothing_behind, setup, teardown),
-        cmocka_unit_test_setup_teardown(repeated_columns_are_refused, setup, teardown),
+        cmocka_unit_test_setup_teardown(save_and_load_return_the_same, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(files_that_are_not_datasets_are_refused, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(every_truncation_is_noticed, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(wrong_shapes_and_types_are_refused, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(the_layout_attribute_is_required_and_must_be_text,
+                                        scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(links_into_other_files_are_not_followed, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(values_that_are_not_finite_are_named, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(what_cannot_be_loaded_is_not_saved, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_failed_rename_leaves_nothing_behind, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(repeated_columns_are_refused, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test(the_public_double_pendulum_loads_as_it_is),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -14,18 +14,6 @@
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    *state = &folder;
-    return 0;
-}
-
-static int teardown(void **state) {
-    scratch_close(*state);
-    return 0;
-}
-
 static const char *saved(scratch *folder) {
     const char *path = scratch_path(folder, "field.h5");
     const char *const notes[][2] = {{"title", "trial"}};
@@ -120,9 +108,10 @@ static void faults_are_told(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(saved_comes_back, setup, teardown),
-        cmocka_unit_test_setup_teardown(missing_first_forces_are_zero, setup, teardown),
-        cmocka_unit_test_setup_teardown(faults_are_told, setup, teardown),
+        cmocka_unit_test_setup_teardown(saved_comes_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(missing_first_forces_are_zero, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(faults_are_told, scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

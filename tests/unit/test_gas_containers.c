@@ -23,18 +23,6 @@ static void assert_near(const char *what, double value, double expected, double 
     }
 }
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    *state = &folder;
-    return 0;
-}
-
-static int teardown(void **state) {
-    scratch_close(*state);
-    return 0;
-}
-
 #define INITIAL "{position: [0.3, 2.6], momentum: [-1, 1], entropy: [1, 2]}"
 
 static pm_status load(scratch *folder, double wall_mass, double conductivity, const char *initial,
@@ -199,5 +187,5 @@ int main(void) {
         cmocka_unit_test(conduction_alone),     cmocka_unit_test(laws_along_trajectories),
         cmocka_unit_test(wrong_initial_states), cmocka_unit_test(shipped_configuration),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, scratch_setup, scratch_teardown);
 }

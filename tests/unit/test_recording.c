@@ -37,18 +37,6 @@ static const pm_scene scene = {.name = "trial",
                                .port = port,
                                .nz = 4};
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    *state = &folder;
-    return 0;
-}
-
-static int teardown(void **state) {
-    scratch_close(*state);
-    return 0;
-}
-
 // Sample `step`, in which every number is different: step + 0.001 times its place below.
 static void fill(pm_sample *s, long step) {
     double place = 0;
@@ -327,14 +315,19 @@ static void a_full_disk_is_reported(void **state) {
 int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(every_number_arrives_where_it_belongs, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_recording_goes_on_where_it_is_told, setup, teardown),
-        cmocka_unit_test_setup_teardown(variables_and_units_are_written, setup, teardown),
-        cmocka_unit_test_setup_teardown(what_was_flushed_outlives_a_killed_writer, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_recording_that_cannot_be_made_says_so, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_check_tells_beforehand_and_changes_nothing, setup,
-                                        teardown),
-        cmocka_unit_test_setup_teardown(a_full_disk_is_reported, setup, teardown),
+        cmocka_unit_test_setup_teardown(every_number_arrives_where_it_belongs, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_recording_goes_on_where_it_is_told, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(variables_and_units_are_written, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(what_was_flushed_outlives_a_killed_writer, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_recording_that_cannot_be_made_says_so, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_check_tells_beforehand_and_changes_nothing, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_full_disk_is_reported, scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,18 +11,6 @@
 
 enum { COUNT = 5, DIGEST = 77, SESSION = 123456 };
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    *state = &folder;
-    return 0;
-}
-
-static int teardown(void **state) {
-    scratch_close(*state);
-    return 0;
-}
-
 static const double saved[COUNT] = {-1, 0.1, 1e300, -0.0, 5e-324};
 
 static void assert_untouched(pm_status status, const char *part, const char *path, uint64_t digest,
@@ -90,9 +78,9 @@ static void damage_is_found(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(what_was_saved_comes_back, setup, teardown),
-        cmocka_unit_test_setup_teardown(others_are_refused, setup, teardown),
-        cmocka_unit_test_setup_teardown(damage_is_found, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_was_saved_comes_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(others_are_refused, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(damage_is_found, scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

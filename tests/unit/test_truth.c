@@ -208,18 +208,6 @@ static void failing_solver_is_reported(void **state) {
     "  reference_temperature: 300\n  conductivity: 1\n"
 static const char good[] = HEAD "  links:\n" LINK ", temperature: {mean: 300, deviation: 1}}\n";
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    *state = &folder;
-    return 0;
-}
-
-static int teardown(void **state) {
-    scratch_close(*state);
-    return 0;
-}
-
 static pm_status load(scratch *folder, const char *text, pm_truth **truth) {
     const char *path = scratch_path(folder, "truth.yaml");
     scratch_write(path, text, strlen(text));
@@ -418,12 +406,16 @@ int main(void) {
         cmocka_unit_test(laws_along_a_trajectory),
         cmocka_unit_test(equilibrium),
         cmocka_unit_test(failing_solver_is_reported),
-        cmocka_unit_test_setup_teardown(trajectories_are_their_own, setup, teardown),
-        cmocka_unit_test_setup_teardown(report_tells_what_is_wrong, setup, teardown),
-        cmocka_unit_test_setup_teardown(a_steady_pivot_is_at_rest, setup, teardown),
-        cmocka_unit_test_setup_teardown(loads_act_as_they_are_written, setup, teardown),
-        cmocka_unit_test_setup_teardown(energy_with_the_world_is_kept, setup, teardown),
-        cmocka_unit_test_setup_teardown(wrong_configurations, setup, teardown),
+        cmocka_unit_test_setup_teardown(trajectories_are_their_own, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(report_tells_what_is_wrong, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_steady_pivot_is_at_rest, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(loads_act_as_they_are_written, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(energy_with_the_world_is_kept, scratch_setup,
+                                        scratch_teardown),
+        cmocka_unit_test_setup_teardown(wrong_configurations, scratch_setup, scratch_teardown),
         cmocka_unit_test(shipped_configurations),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
