@@ -5,7 +5,7 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/skipped.h"
-#include "net/channel.h"
+#include "store/channel.h"
 #include "sim/subsystem.h"
 
 // Builds what every node would build; `rounds` receives the number of flux exchanges per step.

@@ -10,11 +10,11 @@
 #include <unistd.h>
 
 #include "base/rng.h"
-#include "net/channel.h"
 #include "net/history.h"
 #include "net/identity.h"
 #include "net/member.h"
 #include "net/waiting.h"
+#include "store/channel.h"
 #include "store/snapshot.h"
 
 #define HELLO_INTERVAL 0.1    // s

@@ -7,12 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "net/channel.h"
 #include "net/crew.h"
 #include "net/history.h"
 #include "net/identity.h"
 #include "net/reporter.h"
 #include "net/waiting.h"
+#include "store/channel.h"
 
 #define HELLO_INTERVAL 0.1   // s
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
