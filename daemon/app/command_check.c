@@ -5,8 +5,8 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/skipped.h"
-#include "store/channel.h"
 #include "sim/subsystem.h"
+#include "store/channel.h"
 
 // Builds what every node would build; `rounds` receives the number of flux exchanges per step.
 static pm_status build_all(const pm_setup *setup, int *rounds) {
