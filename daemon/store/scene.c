@@ -228,9 +228,9 @@ static pm_status read_reference(pm_scene_reader *r) {
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
-    static const char *const keys[] = {"scene",  "url",      "key_file",  "time",      "subsystems",
-                                       "loads",  "ports",    "processes", "reference", "laws",
-                                       "guards", "lockstep", NULL};
+    static const char *const keys[] = {"scene", "url",    "key_file", "time",      "subsystems",
+                                       "loads", "models", "ports",    "processes", "reference",
+                                       "laws",  "guards", "lockstep", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
