@@ -1,8 +1,8 @@
 #!/bin/sh
 # test_scenes.sh PORTMETD MAKE_SCENE SAME_RECORDING: scenes assembled from the shipped weights run, stay
 # close to their references and keep both laws: parts used many times (chains), a circle of three
-# subsystems and ports (gas containers), parts under a load and assembled after it. In processes over
-# LCM the bits are the same.
+# subsystems and ports (gas containers), known parts, parts under a load and assembled after it. In
+# processes over LCM the bits are the same.
 . "$(dirname "$0")/network.sh"
 configs=$(dirname "$0")/../../configs
 
@@ -26,6 +26,9 @@ keeps chain_3 100
 keeps chain_5 100
 keeps chain_10 20
 same_bits chain_10 20
+keeps analytic_double_pendulum 200
+keeps half_analytic_double_pendulum 200
+same_bits half_analytic_double_pendulum 200
 keeps gas_containers 400
 same_bits gas_containers 400
 # said PATTERN: a line of what `check` printed last.
