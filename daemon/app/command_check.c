@@ -6,7 +6,7 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/skipped.h"
-#include "net/channel.h"
+#include "store/channel.h"
 #include "sim/subsystem.h"
 #include "store/model_yaml.h"
 
