@@ -39,6 +39,7 @@ struct pm_subsystem {
     pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
     double *bulk_z, *bulk_dE, *bulk_dS;
     const double *bulk_rate;
+    pm_region region;
     bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
 
     int njoint;
@@ -168,6 +169,7 @@ static pm_status open_all(pm_subsystem *s) {
                        "ln|x|, |x|^2 and <x,y> alone; subsystem %s has others",
                        scene->integrator_at, s->integrator->name, s->scene->name);
     }
+    s->region = pm_region_of(part);
     PM_TRY(open_state(s));
     PM_TRY(open_exposure(s, part));
     PM_TRY(open_bulk(s, part));
@@ -499,7 +501,7 @@ static pm_status check_potentials(const pm_subsystem *s) {
 
 // Counts states outside the region the weights were trained on, as far as the scene's guard allows.
 static pm_status check_region(pm_subsystem *s) {
-    const pm_departure d = pm_region_departure(&s->system->part[s->id], s->z);
+    const pm_departure d = pm_region_departure(s->region, s->z);
     s->booking.outside += d.group != NULL;
     if (!(d.widths > s->system->scene->largest_departure)) {
         return PM_OK;
