@@ -8,6 +8,7 @@
 
 #include "model/region.h"
 #include "sim/balance.h"
+#include "sim/multirate.h"
 #include "sim/terms.h"
 
 // Newton's steps to the booked energy and entropy. The first leaves the square of the method's
@@ -35,6 +36,7 @@ struct pm_subsystem {
 
     pm_terms terms;
     pm_region region;
+    pm_multirate multirate; // of a multirate integrator
 
     int njoint;
     pm_joint *joint;
@@ -95,6 +97,15 @@ static pm_status open_all(pm_subsystem *s) {
                        scene->integrator_at, s->integrator->name, s->scene->name);
     }
     s->region = pm_region_of(part);
+    if (s->integrator->multirate) {
+        PM_TRY(
+            pm_multirate_open(&s->multirate, &s->arena, s->nz, s->scene->substeps, s->integrator));
+    } else if (s->scene->substeps > 1) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: subsystem %s asks for substeps of its own: integrator %s has none, "
+                       "multirate3 and multirate3_balanced have",
+                       s->scene->substeps_at, s->scene->name, s->integrator->name);
+    }
     PM_TRY(open_state(s));
     PM_TRY(pm_terms_open(&s->terms, &s->arena, s->system, s->id, s->integrator, s->h));
     PM_TRY(open_joints(s));
@@ -186,7 +197,8 @@ void pm_subsystem_expose(pm_subsystem *s) {
         return;
     }
     s->exposed = true;
-    if (!pm_terms_expose(&s->terms, s->stage_z, s->z)) {
+    // (A part's own steps leave their exposures where the ports do not see them.)
+    if (!pm_terms_expose(&s->terms, s->stage_z, s->z) && !s->integrator->multirate) {
         return;
     }
     for (int c = 0; c < s->nz; ++c) {
@@ -204,9 +216,9 @@ static double stage_weight(const pm_subsystem *s) {
 
 void pm_subsystem_bulk(pm_subsystem *s) {
     double *k = s->k + (ptrdiff_t)s->stage * s->nz;
-    if (s->terms.bulk == NULL) {
+    if (s->terms.bulk == NULL || s->integrator->multirate) {
         memset(k, 0, (size_t)s->nz * sizeof *k);
-        ++s->booking.skipped;
+        s->booking.skipped += !s->integrator->multirate;
         return;
     }
     const bool renewed = pm_terms_evaluate_bulk(&s->terms, s->at_z);
@@ -263,18 +275,31 @@ static void balance(pm_subsystem *s) {
     }
 }
 
+// The state at the next stage, or after the last.
+static void reach_next_stage(pm_subsystem *s) {
+    const pm_integrator *rk = s->integrator;
+    if (rk->multirate) {
+        const pm_multirate_books books = {&s->booking.bulk, &s->booking.evaluated,
+                                          &s->booking.skipped, rk->balanced ? &s->balance : NULL};
+        pm_multirate_advance(&s->multirate, &s->terms, s->stage, s->h, 1.0 / s->substeps, s->k,
+                             &books, s->stage_z);
+    } else if (s->stage + 1 < rk->nstage) {
+        combine(s, s->stage + 1, rk->a[s->stage + 1], s->stage_z);
+    } else {
+        combine(s, rk->nstage, rk->b, s->stage_z);
+    }
+}
+
 void pm_subsystem_advance(pm_subsystem *s) {
     const pm_integrator *rk = s->integrator;
     if (rk->balanced) {
         book_balance(s);
     }
-    ++s->stage;
+    reach_next_stage(s);
     s->exposed = false;
-    if (s->stage < rk->nstage) {
-        combine(s, s->stage, rk->a[s->stage], s->stage_z);
+    if (++s->stage < rk->nstage) {
         return;
     }
-    combine(s, rk->nstage, rk->b, s->stage_z);
     if (rk->balanced) {
         balance(s);
     }
