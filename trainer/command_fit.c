@@ -179,6 +179,12 @@ static const char *base_name(const char *path) {
     return slash == NULL ? path : slash + 1;
 }
 
+// Of all parts, then all ports; NULL: its model is known.
+static const char *weights_of(const pm_scene *scene, int component) {
+    const int n = scene->nsubsystem;
+    return component < n ? scene->subsystem[component].weights : scene->port[component - n].weights;
+}
+
 static pm_status save_weights(const fit *f) {
     const pm_scene *scene = f->training->scene;
     const pm_provenance provenance = {.command = f->arguments->line,
@@ -191,8 +197,10 @@ static pm_status save_weights(const fit *f) {
         const bool part = i < scene->nsubsystem;
         const int port = i - scene->nsubsystem;
         char path[4096];
-        snprintf(path, sizeof path, "%s/%s", f->arguments->output,
-                 base_name(part ? scene->subsystem[i].weights : scene->port[port].weights));
+        if (weights_of(scene, i) == NULL) {
+            continue;
+        }
+        snprintf(path, sizeof path, "%s/%s", f->arguments->output, base_name(weights_of(scene, i)));
         PM_TRY(part ? pm_weights_save_part(path, &f->training->system->part[i], &provenance)
                     : pm_weights_save_port(path, &f->training->system->port[port], &provenance));
         printf("wrote %s\n", path);
@@ -207,9 +215,8 @@ static pm_status check_file_names(const pm_scene *scene) {
     const int n = scene->nsubsystem, count = n + scene->nport;
     for (int i = 0; i < count; ++i) {
         for (int j = i + 1; j < count; ++j) {
-            const char *a = i < n ? scene->subsystem[i].weights : scene->port[i - n].weights;
-            const char *b = j < n ? scene->subsystem[j].weights : scene->port[j - n].weights;
-            if (strcmp(base_name(a), base_name(b)) == 0) {
+            const char *a = weights_of(scene, i), *b = weights_of(scene, j);
+            if (a != NULL && b != NULL && strcmp(base_name(a), base_name(b)) == 0) {
                 return pm_fail(PM_ECONFIG,
                                "%s: two components share the weights file %s; train a scene in "
                                "which each has its own",

@@ -137,6 +137,9 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
     const pm_scene *scene = system->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         c->params = &system->part[i].params;
+        if (system->scene->subsystem[i].model != NULL) {
+            continue; // known, and stepped as it stands
+        }
         PM_TRY(pm_part_visit(&system->part[i], c->g, state[i].z, state[i].dE, state[i].dS, collect,
                              c));
     }
@@ -144,6 +147,9 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
         pm_port_nodes end[2];
         pm_build_port_nodes(c->g, system, i, state, prescribed, end);
         c->params = &system->port[i].params;
+        if (system->scene->port[i].model != NULL) {
+            continue;
+        }
         PM_TRY(system->port[i].law->visit(&system->port[i], c->g, end, collect, c));
     }
     return PM_OK;

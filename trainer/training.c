@@ -58,13 +58,24 @@ static pm_status name_component(pm_status status, const char *name) {
     return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
 }
 
+// What the scene knows is not learned.
+static pm_status check_unnamed(pm_yaml mapping, const char *name) {
+    const pm_yaml choice = pm_yaml_get(mapping, name);
+    return pm_yaml_exists(choice) ? pm_yaml_fail(choice, "the scene itself has a model of %s", name)
+                                  : PM_OK;
+}
+
 static pm_status read_part(pm_training *t, pm_yaml root, pm_yaml mapping, int id) {
     const pm_scene_subsystem *scene = &t->scene->subsystem[id];
     pm_part *part = &t->system->part[id];
     pm_yaml model;
+    if (scene->model != NULL) {
+        PM_TRY(check_unnamed(mapping, scene->name));
+        return pm_system_declare_part(t->system, id);
+    }
     PM_TRY(find_model(root, mapping, scene->name, &t->arena, &model));
     part->layout = scene->layout;
-    PM_TRY(pm_part_spec_read(model, &t->arena, &part->spec));
+    PM_TRY(pm_part_spec_read(model, (pm_yaml){0}, &t->arena, &part->spec));
     const pm_status status = pm_part_declare(part);
     return name_component(status, scene->name);
 }
@@ -73,10 +84,14 @@ static pm_status read_port(pm_training *t, pm_yaml root, pm_yaml mapping, int id
     const pm_scene_port *scene = &t->scene->port[id];
     pm_port_model *port = &t->system->port[id];
     pm_yaml model;
+    if (scene->model != NULL) {
+        PM_TRY(check_unnamed(mapping, scene->name));
+        return pm_system_declare_port(t->system, id);
+    }
     PM_TRY(find_model(root, mapping, scene->name, &t->arena, &model));
     port->layout[0] = scene->layout[0];
     port->layout[1] = scene->layout[1];
-    PM_TRY(pm_port_spec_read(model, &t->arena, &port->spec));
+    PM_TRY(pm_port_spec_read(model, (pm_yaml){0}, &t->arena, &port->spec));
     if (strcmp(port->spec.law, scene->law) != 0) {
         return pm_yaml_fail(model, "law %s, but port %s of the scene %s has law %s", port->spec.law,
                             scene->name, t->scene->path, scene->law);
@@ -92,9 +107,6 @@ static pm_status read_models(pm_training *t, pm_yaml root) {
     PM_TRY(check_names(ports, "port", t->scene, pm_scene_find_port, &t->arena));
     for (int i = 0; i < t->scene->nsubsystem; ++i) {
         PM_TRY(read_part(t, root, parts, i));
-    }
-    if (t->scene->nport > 0) {
-        PM_TRY(pm_yaml_require(root, "ports", &ports));
     }
     for (int i = 0; i < t->scene->nport; ++i) {
         PM_TRY(read_port(t, root, ports, i));

@@ -1,12 +1,14 @@
 // portmetd check: loads everything a run would load and says what is there.
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/skipped.h"
-#include "net/channel.h"
+#include "store/channel.h"
 #include "sim/subsystem.h"
+#include "store/model_yaml.h"
 
 // Builds what every node would build; `rounds` receives the number of flux exchanges per step.
 static pm_status build_all(const pm_setup *setup, int *rounds) {
@@ -49,6 +51,16 @@ static const char *form_name(pm_form form) {
     return names[form];
 }
 
+// `model`: as it is written; NULL: there was no memory for it.
+static void print_model(const char *model, const pm_provenance *provenance) {
+    printf("  model      known, digest %016" PRIx64 "\n", provenance->digest);
+    while (model != NULL && *model != '\0') {
+        const int length = (int)strcspn(model, "\n");
+        printf("             %.*s\n", length, model);
+        model += length + 1;
+    }
+}
+
 static void print_weights(const pm_params *params, const pm_provenance *provenance) {
     printf("  weights    %s: %zu numbers, digest %016" PRIx64 "\n", provenance->path,
            pm_params_trained(params), provenance->digest);
@@ -83,7 +95,14 @@ static void print_subsystem(const pm_setup *setup, int i) {
     for (int group = 0; group < subsystem->layout.ngroup; ++group) {
         print_group(setup->scene, subsystem, group);
     }
-    print_weights(&part->params, &setup->system->part_provenance[i]);
+    const pm_provenance *provenance = &setup->system->part_provenance[i];
+    if (subsystem->model == NULL) {
+        print_weights(&part->params, provenance);
+        return;
+    }
+    pm_arena arena = {0};
+    print_model(pm_part_spec_write(&part->spec, &arena), provenance);
+    pm_arena_free(&arena);
 }
 
 // "dE vx vy" for a group's list, unless all of it is zero.
@@ -138,7 +157,14 @@ static void print_port(const pm_setup *setup, int i) {
         }
         printf("\n");
     }
-    print_weights(&model->params, &setup->system->port_provenance[i]);
+    const pm_provenance *provenance = &setup->system->port_provenance[i];
+    if (port->model == NULL) {
+        print_weights(&model->params, provenance);
+        return;
+    }
+    pm_arena arena = {0};
+    print_model(pm_port_spec_write(&model->spec, &arena), provenance);
+    pm_arena_free(&arena);
 }
 
 static void print_processes(const pm_scene *scene) {

@@ -47,6 +47,11 @@ static bool mentions(const char *feature, const char *group) {
 }
 
 static bool depends_on(const pm_potential_spec *potential, const char *group) {
+    for (int i = 0; i < potential->nformula; ++i) {
+        if (pm_formula_mentions(&potential->formula[i], group)) {
+            return true;
+        }
+    }
     for (int i = 0; i < potential->ngiven; ++i) {
         if (strcmp(potential->given[i], group) == 0) {
             return true;

@@ -78,10 +78,9 @@ static void discrete_norm(pm_graph *g, pm_node weight, pair x, pair y, pm_node *
     *dx = pm_add_or(g, *dx, pm_mul(g, weight, pm_div(g, sum_of(g, x), lengths)));
 }
 
-// The reciprocal of the logarithmic mean (b - a) / (ln b - ln a), accurate also where a = b, by the
-// arithmetic-geometric steps of Borchardt: they keep the mean and draw a and b together, until a
-// series in the rest w ends it (Carlson, Math. Comp. 26 (1972) 543).
-static pm_node inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b) {
+// By the arithmetic-geometric steps of Borchardt: they keep the mean and draw a and b together,
+// until a series in the rest w ends it (Carlson, Math. Comp. 26 (1972) 543).
+pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b) {
     pm_node arithmetic = pm_scale(g, pm_add(g, a, b), 0.5);
     pm_node geometric = pm_sqrt(g, pm_mul(g, a, b));
     for (int i = 0; i < MEAN_STEPS; ++i) {
@@ -104,7 +103,7 @@ static void discrete_log_norm(pm_graph *g, pm_node weight, pair x, pair y, pm_no
     (void)y, (void)dy;
     const pm_node from = pm_offset(g, norm_squared(g, x.from), SMALLEST_SQUARE);
     const pm_node to = pm_offset(g, norm_squared(g, x.to), SMALLEST_SQUARE);
-    const pm_node slope = pm_scale(g, inverse_logarithmic_mean(g, from, to), 0.5);
+    const pm_node slope = pm_scale(g, pm_inverse_logarithmic_mean(g, from, to), 0.5);
     *dx = pm_add_or(g, *dx, pm_mul(g, pm_mul(g, weight, slope), sum_of(g, x)));
 }
 
@@ -217,16 +216,15 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
 
 void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, const char *prefix,
                     pm_node vector) {
-    if (g != NULL && vector == PM_NO_NODE) {
-        return;
-    }
     for (int i = 0; i < layout->ngroup; ++i) {
         const pm_group *group = &layout->group[i];
         assert(symbols->count < PM_MAX_SYMBOLS);
         pm_symbol *symbol = &symbols->symbol[symbols->count++];
         snprintf(symbol->name, sizeof symbol->name, "%s%s", prefix, group->name);
         symbol->size = group->size;
-        symbol->node = g == NULL ? PM_NO_NODE : pm_slice(g, vector, group->first, group->size);
+        symbol->node = g == NULL              ? PM_NO_NODE
+                       : vector == PM_NO_NODE ? pm_constant(g, 0, 1, group->size)
+                                              : pm_slice(g, vector, group->first, group->size);
     }
 }
 

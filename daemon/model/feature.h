@@ -27,7 +27,7 @@ typedef struct pm_symbols {
 } pm_symbols;
 
 // Adds every group of `layout` as "<prefix><group>", a slice of `vector` [1][layout->nz] (or
-// PM_NO_NODE; then nothing is added if g is given, as what does not exist cannot be used).
+// PM_NO_NODE: zero).
 void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, const char *prefix,
                     pm_node vector);
 
@@ -50,6 +50,10 @@ bool pm_features_are_discrete(int count, const char *const *expression);
 void pm_features_discrete(pm_graph *g, int count, const char *const *expression,
                           const pm_symbols *from, const pm_symbols *to, pm_node weight,
                           pm_node *covector);
+
+// The reciprocal of the logarithmic mean (b - a) / (ln b - ln a) of two positive numbers [1][1],
+// accurate also where a = b: the divided difference of ln, and of exp its inverse.
+pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b);
 
 // Sizes and values of a list of at most PM_MAX_FEATURES, side by side: [1][sum of sizes].
 pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,

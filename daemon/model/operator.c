@@ -109,15 +109,26 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     for (int i = 0; i < spec->ngiven; ++i) {
         const pm_given_pair *pair = &spec->given[i];
         const int row = position(&s, pair->row), col = position(&s, pair->col);
+        const bool skew = op->kind == PM_REVERSIBLE;
         if (row == s.ngroup || col == s.ngroup || row == col ||
-            s.group[row]->size != s.group[col]->size) {
-            return pm_fail(PM_ECONFIG,
-                           "%s: given pair [%s, %s] must name two groups here of equal size",
-                           op->prefix, pair->row, pair->col);
+            s.group[col]->size != (skew ? s.group[row]->size : 1)) {
+            return pm_fail(PM_ECONFIG, "%s: given pair [%s, %s] must name two groups here%s",
+                           op->prefix, pair->row, pair->col,
+                           skew ? " of equal size" : ", the second of one component");
+        }
+        if (!skew && pair->coefficient < 0) {
+            return pm_fail(PM_ECONFIG, "%s: given pair [%s, %s] has %g, expected a number >= 0",
+                           op->prefix, pair->row, pair->col, pair->coefficient);
         }
     }
-    if (op->kind == PM_IRREVERSIBLE && spec->ngiven > 0) {
-        return pm_fail(PM_ECONFIG, "%s: a given pair is reversible", op->prefix);
+    return PM_OK;
+}
+
+static pm_status check_formulas(const pm_operator_spec *spec, const pm_site *site) {
+    for (int i = 0; i < spec->ngiven; ++i) {
+        if (spec->given[i].formula.text != NULL) {
+            PM_TRY(pm_formula_check(&spec->given[i].formula, &site->symbols));
+        }
     }
     return PM_OK;
 }
@@ -177,6 +188,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
         return PM_OK;
     }
     PM_TRY(pm_spec_locate(spec->at, check_groups(op, site)));
+    PM_TRY(check_formulas(spec, site));
     const support s = support_of(spec, site);
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
     operator_name name;
@@ -225,6 +237,7 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
 typedef struct construction {
     pm_graph *g;
     const pm_operator *op;
+    const pm_site *site;
     support support;
     pm_node scale;  // [1][support.n]
     pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
@@ -308,25 +321,57 @@ static pm_node apply_matrix(const construction *c, pm_node x) {
     return pm_matmul(g, pm_matmul(g, x, false, c->matrix, false), false, c->matrix, true);
 }
 
-// The given pairs: rate_row += c d_col, rate_col -= c d_row.
+// x times `sign` and the coefficient of a pair.
+static pm_node multiply(const construction *c, const pm_given_pair *pair, double sign, pm_node x) {
+    if (pair->formula.text == NULL) {
+        return pm_scale(c->g, x, sign * pair->coefficient);
+    }
+    const pm_node coefficient = pm_formula_build(c->g, &pair->formula, &c->site->symbols);
+    return pm_mul(c->g, pm_scale(c->g, coefficient, sign), x);
+}
+
+// Adds what a pair moves to a rate over the support.
+static pm_node add_pair(const construction *c, pm_node rate, int row, pm_node into_row, int col,
+                        pm_node into_col) {
+    const int n = c->support.n;
+    rate = pm_add_or(c->g, rate, pm_place(c->g, into_row, c->support.first[row], n));
+    return pm_add_or(c->g, rate, pm_place(c->g, into_col, c->support.first[col], n));
+}
+
+// The given pairs of a reversible operator: rate_row += c d_col, rate_col -= c d_row.
 static pm_node apply_given(const construction *c, pm_node d) {
     const pm_operator_spec *spec = c->op->spec;
     pm_node rate = PM_NO_NODE;
     for (int k = 0; k < spec->ngiven; ++k) {
         const pm_given_pair *pair = &spec->given[k];
         const int row = position(&c->support, pair->row), col = position(&c->support, pair->col);
-        const pm_node into_row = pm_scale(c->g, part_of(c, d, col), pair->coefficient);
-        const pm_node into_col = pm_scale(c->g, part_of(c, d, row), -pair->coefficient);
-        const int n = c->support.n;
-        rate = pm_add_or(c->g, rate, pm_place(c->g, into_row, c->support.first[row], n));
-        rate = pm_add_or(c->g, rate, pm_place(c->g, into_col, c->support.first[col], n));
+        rate = add_pair(c, rate, row, multiply(c, pair, 1, part_of(c, d, col)), col,
+                        multiply(c, pair, -1, part_of(c, d, row)));
+    }
+    return rate;
+}
+
+// Those of an irreversible one, degenerate by themselves:
+//     rate_row += c (d_row - d_col n_row/n_col),  rate_col -= rate_row . n_row/n_col.
+static pm_node apply_given_irreversible(const construction *c, pm_node d, pm_node normal) {
+    const pm_operator_spec *spec = c->op->spec;
+    pm_graph *g = c->g;
+    pm_node rate = PM_NO_NODE;
+    for (int k = 0; k < spec->ngiven; ++k) {
+        const pm_given_pair *pair = &spec->given[k];
+        const int row = position(&c->support, pair->row), col = position(&c->support, pair->col);
+        const pm_node price = pm_div(g, part_of(c, normal, row), part_of(c, normal, col));
+        const pm_node drive = pm_sub(g, part_of(c, d, row), pm_mul(g, price, part_of(c, d, col)));
+        const pm_node into_row = multiply(c, pair, 1, drive);
+        const pm_node into_col = pm_scale(g, pm_dot(g, price, into_row), -1);
+        rate = add_pair(c, rate, row, into_row, col, into_col);
     }
     return rate;
 }
 
 // K d over the support.
 static pm_node apply(const construction *c, pm_node d) {
-    pm_node rate = apply_given(c, d);
+    pm_node rate = c->op->kind == PM_REVERSIBLE ? apply_given(c, d) : PM_NO_NODE;
     if (c->matrix != PM_NO_NODE) {
         const pm_node rows = apply_matrix(c, to_frame(c, pm_mul(c->g, d, c->scale)));
         rate = pm_add_or(c->g, rate, pm_mul(c->g, from_frame(c, rows), c->scale));
@@ -369,25 +414,37 @@ static pm_node extend(const construction *c, const pm_site *site, pm_node rate) 
     return pm_concat(c->g, site->ngroup, part);
 }
 
+// The rate over the support of all that needs a projection, or the penalty, to be degenerate.
+static pm_node build_rate(const construction *c, pm_node d, pm_node normal, pm_node *degeneracy) {
+    if (c->op->kind == PM_IRREVERSIBLE && c->matrix == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    if (normal == PM_NO_NODE) {
+        return apply(c, d);
+    }
+    if (c->op->form == PM_HARD) {
+        return apply_projected(c, d, normal);
+    }
+    const pm_node residual = pm_div(c->g, apply(c, normal), c->scale);
+    *degeneracy = pm_add_or(c->g, *degeneracy, pm_dot(c->g, residual, residual));
+    return apply(c, d);
+}
+
 pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
                           const pm_params *params, pm_node driving, pm_node normal,
                           pm_node *degeneracy) {
     if (!pm_operator_exists(op->spec) || driving == PM_NO_NODE) {
         return PM_NO_NODE;
     }
-    construction c = {.g = g, .op = op, .support = support_of(op->spec, site)};
+    construction c = {.g = g, .op = op, .site = site, .support = support_of(op->spec, site)};
     c.scale = pm_network_param(g, params, op->prefix, "scale");
     c.along = build_along(g, op, site, params);
     c.matrix = build_matrix(g, op, site, &c.support, params);
     const pm_node d = restrict_to(&c, driving);
-    if (normal == PM_NO_NODE) {
-        return extend(&c, site, apply(&c, d));
+    const pm_node n = normal == PM_NO_NODE ? PM_NO_NODE : restrict_to(&c, normal);
+    pm_node rate = build_rate(&c, d, n, degeneracy);
+    if (op->kind == PM_IRREVERSIBLE && n != PM_NO_NODE) {
+        rate = pm_add_or(g, rate, apply_given_irreversible(&c, d, n));
     }
-    const pm_node n = restrict_to(&c, normal);
-    if (op->form == PM_HARD) {
-        return extend(&c, site, apply_projected(&c, d, n));
-    }
-    const pm_node residual = pm_div(g, apply(&c, n), c.scale);
-    *degeneracy = pm_add_or(g, *degeneracy, pm_dot(g, residual, residual));
-    return extend(&c, site, apply(&c, d));
+    return rate == PM_NO_NODE ? PM_NO_NODE : extend(&c, site, rate);
 }

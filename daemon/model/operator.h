@@ -7,11 +7,13 @@
 //     hard:  rate = P^T K P d,   P = 1 - n (W n)^T / (n . W n),   so n . rate = 0 for any weights
 //     soft:  rate = K d,         and |K n|^2 is the penalty
 // where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
-// frame). P is equation (2) of the hard form, a projection orthogonal in scaled coordinates.
+// frame). An irreversible pair that is given is degenerate as it stands (spec.h) and is added to
+// that. P is equation (2) of the hard form, a projection orthogonal in scaled coordinates.
 // It is applied twice, since the first pass leaves the rounding of what it takes away.
 #ifndef PM_MODEL_OPERATOR_H
 #define PM_MODEL_OPERATOR_H
 
+#include "model/formula.h"
 #include "model/network.h"
 
 typedef enum pm_operator_kind { PM_REVERSIBLE, PM_IRREVERSIBLE } pm_operator_kind;

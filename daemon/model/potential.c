@@ -14,13 +14,16 @@ static const char *prefix_of(term_prefix buffer, const char *prefix, int term) {
 }
 
 bool pm_potential_exists(const pm_potential_spec *spec) {
-    return spec->ngiven > 0 || spec->nterm > 0;
+    return spec->nformula > 0 || spec->ngiven > 0 || spec->nterm > 0;
 }
 
 pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *symbols,
                                pm_params *params, const char *prefix) {
     int size = 0;
     PM_TRY(pm_spec_locate(spec->at, pm_features_size(spec->ngiven, spec->given, symbols, &size)));
+    for (int i = 0; i < spec->nformula; ++i) {
+        PM_TRY(pm_formula_check(&spec->formula[i], symbols));
+    }
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
         PM_TRY(pm_network_declare(&spec->term[i], symbols, 1, NULL, params,
@@ -32,6 +35,9 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
 pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *symbols,
                            const pm_params *params, const char *prefix) {
     pm_node sum = PM_NO_NODE;
+    for (int i = 0; i < spec->nformula; ++i) {
+        sum = pm_add_or(g, sum, pm_formula_build(g, &spec->formula[i], symbols));
+    }
     for (int i = 0; i < spec->ngiven; ++i) {
         const double coefficient = spec->given_coefficient == NULL ? 1 : spec->given_coefficient[i];
         const pm_node group = pm_feature_build(g, spec->given[i], symbols);
@@ -93,6 +99,9 @@ static pm_node discrete_slope(pm_graph *g, const pm_network_spec *network, pm_no
 void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, const pm_params *params, const char *prefix,
                            pm_node *covector) {
+    for (int i = 0; i < spec->nformula; ++i) {
+        pm_formula_discrete(g, &spec->formula[i], from, to, covector);
+    }
     discrete_given(g, spec, from, to, covector);
     for (int i = 0; i < spec->nterm; ++i) {
         const pm_network_spec *network = &spec->term[i];

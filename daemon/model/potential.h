@@ -1,7 +1,8 @@
-// Scalar potentials E and S: a known linear form plus a sum of networks.
+// Scalar potentials E and S: sums of formulas, a known linear form and networks.
 #ifndef PM_MODEL_POTENTIAL_H
 #define PM_MODEL_POTENTIAL_H
 
+#include "model/formula.h"
 #include "model/network.h"
 
 bool pm_potential_exists(const pm_potential_spec *spec);

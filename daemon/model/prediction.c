@@ -11,12 +11,14 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     const pm_operator_spec *M = &port->spec.irreversible;
     char name[PM_MAX_NAME];
     snprintf(name, sizeof name, "%s%s", end == PM_END_A ? "a." : "b.", group);
-    for (int i = 0; i < M->nacts && port->law->irreversible != NULL; ++i) {
-        if (strcmp(M->acts_on[i], name) == 0) {
-            return true;
-        }
+    bool acts = false;
+    for (int i = 0; i < M->nacts; ++i) {
+        acts = acts || strcmp(M->acts_on[i], name) == 0;
     }
-    return false;
+    for (int i = 0; i < M->ngiven; ++i) {
+        acts = acts || strcmp(M->given[i].row, name) == 0 || strcmp(M->given[i].col, name) == 0;
+    }
+    return acts && port->law->irreversible != NULL;
 }
 
 // Both ends' e, and their responses side by side as in rates [1][ny_a + ny_b].

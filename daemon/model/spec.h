@@ -42,6 +42,22 @@ bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
 // failure with PM_ECONFIG, and returns `status`.
 pm_status pm_spec_locate(const char *at, pm_status status);
 
+// --- formulas ---
+
+// Named numbers.
+typedef struct pm_constants {
+    int count;
+    const char *const *name;
+    const double *value;
+} pm_constants;
+
+// A known expression of named groups and constants (formula.h).
+typedef struct pm_formula {
+    const char *text;              // NULL: none
+    const pm_constants *constants; // of its model; NULL: none
+    const char *at;
+} pm_formula;
+
 // --- networks ---
 
 // PM_EXP is for formulas that are known, such as that of an ideal gas, and weights set by hand.
@@ -65,9 +81,11 @@ typedef struct pm_network_spec {
 
 // --- potentials and operators ---
 
-// E or S: absent (ngiven == nterm == 0), or a known linear form (an entropy variable as S, a
-// reference temperature times an entropy in E) plus the outputs of its networks.
+// E or S: absent (no summand of any kind), or the sum of formulas, a known linear form (an entropy
+// variable as S, a reference temperature times an entropy in E) and the outputs of its networks.
 typedef struct pm_potential_spec {
+    int nformula;
+    const pm_formula *formula;
     int ngiven;
     const char *const *given;        // groups; the sum of each one's components ...
     const double *given_coefficient; // ... times this [ngiven]; NULL: all 1
@@ -76,11 +94,16 @@ typedef struct pm_potential_spec {
     const char *at;
 } pm_potential_spec;
 
-// The known skew coupling xdot_row += c e_col, xdot_col -= c e_row between two groups of equal
-// size.
+// A known coupling between two groups, of coefficient c. Reversible, between groups of equal size:
+//     rate_row += c e_col,  rate_col -= c e_row
+// Irreversible, c >= 0: what moves in `row` takes or gives energy, and `col`, of one component,
+// gives or takes it, so that c e_col is the coefficient of friction of a momentum `row`, and
+// c e_row/e_col the conductivity between entropies `row` and `col`:
+//     rate_row += c (eta_row - eta_col e_row/e_col),  rate_col -= rate_row . e_row/e_col
 typedef struct pm_given_pair {
     const char *row, *col;
     double coefficient;
+    pm_formula formula; // if it has a text, the coefficient
 } pm_given_pair;
 
 // A skew operator (reversible: L) or a positive semi-definite one (irreversible: M), acting on the
@@ -91,7 +114,7 @@ typedef struct pm_given_pair {
 //     "q", "q/|q|", "q/|q|^2"), for each scalar group one row. With invariant features, rotating
 //     the state then rotates the result.
 typedef struct pm_operator_spec {
-    int ngiven; // reversible operators only
+    int ngiven;
     const pm_given_pair *given;
     bool learned;
     pm_network_spec network;
@@ -110,6 +133,7 @@ typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 // A subsystem: zdot_bulk = L dE + M dS; free: zdot_bulk = rate, and there is nothing else.
 typedef struct pm_part_spec {
     pm_form form;
+    const pm_constants *constants; // of all its formulas; NULL: none
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // free only
@@ -124,6 +148,7 @@ typedef struct pm_part_spec {
 typedef struct pm_port_spec {
     const char *law;
     pm_form form;
+    const pm_constants *constants;
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // exchange, free only

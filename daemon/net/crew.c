@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "net/channel.h"
+#include "store/channel.h"
 
 static pm_status no_memory(const pm_scene *scene, int process_id) {
     return pm_fail(PM_ENOMEM, "%s: out of memory", scene->process[process_id].name);

@@ -1,8 +1,8 @@
 // A neighbour's fluxes, and where in them each port's are.
 #include "net/flux_link.h"
 
-#include "net/channel.h"
 #include "sim/integrator.h"
+#include "store/channel.h"
 
 // Walks through a process's ends in the order of its messages, up to the one given (port_id -1: all
 // of them); how many ends and components come before it.

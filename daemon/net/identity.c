@@ -6,8 +6,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "net/channel.h"
 #include "net/history.h"
+#include "store/channel.h"
 
 pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const char *name,
                            int64_t session, bool keeps_checkpoints, pm_transport *transport) {

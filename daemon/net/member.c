@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-#include "net/channel.h"
 #include "net/reporter.h"
+#include "store/channel.h"
 
 // The ends of ports in the order of reports: by subsystem, then by port, then the world's ends of
 // the subsystem's loads.

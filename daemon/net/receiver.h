@@ -4,8 +4,8 @@
 #ifndef PM_NET_RECEIVER_H
 #define PM_NET_RECEIVER_H
 
-#include "net/lcm_url.h"
 #include "net/transport.h"
+#include "store/lcm_url.h"
 
 typedef struct pm_receiver pm_receiver;
 

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "net/channel.h"
+#include "store/channel.h"
 
 #define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps: no fragments
 

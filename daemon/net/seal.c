@@ -71,7 +71,8 @@ static int64_t read_clock(clockid_t clock) {
 }
 
 pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now) {
-    // Locked in memory where the system lets us, and aligned as the state wants it, since its size is a multiple of that.
+    // Locked in memory where the system lets us, and aligned as the state wants it, since its size
+    // is a multiple of that.
     pm_seal *made = sodium_init() < 0 ? NULL : sodium_malloc(sizeof *made);
     if (made == NULL) {
         return pm_fail(PM_ENOMEM, "no memory to keep a key in");

@@ -14,9 +14,7 @@
 #include "base/status.h"
 #include "net/drops.h"
 #include "net/seal.h"
-
-// Longest channel name with its terminator (LCM's limit).
-#define PM_CHANNEL_SIZE 64
+#include "store/channel.h"
 
 typedef struct pm_transport pm_transport;
 

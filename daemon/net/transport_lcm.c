@@ -11,10 +11,10 @@
 #include <string.h>
 #include <time.h>
 
-#include "net/lcm_url.h"
 #include "net/multicast.h"
 #include "net/receiver.h"
 #include "net/transport_table.h"
+#include "store/lcm_url.h"
 
 // Messages handed out by one wait at most, so that a flood cannot keep the caller from its own
 // work.

@@ -1,7 +1,5 @@
-// Back-off, patience and requests.
+// Back-off and patience.
 #include "net/waiting.h"
-
-#include "net/codec.h"
 
 // Follows the median: as far up as down, whatever the distance. Waits for what was lost hardly move
 // it, long as they are.
@@ -44,19 +42,4 @@ bool pm_waiting_ask(pm_waiting *waiting, double now) {
 bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now) {
     const double waited = now - waiting->since;
     return (waited > patience && now - heard > patience) || waited > PM_WAITING_ALIVE * patience;
-}
-
-pm_status pm_waiting_request(pm_transport *transport, const char *request_channel, int64_t session,
-                             const char *sender, const char *channel, int64_t step, int round) {
-    const portmet_request_t message = {
-        .session = session,
-        .sender = (char *)sender,
-        .channel = (char *)channel,
-        .step = step,
-        .round = round,
-    };
-    // Names of subsystems are shorter than the channels that contain them.
-    unsigned char data[64 + 2 * PM_CHANNEL_SIZE];
-    const size_t size = pm_request_encode(&message, data, sizeof data);
-    return pm_transport_publish(transport, request_channel, data, size);
 }

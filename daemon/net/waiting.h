@@ -3,9 +3,6 @@
 #define PM_NET_WAITING_H
 
 #include <stdbool.h>
-#include <stdint.h>
-
-#include "net/transport.h"
 
 // s between requests: the first comes soon after a loss, each later one twice as late, which spares
 // the network. "Soon" is measured in what waits usually take, so that few requests are needless on
@@ -37,9 +34,5 @@ bool pm_waiting_ask(pm_waiting *waiting, double now);
 
 // True when a peer last heard at `heard` is to be given up.
 bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now);
-
-// Publishes a request_t on `request_channel`: `sender` misses a message on `channel`.
-pm_status pm_waiting_request(pm_transport *transport, const char *request_channel, int64_t session,
-                             const char *sender, const char *channel, int64_t step, int round);
 
 #endif

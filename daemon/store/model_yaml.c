@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "model/port.h"
+#include "model/potential.h"
 
 #define MAX_LAYERS 16
 #define MAX_WIDTH 4096 // of a hidden layer
@@ -21,7 +22,7 @@ static const char *const skip_names[] = {
     [PM_SKIP_NONE] = "none", [PM_SKIP_LINEAR] = "linear", [PM_SKIP_QUADRATIC] = "quadratic", NULL};
 
 #define NETWORK_KEYS "features", "hidden", "activation", "skip"
-#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible", "rate"
+#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible", "rate", "constants"
 
 // --- reading ---
 
@@ -117,11 +118,22 @@ static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *p
     return PM_OK;
 }
 
-// Adds one summand to a potential; `terms` has room for it.
-static pm_status read_summand(pm_yaml item, pm_arena *arena, pm_potential_spec *potential,
+static pm_status read_formula(pm_yaml text, const pm_constants *constants, pm_arena *arena,
+                              pm_formula *formula) {
+    formula->constants = constants;
+    PM_TRY(read_at(text, arena, &formula->at));
+    return pm_yaml_text(text, arena, &formula->text);
+}
+
+// Adds one summand to a potential; `formulas` and `terms` have room for it.
+static pm_status read_summand(pm_yaml item, const pm_constants *constants, pm_arena *arena,
+                              pm_potential_spec *potential, pm_formula *formulas,
                               pm_network_spec *terms) {
     static const char *const network_keys[] = {NETWORK_KEYS, NULL};
     static const char *const given_keys[] = {"given", NULL};
+    if (!pm_yaml_is_map(item)) {
+        return read_formula(item, constants, arena, &formulas[potential->nformula++]);
+    }
     if (!pm_yaml_exists(pm_yaml_get(item, "given"))) {
         PM_TRY(pm_yaml_allow(item, network_keys));
         return read_network(item, arena, &terms[potential->nterm++]);
@@ -130,7 +142,8 @@ static pm_status read_summand(pm_yaml item, pm_arena *arena, pm_potential_spec *
     return read_given(pm_yaml_get(item, "given"), arena, potential);
 }
 
-static pm_status read_potential(pm_yaml value, pm_arena *arena, pm_potential_spec *potential) {
+static pm_status read_potential(pm_yaml value, const pm_constants *constants, pm_arena *arena,
+                                pm_potential_spec *potential) {
     *potential = (pm_potential_spec){0};
     if (is_none(value)) {
         return PM_OK;
@@ -138,18 +151,29 @@ static pm_status read_potential(pm_yaml value, pm_arena *arena, pm_potential_spe
     PM_TRY(read_at(value, arena, &potential->at));
     const int count = pm_yaml_is_list(value) ? pm_yaml_count(value) : 1;
     pm_network_spec *terms = pm_arena_array(arena, (size_t)count, sizeof *terms);
-    if (terms == NULL) {
+    pm_formula *formulas = pm_arena_array(arena, (size_t)count, sizeof *formulas);
+    if (terms == NULL || formulas == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory while reading a model");
     }
     potential->term = terms;
+    potential->formula = formulas;
     for (int i = 0; i < count; ++i) {
-        PM_TRY(read_summand(pm_yaml_is_list(value) ? pm_yaml_item(value, i) : value, arena,
-                            potential, terms));
+        PM_TRY(read_summand(pm_yaml_is_list(value) ? pm_yaml_item(value, i) : value, constants,
+                            arena, potential, formulas, terms));
     }
     return PM_OK;
 }
 
-static pm_status read_pairs(pm_yaml list, pm_arena *arena, pm_operator_spec *op) {
+// A number, or else a formula.
+static pm_status read_coefficient(pm_yaml value, const pm_constants *constants, pm_arena *arena,
+                                  pm_given_pair *pair) {
+    return pm_yaml_double(value, -INFINITY, INFINITY, &pair->coefficient) == PM_OK
+               ? PM_OK
+               : read_formula(value, constants, arena, &pair->formula);
+}
+
+static pm_status read_pairs(pm_yaml list, const pm_constants *constants, pm_arena *arena,
+                            pm_operator_spec *op) {
     if (!pm_yaml_is_list(list)) {
         return pm_yaml_fail(list, "expected a list of pairs such as [[q, p, 1.0]]");
     }
@@ -166,7 +190,7 @@ static pm_status read_pairs(pm_yaml list, pm_arena *arena, pm_operator_spec *op)
         }
         PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), arena, &pair[i].row));
         PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), arena, &pair[i].col));
-        PM_TRY(pm_yaml_double(pm_yaml_item(item, 2), -INFINITY, INFINITY, &pair[i].coefficient));
+        PM_TRY(read_coefficient(pm_yaml_item(item, 2), constants, arena, &pair[i]));
     }
     op->given = pair;
     op->ngiven = count;
@@ -194,19 +218,18 @@ static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
     return read_network(block, arena, &op->network);
 }
 
-static pm_status read_operator(pm_yaml block, pm_arena *arena, bool reversible,
-                               pm_operator_spec *op) {
-    static const char *const reversible_keys[] = {"given", "learned", NULL};
-    static const char *const irreversible_keys[] = {"learned", NULL};
+static pm_status read_operator(pm_yaml block, const pm_constants *constants, pm_arena *arena,
+                               bool reversible, pm_operator_spec *op) {
+    static const char *const keys[] = {"given", "learned", NULL};
     *op = (pm_operator_spec){0};
     if (is_none(block)) {
         return PM_OK;
     }
     PM_TRY(read_at(block, arena, &op->at));
-    PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
+    PM_TRY(pm_yaml_allow(block, keys));
     const pm_yaml given = pm_yaml_get(block, "given");
     if (pm_yaml_exists(given)) {
-        PM_TRY(read_pairs(given, arena, op));
+        PM_TRY(read_pairs(given, constants, arena, op));
     }
     const pm_yaml learned = pm_yaml_get(block, "learned");
     return is_none(learned) ? PM_OK : read_learned(learned, arena, reversible, op);
@@ -225,33 +248,74 @@ static pm_status read_rate(pm_yaml block, pm_arena *arena, pm_form form, pm_netw
     return read_network(value, arena, rate);
 }
 
-// What both blocks have in common.
-static pm_status read_model(pm_yaml block, pm_arena *arena, pm_form *form,
+// Adds the entries of a mapping, if there is one, to those that are there, unless they are there.
+static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *constants,
+                               const char **name, double *value) {
+    if (pm_yaml_exists(map)) {
+        PM_TRY(pm_yaml_require_entries(map));
+    }
+    const int before = constants->count;
+    for (int i = 0; i < pm_yaml_count(map); ++i) {
+        pm_yaml key, number;
+        const int last = constants->count;
+        pm_yaml_entry(map, i, &key, &number);
+        PM_TRY(pm_yaml_text(key, arena, &name[last]));
+        PM_TRY(pm_yaml_double(number, -INFINITY, INFINITY, &value[last]));
+        bool there = false;
+        for (int k = 0; k < before; ++k) {
+            there = there || strcmp(name[k], name[last]) == 0;
+        }
+        constants->count += !there;
+    }
+    return PM_OK;
+}
+
+static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
+                                const pm_constants **result) {
+    const size_t most = (size_t)pm_yaml_count(first) + (size_t)pm_yaml_count(second);
+    pm_constants *constants = pm_arena_array(arena, 1, sizeof *constants);
+    const char **name = pm_arena_array(arena, most, sizeof *name);
+    double *value = pm_arena_array(arena, most, sizeof *value);
+    if (constants == NULL || name == NULL || value == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    *constants = (pm_constants){0, name, value};
+    PM_TRY(add_constants(first, arena, constants, name, value));
+    PM_TRY(add_constants(second, arena, constants, name, value));
+    *result = constants;
+    return PM_OK;
+}
+
+// What both blocks have in common; `own`: constants that come before the block's.
+static pm_status read_model(pm_yaml block, pm_yaml own, pm_arena *arena,
+                            const pm_constants **constants, pm_form *form,
                             pm_potential_spec *energy, pm_potential_spec *entropy,
                             pm_operator_spec *reversible, pm_operator_spec *irreversible,
                             pm_network_spec *rate) {
     int choice;
+    PM_TRY(read_constants(own, pm_yaml_get(block, "constants"), arena, constants));
     PM_TRY(read_choice(block, "form", form_names, &choice));
     *form = (pm_form)choice;
     PM_TRY(read_rate(block, arena, *form, rate));
-    PM_TRY(read_potential(pm_yaml_get(block, "energy"), arena, energy));
-    PM_TRY(read_potential(pm_yaml_get(block, "entropy"), arena, entropy));
-    PM_TRY(read_operator(pm_yaml_get(block, "reversible"), arena, true, reversible));
-    return read_operator(pm_yaml_get(block, "irreversible"), arena, false, irreversible);
+    PM_TRY(read_potential(pm_yaml_get(block, "energy"), *constants, arena, energy));
+    PM_TRY(read_potential(pm_yaml_get(block, "entropy"), *constants, arena, entropy));
+    PM_TRY(read_operator(pm_yaml_get(block, "reversible"), *constants, arena, true, reversible));
+    return read_operator(pm_yaml_get(block, "irreversible"), *constants, arena, false,
+                         irreversible);
 }
 
-pm_status pm_part_spec_read(pm_yaml block, pm_arena *arena, pm_part_spec *spec) {
+pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
     static const char *const keys[] = {MODEL_KEYS, NULL};
     pm_part_spec read;
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(read_at(block, arena, &read.at));
-    PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
-                      &read.irreversible, &read.rate));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
+                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
     *spec = read;
     return PM_OK;
 }
 
-pm_status pm_port_spec_read(pm_yaml block, pm_arena *arena, pm_port_spec *spec) {
+pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec) {
     static const char *const keys[] = {"law", MODEL_KEYS, NULL};
     pm_port_spec read;
     pm_yaml law;
@@ -263,21 +327,15 @@ pm_status pm_port_spec_read(pm_yaml block, pm_arena *arena, pm_port_spec *spec) 
         return pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
                             read.law);
     }
-    PM_TRY(read_model(block, arena, &read.form, &read.energy, &read.entropy, &read.reversible,
-                      &read.irreversible, &read.rate));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
+                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
     *spec = read;
     return PM_OK;
 }
 
 // --- writing ---
 
-// Names stand as they are, everything else between quotes.
-static void write_text(FILE *file, const char *text) {
-    static const char plain[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.";
-    if (text[0] != '\0' && text[strspn(text, plain)] == '\0') {
-        fputs(text, file);
-        return;
-    }
+static void write_quoted(FILE *file, const char *text) {
     fputc('"', file);
     for (const char *c = text; *c != '\0'; ++c) {
         if (*c == '"' || *c == '\\') {
@@ -286,6 +344,16 @@ static void write_text(FILE *file, const char *text) {
         fputc(*c, file);
     }
     fputc('"', file);
+}
+
+// Names stand as they are, everything else between quotes.
+static void write_text(FILE *file, const char *text) {
+    static const char plain[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.";
+    if (text[0] != '\0' && text[strspn(text, plain)] == '\0') {
+        fputs(text, file);
+    } else {
+        write_quoted(file, text);
+    }
 }
 
 static void write_names(FILE *file, const char *key, int count, const char *const *names) {
@@ -307,11 +375,33 @@ static void write_network(FILE *file, const pm_network_spec *network) {
             skip_names[network->skip]);
 }
 
+// As people write it, where that is the same number.
+static void write_number(FILE *file, double number) {
+    char text[32];
+    snprintf(text, sizeof text, "%.15g", number);
+    fprintf(file, "%.*g", strtod(text, NULL) == number ? 15 : 17, number);
+}
+
+static void write_constants(FILE *file, const pm_constants *constants) {
+    for (int i = 0; constants != NULL && i < constants->count; ++i) {
+        fputs(i == 0 ? "constants: {" : ", ", file);
+        write_text(file, constants->name[i]);
+        fputs(": ", file);
+        write_number(file, constants->value[i]);
+        fputs(i == constants->count - 1 ? "}\n" : "", file);
+    }
+}
+
 static void write_potential(FILE *file, const char *key, const pm_potential_spec *potential) {
-    if (potential->ngiven == 0 && potential->nterm == 0) {
+    if (!pm_potential_exists(potential)) {
         return;
     }
     fprintf(file, "%s:\n", key);
+    for (int i = 0; i < potential->nformula; ++i) {
+        fputs("  - ", file);
+        write_quoted(file, potential->formula[i].text);
+        fputc('\n', file);
+    }
     if (potential->ngiven > 0) {
         fputs("  - {given: {", file);
         for (int i = 0; i < potential->ngiven; ++i) {
@@ -342,7 +432,13 @@ static void write_operator(FILE *file, const char *key, bool reversible,
             write_text(file, op->given[i].row);
             fputs(", ", file);
             write_text(file, op->given[i].col);
-            fprintf(file, ", %.17g]", op->given[i].coefficient);
+            fputs(", ", file);
+            if (op->given[i].formula.text != NULL) {
+                write_quoted(file, op->given[i].formula.text);
+            } else {
+                fprintf(file, "%.17g", op->given[i].coefficient);
+            }
+            fputc(']', file);
         }
         fputs("]\n", file);
     }
@@ -361,9 +457,11 @@ static void write_operator(FILE *file, const char *key, bool reversible,
 }
 
 // The parts common to both blocks.
-static void write_model(FILE *file, pm_form form, const pm_potential_spec *energy,
-                        const pm_potential_spec *entropy, const pm_operator_spec *reversible,
-                        const pm_operator_spec *irreversible, const pm_network_spec *rate) {
+static void write_model(FILE *file, const pm_constants *constants, pm_form form,
+                        const pm_potential_spec *energy, const pm_potential_spec *entropy,
+                        const pm_operator_spec *reversible, const pm_operator_spec *irreversible,
+                        const pm_network_spec *rate) {
+    write_constants(file, constants);
     fprintf(file, "form: %s\n", form_names[form]);
     if (form == PM_FREE) {
         fputs("rate: {", file);
@@ -392,7 +490,7 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
     if (file == NULL) {
         return NULL;
     }
-    write_model(file, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
                 &spec->irreversible, &spec->rate);
     return take_text(file, &text, arena);
 }
@@ -407,7 +505,7 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
     fputs("law: ", file);
     write_text(file, spec->law);
     fputc('\n', file);
-    write_model(file, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
                 &spec->irreversible, &spec->rate);
     return take_text(file, &text, arena);
 }

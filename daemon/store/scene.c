@@ -3,13 +3,13 @@
 // subsystems (relative_to, ports) is read once all of them are known.
 #include "store/scene.h"
 
-#include <arpa/inet.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "store/lcm_url.h"
 #include "store/scene_reader.h"
 
 #define DEFAULT_URL "udpm://239.255.76.67:7667?ttl=0"
@@ -107,43 +107,18 @@ const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t s
 
 // --- sections of plain settings ---
 
-// A multicast group and a port, "239.255.76.67:7667", then the end or options.
-static bool is_group_and_port(const char *text) {
-    char host[INET_ADDRSTRLEN] = "";
-    struct in_addr group;
-    const size_t size = strcspn(text, ":");
-    if (size >= sizeof host || text[size] == '\0') {
-        return false;
-    }
-    memcpy(host, text, size);
-    const char *digits = text + size + 1;
-    const size_t count = strspn(digits, "0123456789");
-    const long port = strtol(digits, NULL, 10);
-    return inet_pton(AF_INET, host, &group) == 1 && IN_MULTICAST(ntohl(group.s_addr)) &&
-           count > 0 && port >= 1 && port <= 65535 &&
-           (digits[count] == '\0' || digits[count] == '?');
-}
-
-// Only the shape: whether messages get through is for the transport to tell.
 static pm_status read_url(pm_scene_reader *r) {
-    static const char memory[] = "memory://", *const lcm[] = {"udpm://", "mpudpm://"};
+    static const char memory[] = "memory://";
+    pm_lcm_url parsed;
     r->scene->url = DEFAULT_URL;
     const pm_yaml value = pm_yaml_get(r->root, "url");
     if (!pm_yaml_exists(value)) {
         return PM_OK;
     }
     PM_TRY(pm_yaml_text(value, r->arena, &r->scene->url));
-    const char *url = r->scene->url;
-    bool good = strncmp(url, memory, strlen(memory)) == 0;
-    for (int i = 0; i < 2; ++i) {
-        const size_t length = strlen(lcm[i]);
-        good = good || (strncmp(url, lcm[i], length) == 0 && is_group_and_port(url + length));
-    }
-    return good ? PM_OK
-                : pm_yaml_fail(value,
-                               "expected udpm://GROUP:PORT or mpudpm://GROUP:PORT, the group from "
-                               "224.0.0.0 to 239.255.255.255, or memory://, found \"%.64s\"",
-                               url);
+    const bool good = strncmp(r->scene->url, memory, strlen(memory)) == 0 ||
+                      pm_lcm_url_parse(r->scene->url, &parsed) == PM_OK;
+    return good ? PM_OK : pm_yaml_fail(value, "%s", pm_error());
 }
 
 static pm_status read_key_file(pm_scene_reader *r) {
@@ -253,9 +228,9 @@ static pm_status read_reference(pm_scene_reader *r) {
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
-    static const char *const keys[] = {"scene",  "url",      "key_file",  "time",      "subsystems",
-                                       "loads",  "ports",    "processes", "reference", "laws",
-                                       "guards", "lockstep", NULL};
+    static const char *const keys[] = {"scene", "url",    "key_file", "time",      "subsystems",
+                                       "loads", "models", "ports",    "processes", "reference",
+                                       "laws",  "guards", "lockstep", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));

@@ -1,6 +1,6 @@
-// A scene: which subsystems there are, how ports join them, and how time is stepped. Topology only;
-// the models come from weights files (system.h). configs/double_pendulum.yaml shows the file
-// format.
+// A scene: which subsystems there are, how ports join them, and how time is stepped. Topology, and
+// the models that are known; what is learned comes from weights files (system.h).
+// configs/double_pendulum.yaml shows the file format.
 #ifndef PM_STORE_SCENE_H
 #define PM_STORE_SCENE_H
 
@@ -14,7 +14,9 @@
 // later.
 typedef struct pm_scene_subsystem {
     const char *name, *at;
-    const char *weights, *weights_at; // path, resolved against the scene's folder
+    // Path of the weights, resolved against the scene's folder, or NULL: it has a known model.
+    const char *weights, *weights_at; // at: of either
+    const pm_part_spec *model;
     pm_layout layout;
     const char *group_at[PM_MAX_GROUPS];
     // [nz] dataset column of each component, e.g. "q1x"; NULL if the scene maps no columns.
@@ -54,7 +56,8 @@ typedef struct pm_scene_world {
 typedef struct pm_scene_port {
     const char *name;
     const char *law, *law_at;
-    const char *weights, *weights_at;
+    const char *weights, *weights_at; // as of a subsystem
+    const pm_port_spec *model;
     int subsystem[2];         // ends a and b; -1: a load
     int load[2];              // likewise; -1: a subsystem
     pm_layout layout[2];      // exposed groups of each end

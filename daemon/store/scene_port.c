@@ -87,8 +87,9 @@ static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, 
 }
 
 static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml key, pm_yaml block) {
-    static const char *const keys[] = {"law", "between", "expose", "weights", NULL};
-    pm_yaml expose, weights;
+    static const char *const keys[] = {"law",   "between",   "expose", "weights",
+                                       "model", "constants", NULL};
+    pm_yaml expose;
     PM_TRY(pm_scene_read_name(r, key, &port->name));
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(read_law(r, port, block));
@@ -99,9 +100,7 @@ static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml key,
     PM_TRY(pm_yaml_allow(expose, ends));
     PM_TRY(read_exposed(r, port, 0, expose));
     PM_TRY(read_exposed(r, port, 1, expose));
-    PM_TRY(pm_yaml_require(block, "weights", &weights));
-    PM_TRY(pm_scene_read_at(r, weights, &port->weights_at));
-    return pm_scene_read_path(r, weights, &port->weights);
+    return pm_scene_read_port_maker(r, block, port);
 }
 
 pm_status pm_scene_read_ports(pm_scene_reader *r) {

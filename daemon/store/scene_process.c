@@ -4,7 +4,8 @@
 
 #include <string.h>
 
-#define MAX_CHANNEL 63 // characters of an LCM channel
+#include "store/channel.h"
+
 #define UNASSIGNED (-1)
 
 // Appends an empty process with room for `count` subsystems.
@@ -93,15 +94,11 @@ static pm_status check_channels(pm_scene_reader *r) {
     const pm_scene *scene = r->scene;
     const pm_yaml subsystems = pm_yaml_get(r->root, "subsystems");
     for (int i = 0; i < scene->nprocess; ++i) {
-        const size_t length =
-            strlen(scene->name) + strlen("_REPORT_") + strlen(scene->process[i].name);
-        if (length > MAX_CHANNEL) {
+        char channel[PM_CHANNEL_SIZE];
+        if (pm_channel_process(channel, scene, "REPORT", i) != PM_OK) {
             pm_yaml key, block;
             pm_yaml_entry(subsystems, scene->process[i].subsystem[0], &key, &block);
-            return pm_yaml_fail(key,
-                                "the channel %s_REPORT_%s would have %zu characters, at most %d "
-                                "are possible: choose shorter names",
-                                scene->name, scene->process[i].name, length, MAX_CHANNEL);
+            return pm_yaml_fail(key, "%s", pm_error());
         }
     }
     return PM_OK;

@@ -1,5 +1,5 @@
 // Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_load.c,
-// scene_port.c), and by them only.
+// scene_model.c, scene_port.c, scene_process.c), and by them only.
 #ifndef PM_STORE_SCENE_READER_H
 #define PM_STORE_SCENE_READER_H
 
@@ -27,6 +27,11 @@ pm_status pm_scene_read_subsystems(pm_scene_reader *r);
 pm_status pm_scene_read_loads(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_read_processes(pm_scene_reader *r);
+
+// What makes a component: its weights, or its model and constants.
+pm_status pm_scene_read_part_maker(pm_scene_reader *r, pm_yaml block,
+                                   pm_scene_subsystem *subsystem);
+pm_status pm_scene_read_port_maker(pm_scene_reader *r, pm_yaml block, pm_scene_port *port);
 
 // A name: a letter, then letters, digits or '_'.
 pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name);

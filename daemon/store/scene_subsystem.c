@@ -120,14 +120,12 @@ static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem,
 
 static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml key,
                                 pm_yaml block) {
-    static const char *const keys[] = {"weights", "state", "initial", NULL};
-    pm_yaml weights, state;
+    static const char *const keys[] = {"weights", "model", "constants", "state", "initial", NULL};
+    pm_yaml state;
     PM_TRY(pm_scene_read_name(r, key, &subsystem->name));
     PM_TRY(pm_scene_read_at(r, key, &subsystem->at));
     PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(pm_yaml_require(block, "weights", &weights));
-    PM_TRY(pm_scene_read_path(r, weights, &subsystem->weights));
-    PM_TRY(pm_scene_read_at(r, weights, &subsystem->weights_at));
+    PM_TRY(pm_scene_read_part_maker(r, block, subsystem));
     PM_TRY(pm_yaml_require(block, "state", &state));
     PM_TRY(read_state(r, subsystem, state));
     for (int i = 0; i < PM_MAX_GROUPS; ++i) {

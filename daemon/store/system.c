@@ -47,6 +47,46 @@ static pm_status load_failed(pm_status status, const char *at, const char *what,
     return pm_fail(status, "%s: %s %s: %s", at, what, name, pm_error());
 }
 
+// --- known models ---
+
+// A model may serve several components: the error, which has its place, tells which one it was.
+static pm_status name_component(pm_status status, const char *name) {
+    return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
+}
+
+// A model in a scene has no weights.
+static pm_status check_known(const pm_params *params, const char *at, const char *name) {
+    return pm_params_trained(params) == 0
+               ? PM_OK
+               : pm_fail(PM_ECONFIG,
+                         "%s: the model of %s has %zu numbers to be learned: it needs weights", at,
+                         name, pm_params_trained(params));
+}
+
+pm_status pm_system_declare_part(pm_system *system, int id) {
+    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
+    pm_part *part = &system->part[id];
+    part->spec = *subsystem->model;
+    PM_TRY(name_component(pm_part_declare(part), subsystem->name));
+    PM_TRY(check_known(&part->params, subsystem->weights_at, subsystem->name));
+    return pm_weights_digest_part(part, &system->part_provenance[id].digest);
+}
+
+pm_status pm_system_declare_port(pm_system *system, int id) {
+    const pm_scene_port *port = &system->scene->port[id];
+    pm_port_model *model = &system->port[id];
+    model->spec = *port->model;
+    if (strcmp(model->spec.law, port->law) != 0) {
+        return pm_fail(PM_ECONFIG, "%s: the model of port %s is one of the law %s", port->law_at,
+                       port->name, model->spec.law);
+    }
+    PM_TRY(name_component(pm_port_declare(model), port->name));
+    PM_TRY(check_known(&model->params, port->weights_at, port->name));
+    return pm_weights_digest_port(model, &system->port_provenance[id].digest);
+}
+
+// --- weights ---
+
 // The file to load: the scene's path, or the file of the same name in `weights_dir`. NULL: no
 // memory.
 static const char *weights_path(const char *path, const char *weights_dir, pm_arena *arena) {
@@ -208,10 +248,12 @@ pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *
     pm_system *system = NULL;
     PM_TRY_DONE(pm_system_new(&system, scene));
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY_DONE(load_part(system, i, weights_dir));
+        PM_TRY_DONE(scene->subsystem[i].model != NULL ? pm_system_declare_part(system, i)
+                                                      : load_part(system, i, weights_dir));
     }
     for (int i = 0; i < scene->nport; ++i) {
-        PM_TRY_DONE(load_port(system, i, weights_dir));
+        PM_TRY_DONE(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
+                                                 : load_port(system, i, weights_dir));
     }
     PM_TRY_DONE(pm_system_check_loads(system));
     system->digest = digest_system(system);

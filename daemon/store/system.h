@@ -15,18 +15,23 @@ typedef struct pm_system {
     pm_arena arena;
     pm_part *part;                  // [scene->nsubsystem]
     pm_port_model *port;            // [scene->nport]
-    pm_provenance *part_provenance; // likewise, of the files they were loaded from
+    pm_provenance *part_provenance; // likewise, of the files they were loaded from; path NULL: none
     pm_provenance *port_provenance;
     uint64_t digest; // of topology, integrator and all weights: equal on all hosts; 0 if not loaded
 } pm_system;
 
-// Loads every weights file the scene names; with `weights_dir`, DIR/<base name of the path>
+// Declares every model that the scene knows and loads every weights file that it names; with
+// `weights_dir`, DIR/<base name of the path>
 // instead. Layouts and laws must equal the scene's. Errors point at the scene's entry. PM_EWEIGHTS,
 // PM_EFILE, PM_ENOMEM.
 pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *weights_dir);
 // Makes a system for training: it has the scene's layouts; specs and parameters are the caller's to
 // set. PM_ENOMEM.
 pm_status pm_system_new(pm_system **system, const pm_scene *scene);
+// Declares a component whose model the scene knows, for whoever sets the others. PM_ECONFIG,
+// PM_ENOMEM.
+pm_status pm_system_declare_part(pm_system *system, int id);
+pm_status pm_system_declare_port(pm_system *system, int id);
 // All parts, then all ports, by one number: how many there are, and the numbers each carries.
 int pm_system_components(const pm_system *system);
 pm_params *pm_system_params(const pm_system *system, int component);

@@ -69,6 +69,33 @@ static uint64_t component_digest(const component *c) {
     return digest;
 }
 
+static pm_status digest_of(component c, const char *model, uint64_t *digest) {
+    if (model == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the text of a model");
+    }
+    c.model = model;
+    *digest = component_digest(&c);
+    return PM_OK;
+}
+
+pm_status pm_weights_digest_part(const pm_part *part, uint64_t *digest) {
+    pm_arena arena = {0};
+    pm_part copy = *part;
+    const pm_status status =
+        digest_of(part_component(&copy), pm_part_spec_write(&part->spec, &arena), digest);
+    pm_arena_free(&arena);
+    return status;
+}
+
+pm_status pm_weights_digest_port(const pm_port_model *port, uint64_t *digest) {
+    pm_arena arena = {0};
+    pm_port_model copy = *port;
+    const pm_status status =
+        digest_of(port_component(&copy), pm_port_spec_write(&port->spec, &arena), digest);
+    pm_arena_free(&arena);
+    return status;
+}
+
 static pm_status check_values(const component *c, const char *path) {
     for (int i = 0; i < c->params->count; ++i) {
         const pm_param_entry *entry = &c->params->entry[i];
@@ -326,7 +353,7 @@ static pm_status declare_part(pm_part *part, const char *model, pm_arena *arena)
     pm_yaml root;
     pm_status status;
     PM_TRY_DONE(pm_yaml_parse(&document, model, "text", &root));
-    PM_TRY_DONE(pm_part_spec_read(root, arena, &part->spec));
+    PM_TRY_DONE(pm_part_spec_read(root, (pm_yaml){0}, arena, &part->spec));
     status = pm_part_declare(part);
 done:
     pm_yaml_close(document);
@@ -338,7 +365,7 @@ static pm_status declare_port(pm_port_model *port, const char *model, pm_arena *
     pm_yaml root;
     pm_status status;
     PM_TRY_DONE(pm_yaml_parse(&document, model, "text", &root));
-    PM_TRY_DONE(pm_port_spec_read(root, arena, &port->spec));
+    PM_TRY_DONE(pm_port_spec_read(root, (pm_yaml){0}, arena, &port->spec));
     status = pm_port_declare(port);
 done:
     pm_yaml_close(document);

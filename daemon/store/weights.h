@@ -35,6 +35,10 @@ pm_status pm_weights_load_part(const char *path, pm_arena *arena, pm_part *part,
 pm_status pm_weights_load_port(const char *path, pm_arena *arena, pm_port_model *port,
                                pm_provenance *provenance);
 
+// The digest that a file of the model has.
+pm_status pm_weights_digest_part(const pm_part *part, uint64_t *digest); // PM_ENOMEM
+pm_status pm_weights_digest_port(const pm_port_model *port, uint64_t *digest);
+
 // PM_EFILE, PM_EWEIGHTS (a value that is not finite), PM_ENOMEM.
 pm_status pm_weights_save_part(const char *path, const pm_part *part,
                                const pm_provenance *provenance);

@@ -66,7 +66,7 @@ static void run(pm_graph *g, pm_node first, pm_node second) {
 
 static void try_part(pm_yaml root, pm_arena *arena) {
     pm_part part = {.layout = layout};
-    if (pm_part_spec_read(root, arena, &part.spec) != PM_OK ||
+    if (pm_part_spec_read(root, (pm_yaml){0}, arena, &part.spec) != PM_OK ||
         !is_small_potential(&part.spec.energy) || !is_small_potential(&part.spec.entropy) ||
         !is_small_operator(&part.spec.reversible) || !is_small_operator(&part.spec.irreversible)) {
         return;
@@ -86,7 +86,7 @@ static void try_part(pm_yaml root, pm_arena *arena) {
 
 static void try_port(pm_yaml root, pm_arena *arena) {
     pm_port_model port = {.layout = {layout, layout}};
-    if (pm_port_spec_read(root, arena, &port.spec) != PM_OK ||
+    if (pm_port_spec_read(root, (pm_yaml){0}, arena, &port.spec) != PM_OK ||
         !is_small_potential(&port.spec.energy) || !is_small_potential(&port.spec.entropy) ||
         !is_small_operator(&port.spec.reversible) || !is_small_operator(&port.spec.irreversible)) {
         return;

@@ -23,7 +23,7 @@ static const char *rewritten(const char *text, pm_arena *arena) {
     pm_port_spec spec;
     const char *result = NULL;
     if (pm_yaml_parse(&document, text, "fuzz.yaml", &root) == PM_OK &&
-        pm_port_spec_read(root, arena, &spec) == PM_OK) {
+        pm_port_spec_read(root, (pm_yaml){0}, arena, &spec) == PM_OK) {
         result = pm_port_spec_write(&spec, arena);
         check(result != NULL);
     }

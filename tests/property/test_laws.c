@@ -322,12 +322,13 @@ typedef struct shipped {
     double *z;
 } shipped;
 
-// False if the scene's weights are not there.
+// False if the scene's weights, of which it may need none, are not there.
 static bool load_shipped(shipped *s, const char *path) {
     assert_int_equal(pm_scene_load(&s->scene, path), PM_OK);
     const pm_scene *scene = s->scene;
     pm_arena *arena = &s->scene->arena;
-    if (scene->reference == NULL || access(scene->subsystem[0].weights, R_OK) != 0) {
+    const char *weights = scene->subsystem[0].weights;
+    if (scene->reference == NULL || (weights != NULL && access(weights, R_OK) != 0)) {
         return false;
     }
     pm_columns columns;

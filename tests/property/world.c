@@ -232,7 +232,7 @@ static void make_part(world *w, int i) {
     pm_yaml_document *document = NULL;
     pm_yaml block;
     require(w, pm_yaml_parse(&document, w->part_text[i % 2], "part", &block));
-    require(w, pm_part_spec_read(block, &w->system->arena, &part->spec));
+    require(w, pm_part_spec_read(block, (pm_yaml){0}, &w->system->arena, &part->spec));
     require(w, pm_part_declare(part));
     pm_yaml_close(document);
     draw_params(&part->params, &w->rng);
@@ -243,7 +243,7 @@ static void make_port(world *w, int i) {
     pm_yaml_document *document = NULL;
     pm_yaml block;
     require(w, pm_yaml_parse(&document, w->port_text, "port", &block));
-    require(w, pm_port_spec_read(block, &w->system->arena, &port->spec));
+    require(w, pm_port_spec_read(block, (pm_yaml){0}, &w->system->arena, &port->spec));
     require(w, pm_port_declare(port));
     pm_yaml_close(document);
     draw_params(&port->params, &w->rng);

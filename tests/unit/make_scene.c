@@ -70,7 +70,7 @@ static pm_status make_part(pm_system *system, pm_part *part, const char *text, u
     pm_yaml block;
     pm_rng rng;
     PM_TRY(pm_yaml_parse(&document, text, "part", &block));
-    const pm_status status = pm_part_spec_read(block, &system->arena, &part->spec);
+    const pm_status status = pm_part_spec_read(block, (pm_yaml){0}, &system->arena, &part->spec);
     pm_yaml_close(document);
     PM_TRY(status);
     PM_TRY(pm_part_declare(part));
@@ -85,7 +85,7 @@ static pm_status make_port(pm_system *system, const char *path) {
     pm_yaml block;
     pm_rng rng;
     PM_TRY(pm_yaml_parse(&document, port_text, "port", &block));
-    const pm_status status = pm_port_spec_read(block, &system->arena, &port->spec);
+    const pm_status status = pm_port_spec_read(block, (pm_yaml){0}, &system->arena, &port->spec);
     pm_yaml_close(document);
     PM_TRY(status);
     PM_TRY(pm_port_declare(port));

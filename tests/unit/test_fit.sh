@@ -82,6 +82,20 @@ gauss_newton 0.05 {optimiser: gauss_newton, iterations: 15, batch: 66, substeps:
 LIST
 [ ! -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left its checkpoint"
 
+# --- a part that the scene knows stays as it is, and the others are learned beside it ---
+sed -e "s|file: reference|file: $PWD/configs/reference|" configs/half_analytic_double_pendulum.yaml \
+    >"$folder/half.yaml"
+config twice '{optimiser: gauss_newton, iterations: 15, batch: 66, substeps: 2}'
+sed -i 's|^scene: .*|scene: half.yaml|' "$folder/twice.yaml"
+sed 's|^subsystems: .*|subsystems: {lower: link}|' "$folder/twice.yaml" >"$folder/half_known.yaml"
+fit twice twice && fail "twice: a known part was given another model"
+grep -q "twice.yaml:[0-9]*:21: upper: the scene itself has a model of upper" "$folder/err" ||
+    fail "twice: expected the place of the second model"
+fit half_known half_known || fail "fit half_known"
+at_most "$(residual)" "$(awk -v x="$start" 'BEGIN { print x * 0.05 }')" ||
+    fail "half_known: residual $(residual) from $start, expected at most 0.05 of it"
+[ "$(cd "$folder/half_known" && echo *)" = "base.h5 link.h5" ] || fail "half_known: other files"
+
 # --- the same command, the same bits; interrupted and resumed too ---
 # interrupt NAME DIR: SIGINT as soon as the fit has begun
 interrupt() {

@@ -10,7 +10,7 @@
 
 #include "base/rng.h"
 #include "company.h"
-#include "net/channel.h"
+#include "store/channel.h"
 #include "net/codec.h"
 
 static void shout(pm_transport *transport, const char *channel, pm_rng *rng) {

@@ -138,17 +138,17 @@ static void networks_are_their_formulas(void **state) {
                         quadratic[] = {1, 2, 3, 4};
     const double x[] = {0.5, 1}; // (5 - 4) / 2, (-0.25 + 0.5) / 0.25
     const double h = 0.3 * x[0] - 0.7 * x[1] + 0.1;
-    const double act[] = {tanh(h), log1p(exp(h)), h / (1 + exp(-h))};
+    const double act[] = {tanh(h), log1p(exp(h)), h / (1 + exp(-h)), exp(h)};
     const double skip[] = {0, 0.4 * x[0] + 0.6 * x[1],
                            0.4 * x[0] + 0.6 * x[1] + x[0] * x[0] + 5 * x[0] * x[1] +
                                4 * x[1] * x[1]};
-    for (int i = 0; i < 9; ++i) {
+    for (int i = 0; i < 12; ++i) {
         const pm_network_spec spec = {.nfeature = 2,
                                       .feature = feature,
                                       .nhidden = 1,
                                       .hidden = hidden,
-                                      .activation = (pm_activation)(i % 3),
-                                      .skip = (pm_skip)(i / 3)};
+                                      .activation = (pm_activation)(i % 4),
+                                      .skip = (pm_skip)(i / 4)};
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
         pm_params params = {0};
@@ -173,7 +173,7 @@ static void networks_are_their_formulas(void **state) {
         assert_int_equal(pm_program_open(&p, g, 1, &node, 1), PM_OK);
         memcpy(pm_program_value(p, z), state_values, sizeof state_values);
         pm_program_run(p, 1);
-        check("network", *pm_program_value(p, node), 1.5 * act[i % 3] - 0.2 + skip[i / 3], 1e-14);
+        check("network", *pm_program_value(p, node), 1.5 * act[i % 4] - 0.2 + skip[i / 4], 1e-14);
         pm_program_close(p);
         pm_params_free(&params);
         pm_graph_close(g);
@@ -227,8 +227,8 @@ static void check_mistake(const mistake *m, bool port) {
     pm_part part = {.layout = layout};
     pm_port_model model = {.layout = {layout, layout}};
     assert_int_equal(pm_yaml_parse(&document, m->text, "model", &block), PM_OK);
-    assert_int_equal(port ? pm_port_spec_read(block, &arena, &model.spec)
-                          : pm_part_spec_read(block, &arena, &part.spec),
+    assert_int_equal(port ? pm_port_spec_read(block, (pm_yaml){0}, &arena, &model.spec)
+                          : pm_part_spec_read(block, (pm_yaml){0}, &arena, &part.spec),
                      PM_OK);
     const pm_status status = port ? pm_port_declare(&model) : pm_part_declare(&part);
     if (status != PM_ECONFIG || strstr(pm_error(), m->words) == NULL ||

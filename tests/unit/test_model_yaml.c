@@ -5,7 +5,9 @@
 
 static const char good[] =
     "form: soft\n"
+    "constants: {m: 2, k: 0.1}\n"
     "energy:\n"
+    "  - \"|p|^2/(2*m)\"\n"
     "  - {features: [\"|p|^2\"], skip: linear}\n"
     "  - {given: [u, w]}\n"
     "  - {features: [\"ln|q|\", s], hidden: [16, 8], activation: silu, skip: quadratic}\n"
@@ -14,6 +16,7 @@ static const char good[] =
     "  given: [[q, p, 1.0], [v, \"a\\\"b\\\\c\", -0.1]]\n"
     "  learned: {acts_on: [p, s], along: [\"q/|q|^2\"], features: [\"<q,p>\"], hidden: 8}\n"
     "irreversible:\n"
+    "  given: [[p, s, 0.5], [v, s, \"k*dE.s\"]]\n"
     "  learned: {acts_on: s, rank: 2, activation: softplus}\n";
 
 static pm_part_spec part_of(const char *text, pm_arena *arena) {
@@ -21,7 +24,7 @@ static pm_part_spec part_of(const char *text, pm_arena *arena) {
     pm_yaml root;
     pm_part_spec spec = {0};
     if (pm_yaml_parse(&document, text, "t.yaml", &root) != PM_OK ||
-        pm_part_spec_read(root, arena, &spec) != PM_OK) {
+        pm_part_spec_read(root, (pm_yaml){0}, arena, &spec) != PM_OK) {
         fail_msg("%s in\n%s", pm_error(), text);
     }
     pm_yaml_close(document);
@@ -39,7 +42,12 @@ static void assert_names(int count, const char *const *names, const char *expect
 // That the spec is what `good` says.
 static void assert_good(const pm_part_spec *spec) {
     assert_int_equal(spec->form, PM_SOFT);
+    assert_true(spec->constants->count == 2 && spec->constants->value[1] == 0.1);
+    assert_string_equal(spec->constants->name[0], "m");
     assert_true(spec->energy.nterm == 2 && spec->entropy.nterm == 0);
+    assert_true(spec->energy.nformula == 1 && spec->entropy.nformula == 0);
+    assert_string_equal(spec->energy.formula[0].text, "|p|^2/(2*m)");
+    assert_ptr_equal(spec->energy.formula[0].constants, spec->constants);
     assert_names(spec->energy.ngiven, spec->energy.given, "u w");
     assert_names(spec->entropy.ngiven, spec->entropy.given, "s");
     const pm_network_spec *first = &spec->energy.term[0], *second = &spec->energy.term[1];
@@ -62,10 +70,13 @@ static void assert_good(const pm_part_spec *spec) {
     assert_true(reversible->network.nhidden == 1 && reversible->network.hidden[0] == 8);
 
     const pm_operator_spec *irreversible = &spec->irreversible;
-    assert_true(irreversible->learned && irreversible->rank == 2 && irreversible->ngiven == 0);
+    assert_true(irreversible->learned && irreversible->rank == 2 && irreversible->ngiven == 2);
     assert_names(irreversible->nacts, irreversible->acts_on, "s");
     assert_true(irreversible->nalong == 0 && irreversible->network.nfeature == 0);
     assert_int_equal(irreversible->network.activation, PM_SOFTPLUS);
+    assert_true(irreversible->given[0].coefficient == 0.5);
+    assert_null(irreversible->given[0].formula.text);
+    assert_string_equal(irreversible->given[1].formula.text, "k*dE.s");
 }
 
 static void test_round_trip(void **state) {
@@ -134,7 +145,7 @@ static void test_port(void **state) {
         pm_yaml root;
         pm_port_spec spec;
         assert_int_equal(pm_yaml_parse(&document, written, "t.yaml", &root), PM_OK);
-        assert_int_equal(pm_port_spec_read(root, &arena, &spec), PM_OK);
+        assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, &arena, &spec), PM_OK);
         pm_yaml_close(document);
         assert_string_equal(spec.law, "exchange");
         assert_int_equal(spec.form, PM_SOFT);
@@ -155,21 +166,26 @@ static const yaml_case bad[] = {
     {"hidden: [16, 8]", "hidden: [16, 0]", "0]", "hidden: expected a whole number >= 1 and <= "},
     {"hidden: [16, 8]", "hidden: [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[1", "hidden: 17 layers"},
     {"hidden: [16, 8]", "layers: [16, 8]", "layers", "allowed: features, hidden, activation, skip"},
-    {"activation: silu", "activation: relu", "relu", "one of tanh, softplus, silu, exp, found \"relu\""},
+    {"activation: silu", "activation: relu", "relu",
+     "one of tanh, softplus, silu, exp, found \"relu\""},
     {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, found \"cubic\""},
     {"[\"|p|^2\"]", "[[p]]", "[p]", "features: expected text, found a list"},
     {"{given: [u, w]}", "{given: [u, w], skip: linear}", "skip",
      "unknown key \"skip\"; allowed: given"},
-    {"{given: s}", "s", "s", "entropy: expected a mapping, found \"s\""},
+    {"{given: s}", "[[s]]", "[s]", "entropy: expected text, found a list"},
+    {"m: 2", "m: heavy", "heavy", "m: expected a number, found \"heavy\""},
+    {"{m: 2, k: 0.1}", "{}", "{}", "constants: expected a mapping with at least one entry"},
+    {"{m: 2, k: 0.1}", "[m]", "[m]",
+     "constants: expected a mapping with at least one entry, found a list"},
     {"[q, p, 1.0], ", "[q, p], ", "[q", "given: expected a pair such as [q, p, 1.0]"},
-    {"[q, p, 1.0], ", "[q, p, x], ", "x", "given: expected a number, found \"x\""},
+    {"[q, p, 1.0], ", "[q, p, [x]], ", "[x]", "given: expected text, found a list"},
     {"[[q, p, 1.0], [v", "{q: p} # [[v", "{q", "given: expected a list of pairs"},
     {"{acts_on: [p, s], ", "{", "{", "learned: missing key \"acts_on\""},
     {"acts_on: [p, s]", "acts_on: []", "[]", "acts_on: expected at least one group"},
     {"acts_on: [p, s]", "acts_on: [p, s], rank: 1", "rank",
      "unknown key \"rank\"; allowed: acts_on"},
     {"rank: 2", "rank: 0", "0", "rank: expected a whole number >= 1 and <= "},
-    {"irreversible:\n", "irreversible:\n  given: [[s, s, 1]]\n", "given", "allowed: learned"},
+    {"[p, s, 0.5]", "[p, s]", "[p", "given: expected a pair such as [q, p, 1.0]"},
 };
 
 static const yaml_case bad_port[] = {
@@ -195,8 +211,8 @@ static void test_bad(void **state) {
         pm_part_spec part_spec;
         pm_port_spec port_spec;
         assert_int_equal(pm_yaml_parse(&document, text, "t.yaml", &root), PM_OK);
-        const pm_status status = port ? pm_port_spec_read(root, &arena, &port_spec)
-                                      : pm_part_spec_read(root, &arena, &part_spec);
+        const pm_status status = port ? pm_port_spec_read(root, (pm_yaml){0}, &arena, &port_spec)
+                                      : pm_part_spec_read(root, (pm_yaml){0}, &arena, &part_spec);
         failures += !yaml_case_holds("t.yaml", port ? good_port : good, c, status);
         pm_yaml_close(document);
         pm_arena_free(&arena);

@@ -163,7 +163,8 @@ static const yaml_case bad[] = {
     {GOOD_URL, "udpm://239.255.76.67:0", "udpm", "url: expected udpm://GROUP:PORT"},
     {GOOD_URL, "udpm://239.255.76.67:7667ttl=1", "udpm", "url: expected udpm://GROUP:PORT"},
     {GOOD_URL, "udpm://239.255.76.67:+7667", "udpm", "url: expected udpm://GROUP:PORT"},
-    {GOOD_URL, "udpm://240.0.0.1:7667", "udpm", "the group from 224.0.0.0 to 239.255.255.255"},
+    {GOOD_URL, "udpm://240.0.0.1:7667", "udpm",
+     "an IPv4 multicast group from 224.0.0.0 to 239.255.255.255"},
     {GOOD_URL, "udpm://a.name.longer.than.any.address:7667", "udpm", "found \"udpm://a.name"},
     // time, laws and the rest
     {"dt: 0.3", "dt: -0.3", "-0.3", "dt: expected a number > 0, found \"-0.3\""},
@@ -183,6 +184,11 @@ static const yaml_case bad[] = {
     {"  lower:", "  upper:", "upper", "duplicate key \"upper\""},
     {"  lower:", "  2nd:", "2nd", "expected a name of a letter"},
     {"weights: w/upper.h5", "weight: w/upper.h5", "weight", "unknown key \"weight\"; allowed"},
+    {"weights: w/upper.h5", "model: m", "m\n", "model: there is no model \"m\" under models"},
+    {"weights: w/upper.h5", "weights: w/upper.h5\n    model: m", "weights",
+     "upper: expected either \"weights\", a file, or \"model\", a name"},
+    {"weights: w/upper.h5", "weights: w/upper.h5\n    constants: {m: 1}", "{m: 1}",
+     "constants: only a model has constants"},
     {"      q: {unit: m, columns: [q1x", "      q: {columns: [q1x", "{", "q: missing key \"unit\""},
     {"unit: J/K, columns: s1", "unit: J;K, columns: s1", "J;K",
      "unit: expected a unit without ';'"},
@@ -227,7 +233,7 @@ static const yaml_case bad[] = {
     {"    law: bracket\n    between: [lower, upper]\n    expose: {upper: [s, q], lower: [q, s]}\n  "
      "  weights: w/joint.h5\n",
      "    law: bracket\n    between: [lower, upper]\n    expose: {upper: q, lower: q}\n", "law",
-     "joint: missing key \"weights\""},
+     "joint: expected either \"weights\", a file, or \"model\""},
     {"ports:\n", "ports:\n  joint: 1\n", "joint:\n", "ports: duplicate key \"joint\""},
 };
 
@@ -305,6 +311,40 @@ static void test_loads(void **state) {
     pm_scene_free(scene);
 }
 
+// A model serves several components, each with constants of its own.
+static void test_models(void **state) {
+    (void)state;
+    static const char text[] =
+        "scene: x\n"
+        "time: {dt: 1, steps: 1, integrator: rk4}\n"
+        "models:\n"
+        "  mass: {energy: \"|p|^2/(2*m) + k\", constants: {m: 1, k: 2}}\n"
+        "  joint: {law: bracket, reversible: {given: [[a.p, b.p, w]]}}\n"
+        "subsystems:\n"
+        "  a: {model: mass, state: {p: {unit: kg m/s, size: 2}}}\n"
+        "  b: {model: mass, constants: {m: 3}, state: {p: {unit: kg m/s, size: 2}}}\n"
+        "ports:\n"
+        "  j: {law: bracket, between: [a, b], expose: {a: p, b: p}, model: joint, constants: {w: "
+        "4}}\n";
+    pm_scene *scene = NULL;
+    if (pm_scene_parse(&scene, text, "dir/t.yaml") != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    const double m[] = {1, 3};
+    for (int i = 0; i < 2; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        const pm_constants *constants = subsystem->model->constants;
+        assert_null(subsystem->weights);
+        assert_string_equal(subsystem->weights_at, i == 0 ? "dir/t.yaml:7:14" : "dir/t.yaml:8:14");
+        assert_int_equal(constants->count, 2);
+        assert_string_equal(constants->name[0], "m");
+        assert_true(constants->value[0] == m[i] && constants->value[1] == 2);
+    }
+    assert_string_equal(scene->port[0].model->reversible.given[0].formula.text, "w");
+    assert_true(scene->port[0].model->constants->value[0] == 4);
+    pm_scene_free(scene);
+}
+
 static int failures_of(const char *text, const yaml_case *cases, size_t count) {
     int failures = 0;
     for (size_t i = 0; i < count; ++i) {
@@ -343,7 +383,7 @@ static void test_long_channel(void **state) {
     scene = NULL;
     assert_int_equal(pm_scene_parse(&scene, longer, "t.yaml"), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "t.yaml:3:14: "));
-    assert_non_null(strstr(pm_error(), "64 characters, at most 63 are possible"));
+    assert_non_null(strstr(pm_error(), "64 characters, at most 63"));
 }
 
 // A state of more groups than a layout holds.
@@ -437,7 +477,9 @@ static void test_shipped(void **state) {
             if (pm_scene_load(&scene, path) != PM_OK) {
                 fail_msg("%s", pm_error());
             }
-            assert_int_equal(strncmp(scene->subsystem[0].weights, "configs/weights/", 16), 0);
+            const pm_scene_subsystem *first = &scene->subsystem[0];
+            assert_true(first->model != NULL ||
+                        strncmp(first->weights, "configs/weights/", 16) == 0);
             pm_scene_free(scene);
             ++count;
         }
@@ -451,12 +493,12 @@ static void test_shipped(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_settings),     cmocka_unit_test(test_subsystems),
-        cmocka_unit_test(test_ports),        cmocka_unit_test(test_loads),
-        cmocka_unit_test(test_defaults),     cmocka_unit_test(test_bad),
-        cmocka_unit_test(test_processes),    cmocka_unit_test(test_bad_processes),
-        cmocka_unit_test(test_long_channel), cmocka_unit_test(test_many_groups),
-        cmocka_unit_test(test_shipped),
+        cmocka_unit_test(test_settings),      cmocka_unit_test(test_subsystems),
+        cmocka_unit_test(test_ports),         cmocka_unit_test(test_loads),
+        cmocka_unit_test(test_models),        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_bad),           cmocka_unit_test(test_processes),
+        cmocka_unit_test(test_bad_processes), cmocka_unit_test(test_long_channel),
+        cmocka_unit_test(test_many_groups),   cmocka_unit_test(test_shipped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -22,17 +22,35 @@ static const char good[] =
     "  joint: {law: bracket, between: [upper, lower], expose: {upper: s, lower: s},\n"
     "          weights: joint.h5}\n";
 
-// The good text with `from` replaced by `to`, as a scene in the folder.
-static pm_scene *edited(scratch *folder, const char *from, const char *to) {
+// Of known models alone.
+static const char known[] =
+    "scene: pair\n"
+    "time: {dt: 0.3, steps: 200, integrator: rk4, substeps: 8}\n"
+    "models:\n"
+    "  mass: {energy: [\"|p|^2/(2*m)\", \"c*exp(s/c)\"], entropy: s, constants: {m: 1, c: 2}}\n"
+    "  heat: {law: bracket, irreversible: {given: [[a.s, b.s, 0.5]]}}\n"
+    "subsystems:\n"
+    "  upper: {model: mass, state: {p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}}\n"
+    "  lower: {model: mass, constants: {m: 3},\n"
+    "          state: {p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}}\n"
+    "ports:\n"
+    "  joint: {law: bracket, between: [upper, lower], expose: {upper: s, lower: s}, model: heat}\n";
+
+// The text with `from` replaced by `to`, as a scene in the folder.
+static pm_scene *edited_from(const char *whole, scratch *folder, const char *from, const char *to) {
     char text[2048];
-    const char *place = strstr(good, from);
+    const char *place = strstr(whole, from);
     assert_non_null(place);
-    snprintf(text, sizeof text, "%.*s%s%s", (int)(place - good), good, to, place + strlen(from));
+    snprintf(text, sizeof text, "%.*s%s%s", (int)(place - whole), whole, to, place + strlen(from));
     pm_scene *scene = NULL;
     if (pm_scene_parse(&scene, text, scratch_path(folder, "t.yaml")) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return scene;
+}
+
+static pm_scene *edited(scratch *folder, const char *from, const char *to) {
+    return edited_from(good, folder, from, to);
 }
 
 static void save_part(pm_part *part, pm_arena *arena, const char *path) {
@@ -44,7 +62,7 @@ static void save_part(pm_part *part, pm_arena *arena, const char *path) {
                                    "entropy: {given: s}\n",
                                    "model", &root),
                      PM_OK);
-    assert_int_equal(pm_part_spec_read(root, arena, &part->spec), PM_OK);
+    assert_int_equal(pm_part_spec_read(root, (pm_yaml){0}, arena, &part->spec), PM_OK);
     pm_yaml_close(document);
     assert_int_equal(pm_part_declare(part), PM_OK);
     assert_int_equal(pm_weights_save_part(path, part, &provenance), PM_OK);
@@ -59,7 +77,7 @@ static void save_port(pm_port_model *port, pm_arena *arena, const char *path) {
                                    "irreversible: {learned: {acts_on: [a.s, b.s]}}\n",
                                    "model", &root),
                      PM_OK);
-    assert_int_equal(pm_port_spec_read(root, arena, &port->spec), PM_OK);
+    assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, arena, &port->spec), PM_OK);
     pm_yaml_close(document);
     assert_int_equal(pm_port_declare(port), PM_OK);
     assert_int_equal(pm_weights_save_port(path, port, &provenance), PM_OK);
@@ -84,8 +102,8 @@ static int teardown(void **state) {
     return 0;
 }
 
-static uint64_t digest_of(scratch *folder, const char *from, const char *to) {
-    pm_scene *scene = edited(folder, from, to);
+static uint64_t digest_of(const char *whole, scratch *folder, const char *from, const char *to) {
+    pm_scene *scene = edited_from(whole, folder, from, to);
     pm_system *system = NULL;
     if (pm_system_load(&system, scene, NULL) != PM_OK) {
         fail_msg("%s", pm_error());
@@ -96,8 +114,39 @@ static uint64_t digest_of(scratch *folder, const char *from, const char *to) {
     return digest;
 }
 
+static void test_known_models(void **state) {
+    scratch *folder = *state;
+    const uint64_t digest = digest_of(known, folder, "pair", "pair");
+    static const char *const other[][2] = {
+        {"m: 3", "m: 4"}, {"c*exp(s/c)", "c*exp(s/c) + 1"}, {"0.5]", "0.6]"}};
+    for (size_t i = 0; i < sizeof other / sizeof *other; ++i) {
+        assert_false(digest_of(known, folder, other[i][0], other[i][1]) == digest);
+    }
+    static const char *const bad[][3] = {
+        {"|p|^2", "|v|^2", ":4:19: feature \"|v|\": there is no \"v\" here"},
+        {"0.5]", "-0.5]", ":5:38: irreversible: given pair [a.s, b.s] has -0.5"},
+        {"[a.s, b.s,", "[a.s, b.q,", ":5:38: irreversible: given pair [a.s, b.q] must name two"},
+        {"expose: {upper: s, lower: s}", "expose: {upper: s, lower: p}", "(model of joint)"},
+        {"0.5]", "\"k\"]", ":5:58: feature \"k\": there is no \"k\" here"},
+        {"entropy: s", "entropy: {features: s}", ":7:18: the model of upper has 1 numbers to be"},
+        {"entropy: s,", "reversible: {learned: {acts_on: p}}, ", ":7:18: the model of upper has 4"},
+        {"law: bracket, irr", "law: exchange, irr",
+         ":11:16: the model of port joint is one of the "
+         "law exchange"},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
+        pm_scene *scene = edited_from(known, folder, bad[i][0], bad[i][1]);
+        pm_system *system = NULL;
+        const pm_status status = pm_system_load(&system, scene, NULL);
+        if (status != PM_ECONFIG || strstr(pm_error(), bad[i][2]) == NULL) {
+            fail_msg("%d, \"%s\", expected \"%s\"", status, pm_error(), bad[i][2]);
+        }
+        pm_scene_free(scene);
+    }
+}
+
 static void test_digest(void **state) {
-    const uint64_t digest = digest_of(*state, "pair", "pair");
+    const uint64_t digest = digest_of(good, *state, "pair", "pair");
     const char *const same[][2] = {{"steps: 200", "steps: 3"}};
     const char *const other[][2] = {{"pair", "pear"},
                                     {"dt: 0.3", "dt: 0.1"},
@@ -107,10 +156,10 @@ static void test_digest(void **state) {
                                     {"joint:", "hinge:"},
                                     {"[upper, lower]", "[lower, upper]"}};
     for (size_t i = 0; i < sizeof same / sizeof *same; ++i) {
-        assert_true(digest_of(*state, same[i][0], same[i][1]) == digest);
+        assert_true(digest_of(good, *state, same[i][0], same[i][1]) == digest);
     }
     for (size_t i = 0; i < sizeof other / sizeof *other; ++i) {
-        assert_false(digest_of(*state, other[i][0], other[i][1]) == digest);
+        assert_false(digest_of(good, *state, other[i][0], other[i][1]) == digest);
     }
 }
 
@@ -165,6 +214,7 @@ static void test_weights_folder(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_digest),
+        cmocka_unit_test(test_known_models),
         cmocka_unit_test(test_mismatch),
         cmocka_unit_test(test_weights_folder),
     };

@@ -51,12 +51,14 @@ static int setup(void **state) {
     part = (pm_part){.layout = layout};
     port = (pm_port_model){.layout = {exposed, exposed}};
     if (pm_yaml_parse(&document, part_text, "part", &root) != PM_OK ||
-        pm_part_spec_read(root, &arena, &part.spec) != PM_OK || pm_part_declare(&part) != PM_OK) {
+        pm_part_spec_read(root, (pm_yaml){0}, &arena, &part.spec) != PM_OK ||
+        pm_part_declare(&part) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     pm_yaml_close(document);
     if (pm_yaml_parse(&document, port_text, "port", &root) != PM_OK ||
-        pm_port_spec_read(root, &arena, &port.spec) != PM_OK || pm_port_declare(&port) != PM_OK) {
+        pm_port_spec_read(root, (pm_yaml){0}, &arena, &port.spec) != PM_OK ||
+        pm_port_declare(&port) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     pm_yaml_close(document);

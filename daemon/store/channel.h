@@ -1,9 +1,11 @@
 // Names of channels (lcmtypes/portmet.lcm lists them).
-#ifndef PM_NET_CHANNEL_H
-#define PM_NET_CHANNEL_H
+#ifndef PM_STORE_CHANNEL_H
+#define PM_STORE_CHANNEL_H
 
-#include "net/transport.h"
 #include "store/scene.h"
+
+// Longest name of a channel with its terminator (LCM's limit).
+#define PM_CHANNEL_SIZE 64
 
 // Each writes into `channel` [PM_CHANNEL_SIZE]; PM_ECONFIG if the name is too long.
 

@@ -1,5 +1,5 @@
 // Reads LCM addresses.
-#include "net/lcm_url.h"
+#include "store/lcm_url.h"
 
 #include <arpa/inet.h>
 #include <stdlib.h>
@@ -20,29 +20,26 @@ static in_port_t read_port(const char *text) {
     return good ? (in_port_t)port : 0;
 }
 
-static pm_status read_address(const char *url, struct sockaddr_in *group) {
-    const char *address = strstr(url, "://") + 3;
+// What follows "udpm://" or "mpudpm://"; NULL if it begins otherwise.
+static const char *find_address(const char *url) {
+    const char *scheme = url + (url[0] == 'm' && url[1] == 'p' ? 2 : 0);
+    return strncmp(scheme, "udpm://", 7) == 0 ? scheme + 7 : NULL;
+}
+
+static bool read_address(const char *url, struct sockaddr_in *group) {
+    const char *address = find_address(url);
+    if (address == NULL) {
+        return false;
+    }
     const size_t host_size = strcspn(address, ":?");
     char host[INET_ADDRSTRLEN] = "";
     if (host_size < sizeof host) {
         memcpy(host, address, host_size);
     }
     *group = (struct sockaddr_in){.sin_family = AF_INET};
-    if (inet_pton(AF_INET, host, &group->sin_addr) != 1 ||
-        !IN_MULTICAST(ntohl(group->sin_addr.s_addr))) {
-        return pm_fail(PM_ECONFIG,
-                       "transport \"%s\": expected an IPv4 multicast group, 224.0.0.0 to "
-                       "239.255.255.255",
-                       url);
-    }
     group->sin_port = htons(read_port(address + host_size));
-    if (group->sin_port == 0) {
-        return pm_fail(PM_ECONFIG,
-                       "transport \"%s\": expected a port from 1 to 65535 after the group, as in "
-                       "udpm://239.255.76.67:7667",
-                       url);
-    }
-    return PM_OK;
+    return inet_pton(AF_INET, host, &group->sin_addr) == 1 &&
+           IN_MULTICAST(ntohl(group->sin_addr.s_addr)) && group->sin_port != 0;
 }
 
 // The value of an option and its length, or NULL.
@@ -68,8 +65,8 @@ static pm_status read_options(const char *url, pm_lcm_url *parsed) {
         char *end;
         const long bytes = strtol(value, &end, 10);
         if (end != value + length || bytes < 1 || bytes > 1 << 30) {
-            return pm_fail(PM_ECONFIG, "transport \"%s\": recv_buf_size: expected 1 to %d bytes",
-                           url, 1 << 30);
+            return pm_fail(PM_ECONFIG, "expected 1 to %d bytes as recv_buf_size, found \"%.64s\"",
+                           1 << 30, url);
         }
         parsed->receive_buffer = (int)bytes;
     }
@@ -78,7 +75,7 @@ static pm_status read_options(const char *url, pm_lcm_url *parsed) {
     const bool lcm = value != NULL && length == 3 && strncmp(value, "lcm", length) == 0;
     const bool udpm = strncmp(url, "udpm:", 5) == 0;
     if ((value != NULL && !own && !lcm) || (own && !udpm)) {
-        return pm_fail(PM_ECONFIG, "transport \"%s\": receive: expected own (udpm only) or lcm",
+        return pm_fail(PM_ECONFIG, "expected own (udpm only) or lcm as receive, found \"%.64s\"",
                        url);
     }
     parsed->receives_itself = udpm && !lcm;
@@ -86,6 +83,12 @@ static pm_status read_options(const char *url, pm_lcm_url *parsed) {
 }
 
 pm_status pm_lcm_url_parse(const char *url, pm_lcm_url *parsed) {
-    PM_TRY(read_address(url, &parsed->group));
+    if (!read_address(url, &parsed->group)) {
+        return pm_fail(PM_ECONFIG,
+                       "expected udpm://GROUP:PORT or mpudpm://GROUP:PORT, an IPv4 multicast group "
+                       "from 224.0.0.0 to 239.255.255.255 and a port from 1 to 65535, found "
+                       "\"%.64s\"",
+                       url);
+    }
     return read_options(url, parsed);
 }

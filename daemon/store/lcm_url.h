@@ -1,6 +1,8 @@
-// An LCM address: "SCHEME://GROUP:PORT", or with options "?NAME=VALUE&NAME=VALUE".
-#ifndef PM_NET_LCM_URL_H
-#define PM_NET_LCM_URL_H
+// An LCM address: "udpm://GROUP:PORT" or "mpudpm://GROUP:PORT", or with options
+// "?NAME=VALUE&NAME=VALUE". Only the shape: whether messages get through is for the transport to
+// tell.
+#ifndef PM_STORE_LCM_URL_H
+#define PM_STORE_LCM_URL_H
 
 #include <netinet/in.h>
 #include <stdbool.h>
@@ -14,8 +16,8 @@ typedef struct pm_lcm_url {
     bool receives_itself;
 } pm_lcm_url;
 
-// PM_ECONFIG: not a multicast group and a port, or one of the options above has a bad value. Other
-// options are LCM's.
+// PM_ECONFIG: another scheme, not a multicast group and a port, or one of the options above has a
+// bad value. Other options are LCM's.
 pm_status pm_lcm_url_parse(const char *url, pm_lcm_url *parsed);
 
 #endif

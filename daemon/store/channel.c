@@ -1,5 +1,5 @@
 // Names of channels.
-#include "net/channel.h"
+#include "store/channel.h"
 
 #include <stdarg.h>
 #include <stdio.h>

@@ -1,0 +1,176 @@
+// What a coordinator hears: hellos, of which it refuses some, commands, reports and requests. Only
+// stores and answers.
+#include "net/coordinator.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static pm_member *find_member(const pm_lockstep_coordinator *c, const char *name) {
+    for (int i = 0; i < c->nmember; ++i) {
+        if (strcmp(c->member[i].name, name) == 0) {
+            return &c->member[i];
+        }
+    }
+    return NULL;
+}
+
+// --- hellos ---
+
+// A node that cannot take part ends a run that has not begun, and is sent away from one that has.
+static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
+                      bool late) {
+    pm_coordinator_check(c, pm_identity_refuse(&c->party.identity, hello, PM_ENET, reason));
+    if (!late) {
+        pm_coordinator_check(c, pm_fail(PM_ENET, "%s", reason));
+    }
+    return PM_KEEP;
+}
+
+static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    char reason[512];
+    pm_member *m = find_member(c, hello->sender);
+    if (m == NULL) {
+        snprintf(reason, sizeof reason, "scene %s has no process %.64s",
+                 c->party.system->scene->name, hello->sender);
+        return refuse(c, hello, reason, true);
+    }
+    const bool late = pm_gathering_has(&c->gathering, 0, m->id) || c->completed >= 0;
+    if (pm_identity_differs(&c->party.identity, hello, reason, sizeof reason)) {
+        return refuse(c, hello, reason, late);
+    }
+    if (late && c->checkpoint == NULL) {
+        // Its first hello may have been lost, as others' bring the tick, too.
+        m->instance = m->instance == 0 ? hello->instance : m->instance;
+        if (hello->instance == m->instance) {
+            return PM_DROP_REPEATED;
+        }
+        snprintf(
+            reason, sizeof reason,
+            "node %s: the run goes on without it; only runs with --checkpoint take a node back",
+            m->name);
+        return refuse(c, hello, reason, true);
+    }
+    m->instance = hello->instance;
+    m->alive = true;
+    c->tick_wanted = true;
+    return PM_KEEP;
+}
+
+static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
+    pm_lockstep_coordinator *c = context;
+    const pm_identity *own = &c->party.identity;
+    if (hello->session != own->hello.session) {
+        return PM_DROP_SESSION;
+    }
+    if (c->phase == PM_COORDINATOR_CLOSING && c->party.status != PM_OK && hello->sender[0] != 0) {
+        // It has not joined, and need not wait for it.
+        pm_coordinator_check(c, pm_identity_refuse(own, hello, c->party.status, c->party.message));
+        return PM_KEEP;
+    }
+    if (c->phase != PM_COORDINATOR_RUNNING) {
+        return PM_DROP_REPEATED;
+    }
+    if (hello->sender[0] != 0) {
+        return greet_node(c, hello);
+    }
+    const bool first = c->completed >= 0 || pm_identity_precedes(own, hello);
+    if (first && pm_identity_rivals(own, hello)) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
+                 c->party.system->scene->name);
+        pm_coordinator_check(c, pm_identity_refuse(own, hello, PM_ENET, reason));
+    }
+    return PM_KEEP;
+}
+
+// --- commands ---
+
+// Its own are heard, too.
+static pm_drop accept_command(void *context, const portmet_command_t *command) {
+    pm_lockstep_coordinator *c = context;
+    if (c->phase == PM_COORDINATOR_RUNNING && pm_identity_is_refused(&c->party.identity, command)) {
+        pm_party_end(&c->party, PM_ENET, command->reason);
+        c->phase = PM_COORDINATOR_FINISHED;
+    }
+    return PM_KEEP;
+}
+
+// --- reports ---
+
+// Takes what is new: steps beyond the last complete one, as far as granted.
+static pm_drop accept_done(pm_member *m) {
+    pm_lockstep_coordinator *c = m->coordinator;
+    const int64_t first = m->scratch.step;
+    const int rows = pm_member_rows(m);
+    if (first < 0 || first > c->granted || rows - 1 > c->granted - first) {
+        return PM_DROP_RANGE;
+    }
+    pm_drop drop = PM_DROP_REPEATED;
+    for (int row = 0; row < rows; ++row) {
+        pm_sample *sample = pm_gathering_wants(&c->gathering, first + row, m->id);
+        if (sample != NULL) {
+            pm_member_fill(m, row, sample);
+            pm_gathering_take(&c->gathering, first + row, m->id);
+            drop = PM_KEEP;
+        }
+    }
+    return drop;
+}
+
+static pm_drop accept_report(pm_member *m) {
+    pm_lockstep_coordinator *c = m->coordinator;
+    const portmet_report_t *report = &m->scratch;
+    if (report->session != c->party.session) {
+        return PM_DROP_SESSION;
+    }
+    m->alive = true;
+    switch (report->kind) {
+    case PORTMET_REPORT_T_DONE:
+        return accept_done(m);
+    case PORTMET_REPORT_T_FAILED:
+        pm_coordinator_check(c, pm_fail(pm_party_code(report->code), "node %s failed: %s", m->name,
+                                        report->message));
+        return PM_KEEP;
+    case PORTMET_REPORT_T_BYE:
+        m->left = c->phase == PM_COORDINATOR_CLOSING;
+        return m->left ? PM_KEEP : PM_DROP_RANGE;
+    default:
+        return PM_DROP_RANGE;
+    }
+}
+
+static void on_report(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_member *m = context;
+    const pm_drop drop = pm_member_decode(m, data, size, m->coordinator->want_state);
+    pm_party_count(&m->coordinator->party, drop == PM_KEEP ? accept_report(m) : drop);
+}
+
+// --- requests ---
+
+static pm_drop accept_request(void *context, const portmet_request_t *request) {
+    pm_lockstep_coordinator *c = context;
+    if (request->session != c->party.session) {
+        return PM_DROP_SESSION;
+    }
+    pm_member *m = find_member(c, request->sender);
+    if (m != NULL) {
+        m->alive = true;
+    }
+    if (strcmp(request->channel, c->party.tick_channel) == 0 && request->step < c->granted) {
+        c->tick_wanted = true;
+    }
+    return PM_KEEP;
+}
+
+// --- opening ---
+
+pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t asked) {
+    static const pm_party_ears ears = {accept_hello, accept_command, accept_request};
+    PM_TRY(pm_party_open(&c->party, &ears, c, "", asked, c->checkpoint != NULL));
+    for (int i = 0; i < c->nmember; ++i) {
+        pm_member *m = &c->member[i];
+        PM_TRY(pm_transport_subscribe(c->party.transport, m->channel, on_report, m));
+    }
+    return PM_OK;
+}

@@ -1,0 +1,218 @@
+// What a node hears: ticks, commands, hellos, of which it refuses some, fluxes, and requests, which
+// it answers. Only stores and answers.
+#include "net/node.h"
+
+#include <stdio.h>
+#include <string.h>
+
+// --- ticks ---
+
+static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    const double dt = node->party.system->scene->dt;
+    const int64_t asked = node->party.identity.hello.session;
+    const bool wanted = asked == 0 ? tick->open : tick->session == asked;
+    if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->party.system->digest) {
+        return PM_DROP_SESSION;
+    }
+    if (tick->steps < 0 || tick->steps > PM_STEPS_MAX) {
+        return PM_DROP_RANGE;
+    }
+    node->party.session = tick->session;
+    node->party.steps = tick->steps;
+    node->t0 = tick->t0;
+    node->want_state = tick->want_state != 0;
+    node->progressed = true;
+    pm_node_enter(node, PM_NODE_RUNNING);
+    if (tick->dt != dt) {
+        pm_node_check(node,
+                      pm_fail(PM_ENET,
+                              "the coordinator's scene steps by %.17g s, this node's by %.17g s",
+                              tick->dt, dt));
+        return PM_KEEP;
+    }
+    pm_node_check(node, pm_node_begin(node));
+    return PM_KEEP;
+}
+
+static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    if (node->phase == PM_NODE_HELLO) {
+        const pm_drop drop = join(node, tick);
+        if (drop != PM_KEEP) {
+            return drop;
+        }
+    }
+    if (tick->session != node->party.session) {
+        return PM_DROP_SESSION;
+    }
+    node->coordinator_alive = true;
+    if (tick->granted > node->party.steps || tick->granted < 0) {
+        return PM_DROP_RANGE;
+    }
+    if (tick->granted < node->granted) {
+        return PM_DROP_REPEATED;
+    }
+    node->granted = tick->granted;
+    return PM_KEEP;
+}
+
+static void on_tick(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_node *node = context;
+    portmet_tick_t tick;
+    const pm_drop drop = pm_tick_decode(&tick, data, size);
+    pm_party_count(&node->party, drop == PM_KEEP ? accept_tick(node, &tick) : drop);
+}
+
+// --- commands ---
+
+// Is this command of the node's session, or (in PM_NODE_HELLO) of the one it was started for?
+static bool concerns(const pm_lockstep_node *node, const portmet_command_t *command) {
+    const int64_t session =
+        node->phase == PM_NODE_HELLO ? node->party.identity.hello.session : node->party.session;
+    return session != 0 && command->session == session;
+}
+
+// Leaves without a word: whoever is refused is not of the run.
+static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *command) {
+    if (!pm_identity_is_refused(&node->party.identity, command)) {
+        return PM_DROP_SESSION;
+    }
+    if (!pm_lockstep_node_leaving(node)) {
+        pm_party_end(&node->party, pm_party_code(command->code), command->reason);
+        node->phase = PM_NODE_FINISHED;
+    }
+    return PM_KEEP;
+}
+
+static pm_drop accept_command(void *context, const portmet_command_t *command) {
+    pm_lockstep_node *node = context;
+    if (command->kind == PORTMET_COMMAND_T_REFUSE) {
+        return accept_refusal(node, command);
+    }
+    const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
+    const bool end = command->kind == PORTMET_COMMAND_T_END;
+    const bool complete = node->phase == PM_NODE_RUNNING && node->step == node->party.steps;
+    if (!concerns(node, command)) {
+        return PM_DROP_SESSION;
+    }
+    if (!pm_lockstep_node_leaving(node)) {
+        if (!abort && !(end && complete)) {
+            return PM_DROP_RANGE;
+        }
+        if (abort && node->phase != PM_NODE_FAILING) {
+            pm_party_end(&node->party, pm_party_code(command->code), command->reason);
+        }
+        if (end) {
+            pm_history_remove(&node->history);
+        }
+        node->party.session = command->session;
+        pm_node_enter(node, PM_NODE_LEAVING);
+    }
+    // Repeated commands too: the coordinator repeats them until it has heard everybody's BYE.
+    pm_node_check(node, pm_reporter_say(&node->reporter, node->party.session, PORTMET_REPORT_T_BYE,
+                                        PM_OK, ""));
+    return PM_KEEP;
+}
+
+// --- hellos ---
+
+// Who came first stays.
+static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
+    pm_lockstep_node *node = context;
+    const pm_identity *own = &node->party.identity;
+    const bool first = node->phase == PM_NODE_RUNNING ||
+                       (node->phase == PM_NODE_HELLO && pm_identity_precedes(own, hello));
+    if (first && pm_identity_rivals(own, hello)) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a node %s of scene %s already", node->name,
+                 node->party.system->scene->name);
+        pm_node_check(node, pm_identity_refuse(own, hello, PM_ENET, reason));
+    }
+    return PM_KEEP;
+}
+
+// --- requests ---
+
+static void note_sender(pm_lockstep_node *node, const char *sender) {
+    if (sender[0] == 0) {
+        node->coordinator_alive = true;
+    }
+    for (int i = 0; i < node->crew.nlink; ++i) {
+        pm_flux_link *link = &node->crew.link[i];
+        link->alive = link->alive || strcmp(link->neighbour, sender) == 0;
+    }
+}
+
+// Who asks for what is no longer kept has returned from its death.
+static pm_status answer_report(pm_lockstep_node *node, int64_t step) {
+    bool kept;
+    PM_TRY(pm_reporter_repeat(&node->reporter, step, &kept));
+    const bool missed = !kept && step <= node->step - node->reporter.rows;
+    return missed && node->phase == PM_NODE_RUNNING ? pm_node_go_back(node, step > 0 ? step - 1 : 0)
+                                                    : PM_OK;
+}
+
+static pm_status answer_flux(pm_lockstep_node *node, int64_t step, int round) {
+    const int64_t key = step * node->rounds + round;
+    const bool missed = key < pm_node_key(node) && !pm_outbox_keeps(&node->crew.sent, key);
+    return missed && node->phase == PM_NODE_RUNNING
+               ? pm_node_go_back(node, step)
+               : pm_outbox_repeat(&node->crew.sent, node->party.transport, key);
+}
+
+static pm_drop accept_request(void *context, const portmet_request_t *request) {
+    pm_lockstep_node *node = context;
+    if (request->session != node->party.session || node->party.session == 0) {
+        return PM_DROP_SESSION;
+    }
+    const bool sane = request->step >= 0 && request->step <= PM_STEPS_MAX && request->round >= 0 &&
+                      request->round < node->rounds;
+    if (!sane) {
+        return PM_DROP_RANGE;
+    }
+    note_sender(node, request->sender);
+    if (strcmp(request->channel, node->reporter.sent.channel) == 0) {
+        pm_node_check(node, answer_report(node, request->step));
+    }
+    if (strcmp(request->channel, node->crew.sent.channel) == 0) {
+        pm_node_check(node, answer_flux(node, request->step, request->round));
+    }
+    return PM_KEEP;
+}
+
+// --- fluxes ---
+
+static pm_drop accept_flux(pm_flux_link *link) {
+    const pm_lockstep_node *node = link->node;
+    const portmet_flux_t *flux = &link->scratch;
+    if (node->phase != PM_NODE_RUNNING || flux->session != node->party.session) {
+        return PM_DROP_SESSION;
+    }
+    if (flux->round < 0 || flux->round >= node->rounds || flux->step < 0 ||
+        flux->step > node->party.steps) {
+        return PM_DROP_RANGE;
+    }
+    return pm_flux_link_keep(link, flux->step * node->rounds + flux->round, pm_node_key(node));
+}
+
+static void on_flux(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_flux_link *link = context;
+    const pm_drop drop = pm_flux_decode(&link->scratch, data, size);
+    pm_party_count(&link->node->party, drop == PM_KEEP ? accept_flux(link) : drop);
+}
+
+// --- opening ---
+
+pm_status pm_node_listen(pm_lockstep_node *node, int64_t asked) {
+    static const pm_party_ears ears = {accept_hello, accept_command, accept_request};
+    pm_transport *transport = node->party.transport;
+    PM_TRY(pm_party_open(&node->party, &ears, node, node->name, asked, node->history.path != NULL));
+    PM_TRY(pm_transport_subscribe(transport, node->party.tick_channel, on_tick, node));
+    for (int i = 0; i < node->crew.nlink; ++i) {
+        pm_flux_link *link = &node->crew.link[i];
+        link->node = node;
+        PM_TRY(pm_transport_subscribe(transport, link->channel, on_flux, link));
+    }
+    return PM_OK;
+}

@@ -1,0 +1,91 @@
+// The steps of a process: rounds, reports, and the way back to a checkpoint.
+#include "net/node.h"
+
+// Steps of one poll at most: then messages and the stop flag are looked at.
+#define STEPS_AT_ONCE 16
+
+static double time_of(const pm_lockstep_node *node, int64_t step) {
+    return node->t0 + (double)step * node->party.system->scene->dt;
+}
+
+int64_t pm_node_key(const pm_lockstep_node *node) {
+    return node->step * node->rounds + node->round;
+}
+
+// The books of the step just completed; published when no more steps are granted, or enough of them
+// are gathered.
+static pm_status report(pm_lockstep_node *node) {
+    PM_TRY(pm_reporter_done(&node->reporter, node->party.session, node->step,
+                            time_of(node, node->step), &node->crew, node->want_state));
+    return node->step < node->granted ? PM_OK : pm_reporter_flush(&node->reporter);
+}
+
+pm_status pm_node_go_back(pm_lockstep_node *node, int64_t step) {
+    // What was done up to now stays true.
+    PM_TRY(pm_reporter_flush(&node->reporter));
+    const int64_t found = pm_history_go_back(&node->history, step, &node->crew);
+    if (found < 0) {
+        return PM_OK;
+    }
+    node->step = found;
+    node->round = 0;
+    node->started = false;
+    node->progressed = true;
+    return found == 0 ? report(node) : PM_OK;
+}
+
+pm_status pm_node_begin(pm_lockstep_node *node) {
+    if (node->history.path == NULL) {
+        return report(node);
+    }
+    PM_TRY(pm_history_load(&node->history, node->party.session));
+    return pm_node_go_back(node, INT64_MAX);
+}
+
+static pm_status start_round(pm_lockstep_node *node) {
+    const portmet_flux_t head = {
+        .session = node->party.session,
+        .step = node->step,
+        .round = node->round,
+        .time = time_of(node, node->step),
+    };
+    PM_TRY(pm_crew_start_round(&node->crew, node->party.transport, pm_node_key(node), &head));
+    node->started = true;
+    node->progressed = true;
+    return PM_OK;
+}
+
+static pm_status finish_round(pm_lockstep_node *node) {
+    pm_crew_advance(&node->crew);
+    node->started = false;
+    node->round += 1;
+    if (node->round < node->rounds) {
+        return PM_OK;
+    }
+    PM_TRY(pm_crew_end_step(&node->crew));
+    node->step += 1;
+    node->round = 0;
+    PM_TRY(pm_history_note(&node->history, node->party.session, node->step, &node->crew));
+    return report(node);
+}
+
+bool pm_node_may_start(const pm_lockstep_node *node) {
+    return !node->started && node->step < node->granted;
+}
+
+pm_status pm_node_compute(pm_lockstep_node *node) {
+    const int64_t end = node->step + STEPS_AT_ONCE;
+    while (node->step < end && (node->started || pm_node_may_start(node))) {
+        if (!node->started) {
+            PM_TRY(start_round(node));
+        }
+        bool used;
+        node->missing = pm_crew_couple(&node->crew, pm_node_key(node), &used);
+        node->progressed = node->progressed || used;
+        if (node->missing != NULL) {
+            return PM_OK;
+        }
+        PM_TRY(finish_round(node));
+    }
+    return PM_OK;
+}

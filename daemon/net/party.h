@@ -1,0 +1,50 @@
+// What a process and the coordinator of a run have in common: who they are, the channels on which
+// all speak to all, requests for what was lost, and how it ended.
+#ifndef PM_NET_PARTY_H
+#define PM_NET_PARTY_H
+
+#include "net/codec.h"
+#include "net/identity.h"
+#include "net/waiting.h"
+
+// What each of them does with a message that is well formed, and why it drops it, if it does.
+typedef struct pm_party_ears {
+    pm_drop (*hello)(void *context, const portmet_hello_t *hello);
+    pm_drop (*command)(void *context, const portmet_command_t *command);
+    pm_drop (*request)(void *context, const portmet_request_t *request);
+} pm_party_ears;
+
+// Storage the caller owns; zero-initialise.
+typedef struct pm_party {
+    const pm_system *system;
+    pm_transport *transport;
+    const pm_party_ears *ears;
+    void *context; // of the ears
+    pm_identity identity;
+    char tick_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
+    int64_t session, steps; // of the run; session 0: none yet
+    double now;             // s, last poll
+    pm_waiting waiting;
+    pm_status status; // how it ended, and why
+    char message[PM_TEXT_MAX + 1];
+    pm_drops drops;
+} pm_party;
+
+// `name` and `asked` as pm_identity_init's name and session. Subscribes to hellos, commands and
+// requests; `system` and `transport` are set already. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+pm_status pm_party_open(pm_party *party, const pm_party_ears *ears, void *context, const char *name,
+                        int64_t asked, bool keeps_checkpoints);
+
+void pm_party_count(pm_party *party, pm_drop drop);
+
+// Misses a message on `channel`: publishes a request for it.
+pm_status pm_party_request(const pm_party *party, const char *channel, int64_t step, int round);
+
+// The end, and what it is told with: PM_OK, or `status` with pm_error() set to `message`.
+void pm_party_end(pm_party *party, pm_status status, const char *message);
+pm_status pm_party_result(const pm_party *party);
+
+// The class of failure that a code from the network stands for; PM_ENET if it is none.
+pm_status pm_party_code(int8_t code);
+
+#endif
