@@ -356,13 +356,18 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 // --- memory ---
 
 // Step, terms evaluated and skipped, steps outside; the books' own flux, those of its ports, the
-// balance; the state.
+// balance; what bulk and ports were evaluated with, so that the first step knows what has not
+// changed; the state.
 #define COUNTS 4
 #define FLUX 4
 #define BALANCE 4
 
 int pm_subsystem_memory(const pm_subsystem *s) {
-    return COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + s->nz;
+    int count = COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + 1 + 3 * s->nz + s->nz;
+    for (int i = 0; i < s->njoint; ++i) {
+        count += pm_joint_memory(&s->joint[i]);
+    }
+    return count;
 }
 
 static double *put_flux(const pm_flux *flux, double *memory) {
@@ -375,6 +380,29 @@ static double *put_flux(const pm_flux *flux, double *memory) {
 static const double *get_flux(pm_flux *flux, const double *memory) {
     *flux = (pm_flux){memory[0], memory[1], memory[2], memory[3]};
     return memory + FLUX;
+}
+
+static double *put_bulk(const pm_subsystem *s, double *memory) {
+    const double *const input[] = {s->bulk_z, s->bulk_dE, s->bulk_dS};
+    *memory++ = s->bulk_known;
+    for (int i = 0; i < 3; ++i, memory += s->nz) {
+        for (int c = 0; c < s->nz; ++c) {
+            memory[c] = value_at(input[i], c);
+        }
+    }
+    return memory;
+}
+
+static const double *get_bulk(pm_subsystem *s, const double *memory) {
+    double *const input[] = {s->bulk_z, s->bulk_dE, s->bulk_dS};
+    s->bulk_known = *memory++ != 0;
+    for (int i = 0; i < 3; ++i, memory += s->nz) {
+        copy(input[i], memory, s->nz);
+    }
+    if (s->bulk_known) {
+        pm_program_run(s->bulk, 1);
+    }
+    return memory;
 }
 
 void pm_subsystem_save(const pm_subsystem *s, double *memory) {
@@ -390,6 +418,11 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     *memory++ = s->balance.energy_gross;
     *memory++ = s->balance.entropy;
     *memory++ = s->balance.entropy_gross;
+    memory = put_bulk(s, memory);
+    for (int i = 0; i < s->njoint; ++i) {
+        pm_joint_save(&s->joint[i], memory);
+        memory += pm_joint_memory(&s->joint[i]);
+    }
     copy(memory, s->z, s->nz);
 }
 
@@ -405,6 +438,11 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
         memory = get_flux(&s->flux[i], memory);
     }
     s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
+    memory = get_bulk(s, memory + BALANCE);
+    for (int i = 0; i < s->njoint; ++i) {
+        pm_joint_restore(&s->joint[i], memory);
+        memory += pm_joint_memory(&s->joint[i]);
+    }
 }
 
 // --- the end of a step ---
