@@ -363,7 +363,7 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 #define BALANCE 4
 
 int pm_subsystem_memory(const pm_subsystem *s) {
-    int count = COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + 1 + 3 * s->nz + s->nz;
+    int count = COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + pm_terms_memory(&s->terms) + s->nz;
     for (int i = 0; i < s->njoint; ++i) {
         count += pm_joint_memory(&s->joint[i]);
     }
@@ -382,29 +382,6 @@ static const double *get_flux(pm_flux *flux, const double *memory) {
     return memory + FLUX;
 }
 
-static double *put_bulk(const pm_subsystem *s, double *memory) {
-    const double *const input[] = {s->bulk_z, s->bulk_dE, s->bulk_dS};
-    *memory++ = s->bulk_known;
-    for (int i = 0; i < 3; ++i, memory += s->nz) {
-        for (int c = 0; c < s->nz; ++c) {
-            memory[c] = value_at(input[i], c);
-        }
-    }
-    return memory;
-}
-
-static const double *get_bulk(pm_subsystem *s, const double *memory) {
-    double *const input[] = {s->bulk_z, s->bulk_dE, s->bulk_dS};
-    s->bulk_known = *memory++ != 0;
-    for (int i = 0; i < 3; ++i, memory += s->nz) {
-        copy(input[i], memory, s->nz);
-    }
-    if (s->bulk_known) {
-        pm_program_run(s->bulk, 1);
-    }
-    return memory;
-}
-
 void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     *memory++ = (double)s->step;
     *memory++ = (double)s->books.evaluated;
@@ -418,7 +395,8 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     *memory++ = s->balance.energy_gross;
     *memory++ = s->balance.entropy;
     *memory++ = s->balance.entropy_gross;
-    memory = put_bulk(s, memory);
+    pm_terms_save(&s->terms, memory);
+    memory += pm_terms_memory(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
         pm_joint_save(&s->joint[i], memory);
         memory += pm_joint_memory(&s->joint[i]);
@@ -438,7 +416,9 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
         memory = get_flux(&s->flux[i], memory);
     }
     s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
-    memory = get_bulk(s, memory + BALANCE);
+    memory += BALANCE;
+    pm_terms_restore(&s->terms, memory);
+    memory += pm_terms_memory(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
         pm_joint_restore(&s->joint[i], memory);
         memory += pm_joint_memory(&s->joint[i]);

@@ -121,3 +121,31 @@ bool pm_terms_evaluate_bulk(pm_terms *t, const double *z) {
     }
     return renewed;
 }
+
+// --- memory ---
+
+#define INPUTS 3 // z, dE, dS
+
+int pm_terms_memory(const pm_terms *t) {
+    return 1 + INPUTS * t->nz;
+}
+
+void pm_terms_save(const pm_terms *t, double *memory) {
+    const double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
+    *memory++ = t->bulk_known;
+    for (int i = 0; i < INPUTS * t->nz; ++i) {
+        const double *from = input[i / t->nz];
+        memory[i] = from == NULL ? 0 : from[i % t->nz];
+    }
+}
+
+void pm_terms_restore(pm_terms *t, const double *memory) {
+    double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
+    t->bulk_known = *memory++ != 0;
+    for (int i = 0; i < INPUTS && t->bulk_known; ++i) {
+        pm_renew(input[i], memory + (ptrdiff_t)i * t->nz, t->nz);
+    }
+    if (t->bulk_known) {
+        pm_program_run(t->bulk, 1);
+    }
+}

@@ -36,4 +36,10 @@ bool pm_terms_expose(pm_terms *t, const double *z, const double *from);
 // if that was not known.
 bool pm_terms_evaluate_bulk(pm_terms *t, const double *z);
 
+// What the bulk term was evaluated with, so that another's knows it too: how many numbers, and
+// these. Restoring evaluates it.
+int pm_terms_memory(const pm_terms *t);
+void pm_terms_save(const pm_terms *t, double *memory);
+void pm_terms_restore(pm_terms *t, const double *memory);
+
 #endif
