@@ -6,10 +6,15 @@ forever=1000000000
 sed '/^time:/i lockstep: {patience: 1}' "$scene" >"$folder/scene_hasty.yaml"
 hasty=$folder/scene_hasty.yaml
 
-# SIGINT and SIGTERM to the run.
+# SIGINT and SIGTERM to the run. No process has threads, so that nothing is shared that could race
+# (OpenBLAS would keep workers that it is told not to use).
+export OPENBLAS_NUM_THREADS=1
 for signal in INT TERM; do
     start run run "$scene" --quiet --steps $forever
     wait_for $pid left right
+    for process in $pid "$(child $pid left)" "$(child $pid right)"; do
+        [ "$(ls "/proc/$process/task" | wc -l)" -eq 1 ] || fail "process $process has threads"
+    done
     kill -$signal $pid
     ends run $pid 12 "interrupted"
     no_orphans "run after SIG$signal"
