@@ -218,6 +218,10 @@ static const mistake port_mistakes[] = {
     {"law: bracket\nreversible: {learned: {acts_on: [a.q, c.q]}}\n", "\"c.q\""},
     {"law: bracket\nreversible: {learned: {acts_on: [a.q], features: [own.q]}}\n", "\"own.q\""},
     {"law: exchange\n", "cannot be hard"},
+    {"law: contact\nmatrix: [[1, 2]]\n", "model:2:9: the matrix is 1 x 2, expected 5 x 5"},
+    {"law: contact\nform: soft\n", "law contact is hard, and has a matrix and nothing else"},
+    {"law: contact\nenergy: s\n", "law contact is hard, and has a matrix and nothing else"},
+    {"law: contact\nreversible: {given: [[a.q, b.q, 1]]}\n", "has a matrix and nothing else"},
     {"law: exchange\nform: soft\nenergy: {features: [a.q]}\n", "\"a.q\""},
     {"law: exchange\nform: soft\nreversible: {learned: {acts_on: [other.q]}}\n", "not a group"},
 };
