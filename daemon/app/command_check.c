@@ -92,6 +92,9 @@ static void print_subsystem(const pm_setup *setup, int i) {
     const pm_part *part = &setup->system->part[i];
     printf("\nsubsystem %s (%s): %d variables\n", subsystem->name, form_name(part->spec.form),
            subsystem->layout.nz);
+    if (subsystem->substeps > 1) {
+        printf("  time       %d steps of its own between two exchanges\n", subsystem->substeps);
+    }
     for (int group = 0; group < subsystem->layout.ngroup; ++group) {
         print_group(setup->scene, subsystem, group);
     }

@@ -11,6 +11,7 @@
 #include "store/hdf5_io.h"
 
 #define LAYOUT "state_layout"
+#define CONTACT "contact_force"
 
 // --- memory ---
 
@@ -42,7 +43,11 @@ static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     d->z = pm_arena_array(&d->arena, nstate * nnode, (size_t)shape.nvariable * sizeof *d->z);
     d->f = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->f);
     d->position = pm_arena_array(&d->arena, nnode, 3 * sizeof *d->position);
-    if (d->t == NULL || d->z == NULL || d->f == NULL || d->position == NULL) {
+    if (shape.contact) {
+        d->contact = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->contact);
+    }
+    if (d->t == NULL || d->z == NULL || d->f == NULL || d->position == NULL ||
+        (shape.contact && d->contact == NULL)) {
         pm_field_free(d);
         return fail_memory();
     }
@@ -58,7 +63,9 @@ pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const 
     d->clamped = pm_arena_array(&d->arena, (size_t)shape.nnode, sizeof *d->clamped);
     d->energy = pm_arena_array(&d->arena, nstate, PM_FIELD_ENERGIES * sizeof *d->energy);
     d->variable = pm_arena_strdup(&d->arena, variable);
-    if (d->hexahedron == NULL || d->clamped == NULL || d->energy == NULL || d->variable == NULL) {
+    d->contact_work = pm_arena_array(&d->arena, nstate, sizeof *d->contact_work);
+    if (d->hexahedron == NULL || d->clamped == NULL || d->energy == NULL || d->variable == NULL ||
+        d->contact_work == NULL) {
         pm_field_free(d);
         return fail_memory();
     }
@@ -113,6 +120,24 @@ static pm_status read_forces(pm_field *d, const pm_hdf5 *file) {
     return PM_OK;
 }
 
+static pm_status find_contact(const pm_hdf5 *file, pm_arena *arena, bool *found) {
+    const char **name;
+    int count;
+    PM_TRY(pm_hdf5_members(file, "/", arena, &count, &name));
+    *found = false;
+    for (int i = 0; i < count; ++i) {
+        *found = *found || strcmp(name[i], CONTACT) == 0;
+    }
+    return PM_OK;
+}
+
+static pm_status read_contact(pm_field *d, const pm_hdf5 *file, const char *path) {
+    const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, 3};
+    const size_t count = 3 * (size_t)d->ntrajectory * (size_t)d->ntime * (size_t)d->nnode;
+    PM_TRY(pm_hdf5_read(file, "/" CONTACT, 4, shape, d->contact));
+    return check_finite(d->contact, count, path, CONTACT);
+}
+
 static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path) {
     const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, d->nvariable};
     const int position[2] = {d->nnode, 3};
@@ -139,17 +164,25 @@ static pm_status load(pm_field **field, const char *path) {
     pm_hdf5 *file = NULL;
     pm_field *d = NULL;
     int shape[4];
+    bool contact;
+    pm_arena names = {NULL};
     pm_status status;
     PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
     PM_TRY_DONE(pm_hdf5_shape(file, "/z", 4, shape));
+    PM_TRY_DONE(find_contact(file, &names, &contact));
     PM_TRY_DONE(field_alloc(&d, (pm_field_shape){.ntrajectory = shape[0],
                                                  .ntime = shape[1],
                                                  .nnode = shape[2],
-                                                 .nvariable = shape[3]}));
+                                                 .nvariable = shape[3],
+                                                 .contact = contact}));
     PM_TRY_DONE(read_content(d, file, path));
+    if (contact) {
+        PM_TRY_DONE(read_contact(d, file, path));
+    }
     *field = d;
     d = NULL;
 done:
+    pm_arena_free(&names);
     pm_field_free(d);
     pm_hdf5_close(file);
     return status;
@@ -191,6 +224,40 @@ static pm_status write_content(const pm_field *d, pm_hdf5 *file) {
                               "[trajectory][time][stored, dissipated, work of the forces], J");
 }
 
+// The sum over the nodes of the forces of contact, at each time. PM_ENOMEM.
+static pm_status sum_contact(const pm_field *d, double **result) {
+    const size_t nstate = (size_t)d->ntrajectory * (size_t)d->ntime, width = 3 * (size_t)d->nnode;
+    double *total = calloc(3 * nstate, sizeof *total);
+    if (total == NULL) {
+        return fail_memory();
+    }
+    for (size_t i = 0; i < nstate * width; ++i) {
+        total[3 * (i / width) + i % 3] += d->contact[i];
+    }
+    *result = total;
+    return PM_OK;
+}
+
+static pm_status write_contact(const pm_field *d, pm_hdf5 *file) {
+    const int force[4] = {d->ntrajectory, d->ntime, d->nnode, 3};
+    const int total_force[3] = {d->ntrajectory, d->ntime, 3};
+    double *total = NULL;
+    pm_status status;
+    PM_TRY_DONE(sum_contact(d, &total));
+    PM_TRY_DONE(pm_hdf5_write(file, "/" CONTACT, 4, force, d->contact));
+    PM_TRY_DONE(pm_hdf5_write(file, "/" CONTACT "_total", 3, total_force, total));
+    PM_TRY_DONE(pm_hdf5_write(file, "/contact_work", 2, force, d->contact_work));
+    PM_TRY_DONE(pm_hdf5_write_text(file, "/" CONTACT, "description",
+                                   "[trajectory][time][node][xyz], N, of the bodies that touch"));
+    PM_TRY_DONE(pm_hdf5_write_text(file, "/" CONTACT "_total", "description",
+                                   "[trajectory][time][xyz], N, sum over the nodes"));
+    PM_TRY_DONE(pm_hdf5_write_text(file, "/contact_work", "description",
+                                   "[trajectory][time], J, of the forces of contact"));
+done:
+    free(total);
+    return status;
+}
+
 pm_status pm_field_save(const pm_field *field, const char *path, int count,
                         const char *const (*note)[2]) {
     pm_hdf5 *file = NULL;
@@ -200,6 +267,9 @@ pm_status pm_field_save(const pm_field *field, const char *path, int count,
         PM_TRY_DONE(pm_hdf5_write_text(file, "/", note[i][0], note[i][1]));
     }
     PM_TRY_DONE(write_content(field, file));
+    if (field->contact != NULL) {
+        PM_TRY_DONE(write_contact(field, file));
+    }
     status = pm_hdf5_commit(file);
 done:
     pm_hdf5_close(file);

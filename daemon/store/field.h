@@ -6,11 +6,15 @@
 //   /hexahedra [element][8] nodes in the order of VTK (written, not read),
 //   /clamped [node] 1 or 0 (written, not read),
 //   /energy [trajectory][time][3] J: stored, dissipated, work of the forces (written, not read),
+//   of a body in contact with others: /contact_force [trajectory][time][node][3] N, what these exert
+//      on the nodes, and, written, not read: /contact_force_total [trajectory][time][3] N, its sum,
+//      /contact_work [trajectory][time] J,
 //   attribute state_layout of /: the variables' names separated by blanks, then any remark;
 //   other text attributes of / are notes.
 #ifndef PM_STORE_FIELD_H
 #define PM_STORE_FIELD_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "base/arena.h"
@@ -25,6 +29,8 @@ typedef struct pm_field {
     double *t;            // [ntime] s
     double *z;            // [ntrajectory][ntime][nnode][nvariable]
     double *f;            // [ntrajectory][ntime][nnode][3] N
+    double *contact;      // [ntrajectory][ntime][nnode][3] N; NULL: no contact
+    double *contact_work; // [ntrajectory][ntime] J; NULL if read from a file
     double *position;     // [nnode][3] m
     double *hexahedron;   // [nelement][8]; NULL if read from a file
     double *clamped;      // [nnode]; NULL if read from a file
@@ -34,6 +40,7 @@ typedef struct pm_field {
 
 typedef struct pm_field_shape {
     int ntrajectory, ntime, nnode, nvariable, nelement;
+    bool contact;
 } pm_field_shape;
 
 // Makes an empty one to be filled: zeroed, t = i dt. PM_ENOMEM. The caller frees.
@@ -52,6 +59,10 @@ static inline double *pm_field_state(const pm_field *d, int i, int j) {
 }
 static inline double *pm_field_force(const pm_field *d, int i, int j) {
     return d->f + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)(d->nnode * 3);
+}
+// Forces of contact [nnode][3], where there are any.
+static inline double *pm_field_contact(const pm_field *d, int i, int j) {
+    return d->contact + (pm_field_force(d, i, j) - d->f);
 }
 
 #endif

@@ -14,10 +14,10 @@
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };
 
-static const char *saved(scratch *folder) {
+static const char *saved_with(scratch *folder, bool contact) {
     const char *path = scratch_path(folder, "field.h5");
     const char *const notes[][2] = {{"title", "trial"}};
-    const pm_field_shape shape = {NTRAJECTORY, NTIME, NNODE, NVARIABLE, 1};
+    const pm_field_shape shape = {NTRAJECTORY, NTIME, NNODE, NVARIABLE, 1, contact};
     pm_field *d = NULL;
     assert_int_equal(pm_field_new(&d, shape, 0.5, "qx qy vx vy s"), PM_OK);
     for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * NVARIABLE; ++i) {
@@ -29,9 +29,16 @@ static const char *saved(scratch *folder) {
     for (int i = 0; i < NNODE * 3; ++i) {
         d->position[i] = -i;
     }
+    for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * 3 && contact; ++i) {
+        d->contact[i] = 2 * i;
+    }
     assert_int_equal(pm_field_save(d, path, 1, notes), PM_OK);
     pm_field_free(d);
     return path;
+}
+
+static const char *saved(scratch *folder) {
+    return saved_with(folder, false);
 }
 
 static void saved_comes_back(void **state) {
@@ -43,7 +50,27 @@ static void saved_comes_back(void **state) {
     assert_true(pm_field_state(d, 1, 2)[NVARIABLE * 3 + 4] == 1.0 / 120);
     assert_true(pm_field_force(d, 1, 0)[1] == NTIME * NNODE * 3 + 1);
     assert_true(d->position[11] == -11);
+    assert_null(d->contact);
     pm_field_free(d);
+}
+
+// The sum over the nodes is what a plot wants.
+static void forces_of_contact_come_back(void **state) {
+    const char *path = saved_with(*state, true);
+    double total[NTRAJECTORY * NTIME * 3];
+    pm_field *d = NULL;
+    assert_int_equal(pm_field_load(&d, path), PM_OK);
+    for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * 3; ++i) {
+        assert_true(d->contact[i] == 2 * i);
+    }
+    assert_ptr_equal(pm_field_contact(d, 1, 2), d->contact + 5 * NNODE * 3);
+    pm_field_free(d);
+    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    const hid_t id = H5Dopen2(file, "/contact_force_total", H5P_DEFAULT);
+    assert_true(H5Dread(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, total) >= 0);
+    assert_true(total[3 * 5 + 1] == 2 * (4 * (5 * NNODE * 3 + 1) + 3 * (0 + 1 + 2 + 3)));
+    H5Dclose(id);
+    H5Fclose(file);
 }
 
 // Replaces /f by one of `ntime` times that counts from 1, written in single precision.
@@ -109,6 +136,8 @@ static void faults_are_told(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(saved_comes_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(forces_of_contact_come_back, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test_setup_teardown(missing_first_forces_are_zero, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(faults_are_told, scratch_setup, scratch_teardown),

@@ -78,10 +78,27 @@ with_beam 's/0.49\]/0.7]/'
 expect 3 "in all below 1" truth "$beam" -o "$new"
 with_beam 's/4, 1, 1/4, 1.5, 1/'
 expect 3 "elements along x, y, z" truth "$beam" -o "$new"
+with_beam 's/substeps: 2/contact: 1.0/; s/4, 1, 1\]/4, 1, 1]\n  substeps: 2/'
+expect 3 "contact: expected beams beside it" truth "$beam" -o "$new"
 with_beam 's/hold: .*/hold: [0.8, 0.2]/'
 expect 3 "hold: expected [lowest, highest]" truth "$beam" -o "$new"
 with_beam 's/  patches:/  rows: {force: 1.0, positions: 2, ramp: 1.0}/; /Drawn/,/tilt/!{/:.*\[0\./{/material/!d}}; /force: \[/d; /length/d; /width/d; /tilt: /d'
 expect 3 "trajectory 8 of 8" truth "$beam" -o "$new" --trajectories 8
+# with_beams SED-SCRIPT: likewise for the crossed beams.
+with_beams() {
+    sed -e 's/elements: .*/elements: [4, 1, 1]/; s/states: .*/states: 8/' -e "$1" configs/truth/crossed_beams.yaml >"$beam"
+}
+with_beams ''
+succeed "contact           lower: in " truth "$beam" -o "$folder/beams.h5" --trajectories 0:2
+[ -e "$folder/beams_lower.h5" ] && [ -e "$folder/beams_upper.h5" ] || fail "a file of a beam is missing"
+with_beams 's/+y, -x, +z/+y, +x, +z/'
+expect 3 "right-handed" truth "$beam" -o "$new"
+with_beams 's/-26, 11/-26, 9/'
+expect 3 "lower and upper overlap" truth "$beam" -o "$new"
+with_beams 's/loaded: upper/loaded: middle/'
+expect 3 "loaded: expected one of" truth "$beam" -o "$new"
+with_beams 's/face: +z/face: +x/'
+expect 3 "face: expected one of" truth "$beam" -o "$new"
 succeed "2 of 2 trajectories to 1e-10" truth $slow --trajectories=45:47 --output "$new"
 
 # --- evaluate ---

@@ -79,7 +79,7 @@ static void draw_force(pm_beam_load *load, const pm_beam_patches *patches, int f
 void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
                         const pm_beam_patches *patches, pm_rng *rng) {
     *load = (pm_beam_load){.fraction = {0, 1, 1, 0}};
-    const int face = (int)pm_rng_below(rng, PM_BEAM_FACES);
+    const int face = patches->face < 0 ? (int)pm_rng_below(rng, PM_BEAM_FACES) : patches->face;
     const double along[2] = {nearest * mesh->size[0], mesh->size[0]};
     const double across[2] = {0, mesh->size[axis_across(face)]};
     const double centre[2] = {draw_between(rng, along), draw_between(rng, across)};
@@ -105,10 +105,13 @@ static double fraction_at(const pm_beam_load *load, double t) {
 
 void pm_beam_load_at(const pm_beam_load *load, const pm_beam_mesh *mesh, double t, double *f) {
     const double fraction = fraction_at(load, t);
+    const int first = load->body * (mesh->nnode / mesh->nbody);
+    double force[3];
+    pm_beam_placement_turn(&mesh->placement[load->body], load->force, force);
     memset(f, 0, 3 * (size_t)mesh->nnode * sizeof *f);
     for (int i = 0; i < load->nnode; ++i) {
         for (int d = 0; d < 3; ++d) {
-            f[3 * load->node[i] + d] = fraction * load->force[d];
+            f[3 * (first + load->node[i]) + d] = fraction * force[d];
         }
     }
 }

@@ -11,14 +11,15 @@
 #define PM_BEAM_FACES 4
 
 typedef struct pm_beam_load {
+    int body;
     int nnode;
-    int node[PM_BEAM_MAX_LOADED];
-    double force[3];                // N on each node, in full
+    int node[PM_BEAM_MAX_LOADED];   // of the body, numbered as if it were alone
+    double force[3];                // N on each node, in full, in the body's frame
     double time[PM_BEAM_KNOTS];     // s, ascending
     double fraction[PM_BEAM_KNOTS]; // of the full load, from the start's 0 on
 } pm_beam_load;
 
-// Faces 0..3 are y = top, z = top, y = 0, z = 0; loads press inwards.
+// Faces 0..3 are y = top, z = top, y = 0, z = 0; loads press inwards. They are made for body 0.
 
 // A row of nodes across a face, the `position`th from the free end; `force` on each node is full
 // after `ramp` s, and stays.
@@ -30,15 +31,16 @@ typedef struct pm_beam_patches {
     double force[2];  // N, in all
     double length[2]; // m, along the beam
     double width[2];  // m, across it
+    int face;         // -1: any
     double tilt;      // standard deviation of the direction's parts along the face, by that into it
     double ramp[2], hold[2], unload[2]; // s
 } pm_beam_patches;
 
-// A patch on a random face, its centre in the outer three fifths of the beam: ramp, hold, unload.
+// A patch on the face, its centre in the outer three fifths of the beam: ramp, hold, unload.
 void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
                         const pm_beam_patches *patches, pm_rng *rng);
 
-// f [nnode][3], N, at time t.
+// f [nnode][3], N, in the world, at time t.
 void pm_beam_load_at(const pm_beam_load *load, const pm_beam_mesh *mesh, double t, double *f);
 
 #endif

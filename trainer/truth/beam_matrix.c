@@ -10,8 +10,9 @@
 struct pm_beam_matrix {
     const pm_beam_mesh *mesh;
     cholmod_common common;
-    cholmod_sparse *K; // upper triangle
-    cholmod_factor *factor;
+    cholmod_sparse *K;         // upper triangle
+    cholmod_factor *factor;    // its symbolic part is that of K
+    cholmod_triplet *coupling; // added to K on solving; NULL until there is one
     cholmod_dense *b;
     int *freedom;          // [nnode] first of three; -1: clamped
     int (*place)[ENTRIES]; // [nelement] in K's values; -1: clamped
@@ -27,9 +28,9 @@ static int number_freedoms(pm_beam_matrix *matrix) {
     return count;
 }
 
-// Row and column in K of an entry of an element; false if one of them is clamped.
-static bool locate(const pm_beam_matrix *matrix, int element, int i, int j, int *row, int *column) {
-    const int *node = matrix->mesh->hexahedron[element];
+// Row and column in K of entry i, j of a matrix over these nodes; false if one of them is clamped.
+static bool locate(const pm_beam_matrix *matrix, const int *node, int i, int j, int *row,
+                   int *column) {
     const int a = matrix->freedom[node[i / 3]], b = matrix->freedom[node[j / 3]];
     const int k = a + i % 3, l = b + j % 3;
     *row = k < l ? k : l;
@@ -49,8 +50,8 @@ static bool make_pattern(pm_beam_matrix *matrix, int nfreedom) {
     for (int e = 0; e < matrix->mesh->nelement; ++e) {
         for (int i = 0; i < PM_BEAM_FREEDOMS; ++i) {
             for (int j = i; j < PM_BEAM_FREEDOMS; ++j) {
-                triplet->nnz +=
-                    locate(matrix, e, i, j, rows + triplet->nnz, columns + triplet->nnz);
+                triplet->nnz += locate(matrix, matrix->mesh->hexahedron[e], i, j,
+                                       rows + triplet->nnz, columns + triplet->nnz);
             }
         }
     }
@@ -79,8 +80,9 @@ static void find_places(pm_beam_matrix *matrix) {
         int *place = matrix->place[e], row, column;
         for (int i = 0; i < PM_BEAM_FREEDOMS; ++i) {
             for (int j = i; j < PM_BEAM_FREEDOMS; ++j) {
-                *place++ =
-                    locate(matrix, e, i, j, &row, &column) ? find(matrix->K, row, column) : -1;
+                *place++ = locate(matrix, matrix->mesh->hexahedron[e], i, j, &row, &column)
+                               ? find(matrix->K, row, column)
+                               : -1;
             }
         }
     }
@@ -117,6 +119,7 @@ void pm_beam_matrix_free(pm_beam_matrix *matrix) {
         cholmod_free_factor(&matrix->factor, &matrix->common);
         cholmod_free_dense(&matrix->b, &matrix->common);
         cholmod_free_sparse(&matrix->K, &matrix->common);
+        cholmod_free_triplet(&matrix->coupling, &matrix->common);
         cholmod_finish(&matrix->common);
         free(matrix->place);
         free(matrix->freedom);
@@ -126,6 +129,9 @@ void pm_beam_matrix_free(pm_beam_matrix *matrix) {
 
 void pm_beam_matrix_clear(pm_beam_matrix *matrix) {
     memset(matrix->K->x, 0, matrix->K->nzmax * sizeof(double));
+    if (matrix->coupling != NULL) {
+        matrix->coupling->nnz = 0;
+    }
 }
 
 void pm_beam_matrix_add(pm_beam_matrix *matrix, int element, const double *stiffness) {
@@ -140,18 +146,76 @@ void pm_beam_matrix_add(pm_beam_matrix *matrix, int element, const double *stiff
     }
 }
 
+// Room for `count` more entries of the coupling.
+static bool reserve(pm_beam_matrix *matrix, size_t count) {
+    cholmod_triplet *t = matrix->coupling;
+    if (t == NULL) {
+        const size_t n = matrix->K->nrow;
+        matrix->coupling = cholmod_allocate_triplet(n, n, count, 1, CHOLMOD_REAL, &matrix->common);
+        return matrix->coupling != NULL;
+    }
+    return t->nnz + count <= t->nzmax ||
+           cholmod_reallocate_triplet(2 * (t->nnz + count), t, &matrix->common);
+}
+
+bool pm_beam_matrix_couple(pm_beam_matrix *matrix, int n, const int *node,
+                           const double *stiffness) {
+    if (!reserve(matrix, (size_t)(3 * n * (3 * n + 1) / 2))) {
+        return false;
+    }
+    cholmod_triplet *t = matrix->coupling;
+    int *rows = t->i, *columns = t->j;
+    double *value = t->x;
+    for (int i = 0; i < 3 * n; ++i) {
+        for (int j = i; j < 3 * n; ++j) {
+            if (locate(matrix, node, i, j, rows + t->nnz, columns + t->nnz)) {
+                value[t->nnz++] = stiffness[3 * n * i + j];
+            }
+        }
+    }
+    return true;
+}
+
+// K and the coupling, with a factor of their own.
+static bool factorize_coupled(pm_beam_matrix *matrix, cholmod_factor **factor) {
+    double one[2] = {1, 0};
+    cholmod_common *common = &matrix->common;
+    cholmod_sparse *coupling = cholmod_triplet_to_sparse(matrix->coupling, 0, common);
+    cholmod_sparse *sum =
+        coupling == NULL ? NULL : cholmod_add(matrix->K, coupling, one, one, 1, 1, common);
+    *factor = sum == NULL ? NULL : cholmod_analyze(sum, common);
+    const bool good =
+        *factor != NULL && cholmod_factorize(sum, *factor, common) && common->status == CHOLMOD_OK;
+    cholmod_free_sparse(&sum, common);
+    cholmod_free_sparse(&coupling, common);
+    return good;
+}
+
+// x = K^-1 b by the factor of K, or of the coupled matrix in its place. NULL: not positive
+// definite, or out of memory.
+static cholmod_dense *solve(pm_beam_matrix *matrix) {
+    cholmod_common *common = &matrix->common;
+    if (matrix->coupling == NULL || matrix->coupling->nnz == 0) {
+        return cholmod_factorize(matrix->K, matrix->factor, common) && common->status == CHOLMOD_OK
+                   ? cholmod_solve(CHOLMOD_A, matrix->factor, matrix->b, common)
+                   : NULL;
+    }
+    cholmod_factor *factor;
+    cholmod_dense *x = factorize_coupled(matrix, &factor)
+                           ? cholmod_solve(CHOLMOD_A, factor, matrix->b, common)
+                           : NULL;
+    cholmod_free_factor(&factor, common);
+    return x;
+}
+
 bool pm_beam_matrix_solve(pm_beam_matrix *matrix, double *b) {
     double *right = matrix->b->x;
-    cholmod_common *common = &matrix->common;
     for (int i = 0; i < matrix->mesh->nnode; ++i) {
         if (matrix->freedom[i] >= 0) {
             memcpy(right + matrix->freedom[i], b + 3 * i, 3 * sizeof *b);
         }
     }
-    if (!cholmod_factorize(matrix->K, matrix->factor, common) || common->status != CHOLMOD_OK) {
-        return false;
-    }
-    cholmod_dense *x = cholmod_solve(CHOLMOD_A, matrix->factor, matrix->b, common);
+    cholmod_dense *x = solve(matrix);
     if (x == NULL) {
         return false;
     }
@@ -161,6 +225,6 @@ bool pm_beam_matrix_solve(pm_beam_matrix *matrix, double *b) {
             b[3 * i + d] = matrix->freedom[i] >= 0 ? solution[matrix->freedom[i] + d] : 0;
         }
     }
-    cholmod_free_dense(&x, common);
+    cholmod_free_dense(&x, &matrix->common);
     return true;
 }

@@ -1,51 +1,71 @@
-// Newton's method on the beam's nodes.
+// Newton's method on the bodies' nodes.
 #include "truth/beam_solve.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "truth/beam_contact.h"
 #include "truth/beam_matrix.h"
 
-// Equilibrium: the residual's norm over the largest norm of the forces within the elements so far.
+// Equilibrium: the residual's norm over the largest norm of the forces within the elements, now or
+// at an equilibrium before.
 // Rounding leaves about 1e-11; the last iteration squares what is left before it.
 #define TOLERANCE 1e-9
 // How often a step may be halved.
 #define MAX_DEPTH 6
 
+// A body in an iteration, or at the last equilibrium.
+typedef struct body {
+    double stored, dissipation; // J, W
+} body;
+
 struct pm_beam {
+    pm_arena arena; // owns the arrays
     const pm_beam_mesh *mesh;
     pm_beam_material material;
+    pm_beam_contact contact;
     pm_beam_element *element;                 // [nelement]
     pm_beam_memory (*before)[PM_BEAM_POINTS]; // [nelement] at the last equilibrium
     pm_beam_memory (*after)[PM_BEAM_POINTS];  // [nelement] of the iteration
     double (*stress)[PM_SYMMETRIC];           // [nelement] of the iteration
     pm_beam_matrix *matrix;
+    pm_beam_touch touch; // of the iteration
     pm_beam_state now;
-    double *f;          // [nnode][3] forces at the last equilibrium
-    double *q;          // [nnode][3] of the iteration
-    double *residual;   // [nnode][3] of the iteration; then its correction
-    int *meeting;       // [nnode] elements that meet there
-    double dissipation; // W, at the last equilibrium
-    double largest;     // N, norm of the elements' forces
+    double *f;           // [nnode][3] forces at the last equilibrium
+    double *q;           // [nnode][3] of the iteration
+    double *pressed;     // [nnode][3] forces of contact, of the iteration
+    double *residual;    // [nnode][3] of the iteration; then its correction
+    body *body;          // [nbody] of the iteration
+    double *dissipation; // [nbody] W, at the last equilibrium
+    int *meeting;        // [nnode] elements that meet there
+    double largest;      // N, norm of the elements' forces
 };
 
 // --- life ---
 
 static bool beam_alloc(pm_beam *beam) {
     const size_t nnode = (size_t)beam->mesh->nnode, nelement = (size_t)beam->mesh->nelement;
-    beam->element = calloc(nelement, sizeof *beam->element);
-    beam->before = calloc(nelement, sizeof *beam->before);
-    beam->after = calloc(nelement, sizeof *beam->after);
-    beam->stress = calloc(nelement, sizeof *beam->stress);
-    beam->now.q = calloc(3 * nnode, sizeof *beam->now.q);
-    beam->now.sigma = calloc(PM_SYMMETRIC * nnode, sizeof *beam->now.sigma);
-    beam->f = calloc(3 * nnode, sizeof *beam->f);
-    beam->q = calloc(3 * nnode, sizeof *beam->q);
-    beam->residual = calloc(3 * nnode, sizeof *beam->residual);
-    beam->meeting = calloc(nnode, sizeof *beam->meeting);
+    const size_t nbody = (size_t)beam->mesh->nbody, vector = 3 * sizeof *beam->q;
+    pm_arena *arena = &beam->arena;
+    beam->element = pm_arena_array(arena, nelement, sizeof *beam->element);
+    beam->before = pm_arena_array(arena, nelement, sizeof *beam->before);
+    beam->after = pm_arena_array(arena, nelement, sizeof *beam->after);
+    beam->stress = pm_arena_array(arena, nelement, sizeof *beam->stress);
+    beam->now.q = pm_arena_array(arena, nnode, vector);
+    beam->now.sigma = pm_arena_array(arena, nnode, PM_SYMMETRIC * sizeof *beam->now.sigma);
+    beam->now.contact = pm_arena_array(arena, nnode, vector);
+    beam->now.energy = pm_arena_array(arena, nbody, sizeof *beam->now.energy);
+    beam->f = pm_arena_array(arena, nnode, vector);
+    beam->q = pm_arena_array(arena, nnode, vector);
+    beam->pressed = pm_arena_array(arena, nnode, vector);
+    beam->residual = pm_arena_array(arena, nnode, vector);
+    beam->body = pm_arena_array(arena, nbody, sizeof *beam->body);
+    beam->dissipation = pm_arena_array(arena, nbody, sizeof *beam->dissipation);
+    beam->meeting = pm_arena_array(arena, nnode, sizeof *beam->meeting);
     return beam->element && beam->before && beam->after && beam->stress && beam->now.q &&
-           beam->now.sigma && beam->f && beam->q && beam->residual && beam->meeting;
+           beam->now.sigma && beam->now.contact && beam->now.energy && beam->f && beam->q &&
+           beam->pressed && beam->residual && beam->body && beam->dissipation && beam->meeting;
 }
 
 // corner [PM_BEAM_CORNERS][3]: the rows of an element's corners.
@@ -55,23 +75,13 @@ static void gather(const int *node, const double *from, double *corner) {
     }
 }
 
-pm_status pm_beam_new(pm_beam **result, const pm_beam_mesh *mesh,
-                      const pm_beam_material *material) {
-    pm_beam *beam = calloc(1, sizeof *beam);
-    if (beam == NULL) {
-        return pm_fail(PM_ENOMEM, "beam: out of memory");
-    }
-    beam->mesh = mesh;
-    beam->material = *material;
+static pm_status beam_init(pm_beam *beam, double contact) {
+    const pm_beam_mesh *mesh = beam->mesh;
     if (!beam_alloc(beam)) {
-        pm_beam_free(beam);
         return pm_fail(PM_ENOMEM, "beam: out of memory");
     }
-    const pm_status status = pm_beam_matrix_new(&beam->matrix, mesh);
-    if (status != PM_OK) {
-        pm_beam_free(beam);
-        return status;
-    }
+    PM_TRY(pm_beam_contact_make(&beam->contact, mesh, contact, &beam->arena));
+    PM_TRY(pm_beam_matrix_new(&beam->matrix, mesh));
     for (int e = 0; e < mesh->nelement; ++e) {
         double x[PM_BEAM_FREEDOMS];
         gather(mesh->hexahedron[e], mesh->position[0], x);
@@ -81,6 +91,22 @@ pm_status pm_beam_new(pm_beam **result, const pm_beam_mesh *mesh,
         }
     }
     pm_beam_reset(beam);
+    return PM_OK;
+}
+
+pm_status pm_beam_new(pm_beam **result, const pm_beam_mesh *mesh, const pm_beam_material *material,
+                      double contact) {
+    pm_beam *beam = calloc(1, sizeof *beam);
+    if (beam == NULL) {
+        return pm_fail(PM_ENOMEM, "beam: out of memory");
+    }
+    beam->mesh = mesh;
+    beam->material = *material;
+    const pm_status status = beam_init(beam, contact);
+    if (status != PM_OK) {
+        pm_beam_free(beam);
+        return status;
+    }
     *result = beam;
     return PM_OK;
 }
@@ -88,27 +114,21 @@ pm_status pm_beam_new(pm_beam **result, const pm_beam_mesh *mesh,
 void pm_beam_free(pm_beam *beam) {
     if (beam != NULL) {
         pm_beam_matrix_free(beam->matrix);
-        free(beam->element);
-        free(beam->before);
-        free(beam->after);
-        free(beam->stress);
-        free(beam->now.q);
-        free(beam->now.sigma);
-        free(beam->f);
-        free(beam->q);
-        free(beam->residual);
-        free(beam->meeting);
+        pm_arena_free(&beam->arena);
         free(beam);
     }
 }
 
 void pm_beam_reset(pm_beam *beam) {
-    const size_t nnode = (size_t)beam->mesh->nnode;
-    memcpy(beam->now.q, beam->mesh->position, 3 * nnode * sizeof *beam->now.q);
-    memset(beam->now.sigma, 0, PM_SYMMETRIC * nnode * sizeof *beam->now.sigma);
+    const size_t nnode = (size_t)beam->mesh->nnode, nbody = (size_t)beam->mesh->nbody;
+    pm_beam_state *now = &beam->now;
+    memcpy(now->q, beam->mesh->position, 3 * nnode * sizeof *now->q);
+    memset(now->sigma, 0, PM_SYMMETRIC * nnode * sizeof *now->sigma);
+    memset(now->contact, 0, 3 * nnode * sizeof *now->contact);
+    memset(now->energy, 0, nbody * sizeof *now->energy);
     memset(beam->f, 0, 3 * nnode * sizeof *beam->f);
-    beam->now.stored = beam->now.dissipated = beam->now.work = 0;
-    beam->dissipation = beam->largest = 0;
+    memset(beam->dissipation, 0, nbody * sizeof *beam->dissipation);
+    now->contact_stored = now->depth = beam->largest = 0;
     for (int e = 0; e < beam->mesh->nelement; ++e) {
         for (int p = 0; p < PM_BEAM_POINTS; ++p) {
             pm_beam_memory_init(&beam->before[e][p]);
@@ -123,20 +143,20 @@ const pm_beam_state *pm_beam_now(const pm_beam *beam) {
 // --- one iteration ---
 
 typedef struct totals {
-    double stored, dissipation; // J, W
-    double inner;               // N, norm of the elements' forces
+    double inner;          // N, norm of the elements' forces
+    double contact_stored; // J
+    double depth;          // m
 } totals;
 
-// The residual (loads less the elements' forces) and the matrix at beam->q. False if an element is
-// turned inside out.
-static bool assemble(pm_beam *beam, double h, const double *f, totals *sum) {
+// Takes the elements' forces off the residual, and adds up what each body stores and dissipates.
+// False if an element is turned inside out.
+static bool add_elements(pm_beam *beam, double h, totals *sum) {
     const pm_beam_mesh *mesh = beam->mesh;
     double square = 0;
-    *sum = (totals){0};
-    memcpy(beam->residual, f, 3 * (size_t)mesh->nnode * sizeof *f);
-    pm_beam_matrix_clear(beam->matrix);
+    memset(beam->body, 0, (size_t)mesh->nbody * sizeof *beam->body);
     for (int e = 0; e < mesh->nelement; ++e) {
         const int *node = mesh->hexahedron[e];
+        body *owner = &beam->body[e / (mesh->nelement / mesh->nbody)];
         double q[PM_BEAM_FREEDOMS];
         pm_beam_element_response r;
         gather(node, beam->q, q);
@@ -150,11 +170,46 @@ static bool assemble(pm_beam *beam, double h, const double *f, totals *sum) {
         }
         memcpy(beam->stress[e], r.stress, sizeof r.stress);
         pm_beam_matrix_add(beam->matrix, e, r.stiffness[0]);
-        sum->stored += r.energy;
-        sum->dissipation += r.dissipation;
+        owner->stored += r.energy;
+        owner->dissipation += r.dissipation;
     }
     sum->inner = sqrt(square);
     return true;
+}
+
+// False: out of memory.
+static bool add_contact(pm_beam *beam, bool exact, totals *sum) {
+    const pm_beam_contact *contact = &beam->contact;
+    pm_beam_touch *touch = &beam->touch;
+    for (int i = 0; i < contact->ncandidate; ++i) {
+        if (pm_beam_contact_respond(contact, &contact->candidate[i], beam->q, exact, touch)) {
+            for (int k = 0; k < 3 * touch->nnode; ++k) {
+                beam->pressed[3 * touch->node[k / 3] + k % 3] += touch->force[k / 3][k % 3];
+            }
+            sum->contact_stored += touch->energy;
+            sum->depth = fmax(sum->depth, touch->depth);
+            if (!pm_beam_matrix_couple(beam->matrix, touch->nnode, touch->node, touch->stiffness)) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+// The residual (loads and contact less the elements' forces) and the matrix at beam->q, with the
+// `exact` stiffness of contact or not.
+static bool assemble(pm_beam *beam, double h, const double *f, bool exact, totals *sum) {
+    const size_t size = 3 * (size_t)beam->mesh->nnode * sizeof *f;
+    *sum = (totals){0};
+    memset(beam->pressed, 0, size);
+    pm_beam_matrix_clear(beam->matrix);
+    if (!add_contact(beam, exact, sum)) {
+        return false;
+    }
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        beam->residual[i] = f[i] + beam->pressed[i];
+    }
+    return add_elements(beam, h, sum);
 }
 
 // Norm over the nodes that are free.
@@ -170,22 +225,29 @@ static double free_norm(const pm_beam *beam) {
 
 // --- the step ---
 
+// Turns the residual into the correction of beam->q. Where bodies have come to lie deep in each
+// other, the exact matrix may not be positive definite; then the other one parts them.
+static bool correct(pm_beam *beam, double h, const double *f, totals *sum) {
+    return pm_beam_matrix_solve(beam->matrix, beam->residual) ||
+           (sum->depth > 0 && assemble(beam, h, f, false, sum) &&
+            pm_beam_matrix_solve(beam->matrix, beam->residual));
+}
+
 // Iterates beam->q to equilibrium. False if that does not succeed.
 static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
                     pm_beam_convergence *convergence) {
     memcpy(beam->q, beam->now.q, 3 * (size_t)beam->mesh->nnode * sizeof *beam->q);
     for (int k = 0; k < PM_BEAM_MAX_ITERATIONS; ++k) {
-        if (!assemble(beam, h, f, sum)) {
+        if (!assemble(beam, h, f, true, sum)) {
             return false;
         }
         const double norm = free_norm(beam);
         convergence->residual[k] = norm;
         convergence->niteration = k + 1;
-        beam->largest = fmax(beam->largest, sum->inner);
-        if (norm <= TOLERANCE * beam->largest) {
+        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner)) {
             return true;
         }
-        if (!isfinite(norm) || !pm_beam_matrix_solve(beam->matrix, beam->residual)) {
+        if (!isfinite(norm) || !correct(beam, h, f, sum)) {
             return false;
         }
         for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
@@ -210,15 +272,27 @@ static void average_stress(pm_beam *beam) {
 
 // Makes the iteration's result the state.
 static void accept(pm_beam *beam, double h, const double *f, const totals *sum) {
-    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-        beam->now.work += (beam->f[i] + f[i]) / 2 * (beam->q[i] - beam->now.q[i]);
+    const pm_beam_mesh *mesh = beam->mesh;
+    const size_t size = 3 * (size_t)mesh->nnode * sizeof *f;
+    pm_beam_state *now = &beam->now;
+    for (int i = 0; i < 3 * mesh->nnode; ++i) {
+        pm_beam_energy *energy = &now->energy[i / (3 * mesh->nnode / mesh->nbody)];
+        const double way = beam->q[i] - now->q[i];
+        energy->work += (beam->f[i] + f[i]) / 2 * way;
+        energy->contact_work += (now->contact[i] + beam->pressed[i]) / 2 * way;
     }
-    beam->now.dissipated += h * (beam->dissipation + sum->dissipation) / 2;
-    beam->now.stored = sum->stored;
-    beam->dissipation = sum->dissipation;
-    memcpy(beam->now.q, beam->q, 3 * (size_t)beam->mesh->nnode * sizeof *beam->q);
-    memcpy(beam->f, f, 3 * (size_t)beam->mesh->nnode * sizeof *f);
-    memcpy(beam->before, beam->after, (size_t)beam->mesh->nelement * sizeof *beam->before);
+    for (int b = 0; b < mesh->nbody; ++b) {
+        now->energy[b].dissipated += h * (beam->dissipation[b] + beam->body[b].dissipation) / 2;
+        now->energy[b].stored = beam->body[b].stored;
+        beam->dissipation[b] = beam->body[b].dissipation;
+    }
+    beam->largest = fmax(beam->largest, sum->inner);
+    now->contact_stored = sum->contact_stored;
+    now->depth = sum->depth;
+    memcpy(now->q, beam->q, size);
+    memcpy(now->contact, beam->pressed, size);
+    memcpy(beam->f, f, size);
+    memcpy(beam->before, beam->after, (size_t)mesh->nelement * sizeof *beam->before);
     average_stress(beam);
 }
 

@@ -1,5 +1,5 @@
-// Quasi-static equilibrium of a beam (beam_mesh.h, beam_element.h), step by step in time: Newton's
-// method with the tangent of the step.
+// Quasi-static equilibrium of bodies (beam_mesh.h, beam_element.h) under loads and in contact
+// (beam_contact.h), step by step in time: Newton's method with the tangent of the step.
 #ifndef PM_TRUTH_BEAM_SOLVE_H
 #define PM_TRUTH_BEAM_SOLVE_H
 
@@ -10,13 +10,22 @@
 
 typedef struct pm_beam pm_beam;
 
+// Of one body, J.
+typedef struct pm_beam_energy {
+    double stored;
+    double dissipated;   // since the start (trapezoidal rule in time)
+    double work;         // of the loads since the start (trapezoidal rule along the path)
+    double contact_work; // of the contact forces, likewise
+} pm_beam_energy;
+
 typedef struct pm_beam_state {
     double *q; // [nnode][3] positions, m
     // [nnode][PM_SYMMETRIC] Cauchy stress, Pa: the mean of those of the elements that meet there.
     double *sigma;
-    double stored;     // J
-    double dissipated; // J, since the start (trapezoidal rule in time)
-    double work;       // J, of the loads since the start (trapezoidal rule along the path)
+    double *contact;        // [nnode][3] forces of contact, N
+    pm_beam_energy *energy; // [nbody]
+    double contact_stored;  // J, in the penalty of contact
+    double depth;           // m, of the deepest node behind a surface
 } pm_beam_state;
 
 typedef struct pm_beam_convergence {
@@ -24,8 +33,10 @@ typedef struct pm_beam_convergence {
     double residual[PM_BEAM_MAX_ITERATIONS]; // N, norm before each iteration
 } pm_beam_convergence;
 
-// Undeformed and relaxed; `mesh` must outlive it. PM_ENOMEM. The caller frees.
-pm_status pm_beam_new(pm_beam **beam, const pm_beam_mesh *mesh, const pm_beam_material *material);
+// Undeformed and relaxed; `mesh` must outlive it. `contact`: its stiffness, Pa/m. PM_ENOMEM. The
+// caller frees.
+pm_status pm_beam_new(pm_beam **beam, const pm_beam_mesh *mesh, const pm_beam_material *material,
+                      double contact);
 void pm_beam_free(pm_beam *beam); // NULL is allowed
 // Back to the start.
 void pm_beam_reset(pm_beam *beam);

@@ -13,14 +13,19 @@
 #include "truth/ode.h"
 
 #define PM_TRUTH_MAX_CONSERVED 4
-// A body with fields on a mesh, in place of an ODE. `data` is the model's.
+// Bodies with fields on a mesh, in place of an ODE. `data` is the model's.
 typedef struct pm_truth_body {
-    int nnode, nelement, nvariable;
-    const char *variable;                                // of each node, separated by blanks
-    void (*describe)(const void *data, pm_field *field); // fills in the mesh
-    // Trajectory `trajectory` of this seed, into row `row` of the field. PM_ECONFIG (there is no
-    // such trajectory), PM_ENUMERIC, PM_ENOMEM.
-    pm_status (*run)(const void *data, uint64_t seed, int trajectory, pm_field *field, int row);
+    int nbody;
+    const char *const *name;        // [nbody]; NULL: one without a name
+    const char *const *placement;   // [nbody] of its frame in the world, as text; NULL: the world's
+    int nnode, nelement, nvariable; // of each body
+    const char *variable;           // of each node, separated by blanks
+    // Fills in the mesh of each body's field, in its own frame.
+    void (*describe)(const void *data, int body, pm_field *field);
+    // Trajectory `trajectory` of this seed, into row `row` of the fields [nbody], each in its
+    // body's frame. PM_ECONFIG (there is no such trajectory), PM_ENUMERIC, PM_ENOMEM.
+    pm_status (*run)(const void *data, uint64_t seed, int trajectory, pm_field *const *field,
+                     int row);
 } pm_truth_body;
 
 // What a simulator makes of its configuration. Everything lives in the configuration's arena.

@@ -1,0 +1,29 @@
+// The configuration of beams: one, or several in contact, and what presses on one of them.
+#ifndef PM_TRUTH_BEAM_CONFIG_H
+#define PM_TRUTH_BEAM_CONFIG_H
+
+#include "store/yaml.h"
+#include "truth/beam_load.h"
+#include "truth/beam_material.h"
+
+#define PM_BEAM_MAX_BODIES 8
+
+typedef struct pm_beam_system {
+    pm_beam_mesh mesh;
+    pm_beam_material material;
+    const char *const *name;      // [nbody]; NULL: one beam without a name
+    const char *const *placement; // [nbody] as text
+    double contact;               // Pa/m
+    int substeps;                 // steps per state
+    int loaded;                   // the body that is pressed
+    int positions;                // rows of each face; 0: random patches
+    double force, ramp;           // N on each node of a row, s
+    pm_beam_patches patches;
+} pm_beam_system;
+
+// Reads the `system:` block; memory from the arena. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_beam_config_read(pm_yaml block, pm_arena *arena, pm_beam_system *system);
+// The parameters as text, in the arena. NULL: out of memory.
+const char *pm_beam_config_describe(const pm_beam_system *system, pm_arena *arena);
+
+#endif
