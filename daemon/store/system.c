@@ -56,6 +56,7 @@ static pm_status name_component(pm_status status, const char *name) {
 
 // A model in a scene has no weights.
 static pm_status check_known(const pm_params *params, const char *at, const char *name) {
+    PM_TRY(name_component(pm_spec_locate(at, pm_params_check_given(params)), name));
     return pm_params_trained(params) == 0
                ? PM_OK
                : pm_fail(PM_ECONFIG,
