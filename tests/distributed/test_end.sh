@@ -38,9 +38,9 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --quiet --steps $forever
+start coordinator coordinator "$hasty" --quiet --steps $forever --record "$folder/first.h5"
 coordinator=$pid
-sleep 0.5
+wait_for_file "$folder/first.h5"
 kill -KILL $right
 ends coordinator $coordinator 8 "right"
 ends left $left 8 "right"
@@ -49,8 +49,8 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --quiet --steps $forever
-sleep 0.5
+start coordinator coordinator "$hasty" --quiet --steps $forever --record "$folder/second.h5"
+wait_for_file "$folder/second.h5"
 kill -KILL $pid
 ends left $left 8 "no word from the coordinator"
 ends right $right 8 "no word from the coordinator"
@@ -60,9 +60,9 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --steps 4000
+start coordinator coordinator "$hasty" --steps 4000 --record "$folder/third.h5"
 coordinator=$pid
-sleep 0.3
+wait_for_file "$folder/third.h5"
 kill -STOP $right
 sleep 0.8
 kill -CONT $right
@@ -104,9 +104,9 @@ start second_left node "$scene" left
 ends second_left $pid 7 "there is a node left of scene pair already"
 start right node "$scene" right
 right=$pid
-start coordinator coordinator "$scene" --quiet --steps $forever
+start coordinator coordinator "$scene" --quiet --steps $forever --record "$folder/fourth.h5"
 coordinator=$pid
-sleep 0.5
+wait_for_file "$folder/fourth.h5"
 start third_left node "$scene" left
 ends third_left $pid 7 "node left"
 start second_coordinator coordinator "$scene" --quiet
