@@ -138,6 +138,45 @@ static pm_status read_contact(pm_field *d, const pm_hdf5 *file, const char *path
     return check_finite(d->contact, count, path, CONTACT);
 }
 
+// The mesh, where the file has one.
+static pm_status read_mesh(pm_field *d, const pm_hdf5 *file, const char *path) {
+    int shape[2];
+    if (!pm_hdf5_has(file, "/hexahedra") ||
+        pm_hdf5_shape(file, "/hexahedra", 2, shape) != PM_OK) { // or as integers, by other tools
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_shape(file, "/hexahedra", 2, shape));
+    const int expected[2] = {shape[0], 8};
+    d->nelement = shape[0];
+    d->hexahedron = pm_arena_array(&d->arena, 8 * (size_t)d->nelement, sizeof *d->hexahedron);
+    if (d->hexahedron == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, expected, d->hexahedron));
+    for (int i = 0; i < 8 * d->nelement; ++i) {
+        if (!(d->hexahedron[i] >= 0 && d->hexahedron[i] < d->nnode)) {
+            return pm_fail(PM_EDATA, "%s: hexahedron %d has node %g of %d", path, i / 8,
+                           d->hexahedron[i], d->nnode);
+        }
+    }
+    return PM_OK;
+}
+
+// Energies, where the file has them.
+static pm_status read_energies(pm_field *d, const pm_hdf5 *file, const char *path) {
+    const int shape[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
+    const size_t count = (size_t)d->ntrajectory * (size_t)d->ntime * PM_FIELD_ENERGIES;
+    if (!pm_hdf5_has(file, "/energy")) {
+        return PM_OK;
+    }
+    d->energy = pm_arena_array(&d->arena, count, sizeof *d->energy);
+    if (d->energy == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_hdf5_read(file, "/energy", 3, shape, d->energy));
+    return check_finite(d->energy, count, path, "energy");
+}
+
 static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path) {
     const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, d->nvariable};
     const int position[2] = {d->nnode, 3};
@@ -154,6 +193,8 @@ static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path
     PM_TRY(pm_hdf5_read(file, "/z", 4, shape, d->z));
     PM_TRY(pm_hdf5_read(file, "/node_position_reference", 2, position, d->position));
     PM_TRY(read_forces(d, file));
+    PM_TRY(read_energies(d, file, path));
+    PM_TRY(read_mesh(d, file, path));
     PM_TRY(check_finite(d->t, (size_t)d->ntime, path, "t"));
     PM_TRY(check_finite(d->position, 3 * (size_t)d->nnode, path, "node_position_reference"));
     PM_TRY(check_finite(d->f, 3 * nstate, path, "f"));

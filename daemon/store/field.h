@@ -3,10 +3,12 @@
 //   /f [trajectory][time][node][3] N, forces of the world on the nodes (a file may leave out the
 //      first time, whose forces are then zero),
 //   /node_position_reference [node][3] m, undeformed,
-//   /hexahedra [element][8] nodes in the order of VTK (written, not read),
+//   /hexahedra [element][8] nodes in the order of VTK (a file may leave them out),
 //   /clamped [node] 1 or 0 (written, not read),
-//   /energy [trajectory][time][3] J: stored, dissipated, work of the forces (written, not read),
-//   of a body in contact with others: /contact_force [trajectory][time][node][3] N, what these exert
+//   /energy [trajectory][time][3] J: stored, dissipated, work of the forces (a file may leave them
+//      out),
+//   of a body in contact with others: /contact_force [trajectory][time][node][3] N, what these
+//   exert
 //      on the nodes, and, written, not read: /contact_force_total [trajectory][time][3] N, its sum,
 //      /contact_work [trajectory][time] J,
 //   attribute state_layout of /: the variables' names separated by blanks, then any remark;
@@ -32,9 +34,9 @@ typedef struct pm_field {
     double *contact;      // [ntrajectory][ntime][nnode][3] N; NULL: no contact
     double *contact_work; // [ntrajectory][ntime] J; NULL if read from a file
     double *position;     // [nnode][3] m
-    double *hexahedron;   // [nelement][8]; NULL if read from a file
+    double *hexahedron;   // [nelement][8]; NULL: not known
     double *clamped;      // [nnode]; NULL if read from a file
-    double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL if read from a file
+    double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL: not known
     const char *variable; // their names, separated by blanks
 } pm_field;
 
