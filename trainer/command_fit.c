@@ -151,6 +151,7 @@ static pm_status run_stage(fit *f, int stage_id) {
     pm_samples samples;
     PM_TRY(pm_samples_make(&samples, f->training->scene, f->dataset, f->first, f->end,
                            stage->loss.residual, stage->unroll));
+    pm_samples_rescale(&samples, stage->loss.scale);
     pm_objective *objective = NULL;
     pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
     if (status == PM_OK) {
