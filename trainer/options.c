@@ -109,6 +109,30 @@ pm_status pm_options_range(const char *text, int count, int *first, int *end) {
     return PM_OK;
 }
 
+pm_status pm_options_list(const char *text, int count, int *which, int *nwhich) {
+    const char *rest = text == NULL ? ":" : text;
+    *nwhich = 0;
+    while (true) {
+        char piece[32];
+        const size_t length = strcspn(rest, ",");
+        snprintf(piece, sizeof piece, "%.*s", (int)(length < 31 ? length : 31), rest);
+        int first = 0, end = 0;
+        PM_TRY(pm_options_range(piece, count, &first, &end));
+        for (int i = first; i < end; ++i) {
+            for (int k = 0; k < *nwhich; ++k) {
+                if (which[k] == i) {
+                    return pm_fail(PM_EUSAGE, "trajectories \"%s\": %d is named twice", text, i);
+                }
+            }
+            which[(*nwhich)++] = i;
+        }
+        if (rest[length] == '\0') {
+            return PM_OK;
+        }
+        rest += length + 1;
+    }
+}
+
 void pm_options_line(int argc, char **argv, char *line, int size) {
     int used = snprintf(line, (size_t)size, "portmet-train");
     for (int i = 0; i < argc && used < size; ++i) {

@@ -34,6 +34,10 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
 // PM_EUSAGE.
 pm_status pm_options_range(const char *text, int count, int *first, int *end);
 
+// The same, or several of these joined by commas, "0:4,7,9:": which [count], and how
+// many there are. One named twice is an error.
+pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
+
 // The arguments joined by blanks into `line` (cut to `size`), for provenance.
 void pm_options_line(int argc, char **argv, char *line, int size);
 

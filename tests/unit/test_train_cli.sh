@@ -101,6 +101,32 @@ with_beams 's/face: +z/face: +x/'
 expect 3 "face: expected one of" truth "$beam" -o "$new"
 succeed "2 of 2 trajectories to 1e-10" truth $slow --trajectories=45:47 --output "$new"
 
+# --- reduce, reconstruct ---
+modes=$folder/modes.yaml
+# with_modes SED-SCRIPT: the modes of the configurations, few and changed by the script.
+with_modes() {
+    sed -e '/^trajectories/d; s/^modes: .*/modes: 6/; s/^state: .*/state: 3/; s/^leading: .*/leading: 2/' -e "$1" \
+        configs/modes/beam.yaml >"$modes"
+}
+with_modes ''
+succeed "modes.h5: 16 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" -o "$folder/modes"
+basis=$folder/modes/basis.h5
+succeed "modes.h5: 1 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/one"
+succeed "stress  " reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 -o "$new"
+succeed "displacement                 0         0         0" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$new"
+expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
+expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
+expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
+expect 4 "$new/basis.h5" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
+expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
+expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
+with_modes 's/0.2, 0.5/0.2, -0.5/'
+expect 3 "relaxation: expected times > 0" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+with_modes 's/section: square/section: round/'
+expect 3 "section: expected one of any, square" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+with_modes 's/state: 3/state: 7/'
+expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+
 # --- evaluate ---
 succeed "Both laws" evaluate "$scene" --data "$data"
 succeed '"nonfinite": 0' evaluate "$scene" --data "$data" --json --trajectories 0:
