@@ -74,6 +74,7 @@ with_beam() {
 }
 with_beam ''
 succeed "stored and dissipated differ from the work by" truth "$beam" -o "$folder/beam.h5" --trajectories 0:2
+grep -q ">beam.h5:/hexahedra<" "$folder/beam.xdmf" || fail "no XDMF beside the field"
 with_beam 's/0.49\]/0.7]/'
 expect 3 "in all below 1" truth "$beam" -o "$new"
 with_beam 's/4, 1, 1/4, 1.5, 1/'
