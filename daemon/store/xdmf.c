@@ -13,22 +13,6 @@ typedef struct writer {
     int trajectory, time; // of the grid being written
 } writer;
 
-// --- what there is ---
-
-// The column where these names, separated by single blanks, stand in a row; -1: nowhere.
-static int find_columns(const pm_field *field, const char *names) {
-    const size_t length = strlen(names);
-    int column = 0;
-    for (const char *at = field->variable; *at != '\0'; ++column) {
-        if (strncmp(at, names, length) == 0 && (at[length] == ' ' || at[length] == '\0')) {
-            return column;
-        }
-        at += strcspn(at, " ");
-        at += strspn(at, " ");
-    }
-    return -1;
-}
-
 // --- data items ---
 
 // A whole dataset of `rank` extents.
@@ -214,9 +198,9 @@ pm_status pm_xdmf_save(const pm_field *field, const char *path) {
     const char *to = xdmf_path(path, &arena);
     writer w = {.field = field,
                 .data = escape_name(path, &arena),
-                .q = find_columns(field, "qx qy qz"),
-                .v = find_columns(field, "vx vy vz"),
-                .stress = find_columns(field, "sxx syy szz sxy sxz syz")};
+                .q = pm_field_columns(field, "qx qy qz"),
+                .v = pm_field_columns(field, "vx vy vz"),
+                .stress = pm_field_columns(field, "sxx syy szz sxy sxz syz")};
     if (field->nelement == 0) {
         status = pm_fail(PM_EDATA, "%s: there are no hexahedra to draw", path);
     } else if (to == NULL || w.data == NULL) {
