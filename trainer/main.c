@@ -15,6 +15,7 @@ static const command commands[] = {
     {"truth", "simulate ground truth into a dataset", pm_command_truth},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
+    {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},
 };
 #define NCOMMAND (sizeof commands / sizeof *commands)
 
