@@ -209,10 +209,13 @@ static void test_matrix(void **state) {
 
 static void test_digest(void **state) {
     const uint64_t digest = digest_of(good, *state, "pair", "pair");
-    const char *const same[][2] = {{"steps: 200", "steps: 3"}};
+    const char *const same[][2] = {{"steps: 200", "steps: 3"},
+                                   // The coordinator's alone.
+                                   {"ports:", "guards: {energy_drift: 0.5}\nports:"}};
     const char *const other[][2] = {{"pair", "pear"},
                                     {"dt: 0.3", "dt: 0.1"},
                                     {"ports:", "lockstep: {window: 2}\nports:"},
+                                    {"ports:", "guards: {region: 0.5}\nports:"},
                                     {"rk4", "heun"},
                                     {"substeps: 8", "substeps: 4"},
                                     {"joint:", "hinge:"},
