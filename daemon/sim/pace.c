@@ -1,0 +1,42 @@
+// The number of substeps after each step.
+#include "sim/pace.h"
+
+#include <math.h>
+
+// Of the tolerance that is aimed at, so that few steps exceed it.
+#define AIM 0.5
+// At most so many times more or fewer substeps than in the step before.
+#define MOST_RISE 8.0
+#define MOST_FALL 2.0
+
+pm_status pm_pace_init(pm_pace *pace, const pm_scene *scene) {
+    *pace = (pm_pace){.scene = scene,
+                      .integrator = pm_integrator_find(scene->integrator),
+                      .substeps = scene->substeps};
+    if (scene->tolerance > 0 && pace->integrator != NULL && pace->integrator->embedded == 0) {
+        return pm_fail(
+            PM_ECONFIG,
+            "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",
+            scene->integrator_at, scene->integrator);
+    }
+    return PM_OK;
+}
+
+void pm_pace_note(pm_pace *pace, const pm_sample *sample) {
+    const pm_scene *scene = pace->scene;
+    if (!(scene->tolerance > 0) || sample->step == 0) {
+        return;
+    }
+    double error = 0;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        error = fmax(error, sample->error[i]);
+    }
+    // As the error changed over this step, so it will over the next.
+    const double trend = pace->expected > 0 ? fmax(error / pace->expected, 1) : 1;
+    const double order = pace->integrator->embedded + 1;
+    const double factor = pow(error * trend / (AIM * scene->tolerance), 1 / order);
+    const double wanted = ceil(pace->substeps * fmin(fmax(factor, 1 / MOST_FALL), MOST_RISE));
+    const int next = (int)fmin(fmax(wanted, 1), PM_MOST_SUBSTEPS);
+    pace->expected = error * pow((double)pace->substeps / next, order);
+    pace->substeps = next;
+}
