@@ -14,5 +14,6 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
 pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop);
 
 #endif

@@ -17,6 +17,7 @@ static const command commands[] = {
     {"reconstruct", "turn modes into fields of the body", pm_command_reconstruct},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
+    {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},
 };
 #define NCOMMAND (sizeof commands / sizeof *commands)
 

@@ -39,10 +39,13 @@ static const pm_option *find(const pm_options *options, const char *argument, co
 static pm_status take(const pm_options *options, int argc, char **argv, int *i) {
     const char *argument = argv[*i], *glued;
     if (argument[0] != '-') {
-        if (*options->positional != NULL) {
-            return pm_fail(PM_EUSAGE, "%s: unexpected argument \"%s\"", argv[0], argument);
+        int k = 0;
+        while (options->positional[k] != NULL) {
+            if (++k >= options->most) {
+                return pm_fail(PM_EUSAGE, "%s: unexpected argument \"%s\"", argv[0], argument);
+            }
         }
-        *options->positional = argument;
+        options->positional[k] = argument;
         return PM_OK;
     }
     const pm_option *option = find(options, argument, &glued);

@@ -20,8 +20,9 @@ typedef struct pm_option {
 typedef struct pm_options {
     const char *usage;           // e.g. "portmet-train truth CONFIG -o FILE [options]"
     const char *summary;         // a paragraph for the help
-    const char *positional_name; // the one positional argument, required, e.g. "CONFIG"
-    const char **positional;
+    const char *positional_name; // the positional argument, required, e.g. "CONFIG"
+    const char **positional;     // [most], NULL to begin with
+    int most;                    // how many there may be; 0: one
     int count;
     const pm_option *option;
 } pm_options;

@@ -12,6 +12,7 @@
 
 #define LAYOUT "state_layout"
 #define CONTACT "contact_force"
+#define PLACEMENT "placement"
 
 // --- memory ---
 
@@ -39,6 +40,7 @@ static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     d->nnode = shape.nnode;
     d->nvariable = shape.nvariable;
     d->nelement = shape.nelement;
+    d->placement = PM_PLACEMENT_WORLD;
     d->t = pm_arena_array(&d->arena, (size_t)shape.ntime, sizeof *d->t);
     d->z = pm_arena_array(&d->arena, nstate * nnode, (size_t)shape.nvariable * sizeof *d->z);
     d->f = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->f);
@@ -138,14 +140,12 @@ static pm_status read_contact(pm_field *d, const pm_hdf5 *file, const char *path
     return check_finite(d->contact, count, path, CONTACT);
 }
 
-// The mesh, where the file has one.
+// The mesh, where the file has one. (That of other tools may be whole numbers, which are not read.)
 static pm_status read_mesh(pm_field *d, const pm_hdf5 *file, const char *path) {
     int shape[2];
-    if (!pm_hdf5_has(file, "/hexahedra") ||
-        pm_hdf5_shape(file, "/hexahedra", 2, shape) != PM_OK) { // or as integers, by other tools
+    if (!pm_hdf5_has(file, "/hexahedra") || pm_hdf5_shape(file, "/hexahedra", 2, shape) != PM_OK) {
         return PM_OK;
     }
-    PM_TRY(pm_hdf5_shape(file, "/hexahedra", 2, shape));
     const int expected[2] = {shape[0], 8};
     d->nelement = shape[0];
     d->hexahedron = pm_arena_array(&d->arena, 8 * (size_t)d->nelement, sizeof *d->hexahedron);
@@ -201,6 +201,16 @@ static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path
     return check_finite(d->z, nstate * (size_t)d->nvariable, path, "z");
 }
 
+static pm_status read_placement(pm_field *d, const pm_hdf5 *file, const char *path) {
+    const char *text;
+    d->placed = pm_hdf5_is_text(file, "/", PLACEMENT);
+    if (!d->placed) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_read_text(file, "/", PLACEMENT, &d->arena, &text));
+    return pm_placement_read(text, path, &d->placement);
+}
+
 static pm_status load(pm_field **field, const char *path) {
     pm_hdf5 *file = NULL;
     pm_field *d = NULL;
@@ -220,6 +230,7 @@ static pm_status load(pm_field **field, const char *path) {
     if (contact) {
         PM_TRY_DONE(read_contact(d, file, path));
     }
+    PM_TRY_DONE(read_placement(d, file, path));
     *field = d;
     d = NULL;
 done:
@@ -243,6 +254,19 @@ pm_status pm_field_load(pm_field **field, const char *path) {
         PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
     }
     return load(field, path);
+}
+
+int pm_field_columns(const pm_field *field, const char *names) {
+    const size_t length = strlen(names);
+    int column = 0;
+    for (const char *at = field->variable; *at != '\0'; ++column) {
+        if (strncmp(at, names, length) == 0 && (at[length] == ' ' || at[length] == '\0')) {
+            return column;
+        }
+        at += strcspn(at, " ");
+        at += strspn(at, " ");
+    }
+    return -1;
 }
 
 // --- saving ---

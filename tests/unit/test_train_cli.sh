@@ -74,6 +74,7 @@ with_beam() {
 }
 with_beam ''
 succeed "stored and dissipated differ from the work by" truth "$beam" -o "$folder/beam.h5" --trajectories 0:2
+grep -q ">beam.h5:/hexahedra<" "$folder/beam.xdmf" || fail "no XDMF beside the field"
 with_beam 's/0.49\]/0.7]/'
 expect 3 "in all below 1" truth "$beam" -o "$new"
 with_beam 's/4, 1, 1/4, 1.5, 1/'
@@ -91,6 +92,26 @@ with_beams() {
 with_beams ''
 succeed "contact           lower: in " truth "$beam" -o "$folder/beams.h5" --trajectories 0:2
 [ -e "$folder/beams_lower.h5" ] && [ -e "$folder/beams_upper.h5" ] || fail "a file of a beam is missing"
+# faces FILE: quadrangles in a script of a picture, whose corners have four numbers each.
+faces() {
+    echo $(($(grep -Ec '^(-?[0-9.e+-]+ ){3}[0-9.e+-]+$' "$1") / 4))
+}
+lower=$folder/beams_lower.h5
+upper=$folder/beams_upper.h5
+if command -v gnuplot >/dev/null; then
+    succeed "wrote" picture "$lower" "$upper" --time 0.2 -o "$folder/both.png"
+    [ -s "$folder/both.png" ] || fail "no picture"
+    [ "$(faces "$folder/both.gp")" -eq 36 ] || fail "two beams of 4 bricks show $(faces "$folder/both.gp") faces"
+    grep -q '^36 .* 11 ' "$folder/both.gp" || fail "the upper beam does not begin at its origin"
+    ! grep -q multiplot "$folder/both.gp" || fail "beams that are placed are in panels"
+    succeed "wrote" picture "$folder/beam.h5" "$upper" -o "$folder/apart.png"
+    grep -q "multiplot layout 2,1" "$folder/apart.gp" || fail "beams that are not placed are in one scene"
+fi
+expect 5 "there is no trajectory 2, only 2" picture "$lower" --trajectory 2 -o "$folder/new.png"
+expect 2 '--time "soon": expected a number' picture "$lower" --time soon -o "$folder/new.png"
+expect 2 'expected a whole number' picture "$lower" --trajectory 0.5 -o "$folder/new.png"
+expect 5 "/z" picture configs/reference/double_pendulum.h5 -o "$folder/new.png"
+expect 4 "/nowhere/new.gp" picture "$lower" -o /nowhere/new.png
 with_beams 's/+y, -x, +z/+y, +x, +z/'
 expect 3 "right-handed" truth "$beam" -o "$new"
 with_beams 's/-26, 11/-26, 9/'
