@@ -7,6 +7,7 @@
 #include "modal/reconstruct.h"
 #include "options.h"
 #include "sim/score.h"
+#include "store/xdmf.h"
 
 typedef struct arguments {
     const char *modes, *basis, *truth, *trajectories, *output;
@@ -83,6 +84,7 @@ static pm_status save(const pm_field *field, const arguments *a, const char *com
         {"command", command},
     };
     PM_TRY(pm_field_save(field, a->output, (int)(sizeof notes / sizeof *notes), notes));
+    PM_TRY(pm_xdmf_save(field, a->output));
     printf("wrote %s: %d trajectories of %d states, %d nodes\n", a->output, field->ntrajectory,
            field->ntime, field->nnode);
     return PM_OK;
