@@ -15,9 +15,9 @@
 // How often a step may be halved.
 #define MAX_DEPTH 6
 
-// A body in an iteration, or at the last equilibrium.
+// A body in an iteration.
 typedef struct body {
-    double stored, dissipation; // J, W
+    double stored, dissipated; // J, now and in the step
 } body;
 
 struct pm_beam {
@@ -32,14 +32,13 @@ struct pm_beam {
     pm_beam_matrix *matrix;
     pm_beam_touch touch; // of the iteration
     pm_beam_state now;
-    double *f;           // [nnode][3] forces at the last equilibrium
-    double *q;           // [nnode][3] of the iteration
-    double *pressed;     // [nnode][3] forces of contact, of the iteration
-    double *residual;    // [nnode][3] of the iteration; then its correction
-    body *body;          // [nbody] of the iteration
-    double *dissipation; // [nbody] W, at the last equilibrium
-    int *meeting;        // [nnode] elements that meet there
-    double largest;      // N, norm of the elements' forces
+    double *f;        // [nnode][3] forces at the last equilibrium
+    double *q;        // [nnode][3] of the iteration
+    double *pressed;  // [nnode][3] forces of contact, of the iteration
+    double *residual; // [nnode][3] of the iteration; then its correction
+    body *body;       // [nbody] of the iteration
+    int *meeting;     // [nnode] elements that meet there
+    double largest;   // N, norm of the elements' forces
 };
 
 // --- life ---
@@ -61,11 +60,10 @@ static bool beam_alloc(pm_beam *beam) {
     beam->pressed = pm_arena_array(arena, nnode, vector);
     beam->residual = pm_arena_array(arena, nnode, vector);
     beam->body = pm_arena_array(arena, nbody, sizeof *beam->body);
-    beam->dissipation = pm_arena_array(arena, nbody, sizeof *beam->dissipation);
     beam->meeting = pm_arena_array(arena, nnode, sizeof *beam->meeting);
     return beam->element && beam->before && beam->after && beam->stress && beam->now.q &&
            beam->now.sigma && beam->now.contact && beam->now.energy && beam->f && beam->q &&
-           beam->pressed && beam->residual && beam->body && beam->dissipation && beam->meeting;
+           beam->pressed && beam->residual && beam->body && beam->meeting;
 }
 
 // corner [PM_BEAM_CORNERS][3]: the rows of an element's corners.
@@ -127,7 +125,6 @@ void pm_beam_reset(pm_beam *beam) {
     memset(now->contact, 0, 3 * nnode * sizeof *now->contact);
     memset(now->energy, 0, nbody * sizeof *now->energy);
     memset(beam->f, 0, 3 * nnode * sizeof *beam->f);
-    memset(beam->dissipation, 0, nbody * sizeof *beam->dissipation);
     now->contact_stored = now->depth = beam->largest = 0;
     for (int e = 0; e < beam->mesh->nelement; ++e) {
         for (int p = 0; p < PM_BEAM_POINTS; ++p) {
@@ -171,7 +168,7 @@ static bool add_elements(pm_beam *beam, double h, totals *sum) {
         memcpy(beam->stress[e], r.stress, sizeof r.stress);
         pm_beam_matrix_add(beam->matrix, e, r.stiffness[0]);
         owner->stored += r.energy;
-        owner->dissipation += r.dissipation;
+        owner->dissipated += r.dissipated;
     }
     sum->inner = sqrt(square);
     return true;
@@ -271,7 +268,7 @@ static void average_stress(pm_beam *beam) {
 }
 
 // Makes the iteration's result the state.
-static void accept(pm_beam *beam, double h, const double *f, const totals *sum) {
+static void accept(pm_beam *beam, const double *f, const totals *sum) {
     const pm_beam_mesh *mesh = beam->mesh;
     const size_t size = 3 * (size_t)mesh->nnode * sizeof *f;
     pm_beam_state *now = &beam->now;
@@ -282,9 +279,8 @@ static void accept(pm_beam *beam, double h, const double *f, const totals *sum) 
         energy->contact_work += (now->contact[i] + beam->pressed[i]) / 2 * way;
     }
     for (int b = 0; b < mesh->nbody; ++b) {
-        now->energy[b].dissipated += h * (beam->dissipation[b] + beam->body[b].dissipation) / 2;
+        now->energy[b].dissipated += beam->body[b].dissipated;
         now->energy[b].stored = beam->body[b].stored;
-        beam->dissipation[b] = beam->body[b].dissipation;
     }
     beam->largest = fmax(beam->largest, sum->inner);
     now->contact_stored = sum->contact_stored;
@@ -300,7 +296,7 @@ static pm_status step(pm_beam *beam, double h, const double *f, int depth,
                       pm_beam_convergence *convergence) {
     totals sum;
     if (iterate(beam, h, f, &sum, convergence)) {
-        accept(beam, h, f, &sum);
+        accept(beam, f, &sum);
         return PM_OK;
     }
     if (depth == MAX_DEPTH) {

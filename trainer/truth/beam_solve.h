@@ -13,7 +13,7 @@ typedef struct pm_beam pm_beam;
 // Of one body, J.
 typedef struct pm_beam_energy {
     double stored;
-    double dissipated;   // since the start (trapezoidal rule in time)
+    double dissipated;   // since the start
     double work;         // of the loads since the start (trapezoidal rule along the path)
     double contact_work; // of the contact forces, likewise
 } pm_beam_energy;
