@@ -12,6 +12,8 @@
 // at an equilibrium before.
 // Rounding leaves about 1e-11; the last iteration squares what is left before it.
 #define TOLERANCE 1e-9
+// Iterations after which care is taken: most steps need fewer, and full ones.
+#define PATIENCE 6
 // How often a step may be halved.
 #define MAX_DEPTH 6
 
@@ -35,7 +37,8 @@ struct pm_beam {
     double *f;        // [nnode][3] forces at the last equilibrium
     double *q;        // [nnode][3] of the iteration
     double *pressed;  // [nnode][3] forces of contact, of the iteration
-    double *residual; // [nnode][3] of the iteration; then its correction
+    double *residual; // [nnode][3] of the iteration
+    double *way;      // [nnode][3] where Newton's method takes it from there
     body *body;       // [nbody] of the iteration
     int *meeting;     // [nnode] elements that meet there
     double largest;   // N, norm of the elements' forces
@@ -59,11 +62,12 @@ static bool beam_alloc(pm_beam *beam) {
     beam->q = pm_arena_array(arena, nnode, vector);
     beam->pressed = pm_arena_array(arena, nnode, vector);
     beam->residual = pm_arena_array(arena, nnode, vector);
+    beam->way = pm_arena_array(arena, nnode, vector);
     beam->body = pm_arena_array(arena, nbody, sizeof *beam->body);
     beam->meeting = pm_arena_array(arena, nnode, sizeof *beam->meeting);
     return beam->element && beam->before && beam->after && beam->stress && beam->now.q &&
            beam->now.sigma && beam->now.contact && beam->now.energy && beam->f && beam->q &&
-           beam->pressed && beam->residual && beam->body && beam->meeting;
+           beam->pressed && beam->residual && beam->way && beam->body && beam->meeting;
 }
 
 // corner [PM_BEAM_CORNERS][3]: the rows of an element's corners.
@@ -222,34 +226,67 @@ static double free_norm(const pm_beam *beam) {
 
 // --- the step ---
 
-// Turns the residual into the correction of beam->q. Where bodies have come to lie deep in each
-// other, the exact matrix may not be positive definite; then the other one parts them.
-static bool correct(pm_beam *beam, double h, const double *f, totals *sum) {
-    return pm_beam_matrix_solve(beam->matrix, beam->residual) ||
-           (sum->depth > 0 && assemble(beam, h, f, false, sum) &&
-            pm_beam_matrix_solve(beam->matrix, beam->residual));
+static bool solve(pm_beam *beam) {
+    memcpy(beam->way, beam->residual, 3 * (size_t)beam->mesh->nnode * sizeof *beam->way);
+    return pm_beam_matrix_solve(beam->matrix, beam->way);
+}
+
+// Finds the way. Where bodies have come to lie deep in each other, or slip off each other, the
+// exact matrix may not be positive definite; then the other one leads on.
+static bool find_way(pm_beam *beam, double h, const double *f, totals *sum) {
+    return solve(beam) || (sum->depth > 0 && assemble(beam, h, f, false, sum) && solve(beam));
+}
+
+static void move(pm_beam *beam, double part) {
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        beam->q[i] += part * beam->way[i];
+    }
+}
+
+// How hard the residual draws along the way, J.
+static double draw(const pm_beam *beam) {
+    double sum = 0;
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        sum += beam->residual[i] * beam->way[i];
+    }
+    return sum;
+}
+
+// Goes the way and assembles there. `careful`: not so far that the residual would draw back half as
+// hard; parts by the secant.
+static bool advance(pm_beam *beam, double h, const double *f, bool careful, totals *sum) {
+    const int most = 8;
+    const double before = draw(beam);
+    double part = 1;
+    move(beam, part);
+    bool good = assemble(beam, h, f, true, sum);
+    for (int k = 0; k < most && careful; ++k) {
+        const double now = good ? draw(beam) : -INFINITY;
+        if (now >= -before / 2) {
+            return true;
+        }
+        const double next = part * fmin(fmax(before / (before - now), 0.1), 0.5);
+        move(beam, next - part);
+        part = next;
+        good = assemble(beam, h, f, true, sum);
+    }
+    return good;
 }
 
 // Iterates beam->q to equilibrium. False if that does not succeed.
 static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
                     pm_beam_convergence *convergence) {
     memcpy(beam->q, beam->now.q, 3 * (size_t)beam->mesh->nnode * sizeof *beam->q);
-    for (int k = 0; k < PM_BEAM_MAX_ITERATIONS; ++k) {
-        if (!assemble(beam, h, f, true, sum)) {
-            return false;
-        }
+    bool good = assemble(beam, h, f, true, sum);
+    for (int k = 0; k < PM_BEAM_MAX_ITERATIONS && good; ++k) {
         const double norm = free_norm(beam);
         convergence->residual[k] = norm;
         convergence->niteration = k + 1;
         if (norm <= TOLERANCE * fmax(beam->largest, sum->inner)) {
             return true;
         }
-        if (!isfinite(norm) || !correct(beam, h, f, sum)) {
-            return false;
-        }
-        for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-            beam->q[i] += beam->residual[i];
-        }
+        good =
+            isfinite(norm) && find_way(beam, h, f, sum) && advance(beam, h, f, k >= PATIENCE, sum);
     }
     return false;
 }

@@ -6,7 +6,7 @@
 #include "base/status.h"
 #include "truth/beam_element.h"
 
-#define PM_BEAM_MAX_ITERATIONS 20
+#define PM_BEAM_MAX_ITERATIONS 30
 
 typedef struct pm_beam pm_beam;
 
