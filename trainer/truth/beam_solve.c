@@ -12,6 +12,9 @@
 // at an equilibrium before.
 // Rounding leaves about 1e-11; the last iteration squares what is left before it.
 #define TOLERANCE 1e-9
+// Or a way this short, by an element's length: under small loads rounding leaves more than that,
+// and Newton's method squares this.
+#define NEGLIGIBLE 1e-9
 // Iterations after which care is taken: most steps need fewer, and full ones.
 #define PATIENCE 6
 // How often a step may be halved.
@@ -273,6 +276,15 @@ static bool advance(pm_beam *beam, double h, const double *f, bool careful, tota
     return good;
 }
 
+static bool way_is_short(const pm_beam *beam) {
+    const double most = NEGLIGIBLE * beam->mesh->size[0] / beam->mesh->count[0];
+    double longest = 0;
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        longest = fmax(longest, fabs(beam->way[i]));
+    }
+    return longest <= most;
+}
+
 // Iterates beam->q to equilibrium. False if that does not succeed.
 static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
                     pm_beam_convergence *convergence) {
@@ -282,7 +294,7 @@ static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
         const double norm = free_norm(beam);
         convergence->residual[k] = norm;
         convergence->niteration = k + 1;
-        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner)) {
+        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner) || (k > 0 && way_is_short(beam))) {
             return true;
         }
         good =
