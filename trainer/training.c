@@ -193,7 +193,11 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
     if (pm_yaml_exists(value = pm_yaml_get(block, "rate"))) {
         PM_TRY(read_rates(value, &t->arena, &stage->schedule));
     }
-    return read_loss(block, &t->arena, &stage->loss, &stage->unroll);
+    PM_TRY(read_loss(block, &t->arena, &stage->loss, &stage->unroll));
+    return !stage->loss.integrator->multirate
+               ? PM_OK
+               : pm_yaml_fail(block, "integrator %s steps, but does not train: name another",
+                              stage->loss.integrator->name);
 }
 
 static pm_status read_stages(pm_training *t, pm_yaml root) {

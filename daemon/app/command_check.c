@@ -6,8 +6,8 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/skipped.h"
-#include "store/channel.h"
 #include "sim/subsystem.h"
+#include "store/channel.h"
 #include "store/model_yaml.h"
 
 // Builds what every node would build; `rounds` receives the number of flux exchanges per step.
@@ -92,6 +92,9 @@ static void print_subsystem(const pm_setup *setup, int i) {
     const pm_part *part = &setup->system->part[i];
     printf("\nsubsystem %s (%s): %d variables\n", subsystem->name, form_name(part->spec.form),
            subsystem->layout.nz);
+    if (subsystem->substeps > 1) {
+        printf("  time       %d steps of its own between two exchanges\n", subsystem->substeps);
+    }
     for (int group = 0; group < subsystem->layout.ngroup; ++group) {
         print_group(setup->scene, subsystem, group);
     }

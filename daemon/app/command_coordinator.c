@@ -1,7 +1,6 @@
 // portmetd coordinator: grants steps, keeps the ledger, records and reports; the nodes are launched
 // elsewhere.
 #include <stddef.h>
-#include <unistd.h>
 
 #include "app/command.h"
 #include "app/connect.h"
@@ -20,9 +19,6 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     status = pm_lockstep_run_coordinator(coordinator, &pm_stop_requested);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "over LCM");
-    if (status == PM_OK && options.checkpoint != NULL) {
-        unlink(options.checkpoint);
-    }
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_lockstep_coordinator_close(coordinator);
@@ -51,7 +47,9 @@ const pm_command pm_command_coordinator = {
         "Waits for one `portmetd node` per subsystem, on this or any other host of the network,\n"
         "then steps them together, keeps the ledger of both laws, records, and prints the same\n"
         "tables as `portmetd run`. Nodes with another scene, other weights or another initial\n"
-        "state are refused by name. With --checkpoint it goes on where it was killed.\n",
+        "state are refused by name. With --checkpoint it goes on where it was killed; when all "
+        "have\n"
+        "ended well, remove the folder's files.\n",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |
                PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_QUIET,
     .execute = execute,

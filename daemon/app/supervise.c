@@ -122,6 +122,17 @@ static pm_status watch(pm_launch *launch) {
     return status;
 }
 
+// When all are done, and none of the children can write any more.
+static void remove_checkpoints(pm_setup *setup, const pm_options *options) {
+    for (int i = -1; i < setup->scene->nprocess; ++i) {
+        const char *name = i < 0 ? NULL : setup->scene->process[i].name;
+        const char *checkpoint;
+        if (pm_setup_checkpoint(setup, options, name, &checkpoint) == PM_OK) {
+            unlink(checkpoint);
+        }
+    }
+}
+
 pm_status pm_supervise(pm_setup *setup, const pm_options *options) {
     pm_launch *launch = NULL;
     int folder = -1;
@@ -140,6 +151,9 @@ pm_status pm_supervise(pm_setup *setup, const pm_options *options) {
     }
 done:
     pm_launch_close(launch);
+    if (status == PM_OK) {
+        remove_checkpoints(setup, options);
+    }
     if (folder >= 0) {
         close(folder);
     }

@@ -10,9 +10,9 @@
 const char *const *pm_supervise_arguments(pm_setup *setup, const pm_options *options,
                                           const char *session, const char *process);
 
-// Runs the scene, or goes on with the run whose checkpoints are there. The coordinator prints the
-// tables. Returns its result; PM_EFILE: another run uses the folder; PM_EINTERRUPTED; what
-// pm_launch_watch returns.
+// Runs the scene, or goes on with the run whose checkpoints are there; these are removed when it
+// has ended well. The coordinator prints the tables. Returns its result; PM_EFILE: another run uses
+// the folder; PM_EINTERRUPTED; what pm_launch_watch returns.
 pm_status pm_supervise(pm_setup *setup, const pm_options *options);
 
 #endif

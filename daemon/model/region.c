@@ -33,17 +33,23 @@ void pm_region_widen(pm_part *part, const double *z) {
     }
 }
 
-pm_departure pm_region_departure(const pm_part *part, const double *z) {
+pm_region pm_region_of(const pm_part *part) {
     const pm_param_entry *low = pm_params_find(&part->params, low_name);
     const pm_param_entry *high = pm_params_find(&part->params, high_name);
+    return low == NULL || high == NULL ? (pm_region){.low = NULL}
+                                       : (pm_region){&part->layout, low->value, high->value};
+}
+
+pm_departure pm_region_departure(pm_region region, const double *z) {
     pm_departure worst = {.group = NULL};
-    for (int i = 0; low != NULL && high != NULL && i < part->layout.ngroup; ++i) {
-        const pm_group *group = &part->layout.group[i];
-        const double value = measure(group, z), width = high->value[i] - low->value[i];
-        const double beyond = fmax(low->value[i] - value, value - high->value[i]);
+    for (int i = 0; region.low != NULL && i < region.layout->ngroup; ++i) {
+        const pm_group *group = &region.layout->group[i];
+        const double low = region.low[i], high = region.high[i];
+        const double value = measure(group, z), width = high - low;
+        const double beyond = fmax(low - value, value - high);
         const double widths = width > 0 ? beyond / width : beyond > 0 ? INFINITY : 0;
         if (widths > worst.widths) {
-            worst = (pm_departure){group, value, low->value[i], high->value[i], widths};
+            worst = (pm_departure){group, value, low, high, widths};
         }
     }
     return worst;

@@ -12,12 +12,19 @@ pm_status pm_region_declare(pm_part *part);
 // Widens it to hold the state z [nz].
 void pm_region_widen(pm_part *part, const double *z);
 
+// Where the part's region is kept, to be found once.
+typedef struct pm_region {
+    const pm_layout *layout;
+    const double *low, *high; // [layout->ngroup]; NULL: it has none
+} pm_region;
+pm_region pm_region_of(const pm_part *part); // valid as long as the part
+
 // The group that is furthest outside.
 typedef struct pm_departure {
     const pm_group *group; // NULL: none is outside
     double value, low, high;
     double widths; // by how much it is outside, in widths of its range
 } pm_departure;
-pm_departure pm_region_departure(const pm_part *part, const double *z);
+pm_departure pm_region_departure(pm_region region, const double *z);
 
 #endif

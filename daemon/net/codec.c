@@ -26,7 +26,7 @@ typedef struct field {
     size_t offset, count; // in the struct
 } field;
 
-#define MAX_FIELDS 24
+#define MAX_FIELDS 25
 
 typedef struct wire_type {
     int64_t (*fingerprint)(void);
@@ -60,16 +60,17 @@ static const wire_type flux_type = {
 
 static const wire_type tick_type = {
     __portmet_tick_t_get_hash,
-    8,
-    {F(I64, tick, session), F(I64, tick, digest), F(I64, tick, granted), F(I64, tick, steps),
-     F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(BOOLEAN, tick, want_state),
+    9,
+    {F(I64, tick, session), F(I64, tick, instance), F(I64, tick, digest), F(I64, tick, granted),
+     F(I64, tick, steps), F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(BOOLEAN, tick, want_state),
      F(BOOLEAN, tick, open)},
 };
 
 static const wire_type report_type = {
     __portmet_report_t_get_hash,
-    24,
+    25,
     {F(I64, report, session),
+     F(I64, report, instance),
      F(I64, report, digest),
      F(I8, report, kind),
      F(I8, report, code),
@@ -112,9 +113,10 @@ static const wire_type command_type = {
 
 static const wire_type request_type = {
     __portmet_request_t_get_hash,
-    5,
-    {F(I64, request, session), F(TEXT, request, sender), F(TEXT, request, channel),
-     F(I64, request, step), F(I32, request, round)},
+    7,
+    {F(I64, request, session), F(TEXT, request, sender), F(I64, request, instance),
+     F(I64, request, attempt), F(TEXT, request, channel), F(I64, request, step),
+     F(I32, request, round)},
 };
 
 // --- members of a struct, by offset ---

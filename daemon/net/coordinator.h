@@ -28,6 +28,7 @@ struct pm_lockstep_coordinator {
 
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool progressed;            // since the last poll: a new wait begins
+    double moved;               // s, when a member was last heard to get on
     bool paused;                // and the observer was told
     bool tick_wanted;           // somebody asked for it since the last poll
 

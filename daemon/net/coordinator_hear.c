@@ -19,11 +19,28 @@ static pm_member *find_member(const pm_lockstep_coordinator *c, const char *name
 // A node that cannot take part ends a run that has not begun, and is sent away from one that has.
 static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
                       bool late) {
-    pm_coordinator_check(c, pm_identity_refuse(&c->party.identity, hello, PM_ENET, reason));
+    pm_coordinator_check(c, pm_identity_refuse(&c->party.identity, hello->session, hello->instance,
+                                               PM_ENET, reason));
     if (!late) {
         pm_coordinator_check(c, pm_fail(PM_ENET, "%s", reason));
     }
     return PM_KEEP;
+}
+
+// Without checkpoints nobody can take the place of the node whose initial state was reported: sends
+// another instance of it away.
+static bool is_second(pm_lockstep_coordinator *c, const pm_member *m, int64_t session,
+                      int64_t instance) {
+    if (instance == m->instance) {
+        return false;
+    }
+    char reason[256];
+    snprintf(reason, sizeof reason,
+             "node %s: the run goes on without it; only runs with --checkpoint take a node back",
+             m->name);
+    pm_coordinator_check(
+        c, pm_identity_refuse(&c->party.identity, session, instance, PM_ENET, reason));
+    return true;
 }
 
 static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
@@ -39,18 +56,8 @@ static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hel
         return refuse(c, hello, reason, late);
     }
     if (late && c->checkpoint == NULL) {
-        // Its first hello may have been lost, as others' bring the tick, too.
-        m->instance = m->instance == 0 ? hello->instance : m->instance;
-        if (hello->instance == m->instance) {
-            return PM_DROP_REPEATED;
-        }
-        snprintf(
-            reason, sizeof reason,
-            "node %s: the run goes on without it; only runs with --checkpoint take a node back",
-            m->name);
-        return refuse(c, hello, reason, true);
+        return is_second(c, m, hello->session, hello->instance) ? PM_KEEP : PM_DROP_REPEATED;
     }
-    m->instance = hello->instance;
     m->alive = true;
     c->tick_wanted = true;
     return PM_KEEP;
@@ -64,7 +71,8 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
     }
     if (c->phase == PM_COORDINATOR_CLOSING && c->party.status != PM_OK && hello->sender[0] != 0) {
         // It has not joined, and need not wait for it.
-        pm_coordinator_check(c, pm_identity_refuse(own, hello, c->party.status, c->party.message));
+        pm_coordinator_check(c, pm_identity_refuse(own, hello->session, hello->instance,
+                                                   c->party.status, c->party.message));
         return PM_KEEP;
     }
     if (c->phase != PM_COORDINATOR_RUNNING) {
@@ -73,12 +81,13 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
     if (hello->sender[0] != 0) {
         return greet_node(c, hello);
     }
-    const bool first = c->completed >= 0 || pm_identity_precedes(own, hello);
+    const bool first = c->completed >= 0 || pm_identity_precedes(own, hello->instance);
     if (first && pm_identity_rivals(own, hello)) {
         char reason[256];
         snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
                  c->party.system->scene->name);
-        pm_coordinator_check(c, pm_identity_refuse(own, hello, PM_ENET, reason));
+        pm_coordinator_check(
+            c, pm_identity_refuse(own, hello->session, hello->instance, PM_ENET, reason));
     }
     return PM_KEEP;
 }
@@ -88,7 +97,8 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
 // Its own are heard, too.
 static pm_drop accept_command(void *context, const portmet_command_t *command) {
     pm_lockstep_coordinator *c = context;
-    if (c->phase == PM_COORDINATOR_RUNNING && pm_identity_is_refused(&c->party.identity, command)) {
+    if (c->phase == PM_COORDINATOR_RUNNING &&
+        pm_identity_is_refused(&c->party.identity, c->party.session, command)) {
         pm_party_end(&c->party, PM_ENET, command->reason);
         c->phase = PM_COORDINATOR_FINISHED;
     }
@@ -105,6 +115,8 @@ static pm_drop accept_done(pm_member *m) {
     if (first < 0 || first > c->granted || rows - 1 > c->granted - first) {
         return PM_DROP_RANGE;
     }
+    m->moved = m->moved || first != m->reported;
+    m->reported = first;
     pm_drop drop = PM_DROP_REPEATED;
     for (int row = 0; row < rows; ++row) {
         pm_sample *sample = pm_gathering_wants(&c->gathering, first + row, m->id);
@@ -122,6 +134,12 @@ static pm_drop accept_report(pm_member *m) {
     const portmet_report_t *report = &m->scratch;
     if (report->session != c->party.session) {
         return PM_DROP_SESSION;
+    }
+    if (!pm_gathering_has(&c->gathering, 0, m->id) && c->completed < 0) {
+        m->instance = report->instance;
+    }
+    if (c->checkpoint == NULL && is_second(c, m, report->session, report->instance)) {
+        return PM_DROP_REPEATED;
     }
     m->alive = true;
     switch (report->kind) {
@@ -155,7 +173,11 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
     }
     pm_member *m = find_member(c, request->sender);
     if (m != NULL) {
+        const int64_t asked[4] = {request->instance, request->attempt, request->step,
+                                  request->round};
         m->alive = true;
+        m->moved = m->moved || memcmp(m->asked, asked, sizeof asked) != 0;
+        memcpy(m->asked, asked, sizeof asked);
     }
     if (strcmp(request->channel, c->party.tick_channel) == 0 && request->step < c->granted) {
         c->tick_wanted = true;

@@ -5,6 +5,7 @@
 
 #include "base/arena.h"
 #include "model/port.h"
+#include "net/asker.h"
 #include "net/codec.h"
 #include "net/transport.h"
 #include "store/scene.h"
@@ -21,8 +22,7 @@ typedef struct pm_flux_link {
     portmet_flux_t scratch;        // being decoded
     portmet_flux_t inbox[PM_INBOX_DEPTH];
     int64_t inbox_key[PM_INBOX_DEPTH]; // -1: empty
-    bool alive;                        // the neighbour was heard of since the last poll
-    double heard;                      // s, when
+    pm_asker asked;                    // by the neighbour, for fluxes
 } pm_flux_link;
 
 // Name, shape and memory (from the arena) for the messages of process `process_id`. PM_ECONFIG,

@@ -2,7 +2,6 @@
 #include "net/history.h"
 
 #include <string.h>
-#include <unistd.h>
 
 #include "net/codec.h"
 #include "store/snapshot.h"
@@ -36,18 +35,28 @@ pm_status pm_history_init(pm_history *history, pm_arena *arena, const char *path
     return PM_OK;
 }
 
-pm_status pm_history_load(pm_history *history, int64_t session) {
+static pm_status save(const pm_history *h, int64_t session) {
+    return pm_snapshot_save(h->path, h->digest, session, 2 * h->size, h->memory);
+}
+
+pm_status pm_history_knows(const pm_history *history, int64_t session, bool *known) {
+    int64_t found_session = 0;
+    bool found = false;
+    if (history->path != NULL) {
+        PM_TRY(pm_snapshot_session(history->path, history->digest, &found_session, &found));
+    }
+    *known = found && found_session == session;
+    return PM_OK;
+}
+
+pm_status pm_history_begin(pm_history *history, int64_t session) {
     const pm_history *h = history;
-    int64_t found_session;
-    bool found;
-    if (h->path == NULL) {
-        return PM_OK;
+    bool known;
+    PM_TRY(pm_history_knows(h, session, &known));
+    if (!known) {
+        return save(h, session);
     }
-    PM_TRY(pm_snapshot_session(h->path, h->digest, &found_session, &found));
-    if (!found || found_session != session) {
-        return PM_OK;
-    }
-    PM_TRY(pm_snapshot_load(h->path, h->digest, &found_session, 2 * h->size, h->memory, &found));
+    PM_TRY(pm_snapshot_load(h->path, h->digest, &session, 2 * h->size, h->memory, &known));
     for (int i = 0; i < 2; ++i) {
         const double step = h->memory[i * h->size];
         if (step < -1 || step > (double)PM_STEPS_MAX) {
@@ -65,7 +74,7 @@ pm_status pm_history_note(pm_history *history, int64_t session, int64_t step, co
     memcpy(h->memory, newer(h), (size_t)h->size * sizeof *h->memory);
     newer(h)[0] = (double)step;
     pm_crew_save(crew, newer(h) + 1);
-    return pm_snapshot_save(h->path, h->digest, session, 2 * h->size, h->memory);
+    return save(h, session);
 }
 
 int64_t pm_history_go_back(pm_history *history, int64_t step, pm_crew *crew) {
@@ -82,10 +91,4 @@ int64_t pm_history_go_back(pm_history *history, int64_t step, pm_crew *crew) {
     }
     pm_crew_restore(crew, newer(h) + 1);
     return (int64_t)newer(h)[0];
-}
-
-void pm_history_remove(const pm_history *history) {
-    if (history->path != NULL) {
-        unlink(history->path);
-    }
 }

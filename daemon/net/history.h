@@ -24,8 +24,12 @@ int64_t pm_history_interval(const pm_scene *scene);
 pm_status pm_history_init(pm_history *history, pm_arena *arena, const char *path,
                           const pm_system *system, const pm_crew *crew);
 
-// Takes over the file, if there is one of this session. PM_EFILE.
-pm_status pm_history_load(pm_history *history, int64_t session);
+// Whether the file is one of this session. PM_EFILE.
+pm_status pm_history_knows(const pm_history *history, int64_t session, bool *known);
+
+// Takes over the file, if it is of this session; else writes it, so that this process will be known
+// to be of the session. PM_EFILE.
+pm_status pm_history_begin(pm_history *history, int64_t session);
 
 // `step` steps are complete: keeps the crew's state if it is time to. PM_EFILE.
 pm_status pm_history_note(pm_history *history, int64_t session, int64_t step, const pm_crew *crew);
@@ -33,8 +37,5 @@ pm_status pm_history_note(pm_history *history, int64_t session, int64_t step, co
 // Brings the crew back to the newest checkpoint of at most `step` steps, and forgets later ones.
 // Returns its step; -1: there is none, and the crew is as it was.
 int64_t pm_history_go_back(pm_history *history, int64_t step, pm_crew *crew);
-
-// The run is over: removes the file.
-void pm_history_remove(const pm_history *history);
 
 #endif

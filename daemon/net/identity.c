@@ -38,8 +38,8 @@ bool pm_identity_rivals(const pm_identity *identity, const portmet_hello_t *hell
            own->instance != hello->instance;
 }
 
-bool pm_identity_precedes(const pm_identity *identity, const portmet_hello_t *hello) {
-    return identity->hello.instance < hello->instance;
+bool pm_identity_precedes(const pm_identity *identity, int64_t instance) {
+    return identity->hello.instance < instance;
 }
 
 bool pm_identity_differs(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
@@ -66,11 +66,11 @@ bool pm_identity_differs(const pm_identity *identity, const portmet_hello_t *hel
     return true;
 }
 
-pm_status pm_identity_refuse(const pm_identity *identity, const portmet_hello_t *hello,
+pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
                              pm_status code, const char *reason) {
     const portmet_command_t message = {
-        .session = hello->session,
-        .instance = hello->instance,
+        .session = session,
+        .instance = instance,
         .kind = PORTMET_COMMAND_T_REFUSE,
         .code = (int8_t)code,
         .reason = (char *)reason,
@@ -80,8 +80,9 @@ pm_status pm_identity_refuse(const pm_identity *identity, const portmet_hello_t 
     return pm_transport_publish(identity->transport, identity->command_channel, data, size);
 }
 
-bool pm_identity_is_refused(const pm_identity *identity, const portmet_command_t *command) {
+bool pm_identity_is_refused(const pm_identity *identity, int64_t session,
+                            const portmet_command_t *command) {
     return command->kind == PORTMET_COMMAND_T_REFUSE &&
            command->instance == identity->hello.instance &&
-           command->session == identity->hello.session;
+           (command->session == identity->hello.session || command->session == session);
 }

@@ -12,8 +12,10 @@
 #include "net/coordinator.h"
 #include "store/channel.h"
 
-#define HELLO_INTERVAL 0.1    // s
-#define PAUSE 2.0             // s of silence after which a pause is told of, or half the patience
+#define HELLO_INTERVAL 0.1 // s
+#define PAUSE 2.0          // s of silence after which a pause is told of, or half the patience
+// How many times the scene's patience it may take until somebody gets on, though all show life.
+#define ALIVE 3
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 
@@ -42,6 +44,7 @@ void pm_coordinator_check(pm_lockstep_coordinator *c, pm_status status) {
 static pm_status publish_tick(pm_lockstep_coordinator *c) {
     const portmet_tick_t message = {
         .session = c->party.session,
+        .instance = c->party.identity.hello.instance,
         .digest = (int64_t)c->party.system->digest,
         .granted = c->granted,
         .steps = c->party.steps,
@@ -138,16 +141,17 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
 
 // --- waiting ---
 
-// Names of the nodes that are missed and have been silent for longer than `patience`; "" if there
-// are none.
-static void list_silent(const pm_lockstep_coordinator *c, double patience, char *list,
-                        size_t size) {
+// Names of the nodes that are missed and, unless `patience` is negative, have been silent for
+// longer than that; "" if there are none.
+static void list_missing(const pm_lockstep_coordinator *c, double patience, char *list,
+                         size_t size) {
     size_t used = 0;
     list[0] = 0;
     for (int i = 0; i < c->nmember && used < size; ++i) {
         const pm_member *m = &c->member[i];
         if (pm_gathering_has(&c->gathering, c->completed + 1, m->id) ||
-            !pm_waiting_over(&c->party.waiting, m->heard, patience, c->party.now)) {
+            (patience >= 0 &&
+             !pm_waiting_over(&c->party.waiting, m->heard, patience, c->party.now))) {
             continue;
         }
         const int length =
@@ -175,8 +179,28 @@ static pm_status request_missing(const pm_lockstep_coordinator *c) {
     return PM_OK;
 }
 
-static pm_status ask_again(pm_lockstep_coordinator *c) {
-    return pm_waiting_ask(&c->party.waiting, c->party.now) ? request_missing(c) : PM_OK;
+// Ends the run if a node stays silent for too long, or all show life but nobody gets on.
+static pm_status check_patience(const pm_lockstep_coordinator *c) {
+    const double patience = c->party.system->scene->patience, now = c->party.now;
+    const double since = c->party.waiting.since, waited = now - since;
+    char names[512];
+    list_missing(c, patience, names, sizeof names);
+    if (names[0] != 0) {
+        return c->completed < 0
+                   ? pm_fail(PM_ETIMEOUT, "nodes missing after %.3g s: %s", waited, names)
+                   : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
+                             (long long)c->completed, names);
+    }
+    const double idle = now - (c->moved > since ? c->moved : since);
+    if (idle > ALIVE * patience) {
+        list_missing(c, -1, names, sizeof names);
+        return pm_fail(
+            PM_ETIMEOUT,
+            "no node got on for %.3g s, in step %lld, though alive; its reports are missing "
+            "from: %s",
+            idle, (long long)c->completed, names);
+    }
+    return PM_OK;
 }
 
 static pm_status await(pm_lockstep_coordinator *c) {
@@ -187,20 +211,12 @@ static pm_status await(pm_lockstep_coordinator *c) {
     }
     char silent[512];
     const double patience = c->party.system->scene->patience;
-    list_silent(c, patience < 2 * PAUSE ? patience / 2 : PAUSE, silent, sizeof silent);
-    if (silent[0] == 0) {
-        return ask_again(c);
-    }
-    tell_pause(c, true, silent);
-    list_silent(c, patience, silent, sizeof silent);
+    list_missing(c, patience < 2 * PAUSE ? patience / 2 : PAUSE, silent, sizeof silent);
     if (silent[0] != 0) {
-        const double waited = c->party.now - c->party.waiting.since;
-        return c->completed < 0
-                   ? pm_fail(PM_ETIMEOUT, "nodes missing after %.3g s: %s", waited, silent)
-                   : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
-                             (long long)c->completed, silent);
+        tell_pause(c, true, silent);
     }
-    return ask_again(c);
+    PM_TRY(check_patience(c));
+    return pm_waiting_ask(&c->party.waiting, c->party.now) ? request_missing(c) : PM_OK;
 }
 
 // END or ABORT, until everybody has said BYE or a short time has passed.
@@ -232,10 +248,10 @@ static pm_status greet(pm_lockstep_coordinator *c) {
 
 static void note_life(pm_lockstep_coordinator *c) {
     for (int i = 0; i < c->nmember; ++i) {
-        if (c->member[i].alive) {
-            c->member[i].heard = c->party.now;
-            c->member[i].alive = false;
-        }
+        pm_member *m = &c->member[i];
+        m->heard = m->alive ? c->party.now : m->heard;
+        c->moved = m->moved ? c->party.now : c->moved;
+        m->alive = m->moved = false;
     }
 }
 

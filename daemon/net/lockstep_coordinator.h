@@ -9,7 +9,8 @@
 //
 // Death and return: with a checkpoint it writes what it and its observer must remember every so
 // many steps (history.h has the same steps for nodes), and after the last one before END. Started
-// again, it goes on from there and asks for the reports that it missed.
+// again, it goes on from there and asks for the reports that it missed. Whoever started the
+// processes removes the files, when none of them may come back any more.
 #ifndef PM_NET_LOCKSTEP_COORDINATOR_H
 #define PM_NET_LOCKSTEP_COORDINATOR_H
 

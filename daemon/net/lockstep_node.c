@@ -39,37 +39,46 @@ void pm_node_check(pm_lockstep_node *node, pm_status status) {
 
 // --- waiting ---
 
-// Asks again for what is missing, and gives up on a silent peer. Sets when to look again.
+// Asks again for what is missing. It is for the coordinator to give up a neighbour that stays
+// silent, or goes on waiting while that one computes again what it did before it died; a node gives
+// up a coordinator that is silent itself. Sets when to look again.
 static pm_status await(pm_lockstep_node *node) {
+    pm_waiting *waiting = &node->party.waiting;
+    const double now = node->party.now;
     if (node->progressed) {
-        pm_waiting_start(&node->party.waiting, node->party.now);
+        pm_waiting_start(waiting, now);
         node->progressed = false;
     }
-    const pm_flux_link *l = node->started ? node->missing : NULL;
-    const double heard = l != NULL ? l->heard : node->coordinator_heard;
-    const double patience = node->party.system->scene->patience;
-    if (pm_waiting_over(&node->party.waiting, heard, patience, node->party.now)) {
-        return pm_fail(PM_ETIMEOUT, "no word from %s for %.3g s, in round %d of step %lld",
-                       l != NULL ? l->neighbour : "the coordinator",
-                       node->party.now - node->party.waiting.since, node->round,
-                       (long long)node->step);
+    if (pm_waiting_over(waiting, node->coordinator_heard, node->party.system->scene->patience,
+                        now)) {
+        return pm_fail(PM_ETIMEOUT,
+                       "no word from the coordinator for %.3g s, in round %d of step %lld",
+                       now - waiting->since, node->round, (long long)node->step);
     }
-    if (pm_waiting_ask(&node->party.waiting, node->party.now) && node->step < node->party.steps) {
+    const pm_flux_link *l = node->started ? node->missing : NULL;
+    if (pm_waiting_ask(waiting, now) && node->step < node->party.steps) {
         // Who waits has time to tell what it has.
         PM_TRY(pm_reporter_flush(&node->reporter));
         PM_TRY(pm_party_request(&node->party, l != NULL ? l->channel : node->party.tick_channel,
                                 node->step, node->round));
     }
-    node->next = node->party.waiting.next;
+    node->next = waiting->next;
     return PM_OK;
 }
 
 static pm_status greet(pm_lockstep_node *node) {
     const pm_scene *scene = node->party.system->scene;
     if (node->party.now >= node->until) {
-        return pm_fail(PM_ETIMEOUT,
-                       "no coordinator of scene %s with the same models answered within %.3g s",
-                       scene->name, scene->patience);
+        return node->late
+                   ? pm_fail(
+                         PM_ETIMEOUT,
+                         "a run of scene %s is under way, and there is no checkpoint of it here "
+                         "with which %s could take part",
+                         scene->name, node->name)
+                   : pm_fail(
+                         PM_ETIMEOUT,
+                         "no coordinator of scene %s with the same models answered within %.3g s",
+                         scene->name, scene->patience);
     }
     if (node->party.now >= node->next) {
         node->next = node->party.now + HELLO_INTERVAL;
@@ -97,11 +106,6 @@ static void note_life(pm_lockstep_node *node) {
     if (node->coordinator_alive) {
         node->coordinator_heard = node->party.now;
         node->coordinator_alive = false;
-    }
-    for (int i = 0; i < node->crew.nlink; ++i) {
-        pm_flux_link *link = &node->crew.link[i];
-        link->heard = link->alive ? node->party.now : link->heard;
-        link->alive = false;
     }
 }
 
@@ -162,9 +166,9 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
     PM_TRY(pm_history_init(&node->history, &node->arena, options->checkpoint, node->party.system,
                            &node->crew));
     node->rounds = pm_subsystem_rounds(node->crew.part[0].subsystem);
-    PM_TRY(pm_reporter_init(&node->reporter, &node->arena, node->party.system, process_id,
-                            node->party.transport, more));
-    return pm_node_listen(node, options->session);
+    PM_TRY(pm_node_listen(node, options->session));
+    return pm_reporter_init(&node->reporter, &node->arena, node->party.system, process_id,
+                            node->party.transport, node->party.identity.hello.instance, more);
 }
 
 pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int process_id,

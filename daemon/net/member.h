@@ -21,9 +21,12 @@ typedef struct pm_member {
     portmet_report_t scratch;            // being decoded
     int32_t most_part, most_end, most_z; // numbers in a report
     bool alive;                          // heard of since the last poll
+    bool moved;                          // and it had got on, or begun again
+    int64_t asked[4];                    // instance, attempt, step and round of its last request
+    int64_t reported;                    // the step of its last report
     bool left;                           // said BYE
     double heard;                        // s, when heard of
-    int64_t instance;                    // that it said hello with; 0: none
+    int64_t instance;                    // that reported the initial state; 0: none
 } pm_member;
 
 // Name, shape and memory (from the arena). PM_ECONFIG, PM_ENOMEM.

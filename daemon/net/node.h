@@ -3,6 +3,7 @@
 #ifndef PM_NET_NODE_H
 #define PM_NET_NODE_H
 
+#include "net/asker.h"
 #include "net/crew.h"
 #include "net/history.h"
 #include "net/lockstep_node.h"
@@ -27,9 +28,11 @@ struct pm_lockstep_node {
     double next, until; // s: next poll needed; end of the phase
 
     // Of the run, from the coordinator's ticks.
+    int64_t coordinator; // its instance
     int64_t granted;
     double t0;
     bool want_state;
+    bool late; // in HELLO: a run is under way that it cannot join
     bool coordinator_alive;
     double coordinator_heard;
 
@@ -39,6 +42,7 @@ struct pm_lockstep_node {
     bool started;                // the round
     const pm_flux_link *missing; // the neighbour whose flux it waits for, or NULL
     bool progressed;             // since the last poll; a new wait begins
+    pm_asker asked;              // by the coordinator, for reports
 
     pm_history history;
     pm_reporter reporter;

@@ -7,20 +7,26 @@
 
 // --- ticks ---
 
-static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
-    const double dt = node->party.system->scene->dt;
+// Whether a tick is of a run that this node may join: of the session that it was started for, and
+// either its first word, or one whose beginning this node has seen.
+static bool may_join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const int64_t asked = node->party.identity.hello.session;
     const bool wanted = asked == 0 ? tick->open : tick->session == asked;
+    bool known = false;
     if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->party.system->digest) {
-        return PM_DROP_SESSION;
+        return false;
     }
-    if (tick->steps < 0 || tick->steps > PM_STEPS_MAX) {
-        return PM_DROP_RANGE;
+    if (tick->granted > 0) {
+        pm_node_check(node, pm_history_knows(&node->history, tick->session, &known));
+        node->late = !known;
     }
+    return tick->granted == 0 || known;
+}
+
+static void join(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    const double dt = node->party.system->scene->dt;
     node->party.session = tick->session;
-    node->party.steps = tick->steps;
     node->t0 = tick->t0;
-    node->want_state = tick->want_state != 0;
     node->progressed = true;
     pm_node_enter(node, PM_NODE_RUNNING);
     if (tick->dt != dt) {
@@ -28,30 +34,38 @@ static pm_drop join(pm_lockstep_node *node, const portmet_tick_t *tick) {
                       pm_fail(PM_ENET,
                               "the coordinator's scene steps by %.17g s, this node's by %.17g s",
                               tick->dt, dt));
-        return PM_KEEP;
     }
-    pm_node_check(node, pm_node_begin(node));
-    return PM_KEEP;
+}
+
+// What a coordinator says that was not heard before replaces what the one before it said.
+static void obey(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    node->coordinator = tick->instance;
+    node->party.steps = tick->steps;
+    node->granted = tick->granted;
+    node->want_state = tick->want_state != 0;
 }
 
 static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
-    if (node->phase == PM_NODE_HELLO) {
-        const pm_drop drop = join(node, tick);
-        if (drop != PM_KEEP) {
-            return drop;
-        }
-    }
-    if (tick->session != node->party.session) {
+    const bool joins = node->phase == PM_NODE_HELLO && may_join(node, tick);
+    if (!joins && (node->party.session == 0 || tick->session != node->party.session)) {
         return PM_DROP_SESSION;
     }
-    node->coordinator_alive = true;
-    if (tick->granted > node->party.steps || tick->granted < 0) {
+    if (tick->steps < 0 || tick->steps > PM_STEPS_MAX || tick->granted < 0 ||
+        tick->granted > tick->steps) {
         return PM_DROP_RANGE;
     }
-    if (tick->granted < node->granted) {
+    if (joins) {
+        join(node, tick);
+    }
+    node->coordinator_alive = true;
+    if (tick->instance < node->coordinator ||
+        (tick->instance == node->coordinator && tick->granted < node->granted)) {
         return PM_DROP_REPEATED;
     }
-    node->granted = tick->granted;
+    obey(node, tick);
+    if (joins && node->phase == PM_NODE_RUNNING) {
+        pm_node_check(node, pm_node_begin(node));
+    }
     return PM_KEEP;
 }
 
@@ -65,7 +79,7 @@ static void on_tick(void *context, const char *channel, const void *data, size_t
 
 // --- commands ---
 
-// Is this command of the node's session, or (in PM_NODE_HELLO) of the one it was started for?
+// Is this command of the node's session, or in its hello of the one it was started for?
 static bool concerns(const pm_lockstep_node *node, const portmet_command_t *command) {
     const int64_t session =
         node->phase == PM_NODE_HELLO ? node->party.identity.hello.session : node->party.session;
@@ -74,7 +88,7 @@ static bool concerns(const pm_lockstep_node *node, const portmet_command_t *comm
 
 // Leaves without a word: whoever is refused is not of the run.
 static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *command) {
-    if (!pm_identity_is_refused(&node->party.identity, command)) {
+    if (!pm_identity_is_refused(&node->party.identity, node->party.session, command)) {
         return PM_DROP_SESSION;
     }
     if (!pm_lockstep_node_leaving(node)) {
@@ -90,20 +104,19 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
         return accept_refusal(node, command);
     }
     const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
-    const bool end = command->kind == PORTMET_COMMAND_T_END;
-    const bool complete = node->phase == PM_NODE_RUNNING && node->step == node->party.steps;
+    // Who has returned from its death may have missed that its part is done.
+    const bool done = node->history.path != NULL ||
+                      (node->phase == PM_NODE_RUNNING && node->step == node->party.steps);
+    const bool end = command->kind == PORTMET_COMMAND_T_END && done;
     if (!concerns(node, command)) {
         return PM_DROP_SESSION;
     }
     if (!pm_lockstep_node_leaving(node)) {
-        if (!abort && !(end && complete)) {
+        if (!abort && !end) {
             return PM_DROP_RANGE;
         }
         if (abort && node->phase != PM_NODE_FAILING) {
             pm_party_end(&node->party, pm_party_code(command->code), command->reason);
-        }
-        if (end) {
-            pm_history_remove(&node->history);
         }
         node->party.session = command->session;
         pm_node_enter(node, PM_NODE_LEAVING);
@@ -116,48 +129,71 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
 
 // --- hellos ---
 
-// Who came first stays.
-static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
-    pm_lockstep_node *node = context;
+// Another one speaks by this node's name: who came first stays.
+static void meet_rival(pm_lockstep_node *node, int64_t session, int64_t instance) {
     const pm_identity *own = &node->party.identity;
-    const bool first = node->phase == PM_NODE_RUNNING ||
-                       (node->phase == PM_NODE_HELLO && pm_identity_precedes(own, hello));
-    if (first && pm_identity_rivals(own, hello)) {
+    const bool here = node->phase == PM_NODE_RUNNING || node->phase == PM_NODE_HELLO;
+    if (here && pm_identity_precedes(own, instance)) {
         char reason[256];
         snprintf(reason, sizeof reason, "there is a node %s of scene %s already", node->name,
                  node->party.system->scene->name);
-        pm_node_check(node, pm_identity_refuse(own, hello, PM_ENET, reason));
+        pm_node_check(node, pm_identity_refuse(own, session, instance, PM_ENET, reason));
+    }
+}
+
+static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
+    pm_lockstep_node *node = context;
+    if (pm_identity_rivals(&node->party.identity, hello)) {
+        meet_rival(node, hello->session, hello->instance);
     }
     return PM_KEEP;
 }
 
 // --- requests ---
 
-static void note_sender(pm_lockstep_node *node, const char *sender) {
-    if (sender[0] == 0) {
-        node->coordinator_alive = true;
-    }
+// The neighbour of that name, or NULL.
+static pm_flux_link *find_link(const pm_lockstep_node *node, const char *name) {
     for (int i = 0; i < node->crew.nlink; ++i) {
-        pm_flux_link *link = &node->crew.link[i];
-        link->alive = link->alive || strcmp(link->neighbour, sender) == 0;
+        if (strcmp(node->crew.link[i].neighbour, name) == 0) {
+            return &node->crew.link[i];
+        }
     }
+    return NULL;
 }
 
-// Who asks for what is no longer kept has returned from its death.
-static pm_status answer_report(pm_lockstep_node *node, int64_t step) {
+// A coordinator that asks for what is no longer kept has returned from its death.
+static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *request) {
+    const int64_t step = request->step;
+    const bool is_new =
+        request->sender[0] == 0 && pm_asker_hears(&node->asked, request, request->step);
     bool kept;
     PM_TRY(pm_reporter_repeat(&node->reporter, step, &kept));
     const bool missed = !kept && step <= node->step - node->reporter.rows;
-    return missed && node->phase == PM_NODE_RUNNING ? pm_node_go_back(node, step > 0 ? step - 1 : 0)
-                                                    : PM_OK;
+    return missed && is_new && node->phase == PM_NODE_RUNNING
+               ? pm_node_go_back(node, step > 0 ? step - 1 : 0)
+               : PM_OK;
 }
 
-static pm_status answer_flux(pm_lockstep_node *node, int64_t step, int round) {
-    const int64_t key = step * node->rounds + round;
-    const bool missed = key < pm_node_key(node) && !pm_outbox_keeps(&node->crew.sent, key);
-    return missed && node->phase == PM_NODE_RUNNING
-               ? pm_node_go_back(node, step)
-               : pm_outbox_repeat(&node->crew.sent, node->party.transport, key);
+// So has a neighbour, or it had to go back itself.
+static pm_status answer_flux(pm_lockstep_node *node, const portmet_request_t *request) {
+    const int64_t key = request->step * node->rounds + request->round;
+    pm_flux_link *link = find_link(node, request->sender);
+    const bool is_new = link != NULL && pm_asker_hears(&link->asked, request, key);
+    if (pm_outbox_keeps(&node->crew.sent, key)) {
+        return pm_outbox_repeat(&node->crew.sent, node->party.transport, key);
+    }
+    const bool missed = key < pm_node_key(node);
+    return missed && is_new && node->phase == PM_NODE_RUNNING ? pm_node_go_back(node, request->step)
+                                                              : PM_OK;
+}
+
+static void note_sender(pm_lockstep_node *node, const portmet_request_t *request) {
+    if (request->sender[0] == 0) {
+        node->coordinator_alive = true;
+    }
+    if (strcmp(request->sender, node->name) == 0) {
+        meet_rival(node, request->session, request->instance);
+    }
 }
 
 static pm_drop accept_request(void *context, const portmet_request_t *request) {
@@ -170,12 +206,12 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
     if (!sane) {
         return PM_DROP_RANGE;
     }
-    note_sender(node, request->sender);
+    note_sender(node, request);
     if (strcmp(request->channel, node->reporter.sent.channel) == 0) {
-        pm_node_check(node, answer_report(node, request->step));
+        pm_node_check(node, answer_report(node, request));
     }
     if (strcmp(request->channel, node->crew.sent.channel) == 0) {
-        pm_node_check(node, answer_flux(node, request->step, request->round));
+        pm_node_check(node, answer_flux(node, request));
     }
     return PM_KEEP;
 }

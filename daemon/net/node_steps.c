@@ -27,6 +27,7 @@ pm_status pm_node_go_back(pm_lockstep_node *node, int64_t step) {
     if (found < 0) {
         return PM_OK;
     }
+    node->party.attempt += 1;
     node->step = found;
     node->round = 0;
     node->started = false;
@@ -38,7 +39,7 @@ pm_status pm_node_begin(pm_lockstep_node *node) {
     if (node->history.path == NULL) {
         return report(node);
     }
-    PM_TRY(pm_history_load(&node->history, node->party.session));
+    PM_TRY(pm_history_begin(&node->history, node->party.session));
     return pm_node_go_back(node, INT64_MAX);
 }
 

@@ -56,12 +56,14 @@ pm_status pm_party_request(const pm_party *party, const char *channel, int64_t s
     const portmet_request_t message = {
         .session = party->session,
         .sender = party->identity.hello.sender,
+        .instance = party->identity.hello.instance,
+        .attempt = party->attempt,
         .channel = (char *)channel,
         .step = step,
         .round = round,
     };
     // Names of processes are shorter than the channels that contain them.
-    unsigned char data[64 + 2 * PM_CHANNEL_SIZE];
+    unsigned char data[96 + 2 * PM_CHANNEL_SIZE];
     const size_t size = pm_request_encode(&message, data, sizeof data);
     return pm_transport_publish(party->transport, party->request_channel, data, size);
 }

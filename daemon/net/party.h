@@ -23,6 +23,7 @@ typedef struct pm_party {
     pm_identity identity;
     char tick_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
     int64_t session, steps; // of the run; session 0: none yet
+    int64_t attempt;        // how often it has gone back to a checkpoint
     double now;             // s, last poll
     pm_waiting waiting;
     pm_status status; // how it ended, and why

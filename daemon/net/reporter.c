@@ -67,7 +67,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
 }
 
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
-                           int process_id, pm_transport *transport, int more) {
+                           int process_id, pm_transport *transport, int64_t instance, int more) {
     pm_reporter *r = reporter;
     const pm_scene *scene = system->scene;
     r->scene = scene;
@@ -80,11 +80,12 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
     // The coordinator may miss the report of any granted step, and a report may hold only one.
     const int depth = scene->window + 1 + more;
     PM_TRY(pm_outbox_init(&r->sent, arena, depth, pm_report_size(&r->done)));
-    r->word = (portmet_report_t){.digest = (int64_t)system->digest};
+    r->word = (portmet_report_t){.instance = instance, .digest = (int64_t)system->digest};
     r->word_capacity = pm_report_size(&(portmet_report_t){.message = ""}) + PM_TEXT_MAX;
     r->word_data = pm_arena_alloc(arena, r->word_capacity);
     r->first = pm_arena_array(arena, (size_t)depth, sizeof *r->first);
     r->last = pm_arena_array(arena, (size_t)depth, sizeof *r->last);
+    r->done.instance = instance;
     r->done.digest = r->word.digest;
     r->done.kind = PORTMET_REPORT_T_DONE;
     return r->word_data != NULL && r->first != NULL && r->last != NULL

@@ -31,9 +31,9 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
                          int process_id);
 
 // Names of channels, and memory (from the arena) for the reports of as many steps as the
-// coordinator may miss, and `more`. PM_ECONFIG, PM_ENOMEM.
+// coordinator may miss, and `more`. `instance` as in the sender's hello. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
-                           int process_id, pm_transport *transport, int more);
+                           int process_id, pm_transport *transport, int64_t instance, int more);
 
 // FAILED (with code and message) or BYE.
 pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,

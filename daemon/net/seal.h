@@ -7,7 +7,8 @@
 // payload name scene, session, step and sender, so no message can be made, changed, cut, or moved
 // to another channel, session or step. A message that is sent again is refused by its stamp if it
 // is older than PM_SEAL_AGE before the newest one heard, or before the receiver began to listen;
-// otherwise it is a repeated one, which the lock-step drops by session and step. Not kept out:
+// otherwise it is a repeated one, which the lock-step drops by session and step; a repeated request
+// is answered, but nobody goes back to a checkpoint for it (asker.h). Not kept out:
 // readers (nothing is encrypted), whoever holds the key (it speaks for everybody), and whoever
 // drowns or cuts the network.
 #ifndef PM_NET_SEAL_H

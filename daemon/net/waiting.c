@@ -40,6 +40,5 @@ bool pm_waiting_ask(pm_waiting *waiting, double now) {
 }
 
 bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now) {
-    const double waited = now - waiting->since;
-    return (waited > patience && now - heard > patience) || waited > PM_WAITING_ALIVE * patience;
+    return now - waiting->since > patience && now - heard > patience;
 }

@@ -14,11 +14,6 @@
 #define PM_WAITING_FACTOR 3    // first request, in usual waits
 #define PM_WAITING_LATELY 1000 // waits
 
-// How many times the scene's patience one message may take although its sender shows life. Longer
-// than patience itself: the sender may be waiting for another one, who is about to be found
-// missing.
-#define PM_WAITING_ALIVE 3
-
 // Storage the caller owns; zero-initialise. Times in s, monotonic.
 typedef struct pm_waiting {
     double since, next, interval;
@@ -32,7 +27,8 @@ void pm_waiting_start(pm_waiting *waiting, double now);
 // True when it is time to ask again; then the next time is set, twice as far away as the last.
 bool pm_waiting_ask(pm_waiting *waiting, double now);
 
-// True when a peer last heard at `heard` is to be given up.
+// True when a peer last heard at `heard` has been silent for longer than `patience`, and was waited
+// for as long.
 bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now);
 
 #endif

@@ -26,6 +26,12 @@
            (5 + SQRT5) / 2}},                                                          \
     .b = {1.0 / 12, 0, 0, 0, 5.0 / 12, 5.0 / 12, 1.0 / 12}
 
+// MRI-GARK-ERK33a (Sandu, SIAM J. Numer. Anal. 57 (2019) 2300), from Heun's third-order method.
+#define MULTIRATE3                                                                               \
+    .nstage = 3, .order = 3, .multirate = true, .width = {1.0 / 3, 1.0 / 3, 1.0 / 3},            \
+    .a = {{1.0 / 3}, {-1.0 / 3, 2.0 / 3}, {0, -2.0 / 3, 1}}, .rise = {{0}, {0}, {0.5, 0, -0.5}}, \
+    .b = {0.25, 0, 0.75}
+
 static const pm_integrator integrators[] = {
     {.name = "euler", .nstage = 1, .order = 1, .a = {{0}}, .b = {1}},
     {.name = "heun", .nstage = 2, .order = 2, .a = {{0}, {1}}, .b = {0.5, 0.5}},
@@ -33,6 +39,8 @@ static const pm_integrator integrators[] = {
     {.name = "rk4_balanced", RK4, .balanced = true},
     {.name = "rk6", RK6},
     {.name = "rk6_balanced", RK6, .balanced = true},
+    {.name = "multirate3", MULTIRATE3},
+    {.name = "multirate3_balanced", MULTIRATE3, .balanced = true},
     // Implicit midpoint, k = f(z + h/2 k), by fixed-point iteration from the Euler predictor. Its
     // error is that of the midpoint rule once the iteration has contracted below it.
     {.name = "midpoint",
@@ -73,11 +81,12 @@ double pm_integrator_time(const pm_integrator *rk, int stage) {
     }
     double sum = 0;
     for (int i = 0; i < stage; ++i) {
-        sum += rk->a[stage][i];
+        sum += rk->multirate ? rk->width[i] : rk->a[stage][i];
     }
     return sum;
 }
 
 const char *pm_integrator_names(void) {
-    return "euler, heun, rk4, rk4_balanced, rk6, rk6_balanced, midpoint, discrete_gradient";
+    return "euler, heun, rk4, rk4_balanced, rk6, rk6_balanced, multirate3, multirate3_balanced, "
+           "midpoint, discrete_gradient";
 }

@@ -7,7 +7,7 @@
 
 #define PM_MAX_STAGES 16
 
-// k_i = f(z + h sum_j a[i][j] k_j), z' = z + h sum_i b[i] k_i.
+// k_i = f(z + h sum_j a[i][j] k_j), z' = z + h sum_i b[i] k_i; or else as said below.
 typedef struct pm_integrator {
     const char *name;
     int nstage;
@@ -17,6 +17,11 @@ typedef struct pm_integrator {
     // Stages are iterates of the new state z': co-energies are discrete derivatives between z and
     // the iterate, operators and ports are taken at their mean.
     bool discrete;
+    // Between two stages the bulk term is integrated by steps of a part's own (multirate.h). A
+    // stage begins an interval of the fraction `width` of the step, over which ports give (a[i][j]
+    // + rise[i][j] x) k_j, x rising from 0 to 1; b are the weights of the sum of all.
+    bool multirate;
+    double width[PM_MAX_STAGES], rise[PM_MAX_STAGES][PM_MAX_STAGES];
     // After each step the state is moved, by no more than the method's error, to where energy and
     // entropy have changed by what was booked (balance.h).
     // Training takes the method without that.

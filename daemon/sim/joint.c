@@ -242,3 +242,54 @@ bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, doubl
     }
     return law->renewed;
 }
+
+// --- memory ---
+
+#define INPUTS 4 // y, e, eta, response at each end
+
+int pm_joint_memory(const pm_joint *j) {
+    return j->program == NULL ? 0 : 1 + (INPUTS + 1) * j->nboth;
+}
+
+// The law's inputs [INPUTS * 2 + 1], and how long each is; NULL where it has none.
+static void list_inputs(const pm_joint *j, double **input, int *count) {
+    for (int i = 0; i < 2; ++i) {
+        const pm_joint_end *end = &j->input[i];
+        double *const of_end[INPUTS] = {end->y, end->e, end->eta, end->response};
+        for (int k = 0; k < INPUTS; ++k) {
+            *input++ = of_end[k];
+            *count++ = end->ny;
+        }
+    }
+    *input = j->last;
+    *count = j->nboth;
+}
+
+void pm_joint_save(const pm_joint *j, double *memory) {
+    double *input[2 * INPUTS + 1];
+    int count[2 * INPUTS + 1];
+    if (j->program == NULL) {
+        return;
+    }
+    list_inputs(j, input, count);
+    *memory++ = j->known;
+    for (int i = 0; i < 2 * INPUTS + 1; memory += count[i++]) {
+        for (int k = 0; k < count[i]; ++k) {
+            memory[k] = value_at(input[i], k);
+        }
+    }
+}
+
+void pm_joint_restore(pm_joint *j, const double *memory) {
+    double *input[2 * INPUTS + 1];
+    int count[2 * INPUTS + 1];
+    j->known = j->program != NULL && *memory++ != 0;
+    if (!j->known) {
+        return;
+    }
+    list_inputs(j, input, count);
+    for (int i = 0; i < 2 * INPUTS + 1; memory += count[i++]) {
+        pm_renew(input[i], memory, count[i]);
+    }
+    pm_program_run(j->program, 1);
+}

@@ -73,6 +73,12 @@ const pm_port_values *pm_joint_prescribe(pm_joint *j, const double *prescribed);
 bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
                      double *k);
 
+// What the law was evaluated with, so that another joint knows it too: how many numbers, and these.
+// Restoring evaluates it.
+int pm_joint_memory(const pm_joint *j);
+void pm_joint_save(const pm_joint *j, double *memory);
+void pm_joint_restore(pm_joint *j, const double *memory);
+
 // Copies; true if that changed a bit. to or from may be NULL: nothing to do.
 bool pm_renew(double *to, const double *from, int n);
 

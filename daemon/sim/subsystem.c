@@ -6,9 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "graph/program.h"
 #include "model/region.h"
 #include "sim/balance.h"
+#include "sim/multirate.h"
+#include "sim/terms.h"
 
 // Newton's steps to the booked energy and entropy. The first leaves the square of the method's
 // error.
@@ -33,13 +34,9 @@ struct pm_subsystem {
     long step;
     pm_balance balance, safe_balance; // now and after the last full step
 
-    pm_program *exposure;               // z -> E, S, dE, dS
-    double *exposure_z, *exposure_from; // stage state; start of the substep if discrete, else NULL
-    const double *E, *S, *dE, *dS, *response;
-    pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
-    double *bulk_z, *bulk_dE, *bulk_dS;
-    const double *bulk_rate;
-    bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
+    pm_terms terms;
+    pm_region region;
+    pm_multirate multirate; // of a multirate integrator
 
     int njoint;
     pm_joint *joint;
@@ -47,76 +44,7 @@ struct pm_subsystem {
     pm_flux *flux; // for books
 };
 
-// --- building the graphs ---
-
-// By how much dE rises per unit of rate, where a port's prediction asks for it. `wanted` [nz] is
-// work space.
-static pm_node build_response(const pm_subsystem *s, pm_graph *g, const pm_part *part, pm_node dE,
-                              pm_node z, bool *wanted) {
-    if (!s->integrator->discrete) {
-        return PM_NO_NODE;
-    }
-    pm_system_responding(s->system, s->id, wanted);
-    const pm_node response = pm_part_response(g, part, dE, z, wanted);
-    return response == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, response, s->h);
-}
-
-static pm_status open_exposure(pm_subsystem *s, const pm_part *part) {
-    pm_graph *g = NULL;
-    bool *responding = pm_arena_array(&s->arena, (size_t)s->nz, sizeof *responding);
-    if (responding == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the state of %s", s->scene->name);
-    }
-    PM_TRY(pm_graph_open(&g));
-    const pm_node z = pm_input(g, true, 1, s->nz);
-    const pm_node from = s->integrator->discrete ? pm_input(g, true, 1, s->nz) : PM_NO_NODE;
-    const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
-    pm_node dE, dS;
-    pm_part_coenergies(g, part, from, z, &dE, &dS);
-    const pm_node wanted[] = {E, S, dE, dS, build_response(s, g, part, dE, z, responding)};
-    const double **const value[] = {&s->E, &s->S, &s->dE, &s->dS, &s->response};
-    pm_node output[5];
-    int count = 0;
-    for (int i = 0; i < 5; ++i) {
-        if (wanted[i] != PM_NO_NODE) {
-            output[count++] = pm_broadcast_to(
-                g, wanted[i], (pm_shape){true, 1, pm_graph_shape(g, wanted[i]).cols});
-        }
-    }
-    pm_status status = pm_program_open(&s->exposure, g, count, output, 1);
-    if (status == PM_OK) {
-        s->exposure_z = pm_program_value(s->exposure, z);
-        s->exposure_from = from == PM_NO_NODE ? NULL : pm_program_value(s->exposure, from);
-        count = 0;
-        for (int i = 0; i < 5; ++i) {
-            *value[i] =
-                wanted[i] == PM_NO_NODE ? NULL : pm_program_value(s->exposure, output[count++]);
-        }
-    }
-    pm_graph_close(g);
-    return status;
-}
-
-static pm_status open_bulk(pm_subsystem *s, const pm_part *part) {
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    const pm_node z = pm_input(g, true, 1, s->nz), dE = pm_input(g, true, 1, s->nz);
-    const pm_node dS = s->dS == NULL ? PM_NO_NODE : pm_input(g, true, 1, s->nz);
-    pm_node degeneracy = PM_NO_NODE;
-    const pm_node rate = pm_part_bulk(g, part, z, dE, dS, &degeneracy);
-    pm_status status = PM_OK;
-    if (rate != PM_NO_NODE) {
-        status = pm_program_open(&s->bulk, g, 1, &rate, 1);
-    }
-    if (s->bulk != NULL) {
-        s->bulk_z = pm_program_value(s->bulk, z);
-        s->bulk_dE = pm_program_value(s->bulk, dE);
-        s->bulk_dS = dS == PM_NO_NODE ? NULL : pm_program_value(s->bulk, dS);
-        s->bulk_rate = pm_program_value(s->bulk, rate);
-    }
-    pm_graph_close(g);
-    return status;
-}
+// --- building ---
 
 static pm_status open_joints(pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
@@ -168,9 +96,18 @@ static pm_status open_all(pm_subsystem *s) {
                        "ln|x|, |x|^2 and <x,y> alone; subsystem %s has others",
                        scene->integrator_at, s->integrator->name, s->scene->name);
     }
+    s->region = pm_region_of(part);
+    if (s->integrator->multirate) {
+        PM_TRY(
+            pm_multirate_open(&s->multirate, &s->arena, s->nz, s->scene->substeps, s->integrator));
+    } else if (s->scene->substeps > 1) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: subsystem %s asks for substeps of its own: integrator %s has none, "
+                       "multirate3 and multirate3_balanced have",
+                       s->scene->substeps_at, s->scene->name, s->integrator->name);
+    }
     PM_TRY(open_state(s));
-    PM_TRY(open_exposure(s, part));
-    PM_TRY(open_bulk(s, part));
+    PM_TRY(pm_terms_open(&s->terms, &s->arena, s->system, s->id, s->integrator, s->h));
     PM_TRY(open_joints(s));
     pm_subsystem_set_state(s, s->scene->initial != NULL ? s->scene->initial : s->z);
     return PM_OK;
@@ -199,8 +136,7 @@ void pm_subsystem_close(pm_subsystem *subsystem) {
         for (int i = 0; i < subsystem->njoint; ++i) {
             pm_joint_close(&subsystem->joint[i]);
         }
-        pm_program_close(subsystem->exposure);
-        pm_program_close(subsystem->bulk);
+        pm_terms_close(&subsystem->terms);
         pm_arena_free(&subsystem->arena);
         free(subsystem);
     }
@@ -261,19 +197,15 @@ void pm_subsystem_expose(pm_subsystem *s) {
         return;
     }
     s->exposed = true;
-    bool renewed = !s->exposure_known;
-    renewed |= pm_renew(s->exposure_z, s->stage_z, s->nz);
-    renewed |= pm_renew(s->exposure_from, s->z, s->nz);
-    if (!renewed) {
+    // (A part's own steps leave their exposures where the ports do not see them.)
+    if (!pm_terms_expose(&s->terms, s->stage_z, s->z) && !s->integrator->multirate) {
         return;
     }
-    pm_program_run(s->exposure, 1);
-    s->exposure_known = true;
     for (int c = 0; c < s->nz; ++c) {
         s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
     }
     for (int i = 0; i < s->njoint; ++i) {
-        pm_joint_expose(&s->joint[i], s->at_z, s->dE, s->dS, s->response);
+        pm_joint_expose(&s->joint[i], s->at_z, s->terms.dE, s->terms.dS, s->terms.response);
     }
 }
 
@@ -284,21 +216,14 @@ static double stage_weight(const pm_subsystem *s) {
 
 void pm_subsystem_bulk(pm_subsystem *s) {
     double *k = s->k + (ptrdiff_t)s->stage * s->nz;
-    if (s->bulk == NULL) {
+    if (s->terms.bulk == NULL || s->integrator->multirate) {
         memset(k, 0, (size_t)s->nz * sizeof *k);
-        ++s->booking.skipped;
+        s->booking.skipped += !s->integrator->multirate;
         return;
     }
-    bool renewed = !s->bulk_known;
-    renewed |= pm_renew(s->bulk_z, s->at_z, s->nz);
-    renewed |= pm_renew(s->bulk_dE, s->dE, s->nz);
-    renewed |= pm_renew(s->bulk_dS, s->dS, s->nz);
-    if (renewed) {
-        pm_program_run(s->bulk, 1);
-        s->bulk_known = true;
-    }
-    memcpy(k, s->bulk_rate, (size_t)s->nz * sizeof *k);
-    pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->dE, s->dS, k);
+    const bool renewed = pm_terms_evaluate_bulk(&s->terms, s->at_z);
+    memcpy(k, s->terms.bulk_rate, (size_t)s->nz * sizeof *k);
+    pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->terms.dE, s->terms.dS, k);
     s->booking.evaluated += renewed;
     s->booking.skipped += !renewed;
 }
@@ -334,19 +259,34 @@ static void combine(const pm_subsystem *s, int n, const double *weight, double *
 
 // Energy and entropy that the stage's rate moves.
 static void book_balance(pm_subsystem *s) {
-    pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz, s->dE,
-                    s->dS, s->k + (ptrdiff_t)s->stage * s->nz);
+    pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz,
+                    s->terms.dE, s->terms.dS, s->k + (ptrdiff_t)s->stage * s->nz);
 }
 
 // Moves the new state to where it has what was booked. Its last exposure is that of the next stage.
 static void balance(pm_subsystem *s) {
     for (int i = 0; i < MOST_MOVES; ++i) {
         pm_subsystem_expose(s);
-        if (!pm_balance_move(&s->balance, &s->scene->layout, s->z, s->E[0], value_at(s->S, 0),
-                             s->dE, s->dS, s->stage_z)) {
+        if (!pm_balance_move(&s->balance, &s->scene->layout, s->z, s->terms.E[0],
+                             value_at(s->terms.S, 0), s->terms.dE, s->terms.dS, s->stage_z)) {
             return;
         }
         s->exposed = false;
+    }
+}
+
+// The state at the next stage, or after the last.
+static void reach_next_stage(pm_subsystem *s) {
+    const pm_integrator *rk = s->integrator;
+    if (rk->multirate) {
+        const pm_multirate_books books = {&s->booking.bulk, &s->booking.evaluated,
+                                          &s->booking.skipped, rk->balanced ? &s->balance : NULL};
+        pm_multirate_advance(&s->multirate, &s->terms, s->stage, s->h, 1.0 / s->substeps, s->k,
+                             &books, s->stage_z);
+    } else if (s->stage + 1 < rk->nstage) {
+        combine(s, s->stage + 1, rk->a[s->stage + 1], s->stage_z);
+    } else {
+        combine(s, rk->nstage, rk->b, s->stage_z);
     }
 }
 
@@ -355,13 +295,11 @@ void pm_subsystem_advance(pm_subsystem *s) {
     if (rk->balanced) {
         book_balance(s);
     }
-    ++s->stage;
+    reach_next_stage(s);
     s->exposed = false;
-    if (s->stage < rk->nstage) {
-        combine(s, s->stage, rk->a[s->stage], s->stage_z);
+    if (++s->stage < rk->nstage) {
         return;
     }
-    combine(s, rk->nstage, rk->b, s->stage_z);
     if (rk->balanced) {
         balance(s);
     }
@@ -383,8 +321,8 @@ static void clear_booking(pm_subsystem *s) {
 
 static void close_books(pm_subsystem *s) {
     s->books = s->booking;
-    s->books.energy = s->E[0];
-    s->books.entropy = value_at(s->S, 0);
+    s->books.energy = s->terms.E[0];
+    s->books.entropy = value_at(s->terms.S, 0);
     s->books.flux = s->flux;
     s->books.nflux = s->njoint;
     for (int i = 0; i < s->njoint; ++i) {
@@ -402,14 +340,15 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
     s->step = 0;
-    s->exposed = s->exposure_known = s->bulk_known = false;
+    s->exposed = false;
+    pm_terms_forget(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
         s->joint[i].known = false;
     }
     s->booking = (pm_books){0};
     clear_booking(s);
     pm_subsystem_expose(s);
-    pm_balance_start(&s->balance, s->E[0], value_at(s->S, 0));
+    pm_balance_start(&s->balance, s->terms.E[0], value_at(s->terms.S, 0));
     s->safe_balance = s->balance;
     close_books(s);
 }
@@ -417,13 +356,18 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 // --- memory ---
 
 // Step, terms evaluated and skipped, steps outside; the books' own flux, those of its ports, the
-// balance; the state.
+// balance; what bulk and ports were evaluated with, so that the first step knows what has not
+// changed; the state.
 #define COUNTS 4
 #define FLUX 4
 #define BALANCE 4
 
 int pm_subsystem_memory(const pm_subsystem *s) {
-    return COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + s->nz;
+    int count = COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + pm_terms_memory(&s->terms) + s->nz;
+    for (int i = 0; i < s->njoint; ++i) {
+        count += pm_joint_memory(&s->joint[i]);
+    }
+    return count;
 }
 
 static double *put_flux(const pm_flux *flux, double *memory) {
@@ -451,6 +395,12 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     *memory++ = s->balance.energy_gross;
     *memory++ = s->balance.entropy;
     *memory++ = s->balance.entropy_gross;
+    pm_terms_save(&s->terms, memory);
+    memory += pm_terms_memory(&s->terms);
+    for (int i = 0; i < s->njoint; ++i) {
+        pm_joint_save(&s->joint[i], memory);
+        memory += pm_joint_memory(&s->joint[i]);
+    }
     copy(memory, s->z, s->nz);
 }
 
@@ -466,6 +416,13 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
         memory = get_flux(&s->flux[i], memory);
     }
     s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
+    memory += BALANCE;
+    pm_terms_restore(&s->terms, memory);
+    memory += pm_terms_memory(&s->terms);
+    for (int i = 0; i < s->njoint; ++i) {
+        pm_joint_restore(&s->joint[i], memory);
+        memory += pm_joint_memory(&s->joint[i]);
+    }
 }
 
 // --- the end of a step ---
@@ -488,18 +445,18 @@ static pm_status check_finite(const pm_subsystem *s) {
 }
 
 static pm_status check_potentials(const pm_subsystem *s) {
-    if (isfinite(s->E[0]) && isfinite(value_at(s->S, 0))) {
+    if (isfinite(s->terms.E[0]) && isfinite(value_at(s->terms.S, 0))) {
         return PM_OK;
     }
     return pm_fail(PM_ENUMERIC,
                    "subsystem %s: energy %g, entropy %g: the state left what the weights were "
                    "trained on",
-                   s->scene->name, s->E[0], value_at(s->S, 0));
+                   s->scene->name, s->terms.E[0], value_at(s->terms.S, 0));
 }
 
 // Counts states outside the region the weights were trained on, as far as the scene's guard allows.
 static pm_status check_region(pm_subsystem *s) {
-    const pm_departure d = pm_region_departure(&s->system->part[s->id], s->z);
+    const pm_departure d = pm_region_departure(s->region, s->z);
     s->booking.outside += d.group != NULL;
     if (!(d.widths > s->system->scene->largest_departure)) {
         return PM_OK;

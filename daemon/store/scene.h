@@ -27,8 +27,11 @@ typedef struct pm_scene_subsystem {
     int relative_subsystem[PM_MAX_GROUPS];
     int relative_group[PM_MAX_GROUPS];
     const double *initial; // [nz] or NULL
-    int first;             // of its first component in the concatenated state of the scene
-    int process;           // which process serves it
+    // Steps of its own between two exchanges, for multirate integrators.
+    int substeps;
+    const char *substeps_at;
+    int first;   // of its first component in the concatenated state of the scene
+    int process; // which process serves it
 } pm_scene_subsystem;
 
 // Subsystems that one process serves; by default each has its own, of the same name.

@@ -120,7 +120,8 @@ static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem,
 
 static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml key,
                                 pm_yaml block) {
-    static const char *const keys[] = {"weights", "model", "constants", "state", "initial", NULL};
+    static const char *const keys[] = {"weights", "model",    "constants", "state",
+                                       "initial", "substeps", NULL};
     pm_yaml state;
     PM_TRY(pm_scene_read_name(r, key, &subsystem->name));
     PM_TRY(pm_scene_read_at(r, key, &subsystem->at));
@@ -130,6 +131,12 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsyste
     PM_TRY(read_state(r, subsystem, state));
     for (int i = 0; i < PM_MAX_GROUPS; ++i) {
         subsystem->relative_subsystem[i] = subsystem->relative_group[i] = -1;
+    }
+    const pm_yaml substeps = pm_yaml_get(block, "substeps");
+    subsystem->substeps = 1;
+    if (pm_yaml_exists(substeps)) {
+        PM_TRY(pm_yaml_int(substeps, 1, 100000, &subsystem->substeps));
+        PM_TRY(pm_scene_read_at(r, substeps, &subsystem->substeps_at));
     }
     const pm_yaml initial = pm_yaml_get(block, "initial");
     return pm_yaml_exists(initial) ? read_initial(r, subsystem, initial) : PM_OK;

@@ -167,6 +167,7 @@ static uint64_t digest_system(const pm_system *system) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         digest = pm_digest_text(digest, scene->subsystem[i].name);
         digest = pm_digest_integer(digest, scene->subsystem[i].process);
+        digest = pm_digest_integer(digest, scene->subsystem[i].substeps);
         digest = digest_layout(digest, &scene->subsystem[i].layout);
         digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i].digest);
     }

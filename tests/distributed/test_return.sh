@@ -22,11 +22,16 @@ laws() {
     grep -v -e '^Speed' -e '; in one process$' -e '; over LCM$' "$folder/$1.out"
 }
 
-# same_end NAME: bits, tables and an empty folder.
-same_end() {
+# same_tables NAME: bits and tables.
+same_tables() {
     "$same_recording" "$folder/plain.h5" "$folder/$1.h5" || fail "$1: other bits"
     laws plain >"$folder/plain.laws"
     laws "$1" | cmp -s - "$folder/plain.laws" || fail "$1: other tables"
+}
+
+# same_end NAME: and an empty folder.
+same_end() {
+    same_tables "$1"
     [ -z "$(ls "$folder/$1")" ] || fail "$1: left $(ls "$folder/$1")"
     no_orphans "$1"
 }
@@ -115,5 +120,13 @@ for name in coordinator link1 link2 link3; do
     eval "ends $name \$$name 0 ''"
 done
 cp "$folder/coordinator.out" "$folder/hand.out"
-same_end hand
+same_tables hand
+[ "$(ls "$folder/hand" | wc -l)" -eq 4 ] || fail "by hand: expected the last checkpoints"
+
+# `run` finds that all is done, says so again, and removes what is left.
+mv "$folder/hand.h5" "$folder/done.h5"
+mv "$folder/hand" "$folder/done"
+start done run "$chain" --steps $steps --checkpoint "$folder/done" --record "$folder/done.h5"
+ends done $pid 0 ""
+same_end done
 finish

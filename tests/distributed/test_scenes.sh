@@ -1,8 +1,8 @@
 #!/bin/sh
 # test_scenes.sh PORTMETD MAKE_SCENE SAME_RECORDING: scenes assembled from the shipped weights run, stay
 # close to their references and keep both laws: parts used many times (chains), a circle of three
-# subsystems and ports (gas containers), parts under a load and assembled after it. In processes over
-# LCM the bits are the same.
+# subsystems and ports (gas containers), known parts, parts under a load and assembled after it. In
+# processes over LCM the bits are the same.
 . "$(dirname "$0")/network.sh"
 configs=$(dirname "$0")/../../configs
 
@@ -26,8 +26,20 @@ keeps chain_3 100
 keeps chain_5 100
 keeps chain_10 20
 same_bits chain_10 20
+keeps analytic_double_pendulum 200
+keeps half_analytic_double_pendulum 200
+same_bits half_analytic_double_pendulum 200
 keeps gas_containers 400
 same_bits gas_containers 400
+# A part with steps of its own between two exchanges.
+sed -e "s,reference/,$(realpath "$configs")/reference/," -e 's/rk4, substeps: 16/multirate3_balanced, substeps: 8/' \
+    -e 's/^    constants: {m: 2.0/    substeps: 3\n&/' "$configs/analytic_double_pendulum.yaml" >"$folder/rates.yaml"
+"$portmetd" check "$folder/rates.yaml" | grep -q "3 steps of its own between two exchanges" || fail "rates: check"
+"$portmetd" run "$folder/rates.yaml" --steps 100 --in-process --record "$folder/rates.h5" >"$folder/rates.out" ||
+    fail "rates: does not run"
+grep -q "steps in violation: 0;" "$folder/rates.out" || fail "rates: a law is violated"
+same_bits rates 100 "$folder"
+
 # said PATTERN: a line of what `check` printed last.
 said() {
     grep -Eq "$1" "$folder/check.out" || fail "check: expected \"$1\""

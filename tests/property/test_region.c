@@ -23,17 +23,17 @@ static void widened_states_are_inside_whichever_way_they_are_turned(void **state
         world_of_text(&w, seed, world_scene, world_part, world_port);
         pm_part *part = &w.system->part[0];
         const int nz = part->layout.nz; // q[2] p[2] s
-        assert_null(pm_region_departure(part, w.z).group);
+        assert_null(pm_region_departure(pm_region_of(part), w.z).group);
         assert_int_equal(pm_region_declare(part), PM_OK);
         pm_region_widen(part, w.z);
         pm_region_widen(part, w.z + nz);
         const double turned[] = {-w.z[1], w.z[0], w.z[3], -w.z[2], w.z[4]};
-        assert_null(pm_region_departure(part, w.z).group);
-        assert_null(pm_region_departure(part, turned).group);
+        assert_null(pm_region_departure(pm_region_of(part), w.z).group);
+        assert_null(pm_region_departure(pm_region_of(part), turned).group);
         double far[] = {w.z[0], w.z[1], w.z[2], w.z[3], fmax(w.z[4], w.z[nz + 4])};
         const double width = fabs(w.z[4] - w.z[nz + 4]);
         far[4] += 2 * width;
-        const pm_departure d = pm_region_departure(part, far);
+        const pm_departure d = pm_region_departure(pm_region_of(part), far);
         assert_string_equal(d.group->name, "s");
         world_check(&w, "widths", d.widths, 2, 1e-12);
         world_check(&w, "high", d.high, far[4] - 2 * width, 1e-12);

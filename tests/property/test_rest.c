@@ -141,10 +141,96 @@ static void rest_is_skipped(void **state) {
     world_close(&w);
 }
 
+// --- a return from a checkpoint ---
+
+static const pm_port_values *shown_by(pm_subsystem *const *s, int i, int port_id) {
+    return pm_subsystem_values(s[i], port_id == i && i > 0 ? 1 : 0);
+}
+
+static void step_all(pm_subsystem *const *s) {
+    for (int round = 0; round < pm_subsystem_rounds(s[0]); ++round) {
+        for (int i = 0; i < COUNT; ++i) {
+            pm_subsystem_expose(s[i]);
+            pm_subsystem_bulk(s[i]);
+        }
+        for (int i = 0; i < COUNT; ++i) {
+            for (int k = 0; k < pm_subsystem_nport(s[i]); ++k) {
+                const int id = pm_subsystem_port_id(s[i], k);
+                pm_subsystem_couple(s[i], k, shown_by(s, id == i ? i + 1 : i - 1, id));
+            }
+        }
+        for (int i = 0; i < COUNT; ++i) {
+            pm_subsystem_advance(s[i]);
+        }
+    }
+    for (int i = 0; i < COUNT; ++i) {
+        assert_int_equal(pm_subsystem_end_step(s[i]), PM_OK);
+    }
+}
+
+// Whoever goes on from a checkpoint knows what has not changed since, and counts as if it had never
+// been away. With `still` all parts are, as their steps are too short to move them, but fluxes
+// flow.
+static void check_return(const char *integrator, bool still) {
+    enum { MEMORY = 512 };
+    world w;
+    if (still) {
+        world_of_text(&w, 1, scene_text, part_text, port_text);
+        w.scene->dt = 1e-300;
+    } else {
+        open_chain(&w, 1);
+    }
+    w.scene->integrator = integrator;
+    pm_subsystem *kept[COUNT], *returned[COUNT];
+    for (int i = 0; i < COUNT; ++i) {
+        assert_int_equal(pm_subsystem_open(&kept[i], w.system, i), PM_OK);
+        pm_subsystem_set_state(kept[i], w.z + i * NZ);
+    }
+    for (int step = 0; step < STEPS; ++step) {
+        for (int i = 0; i < COUNT; ++i) {
+            double memory[MEMORY];
+            assert_in_range(pm_subsystem_memory(kept[i]), 1, MEMORY);
+            pm_subsystem_save(kept[i], memory);
+            assert_int_equal(pm_subsystem_open(&returned[i], w.system, i), PM_OK);
+            pm_subsystem_restore(returned[i], memory);
+        }
+        step_all(kept);
+        step_all(returned);
+        for (int i = 0; i < COUNT; ++i) {
+            const pm_books x = pm_subsystem_books(kept[i]), y = pm_subsystem_books(returned[i]);
+            check_numbers(&w, "z", step, NZ, pm_subsystem_state(kept[i]),
+                          pm_subsystem_state(returned[i]));
+            check_numbers(&w, "bulk", step, 4, &x.bulk.energy, &y.bulk.energy);
+            check_numbers(&w, "flux", step, 4, &x.flux[0].energy, &y.flux[0].energy);
+            if (x.evaluated != y.evaluated || x.skipped != y.skipped) {
+                world_fail(&w,
+                           "%s, n%d after step %d: %ld evaluated, %ld skipped, expected %ld, %ld",
+                           integrator, i, step, y.evaluated, y.skipped, x.evaluated, x.skipped);
+            }
+            pm_subsystem_close(returned[i]);
+        }
+    }
+    for (int i = 0; i < COUNT; ++i) {
+        pm_subsystem_close(kept[i]);
+    }
+    world_close(&w);
+}
+
+static void rest_is_known_after_a_return(void **state) {
+    (void)state;
+    char names[256];
+    snprintf(names, sizeof names, "%s", pm_integrator_names());
+    for (char *rest = names, *name; (name = strtok_r(rest, ", ", &rest)) != NULL;) {
+        check_return(name, false);
+        check_return(name, true);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rest_changes_no_bit),
         cmocka_unit_test(rest_is_skipped),
+        cmocka_unit_test(rest_is_known_after_a_return),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -48,11 +48,33 @@ static void subject_close(subject *s) {
     pm_scene_free(s->scene);
 }
 
-static pm_status subject_open(subject *s, const stress *t, const char *name) {
+// The scene in a file, with `from` replaced by `to` where it first stands.
+static pm_status load_edited(pm_scene **scene, const char *path, const char *from, const char *to) {
+    char *text = NULL, *edited = NULL;
+    size_t size = 0;
+    FILE *file = fopen(path, "r");
+    const bool read = file != NULL && getdelim(&text, &size, '\0', file) > 0;
+    const char *place = read ? strstr(text, from) : NULL;
+    pm_status status = pm_fail(PM_EFILE, "%s: cannot be read, or lacks \"%s\"", path, from);
+    if (place != NULL &&
+        asprintf(&edited, "%.*s%s%s", (int)(place - text), text, to, place + strlen(from)) > 0) {
+        status = pm_scene_parse(scene, edited, path);
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    free(text);
+    free(edited);
+    return status;
+}
+
+// With `from` replaced by `to` in its file.
+static pm_status subject_open_edited(subject *s, const stress *t, const char *name,
+                                     const char *from, const char *to) {
     char path[4096];
     pm_columns columns;
     snprintf(path, sizeof path, "%s/%s.yaml", t->configs, name);
-    PM_TRY(pm_scene_load(&s->scene, path));
+    PM_TRY(load_edited(&s->scene, path, from, to));
     PM_TRY(pm_system_load(&s->system, s->scene, NULL));
     PM_TRY(pm_dataset_load(&s->reference, s->scene->reference));
     PM_TRY(pm_columns_bind(&columns, s->scene, s->reference, &s->reference->arena));
@@ -62,6 +84,10 @@ static pm_status subject_open(subject *s, const stress *t, const char *name) {
     }
     pm_columns_to_state(&columns, pm_dataset_state(s->reference, 0, 0), s->start);
     return PM_OK;
+}
+
+static pm_status subject_open(subject *s, const stress *t, const char *name) {
+    return subject_open_edited(s, t, name, "", "");
 }
 
 static void set_time(const subject *s, double dt, const char *integrator, int substeps) {
@@ -155,6 +181,23 @@ static pm_status stress_conduction(stress *t, const subject *s) {
     }
     set_time(s, s->scene->dt, "rk4", substeps);
     return PM_OK;
+}
+
+// The pendula from formulas, their conduction up to 6000 times as strong, in single steps.
+static pm_status stress_known(stress *t, const char *K) {
+    subject s = {.scene = NULL};
+    trial_row row = {.count = 0};
+    char constant[32];
+    pm_status status;
+    snprintf(constant, sizeof constant, "{K: %s}", K);
+    snprintf(row.name, sizeof row.name, "known, K = %s W/K, discrete_gradient, 1 substep", K);
+    PM_TRY_DONE(subject_open_edited(&s, t, "analytic_double_pendulum", "{K: 0.5}", constant));
+    set_time(&s, s.scene->dt, "discrete_gradient", 1);
+    PM_TRY_DONE(trial_run(&row, s.system, s.start, 200L * t->effort, t->recording));
+    finish(t, &row);
+done:
+    subject_close(&s);
+    return status;
 }
 
 // Masses that fall towards the pivot and pass it at ever smaller distances.
@@ -303,6 +346,10 @@ done:
 static pm_status stress_all(stress *t) {
     PM_TRY(stress_pendulum(t, "double_pendulum", true));
     PM_TRY(stress_pendulum(t, "double_pendulum_fast", false));
+    static const char *const K[] = {"0.5", "5", "50", "300", "3000"};
+    for (size_t i = 0; i < sizeof K / sizeof *K; ++i) {
+        PM_TRY(stress_known(t, K[i]));
+    }
     PM_TRY(stress_chains(t));
     return stress_weights(t, "double_pendulum");
 }

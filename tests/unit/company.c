@@ -76,10 +76,10 @@ static const char *checkpoint_of(company *c, int i) {
     return c->path[i];
 }
 
-static void add_coordinator(company *c, int64_t session) {
+static void add_coordinator(company *c) {
     const pm_lockstep_coordinator_options options = {
-        .steps = STEPS,
-        .session = session,
+        .steps = c->steps,
+        .session = c->session,
         .want_state = true,
         .observer = {c, compare, tell_pause, 1, save, restore},
         .checkpoint = checkpoint_of(c, c->count),
@@ -94,6 +94,8 @@ static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub
                        const char *folder) {
     *c = (company){.nlink = nlink,
                    .count = count,
+                   .session = session,
+                   .steps = STEPS,
                    .fail_at_step = -1,
                    .now = START,
                    .hub = hub,
@@ -110,7 +112,7 @@ static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub
     for (int i = 0; i < count; ++i) {
         assert_int_equal(pm_transport_open(&c->transport[i], "memory://", hub), PM_OK);
     }
-    add_coordinator(c, session);
+    add_coordinator(c);
 }
 
 // Everything but the nodes.
@@ -125,10 +127,11 @@ void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hu
     }
 }
 
-void company_open_keeping(company *c, int count, int window, pm_hub *hub, const char *folder) {
-    open_dealt(c, count, count, window, hub, 0, folder);
+void company_open_keeping(company *c, int count, int window, pm_hub *hub, int64_t session,
+                          const char *folder) {
+    open_dealt(c, count, count, window, hub, session, folder);
     for (int i = 0; i < count; ++i) {
-        company_add(c, i, c->f.system, 0);
+        company_add(c, i, c->f.system, session);
     }
 }
 
@@ -148,10 +151,10 @@ void company_kill(company *c, int i) {
 
 void company_return(company *c, int i) {
     if (i == c->count) {
-        add_coordinator(c, 0);
+        add_coordinator(c);
     } else {
         assert_int_equal(pm_transport_open(&c->transport[i], "memory://", c->hub), PM_OK);
-        company_add(c, i, c->f.system, 0);
+        company_add(c, i, c->f.system, c->session);
     }
 }
 
@@ -246,12 +249,12 @@ void assert_all_ok(company *c) {
     if (status != PM_OK) {
         fail_msg("coordinator: %s", pm_error());
     }
-    assert_int_equal(c->steps_seen, STEPS + 1);
+    assert_int_equal(c->steps_seen, c->steps + 1);
     for (int i = 0; i < c->count; ++i) {
         if (pm_lockstep_node_result(c->node[i]) != PM_OK) {
             fail_msg("node %d: %s", i, pm_error());
         }
-        assert_int_equal(pm_lockstep_node_step(c->node[i]), STEPS);
+        assert_int_equal(pm_lockstep_node_step(c->node[i]), c->steps);
     }
 }
 

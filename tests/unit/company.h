@@ -20,6 +20,8 @@ typedef struct company {
     long allocations_at_step_5;
     long fail_at_step; // the observer fails there; -1: never
     double now;        // s, virtual
+    int64_t session;   // that all were started for
+    long steps;        // of the run
     int nlink, count;  // subsystems, and the processes that serve them
     pm_transport *transport[MAX_NODES];
     pm_lockstep_node *node[MAX_NODES]; // NULL: absent
@@ -39,7 +41,8 @@ pm_hub *company_hub(const pm_hub_faults *faults);
 void company_open(company *c, int count, int window, pm_hub *hub, int64_t session);
 void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub);
 // As the former, but all keep checkpoints in `folder`.
-void company_open_keeping(company *c, int count, int window, pm_hub *hub, const char *folder);
+void company_open_keeping(company *c, int count, int window, pm_hub *hub, int64_t session,
+                          const char *folder);
 // Node i of the company, whose scene and weights are `system`.
 void company_add(company *c, int i, const pm_system *system, int64_t session);
 // Both, with all nodes.

@@ -40,6 +40,7 @@ static const portmet_flux_t flux = {
 };
 static const portmet_tick_t tick = {
     .session = 11,
+    .instance = 6,
     .digest = INT64_MIN,
     .granted = 4,
     .steps = 200,
@@ -50,6 +51,7 @@ static const portmet_tick_t tick = {
 };
 static const portmet_report_t report = {
     .session = 11,
+    .instance = INT64_MAX,
     .digest = -5,
     .kind = PORTMET_REPORT_T_FAILED,
     .code = 9,
@@ -91,8 +93,13 @@ static const portmet_command_t command = {.session = 11,
                                           .reason = "gr\xc3\xbc\xc3\x9f dich"};
 static const portmet_hello_t hello = {
     .protocol = -5, .session = 0, .instance = 7, .digest = -9, .checkpoint = 100, .sender = "a"};
-static const portmet_request_t request = {
-    .session = 11, .sender = "", .channel = "scene_FLUX_a", .step = 3, .round = 1};
+static const portmet_request_t request = {.session = 11,
+                                          .sender = "",
+                                          .instance = 4,
+                                          .attempt = 2,
+                                          .channel = "scene_FLUX_a",
+                                          .step = 3,
+                                          .round = 1};
 
 // Memory for decoding, kept at exact sizes so that a sanitizer sees any byte too many.
 static double *decoded[ARRAYS];
@@ -272,7 +279,7 @@ static void test_hostile_counts_are_dropped(void **context) {
     static const uint32_t hostile[] = {0x10000000, 0x20000001, 0x7fffffff,
                                        0xffffffff, 0x80000000, COUNT + 1};
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
-    const size_t report_parts = 8 + 8 + 8 + 1 + 1 + 8 + 8;
+    const size_t report_parts = 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
     const size_t report_ends = report_parts + 4 + 9 * 8 * COUNT;
     const size_t report_z = report_ends + 4 + 4 * 8 * (COUNT - 1);
     for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {

@@ -10,8 +10,8 @@
 
 #include "base/rng.h"
 #include "company.h"
-#include "store/channel.h"
 #include "net/codec.h"
+#include "store/channel.h"
 
 static void shout(pm_transport *transport, const char *channel, pm_rng *rng) {
     unsigned char data[300];
@@ -122,20 +122,30 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
           .round = round_, .nend = 1, .energy_flux = y, .entropy_flux = y, .ny = 3, .y = y, \
           .e = y, .eta = y)
 #define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                               \
-    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_, .kind = kind_, \
-          .step = step_, .npart = npart_, .energy = y, .entropy = y, .bulk_energy = y,           \
-          .bulk_entropy = y, .bulk_energy_gross = y, .bulk_entropy_gross = y, .evaluated = n,    \
-          .skipped = n, .outside = n, .nend = nend_, .energy_flux = y, .entropy_flux = y,        \
-          .energy_gross = y, .entropy_gross = y, .nz = nz_, .z = y, .message = "forged")
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,                \
+          .instance = first, .kind = kind_, .step = step_, .npart = npart_, .energy = y,         \
+          .entropy = y, .bulk_energy = y, .bulk_entropy = y, .bulk_energy_gross = y,             \
+          .bulk_entropy_gross = y, .evaluated = n, .skipped = n, .outside = n, .nend = nend_,    \
+          .energy_flux = y, .entropy_flux = y, .energy_gross = y, .entropy_gross = y, .nz = nz_, \
+          .z = y, .message = "forged")
 #define DONE(reason, session_, step_) \
     REPORT(reason, session_, PORTMET_REPORT_T_DONE, step_, 1, 1, 5)
 #define WORD(reason, session_, kind_) REPORT(reason, session_, kind_, 0, 0, 0, 0)
+
+// When the sender of the first hello was started.
+static void note_instance(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    int64_t *instance = context;
+    portmet_hello_t hello;
+    assert_int_equal(pm_hello_decode(&hello, data, size), PM_KEEP);
+    *instance = *instance == 0 && hello.sender[0] != 0 ? hello.instance : *instance;
+}
 
 static void test_forged_messages_are_dropped(void **context) {
     (void)context;
     enum { OWN = 77, FOREIGN = 78 };
     double y[5] = {1, 2, 3, 4, 5};
-    int64_t n[1] = {1};
+    int64_t n[1] = {1}, first = 0;
     pm_hub *hub = company_hub(NULL);
     pm_transport *stranger;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
@@ -149,7 +159,10 @@ static void test_forged_messages_are_dropped(void **context) {
     DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .digest = digest, .steps = INT64_MAX);
     DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
     DROPS(node, request, "chain_REQUEST", SESSION, .sender = "", .channel = "");
+    assert_int_equal(pm_transport_subscribe(stranger, "chain_HELLO", note_instance, &first), PM_OK);
     company_run_to(&c, 5);
+    assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
+    assert_true(first > 0);
 
     FLUX(SESSION, FOREIGN, 5, 0);
     FLUX(REPEATED, OWN, 1, 0);
@@ -191,11 +204,52 @@ static void test_forged_messages_are_dropped(void **context) {
     WORD(SESSION, 0, PORTMET_REPORT_T_FAILED);
     WORD(RANGE, OWN, PORTMET_REPORT_T_BYE);
     WORD(RANGE, OWN, 9);
+    first += 1;
+    DONE(REPEATED, OWN, 6); // by another node of that name
     DROPS(coordinator, request, "chain_REQUEST", SESSION, .session = FOREIGN, .sender = "",
           .channel = "");
 
     company_run(&c);
     assert_all_ok(&c);
+    company_close(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
+// A coordinator that has returned may grant less than the one before it: nobody computes beyond
+// that.
+static void test_later_coordinator_grants_anew(void **context) {
+    (void)context;
+    static const struct {
+        int64_t instance, granted;
+        long step; // that the nodes then stand at
+    } ticks[] = {
+        {INT64_MAX - 2, 9, 9}, {INT64_MAX - 1, 7, 9},   {INT64_MAX - 2, 12, 9},
+        {INT64_MAX - 1, 8, 9}, {INT64_MAX - 1, 10, 10},
+    };
+    pm_hub *hub = company_hub(NULL);
+    pm_transport *stranger;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    company c;
+    company_open_all(&c, 2, 1, hub, 77);
+    company_run_to(&c, 5);
+    for (size_t i = 0; i < sizeof ticks / sizeof ticks[0]; ++i) {
+        const portmet_tick_t tick = {.session = 77,
+                                     .instance = ticks[i].instance,
+                                     .granted = ticks[i].granted,
+                                     .steps = STEPS,
+                                     .want_state = 1};
+        unsigned char data[256];
+        const size_t size = pm_tick_encode(&tick, data, sizeof data);
+        assert_int_equal(pm_transport_publish(stranger, "chain_TICK", data, size), PM_OK);
+        for (int turn = 0; turn < 100; ++turn) {
+            for (int k = 0; k < 2; ++k) {
+                assert_int_equal(pm_transport_wait(c.transport[k], 0, NULL), PM_OK);
+                pm_lockstep_node_poll(c.node[k], c.now);
+            }
+        }
+        assert_int_equal(pm_lockstep_node_step(c.node[0]), ticks[i].step);
+    }
     company_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
@@ -285,6 +339,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_garbage_changes_nothing),
         cmocka_unit_test(test_forged_messages_are_dropped),
+        cmocka_unit_test(test_later_coordinator_grants_anew),
         cmocka_unit_test(test_requests_are_answered_once),
         cmocka_unit_test(test_repetitions_are_counted),
         cmocka_unit_test(test_channel_names),

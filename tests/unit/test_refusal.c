@@ -18,6 +18,7 @@ static pm_status run_stranger(company *c, pm_lockstep_node *node, pm_transport *
         assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
         pm_lockstep_node_poll(node, c->now);
         company_turn(c);
+        c->now += TICK; // which company_turn() does only in silence
     }
     const pm_status status = pm_lockstep_node_result(node);
     pm_lockstep_node_close(node);
@@ -54,7 +55,7 @@ static void test_second_node(void **context) {
             company_open(&c, 2, 1, hub, 0);
             company_add(&c, 0, c.f.system, 0);
         } else {
-            company_open_keeping(&c, 2, 1, hub, s.folder);
+            company_open_keeping(&c, 2, 1, hub, 0, s.folder);
         }
         company_turn(&c);
         if (at % 2 == 1) {
@@ -72,6 +73,71 @@ static void test_second_node(void **context) {
         pm_hub_close(hub);
         scratch_close(&s);
     }
+}
+
+// The same, but its hello is not heard, and it hears ticks before anything else; only a checkpoint
+// of the session makes it join.
+static pm_status join_unheard(company *c, int i, const char *checkpoint, bool joins) {
+    pm_transport *transport;
+    pm_lockstep_node *node;
+    const pm_lockstep_node_options options = {.z = c->f.z, .session = 77, .checkpoint = checkpoint};
+    assert_int_equal(pm_transport_open(&transport, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_lockstep_node_open(&node, c->f.system, i, transport, &options), PM_OK);
+    for (int turn = 0; turn < 12; ++turn) {
+        company_turn(c);
+    }
+    assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
+    assert_int_equal(pm_lockstep_node_drops(node)->count[PM_KEEP] > 0, joins);
+    return run_stranger(c, node, transport);
+}
+
+static void test_second_node_that_is_not_heard(void **context) {
+    (void)context;
+    for (int at = 0; at < 3; ++at) {
+        scratch s;
+        scratch_open(&s);
+        pm_hub *hub = company_hub(NULL);
+        company c;
+        if (at == 0) {
+            company_open_all(&c, 2, 1, hub, 77);
+        } else {
+            company_open_keeping(&c, 2, 1, hub, 77, s.folder);
+        }
+        company_run_to(&c, 8);
+        // A folder of its own, or the first one's.
+        const char *checkpoint = at == 0 ? NULL : at == 1 ? scratch_path(&s, "second") : c.path[0];
+        assert_error(join_unheard(&c, 0, checkpoint, at == 2), PM_ENET, "link1");
+        finish(&c);
+        pm_hub_close(hub);
+        scratch_close(&s);
+    }
+}
+
+// Both hear the first tick before they are heard: the later report is refused.
+static void test_two_nodes_at_once(void **context) {
+    (void)context;
+    pm_hub *hub = company_hub(NULL);
+    company c;
+    company_open(&c, 2, 1, hub, 77);
+    company_add(&c, 0, c.f.system, 77);
+    pm_transport *transport;
+    pm_lockstep_node *second;
+    const pm_lockstep_node_options options = {.z = c.f.z, .session = 77};
+    assert_int_equal(pm_transport_open(&transport, "memory://", hub), PM_OK);
+    assert_int_equal(pm_lockstep_node_open(&second, c.f.system, 0, transport, &options), PM_OK);
+    const portmet_tick_t tick = {.session = 77,
+                                 .digest = (int64_t)c.f.system->digest,
+                                 .steps = STEPS,
+                                 .dt = c.f.scene->dt,
+                                 .want_state = 1};
+    unsigned char data[256];
+    const size_t size = pm_tick_encode(&tick, data, sizeof data);
+    assert_int_equal(pm_transport_publish(transport, "chain_TICK", data, size), PM_OK);
+    assert_int_equal(pm_transport_wait(c.transport[0], 0, NULL), PM_OK);
+    assert_error(run_stranger(&c, second, transport), PM_ENET, "link1: the run goes on without it");
+    company_add(&c, 1, c.f.system, 77);
+    finish(&c);
+    pm_hub_close(hub);
 }
 
 // Other weights, or other checkpoints: sent away from a run that has begun.
@@ -174,6 +240,8 @@ static void test_closed_runs(void **context) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_second_node),
+        cmocka_unit_test(test_second_node_that_is_not_heard),
+        cmocka_unit_test(test_two_nodes_at_once),
         cmocka_unit_test(test_nodes_that_differ),
         cmocka_unit_test(test_checkpoints_that_differ),
         cmocka_unit_test(test_other_version),

@@ -6,10 +6,14 @@
 #include <stdint.h>
 // cmocka needs the above.
 #include <cmocka.h>
+#include <string.h>
 
 #include "base/rng.h"
 #include "company.h"
+#include "net/codec.h"
 #include "scratch.h"
+
+#define SESSION 77
 
 typedef struct stage {
     scratch s;
@@ -20,7 +24,7 @@ typedef struct stage {
 static void stage_open(stage *t, int count, int window, const pm_hub_faults *faults) {
     scratch_open(&t->s);
     t->hub = company_hub(faults);
-    company_open_keeping(&t->c, count, window, t->hub, t->s.folder);
+    company_open_keeping(&t->c, count, window, t->hub, SESSION, t->s.folder);
 }
 
 static void stage_close(stage *t) {
@@ -29,14 +33,14 @@ static void stage_close(stage *t) {
     scratch_close(&t->s);
 }
 
-// Without anybody dying: the nodes remove their checkpoints.
+// Without anybody dying. Checkpoints stay: who dies now must find its own.
 static void test_undisturbed(void **context) {
     (void)context;
     stage t;
     stage_open(&t, 3, 1, NULL);
     assert_true(company_run(&t.c) < 0.19);
     assert_all_ok(&t.c);
-    assert_int_equal(scratch_files(&t.s, 0), 1); // the coordinator's
+    assert_int_equal(scratch_files(&t.s, 0), 4);
     stage_close(&t);
 }
 
@@ -118,12 +122,166 @@ static void test_at_random(void **context) {
     }
 }
 
+// The coordinator, when all steps are done: it ends the run once more.
+static void test_coordinator_at_the_end(void **context) {
+    (void)context;
+    for (int turns = 0; turns < 4; ++turns) {
+        stage t;
+        stage_open(&t, 3, 2, NULL);
+        company_run_to(&t.c, STEPS);
+        for (int i = 0; i < turns; ++i) {
+            company_turn(&t.c);
+        }
+        company_kill(&t.c, 3);
+        company_return(&t.c, 3);
+        assert_true(company_run(&t.c) < 1);
+        assert_all_ok(&t.c);
+        stage_close(&t);
+    }
+}
+
+// A node that returns while the run is being ended learns so. One that starts without checkpoints
+// does not take the last run's end for its own.
+static void test_node_at_the_end(void **context) {
+    (void)context;
+    for (int keeps = 0; keeps < 2; ++keeps) {
+        scratch s;
+        scratch_open(&s);
+        fixture f = {0};
+        fixture_open(&f, 2, 1);
+        pm_hub *hub = company_hub(NULL);
+        pm_transport *transport, *stranger;
+        pm_lockstep_node *node;
+        const pm_lockstep_node_options options = {
+            .session = SESSION, .checkpoint = keeps ? scratch_path(&s, "node") : NULL};
+        assert_int_equal(pm_transport_open(&transport, "memory://", hub), PM_OK);
+        assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+        assert_int_equal(pm_lockstep_node_open(&node, f.system, 0, transport, &options), PM_OK);
+        pm_lockstep_node_poll(node, 1);
+        const portmet_command_t end = {.session = SESSION, .reason = ""};
+        unsigned char data[64];
+        const size_t size = pm_command_encode(&end, data, sizeof data);
+        assert_int_equal(pm_transport_publish(stranger, "chain_COMMAND", data, size), PM_OK);
+        assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
+        assert_int_equal(pm_lockstep_node_leaving(node), keeps);
+        assert_int_equal(pm_lockstep_node_result(node), PM_OK);
+        pm_lockstep_node_close(node);
+        pm_transport_close(stranger);
+        pm_transport_close(transport);
+        pm_hub_close(hub);
+        fixture_close(&f);
+        scratch_close(&s);
+    }
+}
+
+// Computing again what was lost may take longer than the patience with a silent process.
+static void test_patience_with_who_computes_again(void **context) {
+    (void)context;
+    stage t;
+    stage_open(&t, 3, 1, NULL);
+    company_run_to(&t.c, 2 * CHECKPOINT - 1);
+    const double start = t.c.now;
+    for (int deaths = 0; pm_lockstep_coordinator_step(t.c.coordinator) < 2 * CHECKPOINT;) {
+        if (deaths < 3 && pm_lockstep_node_step(t.c.node[1]) == 2 * CHECKPOINT - 1) {
+            company_kill(&t.c, 1);
+            company_return(&t.c, 1);
+            ++deaths;
+        }
+        t.c.now += 0.1 * PATIENCE;
+        company_turn(&t.c);
+    }
+    assert_true(t.c.now - start > 4 * PATIENCE);
+    assert_int_equal(t.c.pauses, 0);
+    company_run(&t.c);
+    assert_all_ok(&t.c);
+    stage_close(&t);
+}
+
+// --- requests that are not new ---
+
+typedef struct recorded {
+    unsigned char data[64][256];
+    size_t size[64];
+    int count;
+} recorded;
+
+static void record(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    recorded *r = context;
+    if (r->count < 64 && size <= sizeof r->data[0]) {
+        memcpy(r->data[r->count], data, size);
+        r->size[r->count++] = size;
+    }
+}
+
+// Requests of one who returned, sent again when it has what it asked for: nobody goes back.
+static void test_old_requests_change_nothing(void **context) {
+    (void)context;
+    for (int who = 0; who < 4; ++who) {
+        stage t;
+        stage_open(&t, 3, 1, NULL);
+        pm_transport *stranger;
+        recorded r = {.count = 0};
+        assert_int_equal(pm_transport_open(&stranger, "memory://", t.hub), PM_OK);
+        assert_int_equal(pm_transport_subscribe(stranger, "chain_REQUEST", record, &r), PM_OK);
+        company_run_to(&t.c, CHECKPOINT + 5);
+        company_kill(&t.c, who);
+        company_return(&t.c, who);
+        company_run_to(&t.c, 2 * CHECKPOINT + 3);
+        assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
+        assert_true(r.count > 0);
+        long before[3];
+        for (int i = 0; i < 3; ++i) {
+            before[i] = pm_lockstep_node_step(t.c.node[i]);
+        }
+        for (int i = 0; i < r.count; ++i) {
+            pm_transport_publish(stranger, "chain_REQUEST", r.data[i], r.size[i]);
+        }
+        for (int i = 0; i < 3; ++i) {
+            assert_int_equal(pm_transport_wait(t.c.transport[i], 0, NULL), PM_OK);
+            assert_true(pm_lockstep_node_step(t.c.node[i]) >= before[i]);
+        }
+        company_run(&t.c);
+        assert_all_ok(&t.c);
+        pm_transport_close(stranger);
+        stage_close(&t);
+    }
+}
+
+// --- another number of steps ---
+
+// A run that is taken up again may be made shorter, or longer, than it was to be.
+static void test_other_number_of_steps(void **context) {
+    (void)context;
+    static const long steps[] = {STEPS - 4, STEPS + 9};
+    for (int k = 0; k < 2; ++k) {
+        stage t;
+        stage_open(&t, 2, 3, NULL);
+        company_run_to(&t.c, STEPS - 5);
+        company_kill(&t.c, 2);
+        t.c.steps = steps[k];
+        company_return(&t.c, 2);
+        company_run(&t.c);
+        assert_int_equal(pm_lockstep_coordinator_result(t.c.coordinator), PM_OK);
+        assert_int_equal(t.c.steps_seen, steps[k] + 1);
+        for (int i = 0; i < t.c.count; ++i) {
+            assert_int_equal(pm_lockstep_node_result(t.c.node[i]), PM_OK);
+        }
+        stage_close(&t);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_undisturbed),
         cmocka_unit_test(test_each_at_every_step),
         cmocka_unit_test(test_all_at_once),
         cmocka_unit_test(test_at_random),
+        cmocka_unit_test(test_coordinator_at_the_end),
+        cmocka_unit_test(test_node_at_the_end),
+        cmocka_unit_test(test_patience_with_who_computes_again),
+        cmocka_unit_test(test_old_requests_change_nothing),
+        cmocka_unit_test(test_other_number_of_steps),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

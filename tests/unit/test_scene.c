@@ -201,6 +201,7 @@ static const yaml_case bad[] = {
      "expected \"columns\" as in the groups"},
     {"{unit: J/K, columns: [s2]}", "{unit: J/K, size: 1}", "{", "expected \"columns\" as in the"},
     {"columns: s1}", "size: 0}", "0", "size: expected a whole number >= 1"},
+    {"initial: {q: [1, -2], s: 0.5}", "substeps: 0", "0", "substeps: expected a whole number >= 1"},
     {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1], s: 0.5}", "[1]",
      "expected 2 numbers, found 1"},
     {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1, 2]}", "{", "initial: missing key \"s\""},

@@ -117,8 +117,10 @@ static uint64_t digest_of(const char *whole, scratch *folder, const char *from, 
 static void test_known_models(void **state) {
     scratch *folder = *state;
     const uint64_t digest = digest_of(known, folder, "pair", "pair");
-    static const char *const other[][2] = {
-        {"m: 3", "m: 4"}, {"c*exp(s/c)", "c*exp(s/c) + 1"}, {"0.5]", "0.6]"}};
+    static const char *const other[][2] = {{"m: 3", "m: 4"},
+                                           {"{m: 3},", "{m: 3}, substeps: 2,"},
+                                           {"c*exp(s/c)", "c*exp(s/c) + 1"},
+                                           {"0.5]", "0.6]"}};
     for (size_t i = 0; i < sizeof other / sizeof *other; ++i) {
         assert_false(digest_of(known, folder, other[i][0], other[i][1]) == digest);
     }

@@ -145,8 +145,8 @@ static void a_region_comes_back(void **state) {
     pm_region_widen(&part, states[1]);
     assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_OK);
     assert_int_equal(pm_weights_load_part(path, &arena, &loaded, &found), PM_OK);
-    assert_null(pm_region_departure(&loaded, states[0]).group);
-    const pm_departure d = pm_region_departure(&loaded, outside);
+    assert_null(pm_region_departure(pm_region_of(&loaded), states[0]).group);
+    const pm_departure d = pm_region_departure(pm_region_of(&loaded), outside);
     assert_string_equal(d.group->name, "q");
     assert_true(d.value == 20 && d.low == 1 && d.high == 5 && d.widths == 15. / 4);
     pm_part_free(&loaded);

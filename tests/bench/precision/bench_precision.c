@@ -1,7 +1,8 @@
 // Run time against error: every integrator with its step halved time and again, on scenes with
 // their shipped weights. The error is taken against the learned equations solved as exactly as
-// numbers allow (what the integrator does), and against physics (what is left in all). The
-// simulator that made the truth is measured at several tolerances beside them.
+// numbers allow (what the integrator does), and against physics (what is left in all); where
+// nothing is learned the two are one. The simulator that made the truth is measured at several
+// tolerances beside them.
 //   run_bench_precision CSV CONFIGS SCENE ...
 // Rows: scene, method, substeps, exchanges per second, CPU time per simulated second, errors, drift
 // of the energy, largest fall of the entropy. Errors are relative L2 errors over a trajectory, of
@@ -35,7 +36,9 @@ typedef struct bench {
     pm_scene *scene;
     pm_system *system;
     pm_dataset *physics;
-    pm_evaluation *exact;    // of the learned equations
+    pm_columns columns;
+    pm_evaluation *solved;   // of the learned equations; NULL: nothing is learned
+    const pm_dataset *exact; // of the scene's equations
     double start[MAX_STATE]; // of the first trajectory
 } bench;
 
@@ -100,17 +103,32 @@ static pm_status roll_out(const bench *b, const char *method, int substeps, pm_e
     return pm_evaluate(e, b->system, b->physics, 0, TRAJECTORIES, &how);
 }
 
-static pm_status solve_exactly(bench *b) {
+static bool is_learned(const bench *b) {
+    size_t numbers = 0;
+    for (int i = 0; i < pm_system_components(b->system); ++i) {
+        numbers += pm_params_trained(pm_system_params(b->system, i));
+    }
+    return numbers > 0;
+}
+
+static pm_status solve_learned(bench *b) {
     pm_evaluation *half = NULL;
     PM_TRY(roll_out(b, "rk6_balanced", EXACT_SUBSTEPS / 2, &half));
-    const pm_status status = roll_out(b, "rk6_balanced", EXACT_SUBSTEPS, &b->exact);
+    const pm_status status = roll_out(b, "rk6_balanced", EXACT_SUBSTEPS, &b->solved);
     if (status == PM_OK) {
+        b->exact = b->solved->predicted;
         printf("%s: the learned equations are solved to %.1e (median)\n", b->scene->name,
-               median_error(half, b->exact->predicted));
-        pm_columns_to_state(&b->exact->columns, pm_dataset_state(b->physics, 0, 0), b->start);
+               median_error(half, b->exact));
     }
     pm_evaluation_free(half);
     return status;
+}
+
+static pm_status solve_exactly(bench *b) {
+    PM_TRY(pm_columns_bind(&b->columns, b->scene, b->physics, &b->physics->arena));
+    pm_columns_to_state(&b->columns, pm_dataset_state(b->physics, 0, 0), b->start);
+    b->exact = b->physics;
+    return is_learned(b) ? solve_learned(b) : PM_OK;
 }
 
 // CPU time per simulated second, along the first trajectory.
@@ -138,7 +156,7 @@ static pm_status measure_method(const bench *b, const pm_integrator *rk, int sub
     row r = {.method = rk->name,
              .substeps = substeps,
              .exchanges = substeps * rk->nstage / b->scene->dt,
-             .own = median_error(e, b->exact->predicted),
+             .own = median_error(e, b->exact),
              .all = median_error(e, b->physics)};
     for (int i = 0; i < TRAJECTORIES; ++i) {
         const pm_rollout *rollout = &e->rollout[i];
@@ -200,7 +218,7 @@ static pm_status measure_simulator(const bench *b, double tolerance, pm_dataset 
         PM_TRY(pm_ode_solve(&b->truth->model.ode, method, ntime, b->truth->dt, z));
         seconds += (bench_clock() - before) / ((ntime - 1) * b->truth->dt) / TRAJECTORIES;
         keep(b->truth, z, solved, i);
-        error[i] = error_of(&b->exact->columns, solved, b->physics, i);
+        error[i] = error_of(&b->columns, solved, b->physics, i);
     }
     const row r = {.method = b->truth->family == PM_ODE_ADAMS ? "CVODE Adams" : "CVODE BDF",
                    .substeps = tolerance,
@@ -250,7 +268,7 @@ static pm_status measure_scene(FILE *csv, const char *configs, const char *name)
     PM_TRY_DONE(measure_methods(&b));
     PM_TRY_DONE(measure_simulators(&b));
 done:
-    pm_evaluation_free(b.exact);
+    pm_evaluation_free(b.solved);
     pm_system_free(b.system);
     pm_scene_free(b.scene);
     pm_dataset_free(b.physics);

@@ -14,6 +14,20 @@ dt=0.3 # s, of both scenes
 
 "$run_bench" "$folder/table.csv" "$configs" double_pendulum double_pendulum_fast
 
+# The same pendula from formulas, with slow, fast and very fast conduction, from the same starts.
+known=$folder/known
+mkdir -p "$known/truth"
+for K in 0_5 300 3000; do
+    conductivity=$(echo $K | tr _ .)
+    sed "s/conductivity: 300 /conductivity: $conductivity /" "$configs/truth/double_pendulum_fast.yaml" \
+        >"$known/truth/known_$K.yaml"
+    sed -e "s/^scene: .*/scene: known_$K/" -e "s/{K: 0.5}/{K: $conductivity}/" \
+        "$configs/analytic_double_pendulum.yaml" >"$known/known_$K.yaml"
+done
+"$run_bench" "$folder/known.csv" "$known" known_0_5 known_300 known_3000
+sed 1d "$folder/known.csv" >>"$folder/table.csv"
+rm -r "$known" "$folder/known.csv"
+
 cd "$configs/.."
 . daemon/setup.sh
 network=$(private_network)

@@ -1,0 +1,45 @@
+// What a part computes by itself, as two graphs: energy, entropy and their derivatives at a state
+// (exposure), and its bulk term. A graph whose inputs have the bits of the time before is not run
+// again. Used by subsystem.c and multirate.c.
+#ifndef PM_SIM_TERMS_H
+#define PM_SIM_TERMS_H
+
+#include "graph/program.h"
+#include "sim/integrator.h"
+#include "store/system.h"
+
+typedef struct pm_terms {
+    int nz;
+    pm_program *exposure;               // z -> E, S, dE, dS
+    double *exposure_z, *exposure_from; // state; start of the step if discrete, else NULL
+    // [1], [1], [nz], [nz], [nz]; NULL: identically zero.
+    const double *E, *S, *dE, *dS, *response;
+    pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
+    double *bulk_z, *bulk_dE, *bulk_dS;
+    const double *bulk_rate;         // [nz]
+    bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
+} pm_terms;
+
+// Builds the graphs of a subsystem under an integrator with steps of h. Memory for building from
+// the arena. PM_ENOMEM. Zero-initialise before.
+pm_status pm_terms_open(pm_terms *t, pm_arena *arena, const pm_system *system, int subsystem_id,
+                        const pm_integrator *integrator, double h);
+void pm_terms_close(pm_terms *t);
+
+// What the graphs hold is of no use any more.
+void pm_terms_forget(pm_terms *t);
+
+// Evaluates energy, entropy and derivatives at z, or, if discrete, between `from` and z. True if
+// that was not known.
+bool pm_terms_expose(pm_terms *t, const double *z, const double *from);
+// The bulk rate at z with the dE and dS exposed last, in bulk_rate. There must be a bulk term. True
+// if that was not known.
+bool pm_terms_evaluate_bulk(pm_terms *t, const double *z);
+
+// What the bulk term was evaluated with, so that another's knows it too: how many numbers, and
+// these. Restoring evaluates it.
+int pm_terms_memory(const pm_terms *t);
+void pm_terms_save(const pm_terms *t, double *memory);
+void pm_terms_restore(pm_terms *t, const double *memory);
+
+#endif

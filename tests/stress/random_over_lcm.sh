@@ -1,0 +1,49 @@
+#!/bin/sh
+# random_over_lcm.sh PORTMETD RANDOM_PAIRS CONFIGS SCENES PAIRS: SCENES runs of PAIRS double pendula with
+# random weights over LCM, in a private network; every set with each of three integrators. Each run
+# must go all the way without a violation of either law, and record nothing but finite numbers.
+set -u
+if [ "${PM_PRIVATE_NETWORK:-}" != yes ]; then
+    if ! { [ "$(id -u)" -eq 0 ] && unshare -n true; } 2>/dev/null; then
+        echo "skipped: a private network needs root"
+        exit 77
+    fi
+    PM_PRIVATE_NETWORK=yes exec unshare -n sh "$0" "$@"
+fi
+ip link set lo up
+ip link set lo multicast on
+ip route add 224.0.0.0/4 dev lo
+portmetd=$1 random_pairs=$2 configs=$3 scenes=$4 pairs=$5
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+: >"$folder/worst"
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+    sed 's/^/    /' "$folder/out" "$folder/err"
+}
+
+# one FIRST METHOD
+one() {
+    "$random_pairs" make "$folder" "$configs" "$1" "$pairs" "$2" || exit 1
+    "$portmetd" run "$folder/scene.yaml" --record "$folder/run.h5" >"$folder/out" 2>"$folder/err" ||
+        { fail "sets $1 to $(($1 + pairs - 1)), $2"; return; }
+    grep -q "steps in violation: 0;" "$folder/out" || fail "sets from $1, $2: a law is violated"
+    "$random_pairs" check "$folder" "$folder/run.h5" 2>"$folder/err" || fail "sets from $1, $2"
+    awk '/^Worst residual/ { worst = 1 }
+        worst && ($1 == "energy" || $1 == "entropy") { print $1, $2 }' "$folder/out" >>"$folder/worst"
+}
+
+scene=0
+while [ $scene -lt "$scenes" ]; do
+    for method in rk4 rk4_balanced discrete_gradient; do
+        one $((scene * pairs)) $method
+    done
+    scene=$((scene + 1))
+done
+echo "$((scenes * pairs)) sets of random weights over LCM: $failures of $((3 * scenes)) runs failed; worst residuals:"
+sort -g -k 2 "$folder/worst" | awk '$1 == "energy" { high = $2 } $1 == "entropy" && !low++ { print }
+    END { print "energy", high }'
+[ $failures -eq 0 ]
