@@ -128,7 +128,7 @@ static void add_point(kinematics *k, double weight, double pressure, double volu
     }
     add_stiffness(k->gradient, tangent, stress, response->stiffness);
     response->energy += weight * point->energy;
-    response->dissipation += weight * point->dissipation;
+    response->dissipated += weight * point->dissipated;
 }
 
 // What the change of the pressure with theta adds; `growth` is d(volume)/dq.

@@ -22,7 +22,7 @@ typedef struct pm_beam_element_response {
     double force[PM_BEAM_FREEDOMS];                       // N, dE/dq at the corners
     double stiffness[PM_BEAM_FREEDOMS][PM_BEAM_FREEDOMS]; // N/m; upper triangle alone
     double energy;                                        // J, stored
-    double dissipation;                                   // W
+    double dissipated;                                    // J, in the step
     double stress[PM_SYMMETRIC];                          // Cauchy, Pa, mean over the points
 } pm_beam_element_response;
 

@@ -45,27 +45,50 @@ static void step_weights(double a, double *decay, double *start, double *end) {
     *end = 1 - mean;
 }
 
+// A branch's inner strain A h s after `before`, when Cbar^-1 has gone straight to `inverse`.
+// Returns dA / d(Cbar^-1).
+static double relax(double h, double tau, const double *before, const double *inner,
+                    const double *inverse, double *A) {
+    double decay, start, end;
+    step_weights(h / tau, &decay, &start, &end);
+    for (int i = 0; i < PM_SYMMETRIC; ++i) {
+        A[i] = decay * inner[i] + start * before[i] + end * inverse[i];
+    }
+    return end;
+}
+
+// What a branch of modulus 1 dissipates meanwhile, by two points of Gauss.
+static double dissipate(double h, double tau, const double *before, const double *inner,
+                        const double *inverse) {
+    double sum = 0;
+    for (int p = 0; p < 2; ++p) {
+        const double part = 0.5 + (p - 0.5) / sqrt(3);
+        double A[PM_SYMMETRIC], Cbar[PM_SYMMETRIC], here[PM_SYMMETRIC], A_inverse[PM_SYMMETRIC];
+        for (int i = 0; i < PM_SYMMETRIC; ++i) {
+            here[i] = before[i] + part * (inverse[i] - before[i]);
+        }
+        relax(part * h, tau, before, inner, here, A);
+        pm_tensor_inverse(here, Cbar);
+        pm_tensor_inverse(A, A_inverse);
+        sum += pm_tensor_double_dot(Cbar, A) + pm_tensor_double_dot(A_inverse, here) - 6;
+    }
+    return h / (4 * tau) * sum;
+}
+
 static void add_branch(const pm_beam_material *m, int branch, double h, const double Fbar[9],
                        const pm_beam_memory *before, pm_beam_memory *after, const double *Cbar,
                        pm_beam_response *r) {
-    const double mu = 2 * m->g[branch] * (m->C10 + m->C01);
-    double decay, start, end, pushed[PM_SYMMETRIC], inverse[PM_SYMMETRIC];
-    double *A = after->inner[branch];
-    step_weights(h / m->tau[branch], &decay, &start, &end);
-    for (int i = 0; i < PM_SYMMETRIC; ++i) {
-        A[i] =
-            decay * before->inner[branch][i] + start * before->inverse[i] + end * after->inverse[i];
-    }
+    const double mu = 2 * m->g[branch] * (m->C10 + m->C01), tau = m->tau[branch];
+    const double *inner = before->inner[branch];
+    double *A = after->inner[branch], pushed[PM_SYMMETRIC];
+    const double end = relax(h, tau, before->inverse, inner, after->inverse, A);
     pm_tensor_push(Fbar, A, pushed);
     for (int i = 0; i < PM_SYMMETRIC; ++i) {
         r->stress[i] += mu * pushed[i];
         r->tangent[i][i] -= mu * end * (i < 3 ? 2 : 1);
     }
-    pm_tensor_inverse(A, inverse);
-    const double CA = pm_tensor_double_dot(Cbar, A);
-    r->energy += mu / 2 * (CA - 3 - log(pm_tensor_det(A)));
-    r->dissipation +=
-        mu / (2 * m->tau[branch]) * (CA + pm_tensor_double_dot(inverse, after->inverse) - 6);
+    r->energy += mu / 2 * (pm_tensor_double_dot(Cbar, A) - 3 - log(pm_tensor_det(A)));
+    r->dissipated += mu * dissipate(h, tau, before->inverse, inner, after->inverse);
 }
 
 // --- keeping the volume ---

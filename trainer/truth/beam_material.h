@@ -32,7 +32,7 @@ typedef struct pm_beam_response {
     double stress[PM_SYMMETRIC];                // Kirchhoff, deviatoric, Pa
     double tangent[PM_SYMMETRIC][PM_SYMMETRIC]; // its Lie derivative by the rate of deformation
     double energy;                              // Psi, J/m^3
-    double dissipation;                         // W/m^3
+    double dissipated;                          // in the step, J/m^3
 } pm_beam_response;
 
 // Undeformed and relaxed.

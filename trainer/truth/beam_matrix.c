@@ -5,6 +5,9 @@
 #include <string.h>
 #include <suitesparse/cholmod.h>
 
+// Of OpenMP, whose header not every compiler brings along.
+void omp_set_max_active_levels(int levels);
+
 #define ENTRIES (PM_BEAM_FREEDOMS * (PM_BEAM_FREEDOMS + 1) / 2)
 
 struct pm_beam_matrix {
@@ -94,6 +97,8 @@ pm_status pm_beam_matrix_new(pm_beam_matrix **result, const pm_beam_mesh *mesh) 
         return pm_fail(PM_ENOMEM, "beam: out of memory");
     }
     matrix->mesh = mesh;
+    // CHOLMOD starts four threads for every block of the factor, which cost more than they save.
+    omp_set_max_active_levels(0);
     cholmod_start(&matrix->common);
     matrix->common.print = 0;
     matrix->freedom = calloc((size_t)mesh->nnode, sizeof *matrix->freedom);

@@ -12,12 +12,17 @@
 // at an equilibrium before.
 // Rounding leaves about 1e-11; the last iteration squares what is left before it.
 #define TOLERANCE 1e-9
+// Or a way this short, by an element's length: under small loads rounding leaves more than that,
+// and Newton's method squares this.
+#define NEGLIGIBLE 1e-9
+// Iterations after which care is taken: most steps need fewer, and full ones.
+#define PATIENCE 6
 // How often a step may be halved.
 #define MAX_DEPTH 6
 
-// A body in an iteration, or at the last equilibrium.
+// A body in an iteration.
 typedef struct body {
-    double stored, dissipation; // J, W
+    double stored, dissipated; // J, now and in the step
 } body;
 
 struct pm_beam {
@@ -32,14 +37,14 @@ struct pm_beam {
     pm_beam_matrix *matrix;
     pm_beam_touch touch; // of the iteration
     pm_beam_state now;
-    double *f;           // [nnode][3] forces at the last equilibrium
-    double *q;           // [nnode][3] of the iteration
-    double *pressed;     // [nnode][3] forces of contact, of the iteration
-    double *residual;    // [nnode][3] of the iteration; then its correction
-    body *body;          // [nbody] of the iteration
-    double *dissipation; // [nbody] W, at the last equilibrium
-    int *meeting;        // [nnode] elements that meet there
-    double largest;      // N, norm of the elements' forces
+    double *f;        // [nnode][3] forces at the last equilibrium
+    double *q;        // [nnode][3] of the iteration
+    double *pressed;  // [nnode][3] forces of contact, of the iteration
+    double *residual; // [nnode][3] of the iteration
+    double *way;      // [nnode][3] where Newton's method takes it from there
+    body *body;       // [nbody] of the iteration
+    int *meeting;     // [nnode] elements that meet there
+    double largest;   // N, norm of the elements' forces
 };
 
 // --- life ---
@@ -60,12 +65,12 @@ static bool beam_alloc(pm_beam *beam) {
     beam->q = pm_arena_array(arena, nnode, vector);
     beam->pressed = pm_arena_array(arena, nnode, vector);
     beam->residual = pm_arena_array(arena, nnode, vector);
+    beam->way = pm_arena_array(arena, nnode, vector);
     beam->body = pm_arena_array(arena, nbody, sizeof *beam->body);
-    beam->dissipation = pm_arena_array(arena, nbody, sizeof *beam->dissipation);
     beam->meeting = pm_arena_array(arena, nnode, sizeof *beam->meeting);
     return beam->element && beam->before && beam->after && beam->stress && beam->now.q &&
            beam->now.sigma && beam->now.contact && beam->now.energy && beam->f && beam->q &&
-           beam->pressed && beam->residual && beam->body && beam->dissipation && beam->meeting;
+           beam->pressed && beam->residual && beam->way && beam->body && beam->meeting;
 }
 
 // corner [PM_BEAM_CORNERS][3]: the rows of an element's corners.
@@ -127,7 +132,6 @@ void pm_beam_reset(pm_beam *beam) {
     memset(now->contact, 0, 3 * nnode * sizeof *now->contact);
     memset(now->energy, 0, nbody * sizeof *now->energy);
     memset(beam->f, 0, 3 * nnode * sizeof *beam->f);
-    memset(beam->dissipation, 0, nbody * sizeof *beam->dissipation);
     now->contact_stored = now->depth = beam->largest = 0;
     for (int e = 0; e < beam->mesh->nelement; ++e) {
         for (int p = 0; p < PM_BEAM_POINTS; ++p) {
@@ -171,7 +175,7 @@ static bool add_elements(pm_beam *beam, double h, totals *sum) {
         memcpy(beam->stress[e], r.stress, sizeof r.stress);
         pm_beam_matrix_add(beam->matrix, e, r.stiffness[0]);
         owner->stored += r.energy;
-        owner->dissipation += r.dissipation;
+        owner->dissipated += r.dissipated;
     }
     sum->inner = sqrt(square);
     return true;
@@ -225,34 +229,76 @@ static double free_norm(const pm_beam *beam) {
 
 // --- the step ---
 
-// Turns the residual into the correction of beam->q. Where bodies have come to lie deep in each
-// other, the exact matrix may not be positive definite; then the other one parts them.
-static bool correct(pm_beam *beam, double h, const double *f, totals *sum) {
-    return pm_beam_matrix_solve(beam->matrix, beam->residual) ||
-           (sum->depth > 0 && assemble(beam, h, f, false, sum) &&
-            pm_beam_matrix_solve(beam->matrix, beam->residual));
+static bool solve(pm_beam *beam) {
+    memcpy(beam->way, beam->residual, 3 * (size_t)beam->mesh->nnode * sizeof *beam->way);
+    return pm_beam_matrix_solve(beam->matrix, beam->way);
+}
+
+// Finds the way. Where bodies have come to lie deep in each other, or slip off each other, the
+// exact matrix may not be positive definite; then the other one leads on.
+static bool find_way(pm_beam *beam, double h, const double *f, totals *sum) {
+    return solve(beam) || (sum->depth > 0 && assemble(beam, h, f, false, sum) && solve(beam));
+}
+
+static void move(pm_beam *beam, double part) {
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        beam->q[i] += part * beam->way[i];
+    }
+}
+
+// How hard the residual draws along the way, J.
+static double draw(const pm_beam *beam) {
+    double sum = 0;
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        sum += beam->residual[i] * beam->way[i];
+    }
+    return sum;
+}
+
+// Goes the way and assembles there. `careful`: not so far that the residual would draw back half as
+// hard; parts by the secant.
+static bool advance(pm_beam *beam, double h, const double *f, bool careful, totals *sum) {
+    const int most = 8;
+    const double before = draw(beam);
+    double part = 1;
+    move(beam, part);
+    bool good = assemble(beam, h, f, true, sum);
+    for (int k = 0; k < most && careful; ++k) {
+        const double now = good ? draw(beam) : -INFINITY;
+        if (now >= -before / 2) {
+            return true;
+        }
+        const double next = part * fmin(fmax(before / (before - now), 0.1), 0.5);
+        move(beam, next - part);
+        part = next;
+        good = assemble(beam, h, f, true, sum);
+    }
+    return good;
+}
+
+static bool way_is_short(const pm_beam *beam) {
+    const double most = NEGLIGIBLE * beam->mesh->size[0] / beam->mesh->count[0];
+    double longest = 0;
+    for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
+        longest = fmax(longest, fabs(beam->way[i]));
+    }
+    return longest <= most;
 }
 
 // Iterates beam->q to equilibrium. False if that does not succeed.
 static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
                     pm_beam_convergence *convergence) {
     memcpy(beam->q, beam->now.q, 3 * (size_t)beam->mesh->nnode * sizeof *beam->q);
-    for (int k = 0; k < PM_BEAM_MAX_ITERATIONS; ++k) {
-        if (!assemble(beam, h, f, true, sum)) {
-            return false;
-        }
+    bool good = assemble(beam, h, f, true, sum);
+    for (int k = 0; k < PM_BEAM_MAX_ITERATIONS && good; ++k) {
         const double norm = free_norm(beam);
         convergence->residual[k] = norm;
         convergence->niteration = k + 1;
-        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner)) {
+        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner) || (k > 0 && way_is_short(beam))) {
             return true;
         }
-        if (!isfinite(norm) || !correct(beam, h, f, sum)) {
-            return false;
-        }
-        for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-            beam->q[i] += beam->residual[i];
-        }
+        good =
+            isfinite(norm) && find_way(beam, h, f, sum) && advance(beam, h, f, k >= PATIENCE, sum);
     }
     return false;
 }
@@ -271,7 +317,7 @@ static void average_stress(pm_beam *beam) {
 }
 
 // Makes the iteration's result the state.
-static void accept(pm_beam *beam, double h, const double *f, const totals *sum) {
+static void accept(pm_beam *beam, const double *f, const totals *sum) {
     const pm_beam_mesh *mesh = beam->mesh;
     const size_t size = 3 * (size_t)mesh->nnode * sizeof *f;
     pm_beam_state *now = &beam->now;
@@ -282,9 +328,8 @@ static void accept(pm_beam *beam, double h, const double *f, const totals *sum) 
         energy->contact_work += (now->contact[i] + beam->pressed[i]) / 2 * way;
     }
     for (int b = 0; b < mesh->nbody; ++b) {
-        now->energy[b].dissipated += h * (beam->dissipation[b] + beam->body[b].dissipation) / 2;
+        now->energy[b].dissipated += beam->body[b].dissipated;
         now->energy[b].stored = beam->body[b].stored;
-        beam->dissipation[b] = beam->body[b].dissipation;
     }
     beam->largest = fmax(beam->largest, sum->inner);
     now->contact_stored = sum->contact_stored;
@@ -300,7 +345,7 @@ static pm_status step(pm_beam *beam, double h, const double *f, int depth,
                       pm_beam_convergence *convergence) {
     totals sum;
     if (iterate(beam, h, f, &sum, convergence)) {
-        accept(beam, h, f, &sum);
+        accept(beam, f, &sum);
         return PM_OK;
     }
     if (depth == MAX_DEPTH) {

@@ -6,14 +6,14 @@
 #include "base/status.h"
 #include "truth/beam_element.h"
 
-#define PM_BEAM_MAX_ITERATIONS 20
+#define PM_BEAM_MAX_ITERATIONS 30
 
 typedef struct pm_beam pm_beam;
 
 // Of one body, J.
 typedef struct pm_beam_energy {
     double stored;
-    double dissipated;   // since the start (trapezoidal rule in time)
+    double dissipated;   // since the start
     double work;         // of the loads since the start (trapezoidal rule along the path)
     double contact_work; // of the contact forces, likewise
 } pm_beam_energy;
