@@ -96,8 +96,9 @@ static pm_status read_port(pm_training *t, pm_yaml root, pm_yaml mapping, int id
         return pm_yaml_fail(model, "law %s, but port %s of the scene %s has law %s", port->spec.law,
                             scene->name, t->scene->path, scene->law);
     }
-    const pm_status status = pm_port_declare(port);
-    return name_component(status, scene->name);
+    PM_TRY(name_component(pm_port_declare(port), scene->name));
+    return name_component(pm_spec_locate(port->spec.at, pm_params_check_given(&port->params)),
+                          scene->name);
 }
 
 static pm_status read_models(pm_training *t, pm_yaml root) {

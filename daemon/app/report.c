@@ -22,9 +22,9 @@ struct pm_report {
     energy_entropy (*flux)[2]; // [nport][end]
     long evaluated, skipped;   // terms, up to the last sample
     long *outside;             // [nsubsystem] steps outside the regions of training, likewise
-    int capacity, ncompared;   // states that the run and the reference share; reached so far
-    double *predicted;         // [capacity][ncolumn]
-    double *error;             // [columns.ngroup] scratch of the table
+    int ncompared;             // states that the run and the reference share, reached so far
+    double *predicted;         // [ncolumn] the last of them
+    pm_score_sums *score;      // [columns.ngroup] of all of them
 };
 
 static pm_status allocate(pm_report *report) {
@@ -35,16 +35,13 @@ static pm_status allocate(pm_report *report) {
     report->flux = pm_arena_array(arena, (size_t)scene->nport, sizeof report->flux[0]);
     report->outside = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof report->outside[0]);
     if (setup->reference != NULL) {
-        const int reachable = scene->steps / setup->stride + 1;
-        const int ntime = setup->reference->ntime;
-        report->capacity = reachable < ntime ? reachable : ntime;
-        report->predicted = pm_arena_array(
-            arena, (size_t)report->capacity * (size_t)setup->reference->ncolumn, sizeof(double));
-        report->error = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof(double));
+        report->predicted =
+            pm_arena_array(arena, (size_t)setup->reference->ncolumn, sizeof *report->predicted);
+        report->score = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof *report->score);
     }
     const bool complete =
         report->bulk != NULL && report->flux != NULL && report->outside != NULL &&
-        (setup->reference == NULL || (report->predicted != NULL && report->error != NULL));
+        (setup->reference == NULL || (report->predicted != NULL && report->score != NULL));
     return complete ? PM_OK : pm_fail(PM_ENOMEM, "report: out of memory");
 }
 
@@ -70,23 +67,26 @@ void pm_report_close(pm_report *report) {
     }
 }
 
-static void keep_prediction(pm_report *report, const pm_sample *sample) {
+static void score_prediction(pm_report *report, const pm_sample *sample) {
     const pm_setup *setup = report->setup;
     if (setup->reference == NULL || sample->step % setup->stride != 0) {
         return;
     }
     const long row = sample->step / setup->stride;
-    if (row < report->capacity) {
+    if (row < setup->reference->ntime) {
         report->ncompared = (int)row + 1;
-        pm_columns_to_row(&setup->columns, sample->z,
-                          report->predicted + row * setup->reference->ncolumn);
+        pm_columns_to_row(&setup->columns, sample->z, report->predicted);
+        for (int g = 0; g < setup->columns.ngroup; ++g) {
+            pm_score_add(&setup->columns, g, report->predicted, pm_setup_truth(setup, (int)row),
+                         &report->score[g]);
+        }
     }
 }
 
 void pm_report_add(pm_report *report, const pm_sample *sample) {
     const pm_scene *scene = report->setup->scene;
     report->last = pm_clock();
-    keep_prediction(report, sample);
+    score_prediction(report, sample);
     if (sample->step == 0) {
         report->first = report->last;
         return;
@@ -116,14 +116,14 @@ long pm_report_steps(const pm_report *report) {
 
 #define COUNTS 4 // steps, states compared, terms evaluated and skipped
 
-static size_t predicted_size(const pm_report *report) {
-    const pm_dataset *reference = report->setup->reference;
-    return reference == NULL ? 0 : (size_t)report->capacity * (size_t)reference->ncolumn;
+static size_t score_size(const pm_report *report) {
+    const pm_setup *setup = report->setup;
+    return setup->reference == NULL ? 0 : 2 * (size_t)setup->columns.ngroup;
 }
 
 int pm_report_memory(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
-    return COUNTS + 3 * scene->nsubsystem + 4 * scene->nport + (int)predicted_size(report);
+    return COUNTS + 3 * scene->nsubsystem + 4 * scene->nport + (int)score_size(report);
 }
 
 void pm_report_save(const pm_report *report, double *memory) {
@@ -138,8 +138,8 @@ void pm_report_save(const pm_report *report, double *memory) {
     }
     memcpy(memory, report->bulk, nbulk * sizeof *memory);
     memcpy(memory + nbulk, report->flux, nflux * sizeof *memory);
-    if (report->predicted != NULL) {
-        memcpy(memory + nbulk + nflux, report->predicted, predicted_size(report) * sizeof *memory);
+    if (report->score != NULL) {
+        memcpy(memory + nbulk + nflux, report->score, score_size(report) * sizeof *memory);
     }
 }
 
@@ -147,8 +147,7 @@ void pm_report_restore(pm_report *report, const double *memory) {
     const pm_scene *scene = report->setup->scene;
     const size_t nbulk = 2 * (size_t)scene->nsubsystem, nflux = 4 * (size_t)scene->nport;
     report->steps = report->timed_from = (long)memory[0];
-    const double most = report->capacity;
-    report->ncompared = (int)(memory[1] < 0 ? 0 : memory[1] > most ? most : memory[1]);
+    report->ncompared = (int)memory[1];
     report->evaluated = (long)memory[2];
     report->skipped = (long)memory[3];
     memory += COUNTS;
@@ -157,8 +156,8 @@ void pm_report_restore(pm_report *report, const double *memory) {
     }
     memcpy(report->bulk, memory, nbulk * sizeof *memory);
     memcpy(report->flux, memory + nbulk, nflux * sizeof *memory);
-    if (report->predicted != NULL) {
-        memcpy(report->predicted, memory + nbulk + nflux, predicted_size(report) * sizeof *memory);
+    if (report->score != NULL) {
+        memcpy(report->score, memory + nbulk + nflux, score_size(report) * sizeof *memory);
     }
     report->first = report->last = pm_clock();
 }
@@ -202,12 +201,11 @@ static void print_errors(const pm_report *report) {
     if (setup->reference == NULL) {
         return;
     }
-    pm_score(&setup->columns, report->ncompared, setup->reference->ncolumn, report->predicted,
-             pm_setup_truth(setup, 0), report->error, NULL);
     printf("\nRelative L2 error over %d states of %s, trajectory %d\n", report->ncompared,
            setup->scene->reference, setup->scene->reference_trajectory);
     for (int i = 0; i < setup->columns.ngroup; ++i) {
-        printf("  %-16s %8.3f %%\n", setup->columns.group_name[i], 100 * report->error[i]);
+        printf("  %-16s %8.3f %%\n", setup->columns.group_name[i],
+               100 * pm_score_of(&report->score[i]));
     }
 }
 

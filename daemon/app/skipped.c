@@ -134,8 +134,8 @@ static const pm_part *part_at(const pm_system *system, int subsystem_id) {
 static void print_port(const pm_scene_port *port, const pm_system *system,
                        const pm_port_model *model) {
     const pm_port_spec *spec = &model->spec;
-    if (spec->form == PM_FREE) {
-        return;
+    if (spec->form == PM_FREE || strcmp(spec->law, "contact") == 0) {
+        return; // without operators
     }
     const side ends[2] = {
         {"a.", &model->layout[0], part_at(system, port->subsystem[0])},

@@ -9,6 +9,15 @@
 
 #define LONGEST 20 // s of CPU time: then it hangs
 
+// Sanitizers reserve more addresses than there is memory.
+#if defined(__SANITIZE_ADDRESS__)
+#define LIMITS_MEMORY 0
+#elif defined(__has_feature)
+#define LIMITS_MEMORY !__has_feature(address_sanitizer)
+#else
+#define LIMITS_MEMORY 1
+#endif
+
 static void limit(int resource, rlim_t most) {
     struct rlimit now;
     if (getrlimit((__rlimit_resource_t)resource, &now) == 0 && now.rlim_cur > most) {
@@ -17,12 +26,21 @@ static void limit(int resource, rlim_t most) {
     }
 }
 
+// Bytes of the machine's memory: whoever asks for more would take others along.
+static rlim_t all_memory(void) {
+    const long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGESIZE);
+    return pages > 0 && size > 0 ? (rlim_t)pages * (rlim_t)size : RLIM_INFINITY;
+}
+
 pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_status code,
                      const char *what) {
     const pid_t child = fork();
     if (child == 0) {
         limit(RLIMIT_CPU, LONGEST);
         limit(RLIMIT_CORE, 0);
+        if (LIMITS_MEMORY) {
+            limit(RLIMIT_AS, all_memory());
+        }
         work(context);
         _exit(0);
     }

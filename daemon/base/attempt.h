@@ -4,9 +4,10 @@
 
 #include "base/status.h"
 
-// Calls work(context) in a child process, whose results are lost, and waits for it. PM_OK if it
-// returned; else `code`: "<what> (<the signal that ended it>)". PM_ENOMEM: no process. To be called
-// before there are threads.
+// Calls work(context) in a child process, whose results are lost, and waits for it. The child gets
+// a while of CPU time, and no more memory than the machine has. PM_OK if it returned; else `code`:
+// "<what> (<the signal that ended it>)". PM_ENOMEM: no process. To be called before there are
+// threads.
 pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_status code,
                      const char *what);
 

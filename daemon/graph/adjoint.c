@@ -67,6 +67,11 @@ pm_node pm_adjoint_sqrt(pm_graph *g, pm_node x, pm_node dx, int i) {
     return pm_div(g, pm_scale(g, dx, 0.5), x);
 }
 
+pm_node pm_adjoint_is_negative(pm_graph *g, pm_node x, pm_node dx, int i) {
+    (void)g, (void)x, (void)dx, (void)i;
+    return PM_NO_NODE;
+}
+
 pm_node pm_adjoint_sum_to(pm_graph *g, pm_node x, pm_node dx, int i) {
     return pm_broadcast_to(g, dx, pm_graph_shape(g, operand(g, x, i)));
 }

@@ -292,6 +292,10 @@ pm_node pm_sqrt(pm_graph *g, pm_node x) {
     return intern_unary(g, PM_OP_SQRT, pm_graph_shape(g, x), x, 0, 0);
 }
 
+pm_node pm_is_negative(pm_graph *g, pm_node x) {
+    return intern_unary(g, PM_OP_IS_NEGATIVE, pm_graph_shape(g, x), x, 0, 0);
+}
+
 // --- sums, dots, broadcasting ---
 
 pm_node pm_sum_to(pm_graph *g, pm_node x, pm_shape shape) {

@@ -65,6 +65,8 @@ pm_node pm_silu(pm_graph *g, pm_node x);
 pm_node pm_exp(pm_graph *g, pm_node x);
 pm_node pm_log(pm_graph *g, pm_node x);
 pm_node pm_sqrt(pm_graph *g, pm_node x);
+// 1 where x < 0, else 0; its derivative is taken as zero.
+pm_node pm_is_negative(pm_graph *g, pm_node x);
 
 // --- sums, dots, broadcasting ---
 

@@ -142,6 +142,13 @@ void pm_run_sqrt(const pm_instruction *x, int batch) {
     }
 }
 
+void pm_run_is_negative(const pm_instruction *x, int batch) {
+    const size_t n = entries(x->shape, batch);
+    for (size_t i = 0; i < n; ++i) {
+        x->out[i] = x->a[i] < 0;
+    }
+}
+
 // --- sums, dots, broadcasting ---
 
 void pm_run_sum_to(const pm_instruction *x, int batch) {

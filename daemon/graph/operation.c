@@ -18,6 +18,7 @@ const pm_operation pm_operations[PM_OP_COUNT] = {
     [PM_OP_EXP] = {"exp", pm_run_exp, pm_adjoint_exp, true},
     [PM_OP_LOG] = {"log", pm_run_log, pm_adjoint_log, true},
     [PM_OP_SQRT] = {"sqrt", pm_run_sqrt, pm_adjoint_sqrt, true},
+    [PM_OP_IS_NEGATIVE] = {"is_negative", pm_run_is_negative, pm_adjoint_is_negative, true},
     [PM_OP_SUM_TO] = {"sum_to", pm_run_sum_to, pm_adjoint_sum_to, false},
     [PM_OP_BROADCAST_TO] = {"broadcast_to", pm_run_broadcast_to, pm_adjoint_broadcast_to, false},
     [PM_OP_DOT] = {"dot", pm_run_dot, pm_adjoint_dot, false},

@@ -20,6 +20,7 @@ struct pm_program {
     pm_instruction *instruction;
     int nnode;
     double **value; // [nnode] where a node's numbers live; NULL if it is not part of the program
+    bool *needed;   // [nnode] by an output
     int capacity;
 };
 
@@ -329,8 +330,9 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     const size_t nnode = (size_t)plan->nnode;
     plan->place = calloc(nnode, sizeof *plan->place);
     p->value = calloc(nnode, sizeof *p->value);
+    p->needed = calloc(nnode, sizeof *p->needed);
     p->instruction = calloc(nnode, sizeof *p->instruction);
-    if (plan->place == NULL || p->value == NULL || p->instruction == NULL) {
+    if (plan->place == NULL || p->value == NULL || p->needed == NULL || p->instruction == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a program of %d nodes", plan->nnode);
     }
     find_needed(plan, count, output);
@@ -346,7 +348,8 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     resolve_values(p, plan);
     for (pm_node x = 0; x < plan->nnode; ++x) {
         const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-        if (plan->place[x].needed && !is_leaf(node->op) && !is_view(plan, node)) {
+        p->needed[x] = plan->place[x].needed;
+        if (p->needed[x] && !is_leaf(node->op) && !is_view(plan, node)) {
             PM_TRY(emit(p, plan->g, x));
         }
     }
@@ -382,6 +385,7 @@ void pm_program_close(pm_program *program) {
         free(program->memory);
         free(program->instruction);
         free(program->value);
+        free(program->needed);
         free(program);
     }
 }
@@ -389,6 +393,10 @@ void pm_program_close(pm_program *program) {
 double *pm_program_value(pm_program *program, pm_node x) {
     assert(x >= 0 && x < program->nnode && program->value[x] != NULL);
     return program->value[x];
+}
+
+bool pm_program_depends(const pm_program *program, pm_node input) {
+    return program->needed[input];
 }
 
 void pm_program_run(pm_program *program, int batch) {

@@ -20,6 +20,9 @@ void pm_program_close(pm_program *program); // NULL is allowed
 // output depends on has memory all the same, so that callers need no special case.
 double *pm_program_value(pm_program *program, pm_node x);
 
+// Whether any output depends on an input.
+bool pm_program_depends(const pm_program *program, pm_node input);
+
 // Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch cover these.
 void pm_program_run(pm_program *program, int batch);
 

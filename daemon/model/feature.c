@@ -8,6 +8,8 @@
 
 // Keeps ln|x| and x/|x| finite at x = 0, far below any length that occurs (in the unit of x^2).
 #define SMALLEST_SQUARE 1e-24
+// Keeps a divided difference finite where both lengths are 0.
+#define SMALLEST_LENGTH 1e-100
 // Of the logarithmic mean: an error below 1e-16 for lengths within a factor of 2 from each other,
 // 1e-10 for a factor of 20.
 #define MEAN_STEPS 4
@@ -39,6 +41,19 @@ static pm_node build_norm(pm_graph *g, pm_node x, pm_node y) {
 
 static pm_node build_product(pm_graph *g, pm_node x, pm_node y) {
     return pm_dot(g, x, y);
+}
+
+static pm_node negative_part(pm_graph *g, pm_node x) {
+    return pm_mul(g, x, pm_is_negative(g, x));
+}
+
+static pm_node build_negative_norm(pm_graph *g, pm_node x, pm_node y) {
+    return build_norm(g, negative_part(g, x), y);
+}
+
+static pm_node build_negative_squared(pm_graph *g, pm_node x, pm_node y) {
+    (void)y;
+    return norm_squared(g, negative_part(g, x));
 }
 
 static pm_node build_direction(pm_graph *g, pm_node x, pm_node y) {
@@ -114,6 +129,28 @@ static void discrete_product(pm_graph *g, pm_node weight, pair x, pair y, pm_nod
     *dy = pm_add_or(g, *dy, pm_mul(g, half, sum_of(g, x)));
 }
 
+// With m = min(x,0), component by component: (m_to^2 - m_from^2) / (x_to - x_from) is
+// -(m_from + m_to)^2 / (|x_from| + |x_to|), which loses no digit where the two are close.
+static pm_node negative_slope(pm_graph *g, pair x) {
+    const pm_node sum = pm_add(g, negative_part(g, x.from), negative_part(g, x.to));
+    const pm_node lengths = pm_sub(g, sum_of(g, x), pm_scale(g, sum, 2)); // |x| = x - 2 min(x,0)
+    return pm_scale(g, pm_div(g, pm_square(g, sum), pm_offset(g, lengths, SMALLEST_LENGTH)), -1);
+}
+
+static void discrete_negative_squared(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
+                                      pm_node *dy) {
+    (void)y, (void)dy;
+    *dx = pm_add_or(g, *dx, pm_mul(g, weight, negative_slope(g, x)));
+}
+
+static void discrete_negative_norm(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
+                                   pm_node *dy) {
+    (void)dy;
+    const pm_node lengths =
+        pm_add(g, build_negative_norm(g, x.from, y.from), build_negative_norm(g, x.to, y.to));
+    *dx = pm_add_or(g, *dx, pm_mul(g, weight, pm_div(g, negative_slope(g, x), lengths)));
+}
+
 // What stands around and between the names; longer forms before their prefixes.
 typedef struct feature_form {
     const char *before, *between, *after; // between: NULL for one name
@@ -125,6 +162,8 @@ typedef struct feature_form {
 
 static const feature_form forms[] = {
     {"ln|", NULL, "|", true, build_log_norm, discrete_log_norm},
+    {"|min(", NULL, ",0)|^2", true, build_negative_squared, discrete_negative_squared},
+    {"|min(", NULL, ",0)|", true, build_negative_norm, discrete_negative_norm},
     {"|", NULL, "|^2", true, build_norm_squared, discrete_norm_squared},
     {"|", NULL, "|", true, build_norm, discrete_norm},
     {"<", ",", ">", true, build_product, discrete_product},
@@ -210,7 +249,8 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
         return PM_OK;
     }
     return pm_fail(PM_ECONFIG,
-                   "feature \"%s\": expected x, |x|, ln|x|, |x|^2, <x,y>, x/|x| or x/|x|^2",
+                   "feature \"%s\": expected x, |x|, ln|x|, |x|^2, <x,y>, |min(x,0)|, "
+                   "|min(x,0)|^2, x/|x| or x/|x|^2",
                    expression);
 }
 

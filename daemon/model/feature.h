@@ -1,6 +1,7 @@
 // Features: expressions over named vectors, the inputs of networks and the vectors of frames.
 //   x          the components of x themselves
 //   |x|  ln|x|  |x|^2  <x,y>    invariants under rotation: one number
+//   |min(x,0)|  |min(x,0)|^2   length of what is negative in x: exactly flat where nothing is
 //   x/|x|  x/|x|^2              vectors along x
 // Names are those of groups, with a prefix where there are two ends ("a.q"), or of co-energies
 // ("dE.s", "a.dE.s"). To add an expression: one line in the table of feature.c.

@@ -149,17 +149,24 @@ static pm_status add_feature(reader *r, step s, int *result) {
     return add_step(r, s, result);
 }
 
-// |x| or <x,y>, as a feature; |x|^2 too, which is smooth.
+// |x|, |min(x,0)| or <x,y>, as a feature; with a square the former, which are smooth.
 static pm_status read_invariant(reader *r, int *result) {
     char x[PM_MAX_NAME], y[PM_MAX_NAME];
     step s = {.kind = FEATURE};
     const bool norm = *r->at++ == '|';
     PM_TRY(read_name(r, x));
+    const bool negative = norm && strcmp(x, "min") == 0 && take(r, '(');
+    if (negative) {
+        PM_TRY(read_name(r, x));
+        if (!take(r, ',') || !take(r, '0') || !take(r, ')')) {
+            return fail(r, "\",0)\"");
+        }
+    }
     if (norm) {
         if (!take(r, '|')) {
             return fail(r, "\"|\"");
         }
-        snprintf(s.feature, sizeof s.feature, "|%s|", x);
+        snprintf(s.feature, sizeof s.feature, negative ? "|min(%s,0)|" : "|%s|", x);
         return add_feature(r, s, result);
     }
     if (!take(r, ',')) {

@@ -1,8 +1,9 @@
 // Formulas: known scalar expressions of named vectors and constants, as text.
 //     "|p|^2/(2*m) + m*g*q[1]"     "c*Tr*(exp((s - b*ln(|q|/l0))/c) - 1)"
 // Numbers, constants, names of one component, components q[0] of vectors (counted from 0), the
-// invariants |q| and <q,p>; + - * / ^ and brackets; exp, ln, sqrt. An exponent is a number; of one
-// that is not whole the base must be positive.
+// invariants |q|, <q,p> and |min(q,0)|, the length of what is negative in q; + - * / ^ and
+// brackets; exp, ln, sqrt. An exponent is a number; of one that is not whole the base must be
+// positive.
 //
 // A formula is a model like any other: its derivatives come from the graph, and it has a discrete
 // derivative, made by the chain rule from the divided differences of its operations.

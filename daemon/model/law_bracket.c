@@ -104,4 +104,11 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
     return pm_operator_visit(&M, &site, visitor, context);
 }
 
-const pm_port_law pm_law_bracket = {"bracket", true, declare, rate, irreversible_rate, visit};
+const pm_port_law pm_law_bracket = {
+    .name = "bracket",
+    .conservative = true,
+    .declare = declare,
+    .rate = rate,
+    .irreversible = irreversible_rate,
+    .visit = visit,
+};

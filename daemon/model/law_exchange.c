@@ -110,4 +110,9 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
     return PM_OK;
 }
 
-const pm_port_law pm_law_exchange = {"exchange", false, declare, rate, NULL, visit};
+const pm_port_law pm_law_exchange = {
+    .name = "exchange",
+    .declare = declare,
+    .rate = rate,
+    .visit = visit,
+};

@@ -1,6 +1,7 @@
 // A list of named matrices, each in its own memory so that graphs may keep pointers to the values.
 #include "model/params.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -69,6 +70,19 @@ pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int
         entry->value[i] = start;
     }
     return entry;
+}
+
+pm_status pm_params_check_given(const pm_params *params) {
+    for (int i = 0; i < params->count; ++i) {
+        const pm_param_entry *entry = &params->entry[i];
+        for (size_t j = 0; j < entry_size(entry); ++j) {
+            if (!isfinite(entry->value[j])) {
+                return pm_fail(PM_ECONFIG, "\"%s\" is missing: %d x %d numbers", entry->name,
+                               entry->rows, entry->cols);
+            }
+        }
+    }
+    return PM_OK;
 }
 
 void pm_params_randomise(pm_params *params, pm_rng *rng) {

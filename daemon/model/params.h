@@ -34,6 +34,9 @@ pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
                               double spread, double start);
 
+// PM_ECONFIG: a number that neither training nor data determine was not given (it is not finite).
+pm_status pm_params_check_given(const pm_params *params);
+
 // Adds normal numbers to the starting values of all trained entries, in order.
 void pm_params_randomise(pm_params *params, pm_rng *rng);
 

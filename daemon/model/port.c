@@ -4,7 +4,7 @@
 #include <string.h>
 
 // Every law: law_<name>.c defines pm_law_<name>.
-#define LAWS(LAW) LAW(bracket) LAW(exchange)
+#define LAWS(LAW) LAW(bracket) LAW(exchange) LAW(contact)
 
 #define DECLARATION(name) extern const pm_port_law pm_law_##name;
 #define ENTRY(name) &pm_law_##name,

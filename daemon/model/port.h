@@ -23,6 +23,7 @@ typedef struct pm_port_nodes {
 typedef struct pm_port_law {
     const char *name;
     bool conservative; // the two ends' energy fluxes cancel by construction in the hard form
+    bool separate;     // the two ends' rates have no work in common: each end evaluates its own
     // Checks the spec and declares the parameters.
     pm_status (*declare)(pm_port_model *port);
     // The rate [1][ny] of the components exposed by `own`, given what both ends show, indexed by

@@ -140,18 +140,27 @@ typedef struct pm_part_spec {
     const char *at;
 } pm_part_spec;
 
+// A known matrix.
+typedef struct pm_matrix_spec {
+    int rows, cols;
+    const double *value; // [rows][cols]; NULL: none, or kept in a weights file
+    const char *at;
+} pm_matrix_spec;
+
 // A port between ends a and b; groups are named "a.q", "b.s", co-energies "a.dE.s".
 // bracket: reversible and irreversible act on the exposed groups of both ends.
 // exchange (soft or free): the same block describes each end's own boundary term, with its own
 // weights: potentials and operators, or a rate, over own groups "own.q" and the neighbour's
 // "other.q".
+// contact: a matrix from what a exposes to what b does.
 typedef struct pm_port_spec {
     const char *law;
     pm_form form;
     const pm_constants *constants;
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
-    pm_network_spec rate; // exchange, free only
+    pm_network_spec rate;  // exchange, free only
+    pm_matrix_spec matrix; // contact only
     const char *at;
 } pm_port_spec;
 

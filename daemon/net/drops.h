@@ -20,7 +20,7 @@ typedef enum pm_drop {
 } pm_drop;
 
 typedef struct pm_drops {
-    long count[PM_NDROP]; // count[PM_KEEP]: messages used
+    long count[PM_NDROP]; // count[PM_KEEP]: messages used, by who uses them; 0 of a transport
 } pm_drops;
 
 // Two words for a report, e.g. "not finite".

@@ -58,9 +58,10 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
 static void check(void *context, const char *channel, const void *data, size_t size) {
     const subscription *s = context;
     const pm_drop drop = pm_seal_check(s->owner->seal, channel, data, &size);
-    s->owner->drops->count[drop] += 1;
     if (drop == PM_KEEP) {
         s->handler(s->context, channel, data, size);
+    } else {
+        s->owner->drops->count[drop] += 1;
     }
 }
 

@@ -41,6 +41,11 @@ static double *value_of(pm_program *program, pm_node x) {
     return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
 }
 
+// NULL too if nothing depends on it: then it need not be looked at.
+static double *input_of(pm_program *program, pm_node x) {
+    return x == PM_NO_NODE || !pm_program_depends(program, x) ? NULL : value_of(program, x);
+}
+
 // The law's graph: inputs, and what it makes of them at one or both ends.
 typedef struct law_graph {
     pm_port_nodes input[2];
@@ -54,7 +59,7 @@ static void build_rate(pm_graph *g, const pm_port_model *model, law_graph *law, 
     pm_port_nodes ends[2] = {law->input[0], law->input[1]};
     pm_node degeneracy = PM_NO_NODE;
     law->rate[index] = pm_port_rate(g, model, end, ends, law->last, &law->next, &degeneracy);
-    law->e[index] = ends[end].e;
+    law->e[index] = ends[end].e == law->input[end].e ? PM_NO_NODE : ends[end].e;
 }
 
 static void build_law(pm_graph *g, const pm_system *system, const pm_joint *j, bool discrete,
@@ -90,10 +95,10 @@ static pm_status open_program(pm_joint *j, const pm_graph *g, const law_graph *l
     for (int i = 0; i < 2; ++i) {
         const pm_port_nodes *n = &law->input[i];
         j->input[i] = (pm_joint_end){.ny = pm_graph_shape(g, n->y).cols,
-                                     .y = value_of(j->program, n->y),
-                                     .e = value_of(j->program, n->e),
-                                     .eta = value_of(j->program, n->eta),
-                                     .response = value_of(j->program, n->response)};
+                                     .y = input_of(j->program, n->y),
+                                     .e = input_of(j->program, n->e),
+                                     .eta = input_of(j->program, n->eta),
+                                     .response = input_of(j->program, n->response)};
         j->rate[i] = value_of(j->program, law->rate[i]);
         j->law_e[i] = value_of(j->program, law->e[i]);
     }
@@ -131,7 +136,8 @@ pm_status pm_joint_open(pm_joint *j, pm_arena *arena, const pm_system *system,
 
 pm_status pm_joint_share(pm_joint *here, pm_joint *there, const pm_system *system,
                          const pm_integrator *integrator) {
-    if (here->program == NULL || there->program == NULL) {
+    if (system->port[here->port_id].law->separate || here->program == NULL ||
+        there->program == NULL) {
         return PM_OK;
     }
     pm_joint_close(here);
@@ -223,6 +229,11 @@ static void evaluate(pm_joint *j, const pm_port_values *other, bool first) {
     }
 }
 
+static void book(pm_flux *flux, double weight, const pm_joint_end *end, const double *law_e,
+                 const double *rate) {
+    pm_flux_book(flux, weight, end->ny, law_e != NULL ? law_e : end->e, end->eta, rate);
+}
+
 bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, double weight,
                      double *k) {
     const pm_joint *law = j->peer != NULL ? j->peer : j;
@@ -236,9 +247,9 @@ bool pm_joint_couple(pm_joint *j, const pm_port_values *other, bool first, doubl
     for (int c = 0; c < j->own.ny; ++c) {
         k[j->component[c]] += law->rate[index][c];
     }
-    pm_flux_book(&j->booking, weight, j->own.ny, law->law_e[index], j->own.eta, law->rate[index]);
+    book(&j->booking, weight, &j->own, law->law_e[index], law->rate[index]);
     if (j->load != NULL && j->rate[1] != NULL) {
-        pm_flux_book(&j->world_booking, weight, j->world.ny, j->law_e[1], j->world.eta, j->rate[1]);
+        book(&j->world_booking, weight, &j->world, j->law_e[1], j->rate[1]);
     }
     return law->renewed;
 }

@@ -36,9 +36,9 @@ typedef struct pm_joint {
 
     // The port law's graph, and where its numbers go in and out. NULL where a law needs none.
     pm_program *program;
-    pm_joint_end input[2];
+    pm_joint_end input[2];  // NULL: the rates do not depend on it
     const double *rate[2];  // [ny] into the subsystem, into the other end if it is evaluated here
-    const double *law_e[2]; // [ny] co-energies the law was evaluated at: own e, or its prediction
+    const double *law_e[2]; // [ny] predicted co-energies the law was evaluated at; NULL: e itself
     // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted.
     double *last;
     const double *next;

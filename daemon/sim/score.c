@@ -5,22 +5,31 @@
 #include <math.h>
 #include <stdlib.h>
 
+void pm_score_add(const pm_columns *columns, int group, const double *predicted,
+                  const double *truth, pm_score_sums *sums) {
+    for (int i = 0; i < columns->nz; ++i) {
+        if (columns->group[i] == group) {
+            const int k = columns->column[i];
+            const double difference = predicted[k] - truth[k];
+            sums->error += difference * difference;
+            sums->norm += truth[k] * truth[k];
+        }
+    }
+}
+
+double pm_score_of(const pm_score_sums *sums) {
+    return sqrt(sums->error) / (sums->norm > 0 ? sqrt(sums->norm) : 1);
+}
+
 // Relative error of one group over the rows [first, last).
 static double group_error(const pm_columns *columns, int group, int ncolumn, int first, int last,
                           const double *predicted, const double *truth) {
-    double error = 0, norm = 0;
+    pm_score_sums sums = {0};
     for (int j = first; j < last; ++j) {
         const size_t row = (size_t)j * (size_t)ncolumn;
-        for (int i = 0; i < columns->nz; ++i) {
-            if (columns->group[i] == group) {
-                const size_t k = row + (size_t)columns->column[i];
-                const double difference = predicted[k] - truth[k];
-                error += difference * difference;
-                norm += truth[k] * truth[k];
-            }
-        }
+        pm_score_add(columns, group, predicted + row, truth + row, &sums);
     }
-    return sqrt(error) / (norm > 0 ? sqrt(norm) : 1);
+    return pm_score_of(&sums);
 }
 
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,

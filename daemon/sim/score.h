@@ -11,6 +11,15 @@
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
               const double *truth, double *trajectory, double *snapshot);
 
+// The same snapshot by snapshot: the sums of one group, which begin at zero. predicted, truth:
+// [ncolumn].
+typedef struct pm_score_sums {
+    double error, norm; // of the squares of predicted - true, and of true
+} pm_score_sums;
+void pm_score_add(const pm_columns *columns, int group, const double *predicted,
+                  const double *truth, pm_score_sums *sums);
+double pm_score_of(const pm_score_sums *sums);
+
 // Whiskers, quartiles and median of n > 0 values, by linear interpolation; sorts them in place, NaN
 // last. Whiskers are the furthest values within 1.5 interquartile ranges of the box.
 typedef struct pm_box {

@@ -98,7 +98,7 @@ static pm_status open_all(pm_subsystem *s) {
     if (s->integrator->discrete && !pm_part_is_discrete(part)) {
         return pm_fail(PM_ECONFIG,
                        "%s: integrator %s needs energies and entropies of the features x, |x|, "
-                       "ln|x|, |x|^2 and <x,y> alone; subsystem %s has others",
+                       "ln|x|, |x|^2, <x,y> and |min(x,0)| alone; subsystem %s has others",
                        scene->integrator_at, s->integrator->name, s->scene->name);
     }
     s->region = pm_region_of(part);

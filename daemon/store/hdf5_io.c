@@ -159,6 +159,10 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, 
     return open_as(file, path, source, content, H5F_ACC_RDONLY);
 }
 
+void pm_hdf5_end(void) {
+    H5close();
+}
+
 pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
     return open_as(file, path, PM_HDF5_ANY, PM_EFILE, H5F_ACC_RDWR);
 }

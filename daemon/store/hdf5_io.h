@@ -31,6 +31,9 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, 
 // Would OWN let it pass? Files that cannot be opened do not.
 bool pm_hdf5_is_own(const char *path);
 
+// Lets the library end, in a child process that tries whether it survives a file.
+void pm_hdf5_end(void);
+
 // Opens a file that was written in place, to go on writing. PM_EFILE.
 pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);
 

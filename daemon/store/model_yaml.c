@@ -315,8 +315,54 @@ pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
     return PM_OK;
 }
 
+static pm_status check_rows(pm_yaml list) {
+    const bool any = pm_yaml_is_list(list) && pm_yaml_count(list) > 0;
+    const int cols = any ? pm_yaml_count(pm_yaml_item(list, 0)) : 0;
+    if (cols == 0) {
+        return pm_yaml_fail(list, "expected a list of rows such as [[1.0, 0.0], [0.0, 1.0]]");
+    }
+    for (int i = 0; i < pm_yaml_count(list); ++i) {
+        const pm_yaml row = pm_yaml_item(list, i);
+        if (!pm_yaml_is_list(row) || pm_yaml_count(row) != cols) {
+            return pm_yaml_fail(row, "expected a row of %d numbers like the first, found %d", cols,
+                                pm_yaml_count(row));
+        }
+    }
+    return PM_OK;
+}
+
+// The matrix of the law contact, and of no other; its size is checked against the ends later.
+static pm_status read_matrix(pm_yaml list, const char *law, pm_arena *arena,
+                             pm_matrix_spec *matrix) {
+    *matrix = (pm_matrix_spec){0};
+    if (!pm_yaml_exists(list)) {
+        return PM_OK;
+    }
+    if (strcmp(law, "contact") != 0) {
+        return pm_yaml_fail(list, "only law: contact has a matrix");
+    }
+    PM_TRY(read_at(list, arena, &matrix->at));
+    PM_TRY(check_rows(list));
+    matrix->rows = pm_yaml_count(list);
+    matrix->cols = pm_yaml_count(pm_yaml_item(list, 0));
+    const size_t count = (size_t)matrix->rows * (size_t)matrix->cols;
+    double *value = pm_arena_array(arena, count, sizeof *value);
+    if (value == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    for (int i = 0; i < matrix->rows; ++i) {
+        const pm_yaml row = pm_yaml_item(list, i);
+        for (int j = 0; j < matrix->cols; ++j) {
+            PM_TRY(pm_yaml_double(pm_yaml_item(row, j), -INFINITY, INFINITY,
+                                  &value[i * matrix->cols + j]));
+        }
+    }
+    matrix->value = value;
+    return PM_OK;
+}
+
 pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec) {
-    static const char *const keys[] = {"law", MODEL_KEYS, NULL};
+    static const char *const keys[] = {"law", MODEL_KEYS, "matrix", NULL};
     pm_port_spec read;
     pm_yaml law;
     PM_TRY(pm_yaml_allow(block, keys));
@@ -327,6 +373,7 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
         return pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
                             read.law);
     }
+    PM_TRY(read_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
     PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
                       &read.entropy, &read.reversible, &read.irreversible, &read.rate));
     *spec = read;
@@ -456,6 +503,17 @@ static void write_operator(FILE *file, const char *key, bool reversible,
     }
 }
 
+static void write_matrix(FILE *file, const pm_matrix_spec *matrix) {
+    for (int i = 0; matrix->value != NULL && i < matrix->rows; ++i) {
+        fputs(i == 0 ? "matrix: [" : ", ", file);
+        for (int j = 0; j < matrix->cols; ++j) {
+            fputs(j == 0 ? "[" : ", ", file);
+            write_number(file, matrix->value[i * matrix->cols + j]);
+        }
+        fputs(i == matrix->rows - 1 ? "]]\n" : "]", file);
+    }
+}
+
 // The parts common to both blocks.
 static void write_model(FILE *file, const pm_constants *constants, pm_form form,
                         const pm_potential_spec *energy, const pm_potential_spec *entropy,
@@ -507,5 +565,6 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
     fputc('\n', file);
     write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
                 &spec->irreversible, &spec->rate);
+    write_matrix(file, &spec->matrix);
     return take_text(file, &text, arena);
 }

@@ -3,11 +3,13 @@
 #include "store/recording.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/attempt.h"
 #include "base/progress.h"
 #include "store/hdf5_io.h"
 
@@ -273,8 +275,28 @@ pm_status pm_recording_open(pm_recording **recording, const char *path, const pm
     return open_at(recording, path, scene, -1);
 }
 
+typedef struct reopening {
+    const char *path;
+    const pm_scene *scene;
+    long count;
+} reopening;
+
+static void try_reopen(const void *context) {
+    const reopening *what = context;
+    pm_recording *recording = NULL;
+    if (open_at(&recording, what->path, what->scene, what->count) == PM_OK) {
+        pm_recording_close(recording);
+    }
+    pm_hdf5_end();
+}
+
+// A file that its writer did not close may be damaged, and must not end us.
 pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
                               long count) {
+    const reopening context = {path, scene, count};
+    char what[512];
+    snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+    PM_TRY(pm_attempt(try_reopen, &context, PM_EFILE, what));
     return open_at(recording, path, scene, count);
 }
 

@@ -2,6 +2,7 @@
 #include "store/snapshot.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -29,11 +30,27 @@ static pm_status fail(const char *path, const char *what) {
     return pm_fail(PM_EFILE, "%s: cannot %s a snapshot: %s", path, what, strerror(errno));
 }
 
-static bool write_all(FILE *file, const head *h, const double *value) {
+static bool write_bytes(int file, const void *data, size_t size) {
+    const unsigned char *at = data;
+    while (size > 0) {
+        const ssize_t count = write(file, at, size);
+        if (count < 0 && errno == EINTR) {
+            continue;
+        }
+        if (count <= 0) {
+            return false;
+        }
+        at += count;
+        size -= (size_t)count;
+    }
+    return true;
+}
+
+static bool write_all(int file, const head *h, const double *value) {
     const uint64_t sum = check_sum(h, value);
-    return fwrite(h, sizeof *h, 1, file) == 1 &&
-           fwrite(value, sizeof *value, (size_t)h->count, file) == (size_t)h->count &&
-           fwrite(&sum, sizeof sum, 1, file) == 1;
+    return write_bytes(file, h, sizeof *h) &&
+           write_bytes(file, value, (size_t)h->count * sizeof *value) &&
+           write_bytes(file, &sum, sizeof sum);
 }
 
 pm_status pm_snapshot_save(const char *path, uint64_t digest, int64_t session, int count,
@@ -42,13 +59,14 @@ pm_status pm_snapshot_save(const char *path, uint64_t digest, int64_t session, i
     if (snprintf(temporary, sizeof temporary, "%s.tmp", path) >= (int)sizeof temporary) {
         return pm_fail(PM_EFILE, "%.64s...: the path of a snapshot is too long", path);
     }
-    FILE *file = fopen(temporary, "wbe");
-    if (file == NULL) {
+    // Not by stdio, which would allocate a buffer within the step loop.
+    const int file = open(temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (file < 0) {
         return fail(path, "write");
     }
     const head h = {MAGIC, digest, session, count};
     const bool written = write_all(file, &h, value);
-    if ((fclose(file) != 0) || !written || rename(temporary, path) != 0) {
+    if ((close(file) != 0) || !written || rename(temporary, path) != 0) {
         const pm_status status = fail(path, "write");
         unlink(temporary);
         return status;

@@ -56,6 +56,7 @@ static pm_status name_component(pm_status status, const char *name) {
 
 // A model in a scene has no weights.
 static pm_status check_known(const pm_params *params, const char *at, const char *name) {
+    PM_TRY(name_component(pm_spec_locate(at, pm_params_check_given(params)), name));
     return pm_params_trained(params) == 0
                ? PM_OK
                : pm_fail(PM_ECONFIG,
@@ -161,6 +162,7 @@ static uint64_t digest_system(const pm_system *system) {
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
     digest = pm_digest_doubles(digest, &scene->dt, 1);
     digest = pm_digest_integer(digest, scene->window);
+    digest = pm_digest_doubles(digest, &scene->largest_departure, 1); // which ends a node's run
     digest = pm_digest_text(digest, scene->integrator);
     digest = pm_digest_integer(digest, scene->substeps);
     digest = pm_digest_doubles(digest, &scene->tolerance, 1);

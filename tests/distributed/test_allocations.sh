@@ -3,5 +3,5 @@
 # the step loop over LCM.
 . "$(dirname "$0")/network.sh"
 
-"$4" || fail "steps_allocate_nothing"
+"$4" "$folder" || fail "steps_allocate_nothing"
 finish

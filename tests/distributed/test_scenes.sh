@@ -1,8 +1,8 @@
 #!/bin/sh
 # test_scenes.sh PORTMETD MAKE_SCENE SAME_RECORDING: scenes assembled from the shipped weights run, stay
 # close to their references and keep both laws: parts used many times (chains), a circle of three
-# subsystems and ports (gas containers), known parts, parts under a load and assembled after it. In
-# processes over LCM the bits are the same.
+# subsystems and ports (gas containers), known parts, contact, parts under a load and assembled after it.
+# In processes over LCM the bits are the same.
 . "$(dirname "$0")/network.sh"
 configs=$(dirname "$0")/../../configs
 
@@ -84,6 +84,13 @@ sed -i "/^ports:/r $folder/base.yaml" "$folder/pulled.yaml"
 grep -q "steps in violation: 0;" "$folder/pulled.out" || fail "pulled: a law is violated"
 grep -Eq 'upper +base +[+-][1-9]' "$folder/pulled.out" || fail "pulled: nothing flows at the load"
 same_bits pulled 50 "$folder"
+
+# Contact, until both gaps have closed.
+"$portmetd" run "$configs/bouncing_masses.yaml" --steps 480 --in-process \
+    --record "$folder/bouncing_masses.h5" >"$folder/bouncing.out" || fail "bouncing_masses: does not run"
+grep -q "steps in violation: 0;" "$folder/bouncing.out" || fail "bouncing_masses: a law is violated"
+grep -Eq 'light +upward +[+][1-9]' "$folder/bouncing.out" || fail "bouncing_masses: nothing touches"
+same_bits bouncing_masses 480
 
 # A node under another load is refused.
 sed 's/dE: 295/dE: 296/' "$folder/pulled.yaml" >"$folder/other.yaml"

@@ -23,6 +23,7 @@
 static const char every_feature[] =
     "energy:\n"
     "  - {given: {s: 25.0}}\n"
+    "  - \"0.3*|min(p,0)|^2 + |min(q,0)|\"\n"
     "  - {features: [\"ln|q|\", \"|p|\", s], hidden: [5, 4], skip: quadratic}\n"
     "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear}\n"
     "entropy: [{given: s}, {features: [\"ln|q|\", s], hidden: [3]}]\n"

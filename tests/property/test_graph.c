@@ -67,6 +67,9 @@ static pm_node build_log(pm_graph *g, pm_node a, pm_node b) {
 static pm_node build_sqrt(pm_graph *g, pm_node a, pm_node b) {
     return pm_mul(g, pm_sqrt(g, a), b);
 }
+static pm_node build_negative_part(pm_graph *g, pm_node a, pm_node b) {
+    return pm_mul(g, pm_mul(g, a, pm_is_negative(g, a)), b);
+}
 static pm_node build_sum_cols(pm_graph *g, pm_node a, pm_node b) {
     return pm_mul(g, pm_sum_to(g, pm_square(g, a), (pm_shape){true, 3, 1}), b);
 }
@@ -136,6 +139,7 @@ static const expression expressions[] = {
     {"exp", BATCHED(3, 4), SHARED(3, 4), false, build_exp},
     {"log", BATCHED(3, 4), SHARED(3, 4), true, build_log},
     {"sqrt", SHARED(3, 4), BATCHED(3, 4), true, build_sqrt},
+    {"negative part", BATCHED(3, 4), SHARED(3, 4), false, build_negative_part},
     {"sum over columns", BATCHED(3, 4), BATCHED(3, 1), false, build_sum_cols},
     {"sum over batch and rows", BATCHED(3, 4), SHARED(1, 4), false, build_sum_batch},
     {"broadcast a shared row", SHARED(1, 4), BATCHED(3, 4), false, build_broadcast},

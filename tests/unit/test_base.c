@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -215,6 +216,13 @@ static void end_by(const void *signal_number) {
     }
 }
 
+static void reserve(const void *size) {
+    if (mmap(NULL, *(const size_t *)size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE,
+             -1, 0) == MAP_FAILED) {
+        abort();
+    }
+}
+
 static void attempts_tell_how_they_ended(void **state) {
     (void)state;
     const int none = 0, killed = SIGKILL, ignored = SIGCHLD;
@@ -223,6 +231,14 @@ static void attempts_tell_how_they_ended(void **state) {
     assert_string_equal(pm_error(), "it (Killed)");
     assert_int_equal(pm_attempt(end_by, &ignored, PM_EDATA, "it"), PM_EDATA);
     assert_string_equal(pm_error(), "it");
+    const size_t most = (size_t)sysconf(_SC_PHYS_PAGES) * (size_t)sysconf(_SC_PAGESIZE);
+    const size_t less = most / 8, more = 4 * most;
+    assert_int_equal(pm_attempt(reserve, &less, PM_EFILE, "it"), PM_OK);
+#if !defined(__SANITIZE_ADDRESS__)
+    assert_int_equal(pm_attempt(reserve, &more, PM_EFILE, "it"), PM_EFILE);
+#else
+    (void)more;
+#endif
 }
 
 int main(void) {

@@ -66,6 +66,8 @@ static void features_are_their_formulas(void **state) {
         {"|q|", 1, {5, 0}},
         {"|q|^2", 1, {25, 0}},
         {"s", 1, {-0.25, 0}},
+        {"|min(q,0)|", 1, {4, 0}},
+        {"|min(q,0)|^2", 1, {16, 0}},
         {"ln|q|", 1, {1.6094379124341003, 0}},
         {"<q,p>", 1, {-6.5, 0}},
         {"q/|q|", 2, {0.6, -0.8}},
@@ -97,13 +99,13 @@ static void features_are_their_formulas(void **state) {
 
 static void features_stay_finite_at_zero(void **state) {
     (void)state;
-    static const char *const expression[] = {"|q|", "ln|q|", "q/|q|", "q/|q|^2"};
+    static const char *const expression[] = {"|q|", "ln|q|", "|min(q,0)|", "q/|q|", "q/|q|^2"};
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node z = pm_input(g, true, 1, 5);
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, g, &layout, "", z);
-    const pm_node all = pm_features_build(g, 4, expression, &symbols);
+    const pm_node all = pm_features_build(g, 5, expression, &symbols);
     pm_node node[2] = {all};
     pm_gradient(g, all, PM_NO_NODE, 1, &z, &node[1]);
     pm_program *p = NULL;
@@ -216,6 +218,10 @@ static const mistake port_mistakes[] = {
     {"law: bracket\nreversible: {learned: {acts_on: [a.q, c.q]}}\n", "\"c.q\""},
     {"law: bracket\nreversible: {learned: {acts_on: [a.q], features: [own.q]}}\n", "\"own.q\""},
     {"law: exchange\n", "cannot be hard"},
+    {"law: contact\nmatrix: [[1, 2]]\n", "model:2:9: the matrix is 1 x 2, expected 5 x 5"},
+    {"law: contact\nform: soft\n", "law contact is hard, and has a matrix and nothing else"},
+    {"law: contact\nenergy: s\n", "law contact is hard, and has a matrix and nothing else"},
+    {"law: contact\nreversible: {given: [[a.q, b.q, 1]]}\n", "has a matrix and nothing else"},
     {"law: exchange\nform: soft\nenergy: {features: [a.q]}\n", "\"a.q\""},
     {"law: exchange\nform: soft\nreversible: {learned: {acts_on: [other.q]}}\n", "not a group"},
 };

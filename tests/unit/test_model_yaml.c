@@ -157,6 +157,26 @@ static void test_port(void **state) {
     pm_arena_free(&arena);
 }
 
+static void test_matrix(void **state) {
+    (void)state;
+    pm_arena arena = {0};
+    const char *written =
+        "law: contact\nmatrix: [[1, -0.1, 0], [2.5e-3, 0.333333333333333315, 7]]\n";
+    for (int i = 0; i < 2; ++i) {
+        pm_yaml_document *document = NULL;
+        pm_yaml root;
+        pm_port_spec spec;
+        assert_int_equal(pm_yaml_parse(&document, written, "t.yaml", &root), PM_OK);
+        assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, &arena, &spec), PM_OK);
+        pm_yaml_close(document);
+        assert_true(spec.matrix.rows == 2 && spec.matrix.cols == 3);
+        static const double expected[] = {1, -0.1, 0, 2.5e-3, 1.0 / 3, 7};
+        assert_memory_equal(spec.matrix.value, expected, sizeof expected);
+        written = pm_port_spec_write(&spec, &arena);
+    }
+    pm_arena_free(&arena);
+}
+
 static const yaml_case bad[] = {
     {"form: soft", "form: firm", "firm", "form: expected one of hard, soft, free, found \"firm\""},
     {"form: soft", "form: free", "form", "missing key \"rate\""},
@@ -193,6 +213,16 @@ static const yaml_case bad_port[] = {
     {"law: bracket", "form: hard", "form", "missing key \"law\""},
     {"law: bracket", "law: bracket\nports: 1", "ports",
      "unknown key \"ports\"; allowed: law, form"},
+    {"law: bracket", "law: bracket\nmatrix: [[1]]", "[[1",
+     "matrix: only law: contact has a matrix"},
+    {"law: bracket", "law: contact\nmatrix: 1", "1", "expected a list of rows such as [[1.0, 0.0]"},
+    {"law: bracket", "law: contact\nmatrix: []", "[]",
+     "expected a list of rows such as [[1.0, 0.0]"},
+    {"law: bracket", "law: contact\nmatrix: [1, 2]", "[1", "expected a list of rows such as [[1.0"},
+    {"law: bracket", "law: contact\nmatrix: [[1, 2], [3]]", "[3",
+     "matrix: expected a row of 2 numbers like the first, found 1"},
+    {"law: bracket", "law: contact\nmatrix: [[1, 2], 3]", "3]", "expected a row of 2 numbers"},
+    {"law: bracket", "law: contact\nmatrix: [[1, y]]", "y", "expected a number, found \"y\""},
 };
 
 static void test_bad(void **state) {
@@ -225,7 +255,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_round_trip), cmocka_unit_test(test_defaults),
         cmocka_unit_test(test_free_form),  cmocka_unit_test(test_port),
-        cmocka_unit_test(test_bad),
+        cmocka_unit_test(test_matrix),     cmocka_unit_test(test_bad),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -35,6 +35,10 @@ static void errors_are_relative_per_group(void **state) {
     double alone[2];
     pm_score(&columns, 2, 4, predicted[0], truth[0], alone, NULL);
     assert_memory_equal(alone, trajectory, sizeof alone);
+    pm_score_sums sums = {0};
+    pm_score_add(&columns, 0, predicted[0], truth[0], &sums);
+    pm_score_add(&columns, 0, predicted[1], truth[1], &sums);
+    assert_true(pm_score_of(&sums) == trajectory[0]);
 }
 
 static void a_failed_prediction_scores_nan(void **state) {

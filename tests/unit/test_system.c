@@ -147,12 +147,75 @@ static void test_known_models(void **state) {
     }
 }
 
+static const char touching[] =
+    "scene: pair\n"
+    "time: {dt: 0.3, steps: 200, integrator: discrete_gradient}\n"
+    "models:\n"
+    "  mass: {energy: \"|p|^2/2\"}\n"
+    "  gap: {energy: \"|min(g,0)|^2\"}\n"
+    "  touch: {law: contact, matrix: [[1, 0], [0, -1], [2, 3]]}\n"
+    "subsystems:\n"
+    "  body: {model: mass, state: {p: {unit: kg m/s, size: 2}}}\n"
+    "  gaps: {model: gap, state: {g: {unit: m, size: 3}}}\n"
+    "ports:\n"
+    "  skin: {law: contact, between: [body, gaps], expose: {body: p, gaps: g}, model: touch}\n";
+
+static pm_system *load(const pm_scene *scene) {
+    pm_system *system = NULL;
+    if (pm_system_load(&system, scene, NULL) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    return system;
+}
+
+// The matrix of a contact, written in the scene, or kept in a weights file that does not spell it.
+static void test_matrix(void **state) {
+    scratch *folder = *state;
+    pm_scene *scene = edited_from(touching, folder, "pair", "pair");
+    pm_system *system = load(scene);
+    static const double expected[] = {1, 0, 0, -1, 2, 3};
+    pm_port_model *port = &system->port[0];
+    assert_memory_equal(pm_params_find(&port->params, "matrix")->value, expected, sizeof expected);
+    port->spec.matrix = (pm_matrix_spec){0};
+    const pm_provenance provenance = {.command = "test", .data = ""};
+    assert_int_equal(pm_weights_save_port(scratch_path(folder, "skin.h5"), port, &provenance),
+                     PM_OK);
+    pm_system_free(system);
+    pm_scene_free(scene);
+
+    scene = edited_from(touching, folder, "model: touch", "weights: skin.h5");
+    system = load(scene);
+    port = &system->port[0];
+    assert_memory_equal(pm_params_find(&port->params, "matrix")->value, expected, sizeof expected);
+    pm_system_free(system);
+    pm_scene_free(scene);
+    assert_false(digest_of(touching, folder, "2, 3]", "2, 4]") ==
+                 digest_of(touching, folder, "pair", "pair"));
+
+    static const char *const bad[][3] = {
+        {", [2, 3]]", "]", ":6:33: the matrix is 2 x 2, expected 3 x 2: a row for each number"},
+        {", matrix: [[1, 0], [0, -1], [2, 3]]", "",
+         ":11:82: \"matrix\" is missing: 3 x 2 numbers (model of skin)"},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
+        scene = edited_from(touching, folder, bad[i][0], bad[i][1]);
+        const pm_status status = pm_system_load(&system, scene, NULL);
+        if (status != PM_ECONFIG || strstr(pm_error(), bad[i][2]) == NULL) {
+            fail_msg("%d, \"%s\", expected \"%s\"", status, pm_error(), bad[i][2]);
+        }
+        pm_scene_free(scene);
+    }
+}
+
 static void test_digest(void **state) {
     const uint64_t digest = digest_of(good, *state, "pair", "pair");
-    const char *const same[][2] = {{"steps: 200", "steps: 3"}};
+    const char *const same[][2] = {{"steps: 200", "steps: 3"},
+                                   // The coordinator's alone.
+                                   {"ports:", "guards: {energy_drift: 0.5}\nports:"}};
     const char *const other[][2] = {{"pair", "pear"},
                                     {"dt: 0.3", "dt: 0.1"},
                                     {"ports:", "lockstep: {window: 2}\nports:"},
+                                    {"ports:", "guards: {region: 0.5}\nports:"},
                                     {"rk4", "heun"},
                                     {"substeps: 8", "substeps: 4"},
                                     {"joint:", "hinge:"},
@@ -215,9 +278,8 @@ static void test_weights_folder(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_digest),
-        cmocka_unit_test(test_known_models),
-        cmocka_unit_test(test_mismatch),
+        cmocka_unit_test(test_digest),         cmocka_unit_test(test_known_models),
+        cmocka_unit_test(test_matrix),         cmocka_unit_test(test_mismatch),
         cmocka_unit_test(test_weights_folder),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

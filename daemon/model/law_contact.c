@@ -1,0 +1,78 @@
+// The port law `contact`: a body (end a, which exposes its momenta) opens and closes gaps (end b),
+// in which the energy of the contact is stored; a wall, or a load on a surface, in the same way.
+// With one given matrix H [ny_b][ny_a], how fast each gap opens per unit of generalised velocity,
+//     ydot_b += H e_a,    ydot_a -= H^T e_b
+// so that what leaves the body enters the gap: e_b . H e_a - e_a . H^T e_b = 0; no entropy moves.
+// Penalty: a gap's energy is k/2 |min(g,0)|^2, so e_b is minus the force that pushes the bodies
+// apart, and exactly zero while the gap is open (Wriggers, Computational Contact Mechanics, 2006).
+#include <math.h>
+
+#include "model/operator.h"
+#include "model/port.h"
+#include "model/potential.h"
+
+#define MOST_NUMBERS 10000000 // of a matrix: 80 MB
+
+static pm_status check_spec(const pm_port_spec *spec) {
+    if (spec->form != PM_HARD || pm_potential_exists(&spec->energy) ||
+        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
+        pm_operator_exists(&spec->irreversible)) {
+        return pm_fail(PM_ECONFIG, "law contact is hard, and has a matrix and nothing else");
+    }
+    return PM_OK;
+}
+
+static pm_status check_matrix(const pm_port_model *port, int rows, int cols) {
+    const pm_matrix_spec *matrix = &port->spec.matrix;
+    if (rows > MOST_NUMBERS / cols) {
+        return pm_fail(PM_ECONFIG, "a matrix of %d x %d, at most %d numbers are possible", rows,
+                       cols, MOST_NUMBERS);
+    }
+    if (matrix->value != NULL && (matrix->rows != rows || matrix->cols != cols)) {
+        return pm_fail(PM_ECONFIG,
+                       "the matrix is %d x %d, expected %d x %d: a row for each number that the "
+                       "second end exposes, a column for each of the first",
+                       matrix->rows, matrix->cols, rows, cols);
+    }
+    return PM_OK;
+}
+
+static pm_status declare(pm_port_model *port) {
+    const pm_matrix_spec *matrix = &port->spec.matrix;
+    const int rows = port->layout[PM_END_B].nz, cols = port->layout[PM_END_A].nz;
+    PM_TRY(pm_spec_locate(port->spec.at, check_spec(&port->spec)));
+    PM_TRY(pm_spec_locate(matrix->at, check_matrix(port, rows, cols)));
+    pm_param_entry *H = pm_params_add(&port->params, "matrix", rows, cols, false, 0, NAN);
+    if (H == NULL) {
+        return PM_ENOMEM;
+    }
+    for (int i = 0; matrix->value != NULL && i < rows * cols; ++i) {
+        H->value[i] = matrix->value[i];
+    }
+    return PM_OK;
+}
+
+static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
+                    pm_node *degeneracy) {
+    (void)degeneracy;
+    const pm_param_entry *entry = pm_params_find(&port->params, "matrix");
+    const pm_node H = pm_param(g, entry->value, entry->rows, entry->cols);
+    const pm_node e = end[own == PM_END_A ? PM_END_B : PM_END_A].e;
+    return own == PM_END_B ? pm_matmul(g, e, false, H, true)
+                           : pm_scale(g, pm_matmul(g, e, false, H, false), -1);
+}
+
+static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],
+                       pm_normaliser_visit *visitor, void *context) {
+    (void)port, (void)g, (void)end, (void)visitor, (void)context;
+    return PM_OK;
+}
+
+const pm_port_law pm_law_contact = {
+    .name = "contact",
+    .conservative = true,
+    .separate = true,
+    .declare = declare,
+    .rate = rate,
+    .visit = visit,
+};
