@@ -36,10 +36,10 @@ network=$(private_network)
 # substeps stands the tolerance if METHOD ends in _adaptive.
 over_lcm() {
     case $2 in
-    *_adaptive) substeps="16, tolerance: $(printf %.6f "$3")" ;;
-    *) substeps=$3 ;;
+    *_adaptive) pace="s/^\( *\)substeps: .*/\1tolerance: $(printf %.6f "$3")/" ;;
+    *) pace="s/substeps: [0-9]*/substeps: $3/" ;;
     esac
-    sed -e "s/integrator: [a-z0-9_]*/integrator: ${2%_adaptive}/" -e "s/substeps: [0-9]*/substeps: $substeps/" \
+    sed -e "s/integrator: [a-z0-9_]*/integrator: ${2%_adaptive}/" -e "$pace" \
         -e "s|weights: weights|weights: $configs/weights|" \
         -e "s|file: reference|file: $configs/reference|" "$configs/$1.yaml" >"$folder/scene.yaml"
     speed=$(for repetition in 1 2 3; do
