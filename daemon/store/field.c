@@ -194,11 +194,13 @@ static void try_load(const void *path) {
     pm_field_free(field);
 }
 
-// Files of this rank may come from any tool: as in dataset.c, a damaged one must not end us.
+// As in dataset.c, a damaged file of another tool must not end us.
 pm_status pm_field_load(pm_field **field, const char *path) {
-    char what[512];
-    snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
-    PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
+    if (!pm_hdf5_is_own(path)) {
+        char what[512];
+        snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+        PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
+    }
     return load(field, path);
 }
 
