@@ -26,8 +26,7 @@ static void print_header(const pm_setup *setup, int rounds) {
     printf("scene %s (%s)\n", scene->name, scene->path);
     printf("  time       %d steps of %g s, %s, ", scene->steps, scene->dt, scene->integrator);
     if (scene->tolerance > 0) {
-        printf("substeps for a tolerance of %g, %d in the first step\n", scene->tolerance,
-               scene->substeps);
+        printf("substeps for a tolerance of %g, at least %d\n", scene->tolerance, scene->substeps);
     } else {
         printf("%d substeps: %d flux exchanges per step\n", scene->substeps, rounds);
     }

@@ -146,6 +146,10 @@ pm_status pm_assembly_step(pm_assembly *assembly) {
     return PM_OK;
 }
 
+int pm_assembly_substeps(const pm_assembly *assembly) {
+    return assembly->pace.substeps;
+}
+
 const pm_sample *pm_assembly_sample(const pm_assembly *assembly) {
     return assembly->sample;
 }

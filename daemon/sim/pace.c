@@ -9,11 +9,18 @@
 #define MOST_RISE 8.0
 #define MOST_FALL 2.0
 
+// Neither fewer than the scene has nor more than there may be.
+static int whole(const pm_scene *scene, double substeps) {
+    return (int)fmin(fmax(ceil(substeps), scene->substeps), PM_MOST_SUBSTEPS);
+}
+
 pm_status pm_pace_init(pm_pace *pace, const pm_scene *scene) {
-    *pace = (pm_pace){.scene = scene,
-                      .integrator = pm_integrator_find(scene->integrator),
-                      .substeps = scene->substeps};
-    if (scene->tolerance > 0 && pace->integrator != NULL && pace->integrator->embedded == 0) {
+    const bool chosen = scene->tolerance > 0;
+    *pace =
+        (pm_pace){.scene = scene,
+                  .integrator = pm_integrator_find(scene->integrator),
+                  .substeps = chosen ? whole(scene, MOST_RISE * scene->substeps) : scene->substeps};
+    if (chosen && pace->integrator != NULL && pace->integrator->embedded == 0) {
         return pm_fail(
             PM_ECONFIG,
             "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",
@@ -35,8 +42,7 @@ void pm_pace_note(pm_pace *pace, const pm_sample *sample) {
     const double trend = pace->expected > 0 ? fmax(error / pace->expected, 1) : 1;
     const double order = pace->integrator->embedded + 1;
     const double factor = pow(error * trend / (AIM * scene->tolerance), 1 / order);
-    const double wanted = ceil(pace->substeps * fmin(fmax(factor, 1 / MOST_FALL), MOST_RISE));
-    const int next = (int)fmin(fmax(wanted, 1), PM_MOST_SUBSTEPS);
+    const int next = whole(scene, pace->substeps * fmin(fmax(factor, 1 / MOST_FALL), MOST_RISE));
     pace->expected = error * pow((double)pace->substeps / next, order);
     pace->substeps = next;
 }

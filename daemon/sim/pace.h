@@ -18,8 +18,9 @@ typedef struct pm_pace {
     double expected; // error of the last step, had it been taken in `substeps`; 0: none before
 } pm_pace;
 
-// Starts with the scene's substeps, which stay where it names no tolerance. PM_ECONFIG: the
-// integrator has no estimate of its error.
+// The scene's substeps are the fewest, below which the method may not be stable; they stay where it
+// names no tolerance. The first step, of whose error nothing is known, has several times as many.
+// PM_ECONFIG: the integrator has no estimate of its error.
 pm_status pm_pace_init(pm_pace *pace, const pm_scene *scene);
 
 // After a step.

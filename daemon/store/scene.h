@@ -77,7 +77,7 @@ typedef struct pm_scene {
     double dt;                          // s
     int steps;
     const char *integrator, *integrator_at; // looked up later, by the layer that has the table
-    int substeps;                           // per step; with a tolerance, of the first step
+    int substeps;                           // per step; with a tolerance, the fewest
     double tolerance; // of a substep's error, relative; 0: substeps stay as they are
     int window;       // steps granted at once
     double patience;  // s to wait for a silent peer before giving up
