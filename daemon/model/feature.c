@@ -51,9 +51,13 @@ static pm_node build_negative_norm(pm_graph *g, pm_node x, pm_node y) {
     return build_norm(g, negative_part(g, x), y);
 }
 
+pm_node pm_negative_squared(pm_graph *g, pm_node x) {
+    return norm_squared(g, negative_part(g, x));
+}
+
 static pm_node build_negative_squared(pm_graph *g, pm_node x, pm_node y) {
     (void)y;
-    return norm_squared(g, negative_part(g, x));
+    return pm_negative_squared(g, x);
 }
 
 static pm_node build_direction(pm_graph *g, pm_node x, pm_node y) {
@@ -131,16 +135,17 @@ static void discrete_product(pm_graph *g, pm_node weight, pair x, pair y, pm_nod
 
 // With m = min(x,0), component by component: (m_to^2 - m_from^2) / (x_to - x_from) is
 // -(m_from + m_to)^2 / (|x_from| + |x_to|), which loses no digit where the two are close.
-static pm_node negative_slope(pm_graph *g, pair x) {
-    const pm_node sum = pm_add(g, negative_part(g, x.from), negative_part(g, x.to));
-    const pm_node lengths = pm_sub(g, sum_of(g, x), pm_scale(g, sum, 2)); // |x| = x - 2 min(x,0)
+pm_node pm_negative_squared_slope(pm_graph *g, pm_node from, pm_node to) {
+    const pm_node sum = pm_add(g, negative_part(g, from), negative_part(g, to));
+    // |x| = x - 2 min(x,0)
+    const pm_node lengths = pm_sub(g, pm_add(g, from, to), pm_scale(g, sum, 2));
     return pm_scale(g, pm_div(g, pm_square(g, sum), pm_offset(g, lengths, SMALLEST_LENGTH)), -1);
 }
 
 static void discrete_negative_squared(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
                                       pm_node *dy) {
     (void)y, (void)dy;
-    *dx = pm_add_or(g, *dx, pm_mul(g, weight, negative_slope(g, x)));
+    *dx = pm_add_or(g, *dx, pm_mul(g, weight, pm_negative_squared_slope(g, x.from, x.to)));
 }
 
 static void discrete_negative_norm(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
@@ -148,7 +153,8 @@ static void discrete_negative_norm(pm_graph *g, pm_node weight, pair x, pair y, 
     (void)dy;
     const pm_node lengths =
         pm_add(g, build_negative_norm(g, x.from, y.from), build_negative_norm(g, x.to, y.to));
-    *dx = pm_add_or(g, *dx, pm_mul(g, weight, pm_div(g, negative_slope(g, x), lengths)));
+    *dx = pm_add_or(
+        g, *dx, pm_mul(g, weight, pm_div(g, pm_negative_squared_slope(g, x.from, x.to), lengths)));
 }
 
 // What stands around and between the names; longer forms before their prefixes.

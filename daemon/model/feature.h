@@ -56,6 +56,11 @@ void pm_features_discrete(pm_graph *g, int count, const char *const *expression,
 // accurate also where a = b: the divided difference of ln, and of exp its inverse.
 pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b);
 
+// The sum of the squares of what is negative in x [1][n], and its divided differences [1][n] from
+// one x to another, component by component.
+pm_node pm_negative_squared(pm_graph *g, pm_node x);
+pm_node pm_negative_squared_slope(pm_graph *g, pm_node from, pm_node to);
+
 // Sizes and values of a list of at most PM_MAX_FEATURES, side by side: [1][sum of sizes].
 pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,
                            int *size);

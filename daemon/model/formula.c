@@ -22,12 +22,16 @@ typedef enum step_kind {
     DIVIDE,
     EXP,
     LN,
-    SQRT
+    SQRT,
+    NEGATIVE_SQUARED // sum over the components
 } step_kind;
+
+#define WHOLE (-1) // a feature's component: all of them
 
 typedef struct step {
     step_kind kind;
-    int a, b; // operands, by position
+    int width; // components of the result
+    int a, b;  // operands, by position
     double number;
     char feature[MAX_FEATURE];
     int component, size; // of the feature
@@ -38,6 +42,7 @@ typedef struct reader {
     const pm_symbols *symbols;
     const char *at;          // what is still to be read
     int depth, count, whole; // whole: position of the last operation
+    bool vectors;            // are possible here
     step steps[MAX_STEPS];
 } reader;
 
@@ -90,6 +95,7 @@ static double compute(step_kind kind, double a, double b) {
         return sqrt(a);
     case NUMBER:
     case FEATURE:
+    case NEGATIVE_SQUARED:
         break;
     }
     return NAN;
@@ -97,7 +103,12 @@ static double compute(step_kind kind, double a, double b) {
 
 // Of numbers alone it is a number.
 static pm_status add_operation(reader *r, step_kind kind, int a, int b, int *result) {
-    step s = {.kind = kind, .a = a, .b = b};
+    const int width = r->steps[a].width, other = r->steps[b].width;
+    step s = {.kind = kind, .width = width > other ? width : other, .a = a, .b = b};
+    if (width != other && width != 1 && other != 1) {
+        return pm_fail(PM_ECONFIG, "formula \"%.100s\": vectors of %d and %d components",
+                       r->formula->text, width, other);
+    }
     if (r->steps[a].kind == NUMBER && r->steps[b].kind == NUMBER) {
         s.kind = NUMBER;
         s.number = compute(kind, r->steps[a].number, r->steps[b].number);
@@ -113,7 +124,7 @@ static pm_status read_sum(reader *r, int *result);
 
 static pm_status read_number(reader *r, int *result) {
     char *end;
-    const step s = {.kind = NUMBER, .number = strtod(r->at, &end)};
+    const step s = {.kind = NUMBER, .width = 1, .number = strtod(r->at, &end)};
     if (!isfinite(s.number)) {
         return fail(r, "a finite number");
     }
@@ -146,6 +157,33 @@ static pm_status add_feature(reader *r, step s, int *result) {
         return pm_fail(PM_ECONFIG, "formula \"%.100s\": %s has %d components, the first is %s[0]",
                        r->formula->text, s.feature, s.size, s.feature);
     }
+    s.width = s.component == WHOLE ? s.size : 1;
+    return add_step(r, s, result);
+}
+
+// Whether a name is all that stands before a comma, a bracket or the end.
+static bool is_lone_name(const char *at) {
+    at += strspn(at, " ");
+    const bool name = isalpha((unsigned char)*at);
+    while (is_name_character(*at)) {
+        ++at;
+    }
+    at += strspn(at, " ");
+    return name && (*at == ',' || *at == ')' || *at == '\0');
+}
+
+// After |min( of something else than a name: ..., 0)|^2.
+static pm_status read_negative_squared(reader *r, int *result) {
+    const bool outer = r->vectors;
+    step s = {.kind = NEGATIVE_SQUARED, .width = 1};
+    r->vectors = true;
+    PM_TRY(read_sum(r, &s.a));
+    r->vectors = outer;
+    s.b = s.a;
+    if (!take(r, ',') || !take(r, '0') || !take(r, ')') || !take(r, '|') || !take(r, '^') ||
+        !take(r, '2')) {
+        return fail(r, "\",0)|^2\"");
+    }
     return add_step(r, s, result);
 }
 
@@ -157,6 +195,9 @@ static pm_status read_invariant(reader *r, int *result) {
     PM_TRY(read_name(r, x));
     const bool negative = norm && strcmp(x, "min") == 0 && take(r, '(');
     if (negative) {
+        if (!is_lone_name(r->at)) {
+            return read_negative_squared(r, result);
+        }
         PM_TRY(read_name(r, x));
         if (!take(r, ',') || !take(r, '0') || !take(r, ')')) {
             return fail(r, "\",0)\"");
@@ -211,7 +252,7 @@ static pm_status read_named(reader *r, int *result) {
     }
     for (int i = 0; constants != NULL && i < constants->count; ++i) {
         if (strcmp(s.feature, constants->name[i]) == 0) {
-            const step number = {.kind = NUMBER, .number = constants->value[i]};
+            const step number = {.kind = NUMBER, .width = 1, .number = constants->value[i]};
             return add_step(r, number, result);
         }
     }
@@ -227,6 +268,8 @@ static pm_status read_named(reader *r, int *result) {
         if (!take(r, ']')) {
             return fail(r, "\"]\"");
         }
+    } else if (s.size > 1 && r->vectors) {
+        s.component = WHOLE;
     } else if (s.size > 1) {
         return pm_fail(PM_ECONFIG, "formula \"%.100s\": %s is a vector; expected %s[0], |%s|, ...",
                        r->formula->text, s.feature, s.feature, s.feature);
@@ -248,7 +291,7 @@ static pm_status read_operand(reader *r, int *result) {
 // base^exponent as products, or else as exp(exponent ln(base)).
 static pm_status add_power(reader *r, int base, double exponent, int *result) {
     const int whole = fabs(exponent) <= MAX_WHOLE ? (int)exponent : 0;
-    step number = {.kind = NUMBER, .number = 1};
+    step number = {.kind = NUMBER, .width = 1, .number = 1};
     if (whole != exponent) {
         number.number = exponent;
         PM_TRY(add_operation(r, LN, base, base, &base));
@@ -299,7 +342,7 @@ static pm_status read_signed(reader *r, int *result) {
     }
     if (take(r, '-')) {
         int minus = 0;
-        const step number = {.kind = NUMBER, .number = -1};
+        const step number = {.kind = NUMBER, .width = 1, .number = -1};
         PM_TRY(add_step(r, number, &minus));
         PM_TRY(read_signed(r, result));
         PM_TRY(add_operation(r, MULTIPLY, minus, *result, result));
@@ -388,7 +431,9 @@ static pm_node build_step(pm_graph *g, const step *s, const pm_symbols *symbols,
     case NUMBER:
         return pm_constant(g, s->number, 1, 1);
     case FEATURE:
-        return pm_slice(g, pm_feature_build(g, s->feature, symbols), s->component, 1);
+        return s->component == WHOLE
+                   ? pm_feature_build(g, s->feature, symbols)
+                   : pm_slice(g, pm_feature_build(g, s->feature, symbols), s->component, 1);
     case ADD:
         return pm_add(g, value[s->a], value[s->b]);
     case SUBTRACT:
@@ -401,6 +446,8 @@ static pm_node build_step(pm_graph *g, const step *s, const pm_symbols *symbols,
         return pm_exp(g, value[s->a]);
     case LN:
         return pm_log(g, value[s->a]);
+    case NEGATIVE_SQUARED:
+        return pm_negative_squared(g, value[s->a]);
     case SQRT:
         break;
     }
@@ -458,10 +505,19 @@ static void divided_difference(pm_graph *g, const step *s, pm_node own_from, pm_
     case SQRT:
         slope[0] = pm_div(g, one, pm_add(g, own_from, own_to));
         break;
+    case NEGATIVE_SQUARED:
+        slope[0] = pm_negative_squared_slope(g, a_from, a_to);
+        break;
     case NUMBER:
     case FEATURE:
         break;
     }
+}
+
+// weight + what the operand of `width` components has of `more`.
+static pm_node add_weight(pm_graph *g, pm_node weight, pm_node more, int width) {
+    const pm_shape shape = {pm_graph_shape(g, more).batched, 1, width};
+    return pm_add_or(g, weight, width == 1 ? pm_sum_to(g, more, shape) : more);
 }
 
 void pm_formula_discrete(pm_graph *g, const pm_formula *formula, const pm_symbols *from,
@@ -481,15 +537,17 @@ void pm_formula_discrete(pm_graph *g, const pm_formula *formula, const pm_symbol
         }
         if (s->kind == FEATURE) {
             const char *feature = s->feature;
-            const pm_node placed = pm_place(g, weight[i], s->component, s->size);
+            const pm_node placed =
+                s->component == WHOLE ? weight[i] : pm_place(g, weight[i], s->component, s->size);
             pm_features_discrete(g, 1, &feature, from, to, placed, covector);
             continue;
         }
         pm_node slope[2];
         divided_difference(g, s, before[i], after[i], before, after, slope);
-        weight[s->a] = pm_add_or(g, weight[s->a], pm_mul(g, weight[i], slope[0]));
-        if (slope[1] != PM_NO_NODE) {
-            weight[s->b] = pm_add_or(g, weight[s->b], pm_mul(g, weight[i], slope[1]));
+        for (int k = 0; k < 2 && slope[k] != PM_NO_NODE; ++k) {
+            const int operand = k == 0 ? s->a : s->b;
+            weight[operand] = add_weight(g, weight[operand], pm_mul(g, weight[i], slope[k]),
+                                         r.steps[operand].width);
         }
     }
 }

@@ -3,7 +3,8 @@
 // Numbers, constants, names of one component, components q[0] of vectors (counted from 0), the
 // invariants |q|, <q,p> and |min(q,0)|, the length of what is negative in q; + - * / ^ and
 // brackets; exp, ln, sqrt. An exponent is a number; of one that is not whole the base must be
-// positive.
+// positive. In |min(x,0)|^2 x may be made of vectors of equal size, component by component:
+//     "k/2*|min(g + u*v, 0)|^2"
 //
 // A formula is a model like any other: its derivatives come from the graph, and it has a discrete
 // derivative, made by the chain rule from the divided differences of its operations.

@@ -118,6 +118,8 @@ static const struct {
     {"|min(q,0)|^2/C", 80},
     {"|min(s,0)|^2 + 3*|min(p,0)|^2", 0.0625},
     {"|min( q, 0 )|^2.5 - |min(q,0)|", 28},
+    {"|min(q - p, 0)|^2", 36},
+    {"C*|min(p*q/s + l0,0)|^2 - |min(2*s*p + exp(s)*q - p[1], 0)|^2", -34.19570934911585},
     {"s^2*s", -0.015625},
     {"s^-1", -4},
     {"q[0]^-2", 1.0 / 9},
@@ -210,6 +212,10 @@ static void mistakes_are_told(void **state) {
         {"|min(q)|", "expected \",0)\" at \")|\""},
         {"|min(q,1)|", "expected \",0)\" at \"1)|\""},
         {"|min(q,0)", "expected \"|\" at its end"},
+        {"|min(q + C,0)|", "expected \",0)|^2\" at its end"},
+        {"|min(q + u,0)|^2", "there is no \"u\" here"},
+        {"|min(q + r,0)|^2", "vectors of 2 and 3 components"},
+        {"|min(q + C,0)|^2 + q", "q is a vector"},
         {"|max(q,0)|", "expected \"|\" at \"(q,0)|\""},
         {"<q;p>", "expected \",\" at \";p>\""},
         {"<q,p", "expected \">\" at its end"},
@@ -233,7 +239,8 @@ static void mistakes_are_told(void **state) {
          "+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s",
          "more than 128 operations"},
     };
-    const pm_symbols symbols = symbols_of(NULL, PM_NO_NODE);
+    pm_symbols symbols = symbols_of(NULL, PM_NO_NODE);
+    symbols.symbol[symbols.count++] = (pm_symbol){"r", 3, PM_NO_NODE};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
         const pm_formula formula = formula_of(bad[i][0]);
         assert_int_equal(pm_formula_check(&formula, &symbols), PM_ECONFIG);
