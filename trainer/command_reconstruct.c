@@ -10,12 +10,13 @@
 #include "store/xdmf.h"
 
 typedef struct arguments {
-    const char *modes, *basis, *truth, *trajectories, *output;
+    const char *modes, *basis, *body, *truth, *trajectories, *output;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a->basis, true, "the basis that `reduce` made"},
+        {"--body", NULL, "NAME", NULL, &a->body, false, "of this body of an assembly (`contact`)"},
         {"--truth", "-t", "FILE", NULL, &a->truth, false, "fields to score against (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "the truth's trajectories that MODES are about"},
@@ -107,7 +108,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a.basis));
     PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
-    PM_TRY_DONE(pm_reconstruct(&field, basis, modes));
+    PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body));
     if (a.truth != NULL) {
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
         PM_TRY_DONE(print_errors(&a, field, truth));

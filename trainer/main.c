@@ -15,6 +15,7 @@ static const command commands[] = {
     {"truth", "simulate ground truth into a dataset", pm_command_truth},
     {"reduce", "find the modes of a body in its fields", pm_command_reduce},
     {"reconstruct", "turn modes into fields of the body", pm_command_reconstruct},
+    {"contact", "find where bodies face each other", pm_command_contact},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
     {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},

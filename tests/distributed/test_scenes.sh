@@ -92,6 +92,15 @@ grep -q "steps in violation: 0;" "$folder/bouncing.out" || fail "bouncing_masses
 grep -Eq 'light +upward +[+][1-9]' "$folder/bouncing.out" || fail "bouncing_masses: nothing touches"
 same_bits bouncing_masses 480
 
+# Two beams that touch from step 7 on; what they are made of was learned from one alone.
+"$portmetd" run "$configs/crossed_beams.yaml" --steps 10 --in-process \
+    --record "$folder/crossed_beams.h5" >"$folder/crossed.out" || fail "crossed_beams: does not run"
+grep -q "steps in violation: 0;" "$folder/crossed.out" || fail "crossed_beams: a law is violated"
+grep -Eq 'lower +below +[+][1-9]' "$folder/crossed.out" || fail "crossed_beams: nothing touches"
+awk '$1 == "a" && $3 == "%" { n++; if (!($2 <= 2)) bad = 1 } END { exit n != 1 || bad }' "$folder/crossed.out" ||
+    fail "crossed_beams: errors above 2 %: $(grep '%$' "$folder/crossed.out" | tr -s ' \n' ' ')"
+same_bits crossed_beams 10
+
 # A node under another load is refused.
 sed 's/dE: 295/dE: 296/' "$folder/pulled.yaml" >"$folder/other.yaml"
 start other_node node "$folder/other.yaml" upper

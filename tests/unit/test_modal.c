@@ -154,7 +154,7 @@ static void fields_come_back(void **state) {
     double error[2 * PM_FIELD_NERROR];
     // Trajectories from which the basis was not made.
     assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL), PM_OK);
     assert_int_equal(pm_field_errors(again, field, all + 4, error), PM_OK);
     for (int i = 0; i < 2; ++i) {
         assert_true(error[i * PM_FIELD_NERROR + PM_ERROR_DISPLACEMENT] < 1e-3);
@@ -173,7 +173,7 @@ static void what_does_not_fit_is_told(void **state) {
     pm_dataset *d = NULL;
     const char *column[] = {"a0", "a1"};
     assert_int_equal(pm_dataset_new(&d, 1, 2, 2, dt, column), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d), PM_EDATA);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL), PM_EDATA);
     assert_non_null(strstr(pm_error(), "no column \"p0\""));
     field->position[3] += 0.3; // no longer like a square
     pm_basis *none = NULL;

@@ -15,43 +15,61 @@ typedef struct reader {
     double *feature, *u, *v, *stress;
 } reader;
 
-static pm_status find_column(const pm_dataset *d, const char *name, int *column) {
+#define NO_COLUMN (-1)
+
+static int find_column(const pm_dataset *d, const char *body, const char *name) {
+    const size_t length = body == NULL ? 0 : strlen(body);
     for (int i = 0; i < d->ncolumn; ++i) {
-        if (strcmp(d->column[i], name) == 0) {
-            *column = i;
-            return PM_OK;
+        const char *column = d->column[i];
+        if (length > 0) {
+            column = strncmp(column, body, length) == 0 && column[length] == '_'
+                         ? column + length + 1
+                         : "";
+        }
+        if (strcmp(column, name) == 0) {
+            return i;
         }
     }
-    return pm_fail(PM_EDATA, "the dataset has no column \"%s\"; expected those that reduce writes",
-                   name);
+    return NO_COLUMN;
 }
 
-static pm_status find_columns(reader *r, const pm_basis *b, const pm_dataset *d) {
+static pm_status require_column(const pm_dataset *d, const char *body, const char *name,
+                                int *column) {
+    *column = find_column(d, body, name);
+    return *column != NO_COLUMN
+               ? PM_OK
+               : pm_fail(PM_EDATA,
+                         "the dataset has no column \"%s%s%s\"; expected those that reduce writes",
+                         body == NULL ? "" : body, body == NULL ? "" : "_", name);
+}
+
+static pm_status find_columns(reader *r, const pm_basis *b, const pm_dataset *d, const char *body) {
     char name[32];
     int *at = r->column;
     for (int i = 0; i < b->nstate; ++i) {
         snprintf(name, sizeof name, "a%d", i);
-        PM_TRY(find_column(d, name, at++));
+        PM_TRY(require_column(d, body, name, at++));
     }
     for (int i = 0; i < b->nstate; ++i) {
         snprintf(name, sizeof name, "p%d", i);
-        PM_TRY(find_column(d, name, &r->momentum[i]));
+        PM_TRY(require_column(d, body, name, &r->momentum[i]));
     }
     for (int k = 0; k < b->nbranch; ++k) {
         for (int i = 0; i < b->nstate; ++i) {
             snprintf(name, sizeof name, "c%d_%d", k, i);
-            PM_TRY(find_column(d, name, at++));
+            PM_TRY(require_column(d, body, name, at++));
         }
     }
     for (int i = 0; i < b->nmode; ++i) {
         snprintf(name, sizeof name, i < b->nstate ? "f%d" : "h%d",
                  i < b->nstate ? i : i - b->nstate);
-        PM_TRY(find_column(d, name, at++));
+        *at++ = find_column(d, body, name);
     }
     return PM_OK;
 }
 
-static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, pm_arena *arena) {
+static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, const char *body,
+                             pm_arena *arena) {
     const size_t count = (size_t)((1 + b->nbranch) * b->nstate + b->nmode);
     const size_t nnode = (size_t)b->nnode;
     r->column = pm_arena_array(arena, count, sizeof *r->column);
@@ -65,7 +83,7 @@ static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, 
         r->u == NULL || r->v == NULL || r->stress == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a reconstruction");
     }
-    return find_columns(r, b, d);
+    return find_columns(r, b, d, body);
 }
 
 // r->u, r->v and r->stress of one row of the dataset. Velocities are those of the state's modes.
@@ -74,7 +92,7 @@ static void read_row(reader *r, const pm_basis *b, const double *row) {
     const int nfeature = pm_basis_features(b);
     const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
     for (int i = 0; i < count; ++i) {
-        r->value[i] = row[r->column[i]];
+        r->value[i] = r->column[i] == NO_COLUMN ? 0 : row[r->column[i]];
     }
     const pm_reading reading = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
     pm_basis_fill_features(b, &reading, r->feature);
@@ -92,7 +110,8 @@ static void read_row(reader *r, const pm_basis *b, const double *row) {
     pm_pattern_add(&b->stress, nfeature, r->feature, r->stress);
 }
 
-pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes) {
+pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
+                         const char *body) {
     const pm_field_shape shape = {.ntrajectory = modes->ntrajectory,
                                   .ntime = modes->ntime,
                                   .nnode = basis->nnode,
@@ -102,7 +121,7 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     pm_field *d = NULL;
     reader r;
     pm_status status;
-    PM_TRY_DONE(open_reader(&r, basis, modes, &arena));
+    PM_TRY_DONE(open_reader(&r, basis, modes, body, &arena));
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
     memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
     memcpy(d->position, basis->position, 3 * (size_t)d->nnode * sizeof *d->position);

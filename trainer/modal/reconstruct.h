@@ -8,8 +8,11 @@
 
 // All trajectories of a dataset with the columns that pm_reduce_project writes: positions,
 // velocities of the state's modes, stress (zero if the basis does not know it), loads left out.
-// PM_EDATA (a column is missing), PM_ENOMEM. The caller frees.
-pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes);
+// `body` NULL: of the one body there is; else of that one, whose columns begin with its name and
+// "_". Loads that have no columns are taken as none. PM_EDATA (another column is missing),
+// PM_ENOMEM. The caller frees.
+pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
+                         const char *body);
 
 // What is compared: displacements, velocities, stresses on free nodes.
 typedef enum pm_field_error {

@@ -1,0 +1,318 @@
+// portmet-train contact: where bodies face each other, as weights of ports and columns of a
+// dataset.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "commands.h"
+#include "modal/assembly.h"
+#include "options.h"
+#include "sim/score.h"
+#include "store/weights.h"
+#include "store/yaml.h"
+
+typedef struct arguments {
+    const char *configuration, *basis, *data, *modes, *stiffness, *trajectories, *output;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--basis", "-b", "FILE", NULL, &a->basis, true, "the bodies' basis, made by `reduce`"},
+        {"--data", "-d", "NAME=FILE,...", NULL, &a->data, false,
+         "fields of every body; write modes.h5, a dataset of the assembly"},
+        {"--output", "-o", "DIR", NULL, &a->output, false, "write into DIR"},
+        {"--score", NULL, "MODES", NULL, &a->modes, false,
+         "print how far off the forces of contact are in a recording of `evaluate` (with --data)"},
+        {"--stiffness", NULL, "K", NULL, &a->stiffness, false,
+         "N/m, of a pair of points in that recording's scene"},
+        {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
+         "only these of the fields, such as 0:4,7,9:; of --score those that the recording is "
+         "about"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train contact CONFIG --basis FILE [options]",
+        .summary =
+            "Finds where bodies with the same basis, placed as CONFIG says under system: beams:,\n"
+            "face each other, and writes for each two of them A and B the weights A_B.A.h5 and\n"
+            "A_B.B.h5 of ports of the law contact between the bodies and what lies between them:\n"
+            "a subsystem with groups g, u, v, slope_u, slope_v, one number each per pair of "
+            "facing\n"
+            "points, open by g + u slope_u + v slope_v. Sliding is taken to be small.",
+        .positional_name = "CONFIG",
+        .positional = &a->configuration,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+// --- bodies ---
+
+static pm_status read_axes(pm_yaml list, double axis[3][3]) {
+    static const char *const names[] = {"+x", "-x", "+y", "-y", "+z", "-z", NULL};
+    if (pm_yaml_count(list) != 3) {
+        return pm_yaml_fail(list, "expected [+x, +y, +z] or a rotation of it");
+    }
+    memset(axis, 0, 9 * sizeof **axis);
+    for (int d = 0; d < 3; ++d) {
+        int id = 0;
+        PM_TRY(pm_yaml_choice(pm_yaml_item(list, d), names, &id));
+        axis[d][id / 2] = id % 2 == 0 ? 1 : -1;
+    }
+    double volume = 0;
+    for (int d = 0; d < 3; ++d) {
+        const int e = (d + 1) % 3, f = (d + 2) % 3;
+        volume += axis[0][d] * (axis[1][e] * axis[2][f] - axis[1][f] * axis[2][e]);
+    }
+    return volume > 0 ? PM_OK : pm_yaml_fail(list, "expected three different axes, right-handed");
+}
+
+static pm_status read_body(pm_yaml map, const pm_basis *basis, pm_arena *arena, pm_placed *body) {
+    pm_yaml origin, axes;
+    double *number = NULL;
+    int count = 0;
+    PM_TRY(pm_yaml_require(map, "origin", &origin));
+    PM_TRY(pm_yaml_doubles(origin, arena, &count, &number));
+    if (count != 3) {
+        return pm_yaml_fail(origin, "expected three numbers");
+    }
+    memcpy(body->origin, number, sizeof body->origin);
+    PM_TRY(pm_yaml_require(map, "axes", &axes));
+    PM_TRY(read_axes(axes, body->axis));
+    body->nnode = basis->nnode;
+    body->nelement = basis->nelement;
+    body->position = basis->position;
+    body->hexahedron = basis->hexahedron;
+    return PM_OK;
+}
+
+static pm_status read_bodies(pm_yaml root, pm_assembly *assembly) {
+    pm_yaml system, beams, key, value;
+    PM_TRY(pm_yaml_require(root, "system", &system));
+    PM_TRY(pm_yaml_require(system, "beams", &beams));
+    PM_TRY(pm_yaml_require_entries(beams));
+    assembly->nbody = pm_yaml_count(beams);
+    assembly->body =
+        pm_arena_array(&assembly->arena, (size_t)assembly->nbody, sizeof *assembly->body);
+    if (assembly->body == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for bodies");
+    }
+    for (int i = 0; i < assembly->nbody; ++i) {
+        pm_placed *body = &assembly->body[i];
+        pm_yaml_entry(beams, i, &key, &value);
+        PM_TRY(pm_yaml_text(key, &assembly->arena, &body->name));
+        PM_TRY(read_body(value, assembly->basis, &assembly->arena, body));
+    }
+    return PM_OK;
+}
+
+// --- weights ---
+
+static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int end,
+                           const arguments *a, const char *command) {
+    const pm_basis *b = assembly->basis;
+    const int n = m->facing.npair, rows = PM_FACING_GROUPS * n;
+    const char *name[2] = {assembly->body[m->body[0]].name, assembly->body[m->body[1]].name};
+    const pm_provenance provenance = {.command = command, .data = a->basis};
+    pm_port_model port = {0};
+    char path[1024];
+    port.layout[PM_END_A] = (pm_layout){1, {{"p", "J^0.5 s", b->nstate, 0}}, b->nstate};
+    port.layout[PM_END_B] = (pm_layout){.nz = rows, .ngroup = PM_FACING_GROUPS};
+    for (int i = 0; i < PM_FACING_GROUPS; ++i) {
+        port.layout[PM_END_B].group[i] =
+            (pm_group){pm_meeting_group[i].name, pm_meeting_group[i].unit, n, i * n};
+    }
+    double *matrix = calloc((size_t)(rows * b->nstate), sizeof *matrix);
+    pm_status status = matrix == NULL ? pm_fail(PM_ENOMEM, "out of memory for a matrix")
+                                      : pm_meeting_matrix(assembly, m, end, matrix);
+    port.spec = (pm_port_spec){.law = "contact",
+                               .form = PM_HARD,
+                               .matrix = {.rows = rows, .cols = b->nstate, .value = matrix}};
+    snprintf(path, sizeof path, "%s/%s_%s.%s.h5", a->output, name[0], name[1], name[end]);
+    if (status == PM_OK) {
+        status = pm_port_declare(&port);
+    }
+    if (status == PM_OK) {
+        status = pm_weights_save_port(path, &port, &provenance);
+    }
+    if (status == PM_OK) {
+        printf("wrote %s: %d pairs of points, %g m apart\n", path, n, m->facing.pair[0].gap);
+    }
+    pm_port_free(&port);
+    free(matrix);
+    return status;
+}
+
+// --- dataset ---
+
+// The file of a body in "NAME=FILE,NAME=FILE", into path.
+static pm_status find_file(const char *list, const char *name, char *path, size_t size) {
+    const size_t length = strlen(name);
+    for (const char *at = list; at != NULL; at = strchr(at, ',')) {
+        at += *at == ',';
+        if (strncmp(at, name, length) == 0 && at[length] == '=') {
+            const char *const file = at + length + 1;
+            snprintf(path, size, "%.*s", (int)strcspn(file, ","), file);
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EUSAGE, "--data: expected %s=FILE in \"%s\"", name, list);
+}
+
+// Trajectories of the fields.
+typedef struct chosen {
+    int count, *trajectory;
+} chosen;
+
+// The fields of all bodies, field [nbody], and which of their trajectories are wanted; also on
+// failure the caller frees what fields there are.
+static pm_status load_fields(pm_assembly *assembly, const arguments *a, pm_field **field,
+                             chosen *c) {
+    char path[1024];
+    for (int i = 0; i < assembly->nbody; ++i) {
+        PM_TRY(find_file(a->data, assembly->body[i].name, path, sizeof path));
+        PM_TRY(pm_field_load(&field[i], path));
+    }
+    c->trajectory =
+        pm_arena_array(&assembly->arena, (size_t)field[0]->ntrajectory, sizeof *c->trajectory);
+    if (c->trajectory == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
+    }
+    return pm_options_list(a->trajectories, field[0]->ntrajectory, c->trajectory, &c->count);
+}
+
+static pm_status save_dataset(const pm_assembly *assembly, const pm_field *const *field,
+                              const chosen *c, const arguments *a, const char *command) {
+    pm_dataset *modes = NULL;
+    pm_status status;
+    char path[1024];
+    PM_TRY_DONE(pm_assembly_project(&modes, assembly, field, c->count, c->trajectory));
+    PM_TRY_DONE(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", a->data));
+    PM_TRY_DONE(pm_dataset_note(modes, "source", "portmet-train contact"));
+    PM_TRY_DONE(pm_dataset_note(modes, "command", "%s", command));
+    snprintf(path, sizeof path, "%s/modes.h5", a->output);
+    PM_TRY_DONE(pm_dataset_save(modes, path));
+    printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
+           modes->ntime, modes->ncolumn);
+done:
+    pm_dataset_free(modes);
+    return status;
+}
+
+static pm_status save_all(const pm_assembly *assembly, const pm_field *const *field,
+                          const chosen *c, const arguments *a, const char *command) {
+    mkdir(a->output, 0777);
+    for (int i = 0; i < assembly->nmeeting; ++i) {
+        PM_TRY(save_port(assembly, &assembly->meeting[i], 0, a, command));
+        PM_TRY(save_port(assembly, &assembly->meeting[i], 1, a, command));
+    }
+    return a->data == NULL ? PM_OK : save_dataset(assembly, field, c, a, command);
+}
+
+// --- scores ---
+
+static void print_errors(const pm_assembly *assembly, const pm_meeting *m, int count,
+                         double *error) {
+    int touching = 0;
+    for (int i = 0; i < count; ++i) {
+        if (!isnan(error[i])) {
+            error[touching++] = error[i];
+        }
+    }
+    const pm_box b = pm_box_of(touching, error);
+    printf(
+        "force %s on %s: relative L2 error, %%, in %d of %d trajectories: median %.3g, quartiles "
+        "%.3g %.3g, mean %.3g\n",
+        assembly->body[m->body[0]].name, assembly->body[m->body[1]].name, touching, count,
+        100 * b.median, 100 * b.first_quartile, 100 * b.third_quartile, 100 * b.mean);
+}
+
+static pm_status score(const pm_assembly *assembly, const pm_field *const *field, const chosen *c,
+                       const arguments *a) {
+    pm_dataset *modes = NULL;
+    double *error = NULL;
+    char *end = NULL;
+    const double stiffness = a->stiffness == NULL ? 0 : strtod(a->stiffness, &end);
+    pm_status status;
+    if (!(stiffness > 0) || *end != '\0') {
+        return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0");
+    }
+    PM_TRY_DONE(pm_dataset_load(&modes, a->modes));
+    if (c->count != modes->ntrajectory) {
+        status = pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the fields (--trajectories)",
+                         modes->ntrajectory, c->count);
+        goto done;
+    }
+    error = calloc((size_t)modes->ntrajectory, sizeof *error);
+    if (error == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for errors");
+        goto done;
+    }
+    for (int i = 0; i < assembly->nmeeting; ++i) {
+        PM_TRY_DONE(pm_meeting_force_errors(assembly, &assembly->meeting[i], modes, stiffness,
+                                            field, c->trajectory, error));
+        print_errors(assembly, &assembly->meeting[i], c->count, error);
+    }
+done:
+    free(error);
+    pm_dataset_free(modes);
+    return status;
+}
+
+// --- all of it ---
+
+static pm_status find_assembly(pm_assembly *assembly, const pm_basis *basis, const char *path) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    assembly->basis = basis;
+    pm_status status = pm_yaml_open(&document, path, &root);
+    if (status == PM_OK) {
+        status = read_bodies(root, assembly);
+    }
+    if (status == PM_OK) {
+        status = pm_assembly_meet(assembly);
+    }
+    pm_yaml_close(document);
+    return status;
+}
+
+pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    arguments a;
+    memset(&a, 0, sizeof a);
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    if (a.modes != NULL && a.data == NULL) {
+        return pm_fail(PM_EUSAGE, "--score needs --data");
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_basis *basis = NULL;
+    pm_assembly assembly = {0};
+    pm_field **field = NULL;
+    chosen c = {0};
+    pm_status status;
+    PM_TRY_DONE(pm_basis_load(&basis, a.basis));
+    PM_TRY_DONE(find_assembly(&assembly, basis, a.configuration));
+    field = pm_arena_array(&assembly.arena, (size_t)assembly.nbody, sizeof *field);
+    if (field == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for fields");
+        goto done;
+    }
+    PM_TRY_DONE(a.data == NULL ? PM_OK : load_fields(&assembly, &a, field, &c));
+    const pm_field *const *fields = (const pm_field *const *)field;
+    PM_TRY_DONE(a.output == NULL ? PM_OK : save_all(&assembly, fields, &c, &a, command));
+    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, &a);
+done:
+    for (int i = 0; i < assembly.nbody && field != NULL; ++i) {
+        pm_field_free(field[i]);
+    }
+    pm_arena_free(&assembly.arena);
+    pm_basis_free(basis);
+    return status;
+}

@@ -1,0 +1,221 @@
+// Meetings, their matrices, and datasets put side by side.
+#include "modal/assembly.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "modal/reduce.h"
+
+const struct pm_meeting_group pm_meeting_group[PM_FACING_GROUPS] = {
+    {"g", "m"}, {"u", "m"}, {"v", "m"}, {"slope_u", "1"}, {"slope_v", "1"}};
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for an assembly");
+}
+
+static const pm_meeting *find_meeting(const pm_assembly *a, int i, int k) {
+    for (int m = 0; m < a->nmeeting; ++m) {
+        const int *body = a->meeting[m].body;
+        if ((body[0] == i && body[1] == k) || (body[0] == k && body[1] == i)) {
+            return &a->meeting[m];
+        }
+    }
+    return NULL;
+}
+
+// Whether a third body lies between: it meets both, and is closer to either.
+static bool is_hidden(const pm_assembly *a, const pm_meeting *m) {
+    const double gap = m->facing.pair[0].gap;
+    for (int i = 0; i < a->nbody; ++i) {
+        const pm_meeting *first = find_meeting(a, m->body[0], i);
+        const pm_meeting *second = find_meeting(a, i, m->body[1]);
+        if (first != NULL && second != NULL && first->facing.pair[0].gap < gap &&
+            second->facing.pair[0].gap < gap) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Pairs of bodies that face each other, whatever lies between.
+static pm_status face_all(pm_assembly *a) {
+    for (int i = 0; i < a->nbody; ++i) {
+        for (int k = i + 1; k < a->nbody; ++k) {
+            pm_meeting *m = &a->meeting[a->nmeeting];
+            m->body[0] = i;
+            m->body[1] = k;
+            PM_TRY(pm_facing_find(&m->facing, &a->body[i], &a->body[k], &a->arena));
+            a->nmeeting += m->facing.npair > 0;
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_assembly_meet(pm_assembly *a) {
+    const size_t n = (size_t)a->nbody;
+    bool *hidden = pm_arena_array(&a->arena, n * n, sizeof *hidden);
+    a->nmeeting = 0;
+    a->meeting = pm_arena_array(&a->arena, n * n, sizeof *a->meeting);
+    if (a->meeting == NULL || hidden == NULL) {
+        return no_memory();
+    }
+    PM_TRY(face_all(a));
+    int count = 0;
+    for (int m = 0; m < a->nmeeting; ++m) {
+        hidden[m] = is_hidden(a, &a->meeting[m]);
+    }
+    for (int m = 0; m < a->nmeeting; ++m) {
+        if (!hidden[m]) {
+            a->meeting[count++] = a->meeting[m];
+        }
+    }
+    a->nmeeting = count;
+    return PM_OK;
+}
+
+pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeting, int end,
+                            double *matrix) {
+    const pm_basis *b = assembly->basis;
+    const int rows = PM_FACING_GROUPS * meeting->facing.npair;
+    double *column = malloc((size_t)rows * sizeof *column);
+    if (column == NULL) {
+        return no_memory();
+    }
+    for (int m = 0; m < b->nstate; ++m) {
+        memset(column, 0, (size_t)rows * sizeof *column);
+        pm_facing_measure(&meeting->facing, end, &assembly->body[meeting->body[end]],
+                          b->mode + 3 * (ptrdiff_t)m * b->nnode, column);
+        for (int i = 0; i < rows; ++i) {
+            matrix[(ptrdiff_t)i * b->nstate + m] = column[i];
+        }
+    }
+    free(column);
+    return PM_OK;
+}
+
+// --- dataset ---
+
+static int count_columns(const pm_assembly *a, const pm_dataset *const *part) {
+    int count = 0;
+    for (int i = 0; i < a->nbody; ++i) {
+        count += part[i]->ncolumn;
+    }
+    for (int i = 0; i < a->nmeeting; ++i) {
+        count += PM_FACING_GROUPS * a->meeting[i].facing.npair;
+    }
+    return count;
+}
+
+static const char **name_columns(const pm_assembly *a, const pm_dataset *const *part, int count,
+                                 pm_arena *arena) {
+    const char **name = pm_arena_array(arena, (size_t)count, sizeof *name);
+    int at = 0;
+    for (int i = 0; i < a->nbody && name != NULL; ++i) {
+        for (int k = 0; k < part[i]->ncolumn; ++k) {
+            name[at++] = pm_arena_printf(arena, "%s_%s", a->body[i].name, part[i]->column[k]);
+        }
+    }
+    for (int i = 0; i < a->nmeeting && name != NULL; ++i) {
+        const pm_meeting *m = &a->meeting[i];
+        const int n = m->facing.npair;
+        for (int k = 0; k < PM_FACING_GROUPS * n; ++k) {
+            name[at++] =
+                pm_arena_printf(arena, "%s_%s_%s%d", a->body[m->body[0]].name,
+                                a->body[m->body[1]].name, pm_meeting_group[k / n].name, k % n);
+        }
+    }
+    for (int i = 0; i < at; ++i) {
+        if (name[i] == NULL) {
+            return NULL;
+        }
+    }
+    return name;
+}
+
+// Displacements of a body [nnode][3].
+static void displace(const pm_placed *body, const pm_field *field, int trajectory, int time,
+                     double *u) {
+    const double *state = pm_field_state(field, trajectory, time);
+    for (int i = 0; i < body->nnode; ++i) {
+        for (int d = 0; d < 3; ++d) {
+            u[3 * i + d] = state[(ptrdiff_t)i * field->nvariable + d] - body->position[3 * i + d];
+        }
+    }
+}
+
+// All numbers at one time of a trajectory, which is number `member` of the parts; `u` is work
+// space.
+static void write_row(const pm_assembly *a, const pm_dataset *const *part, int member,
+                      const pm_field *const *field, int trajectory, int time, double *u,
+                      double *row) {
+    for (int i = 0; i < a->nbody; ++i) {
+        memcpy(row, pm_dataset_state(part[i], member, time),
+               (size_t)part[i]->ncolumn * sizeof *row);
+        row += part[i]->ncolumn;
+    }
+    for (int i = 0; i < a->nmeeting; ++i) {
+        const pm_meeting *m = &a->meeting[i];
+        for (int k = 0; k < m->facing.npair; ++k) {
+            row[k] = m->facing.pair[k].gap;
+        }
+        for (int end = 0; end < 2; ++end) {
+            const pm_placed *body = &a->body[m->body[end]];
+            displace(body, field[m->body[end]], trajectory, time, u);
+            pm_facing_measure(&m->facing, end, body, u, row);
+        }
+        row += PM_FACING_GROUPS * m->facing.npair;
+    }
+}
+
+// What of the field is to be like that of the first body.
+static pm_status check_field(const pm_field *field, const pm_field *first) {
+    return field->ntrajectory == first->ntrajectory && field->ntime == first->ntime
+               ? PM_OK
+               : pm_fail(PM_EDATA, "fields of %d trajectories of %d states beside %d of %d",
+                         field->ntrajectory, field->ntime, first->ntrajectory, first->ntime);
+}
+
+static pm_status join(pm_dataset **dataset, const pm_assembly *a, const pm_dataset *const *part,
+                      const pm_field *const *field, const int *trajectory) {
+    pm_arena arena = {0};
+    pm_dataset *d = NULL;
+    pm_status status;
+    const int count = count_columns(a, part);
+    const char **name = name_columns(a, part, count, &arena);
+    double *u = pm_arena_array(&arena, 3 * (size_t)a->basis->nnode, sizeof *u);
+    if (name == NULL || u == NULL) {
+        status = no_memory();
+        goto done;
+    }
+    PM_TRY_DONE(pm_dataset_new(&d, part[0]->ntrajectory, part[0]->ntime, count, part[0]->dt, name));
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            write_row(a, part, i, field, trajectory[i], j, u, pm_dataset_state(d, i, j));
+        }
+    }
+    *dataset = d;
+done:
+    pm_arena_free(&arena);
+    return status;
+}
+
+pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *a,
+                              const pm_field *const *field, int count, const int *trajectory) {
+    pm_dataset **part = calloc((size_t)a->nbody, sizeof *part);
+    pm_status status = part == NULL ? no_memory() : PM_OK;
+    for (int i = 0; i < a->nbody && status == PM_OK; ++i) {
+        status = check_field(field[i], field[0]);
+        if (status == PM_OK) {
+            status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false);
+        }
+    }
+    if (status == PM_OK) {
+        status = join(dataset, a, (const pm_dataset *const *)part, field, trajectory);
+    }
+    for (int i = 0; i < a->nbody && part != NULL; ++i) {
+        pm_dataset_free(part[i]);
+    }
+    free(part);
+    return status;
+}

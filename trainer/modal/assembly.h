@@ -1,0 +1,57 @@
+// Bodies of one basis placed in the world: who faces whom, how that depends on the amplitudes of
+// modes, and what the fields of all of them are in these coordinates.
+#ifndef PM_MODAL_ASSEMBLY_H
+#define PM_MODAL_ASSEMBLY_H
+
+#include "modal/basis.h"
+#include "modal/facing.h"
+#include "store/dataset.h"
+#include "store/field.h"
+
+// Two bodies that face each other.
+typedef struct pm_meeting {
+    int body[2];
+    pm_facing facing; // at least one pair
+} pm_meeting;
+
+typedef struct pm_assembly {
+    pm_arena arena; // owns all but the basis
+    const pm_basis *basis;
+    int nbody;
+    pm_placed *body; // [nbody]
+    int nmeeting;
+    pm_meeting *meeting; // [nmeeting]
+} pm_assembly;
+
+// Names and units of what lies between two bodies, by pm_facing_group.
+extern const struct pm_meeting_group {
+    const char *name, *unit;
+} pm_meeting_group[PM_FACING_GROUPS];
+
+// Finds the meetings of the bodies, without those that have a third body between them. PM_EDATA,
+// PM_ENOMEM.
+pm_status pm_assembly_meet(pm_assembly *assembly);
+
+// How fast the groups change per rate of the amplitudes of the state's modes of one end's body:
+// matrix [PM_FACING_GROUPS npair][nstate]. PM_ENOMEM.
+pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeting, int end,
+                            double *matrix);
+
+// `count` trajectories of the fields of all bodies, field [nbody], as one dataset: the columns of
+// pm_reduce_project with the body's name and "_" in front, and for each meeting columns A_B_g<i>,
+// A_B_u<i>, A_B_v<i>, A_B_slope_u<i>, A_B_slope_v<i>. PM_EDATA (fields that do not fit together),
+// PM_ENOMEM.
+pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *assembly,
+                              const pm_field *const *field, int count, const int *trajectory);
+
+// How far off the force of a meeting is in a dataset of modes: error [modes->ntrajectory], the
+// relative L2 error over a trajectory of the total normal force, where an opening x gives the force
+// -stiffness min(x,0), against that of the forces of contact in the field of whichever body meets
+// nobody else; trajectory [modes->ntrajectory] says which of the field's. NAN where nothing
+// touches. PM_EDATA (columns, no forces of contact, no such body), PM_ENOMEM.
+pm_status pm_meeting_force_errors(const pm_assembly *assembly, const pm_meeting *meeting,
+                                  const pm_dataset *modes, double stiffness,
+                                  const pm_field *const *field, const int *trajectory,
+                                  double *error);
+
+#endif
