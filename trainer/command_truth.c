@@ -31,7 +31,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
             "Simulates ground truth with SUNDIALS CVODE at the limit of double precision and\n"
             "prints how far the result is converged and how well it keeps the laws. Every\n"
             "trajectory has random numbers of its own, so a part is the same as in the whole.\n"
-            "For a body on a mesh: quasi-static finite elements, with their balance of energy.",
+            "For a body on a mesh: quasi-static finite elements, with their balance of energy; an\n"
+            "XDMF file beside the output lets ParaView open it.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof table / sizeof *table,
