@@ -50,13 +50,15 @@ static pm_status read_arguments(int argc, char **argv, arguments *a, bool *helpe
          "go on from DIR/fit.checkpoint, written every 30 s"},
     };
     const pm_options options = {
-        "portmet-train fit CONFIG [--data FILE] -o DIR [options]",
-        "Trains the models that CONFIG gives to the parts of its scene, by its stages, and writes\n"
-        "the weights to DIR. The same command gives the same weights.",
-        "CONFIG",
-        &a->config,
-        (int)(sizeof option / sizeof *option),
-        option};
+        .usage = "portmet-train fit CONFIG [--data FILE] -o DIR [options]",
+        .summary = "Trains the models that CONFIG gives to the parts of its scene, by its stages, "
+                   "and writes\n"
+                   "the weights to DIR. The same command gives the same weights.",
+        .positional_name = "CONFIG",
+        .positional = &a->config,
+        .count = sizeof option / sizeof *option,
+        .option = option,
+    };
     pm_options_line(argc, argv, a->line, (int)sizeof a->line);
     return pm_options_read(&options, argc, argv, helped);
 }
@@ -151,6 +153,7 @@ static pm_status run_stage(fit *f, int stage_id) {
     pm_samples samples;
     PM_TRY(pm_samples_make(&samples, f->training->scene, f->dataset, f->first, f->end,
                            stage->loss.residual, stage->unroll));
+    pm_samples_rescale(&samples, stage->loss.scale);
     pm_objective *objective = NULL;
     pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
     if (status == PM_OK) {

@@ -32,7 +32,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
             "prints how far the result is converged and how well it keeps the laws. Every\n"
             "trajectory has random numbers of its own, so a part is the same as in the whole.\n"
             "For bodies on a mesh: quasi-static finite elements, with their balance of energy; a\n"
-            "file for each of several bodies, with its name before the ending of FILE.",
+            "file for each of several bodies, with its name before the ending of FILE, and an\n"
+            "XDMF file beside each, with which ParaView opens it.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof table / sizeof *table,

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/progress.h"
+#include "store/xdmf.h"
 
 typedef struct bodies {
     const pm_truth_body *kind;
@@ -148,6 +149,7 @@ static pm_status save(const pm_truth *truth, const bodies *b, const char *comman
         };
         const int count = (int)(sizeof notes / sizeof *notes) - (named ? 0 : 2);
         PM_TRY(pm_field_save(b->field[k], b->path[k], count, notes));
+        PM_TRY(pm_xdmf_save(b->field[k], b->path[k]));
         printf("wrote %s: %d trajectories of %d states, %g s apart, %d nodes\n", b->path[k],
                b->field[k]->ntrajectory, truth->ntime, truth->dt, b->kind->nnode);
     }

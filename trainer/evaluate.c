@@ -24,10 +24,13 @@ static void book(pm_rollout *rollout, const pm_assembly *assembly) {
     }
 }
 
-// The state just reached.
+// The state just reached, beside what the scene does not predict, such as loads.
 static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index, const double *z) {
     const int j = rollout->reached++;
-    pm_columns_to_row(&e->columns, z, pm_dataset_state(e->predicted, index, j));
+    double *row = pm_dataset_state(e->predicted, index, j);
+    memcpy(row, pm_dataset_state(e->truth, rollout->trajectory, j),
+           (size_t)e->truth->ncolumn * sizeof *row);
+    pm_columns_to_row(&e->columns, z, row);
     rollout->energy[j] = rollout->ledger.energy;
     rollout->entropy[j] = rollout->ledger.entropy;
 }

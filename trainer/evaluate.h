@@ -35,7 +35,7 @@ typedef struct pm_evaluation {
     pm_rollout *rollout; // [count]
     // [count][ntime][ncolumn] in the dataset's coordinates. Columns that the scene does not map are
     // zero; where a rollout did not go all the way, its last finite state is repeated.
-    pm_dataset *predicted;
+    pm_dataset *predicted; // the rollouts; columns that the scene does not predict are those of the data
     pm_box *trajectory; // [ngroup] of the rollouts' errors
     pm_box *snapshot;   // [ngroup] of their states' errors, the first state of each left out
 } pm_evaluation;

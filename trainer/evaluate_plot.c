@@ -4,10 +4,9 @@
 #include <errno.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "evaluate_plot_data.h"
+#include "gnuplot.h"
 
 // The colours of Okabe and Ito, which stay apart for every kind of eye.
 static const char *const colours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
@@ -195,30 +194,7 @@ static pm_status script_laws(const pm_evaluation *e, const char *folder) {
     return pm_plot_close(file, folder);
 }
 
-// --- gnuplot ---
-
-static pm_status run_gnuplot(const char *folder, const char *script) {
-    const pid_t child = fork();
-    if (child == 0) {
-        if (chdir(folder) == 0) {
-            execlp("gnuplot", "gnuplot", script, (char *)NULL);
-        }
-        _exit(127);
-    }
-    int code = 0;
-    pid_t ended;
-    do {
-        ended = waitpid(child, &code, 0);
-    } while (ended < 0 && errno == EINTR);
-    if (child < 0 || ended < 0) {
-        return pm_fail(PM_EFILE, "gnuplot: %s", strerror(errno));
-    }
-    if (WIFEXITED(code) && WEXITSTATUS(code) == 127) {
-        return pm_fail(PM_EFILE, "gnuplot is not installed (Debian: gnuplot-nox); %s/%s is written",
-                       folder, script);
-    }
-    return code == 0 ? PM_OK : pm_fail(PM_EFILE, "gnuplot failed on %s/%s", folder, script);
-}
+// --- all of it ---
 
 pm_status pm_evaluation_plot(const pm_evaluation *e, const pm_evaluation *trained,
                              const char *folder) {
@@ -229,12 +205,12 @@ pm_status pm_evaluation_plot(const pm_evaluation *e, const pm_evaluation *traine
     PM_TRY(script_errors(e, trained, folder));
     PM_TRY(script_states(e, folder));
     PM_TRY(script_growth(e, folder));
-    PM_TRY(run_gnuplot(folder, "errors.gp"));
-    PM_TRY(run_gnuplot(folder, "trajectory.gp"));
-    PM_TRY(run_gnuplot(folder, "growth.gp"));
+    PM_TRY(pm_gnuplot_run(folder, "errors.gp"));
+    PM_TRY(pm_gnuplot_run(folder, "trajectory.gp"));
+    PM_TRY(pm_gnuplot_run(folder, "growth.gp"));
     if (pm_system_without_energy(e->system) >= 0) {
         return PM_OK;
     }
     PM_TRY(script_laws(e, folder));
-    return run_gnuplot(folder, "laws.gp");
+    return pm_gnuplot_run(folder, "laws.gp");
 }

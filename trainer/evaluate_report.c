@@ -114,8 +114,13 @@ void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained) {
         print_errors(trained, "\nTrajectories that training saw:");
     }
     print_laws(e, &s);
-    printf("\nTime per step: %.1f us (%s, %d substeps)\n", 1e6 * s.seconds_per_step,
-           e->system->scene->integrator, e->system->scene->substeps);
+    const pm_scene *scene = e->system->scene;
+    printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator);
+    if (scene->tolerance > 0) {
+        printf("tolerance %g)\n", scene->tolerance);
+    } else {
+        printf("%d substeps)\n", scene->substeps);
+    }
 }
 
 // --- JSON ---

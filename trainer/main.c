@@ -13,8 +13,11 @@ typedef struct command {
 
 static const command commands[] = {
     {"truth", "simulate ground truth into a dataset", pm_command_truth},
+    {"reduce", "find the modes of a body in its fields", pm_command_reduce},
+    {"reconstruct", "turn modes into fields of the body", pm_command_reconstruct},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
+    {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},
 };
 #define NCOMMAND (sizeof commands / sizeof *commands)
 
@@ -39,7 +42,7 @@ static void catch_signals(void) {
 static void print_help(void) {
     printf("Usage: portmet-train COMMAND [arguments]\n\nCommands:\n");
     for (size_t i = 0; i < NCOMMAND; ++i) {
-        printf("  %-10s %s\n", commands[i].name, commands[i].summary);
+        printf("  %-12s %s\n", commands[i].name, commands[i].summary);
     }
     printf("\nportmet-train COMMAND --help describes a command. --version prints the version.\n"
            "Exit codes: 0 success, 2 command line, 3 configuration, 4 file, 5 data, 6 weights,\n"

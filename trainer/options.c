@@ -39,10 +39,13 @@ static const pm_option *find(const pm_options *options, const char *argument, co
 static pm_status take(const pm_options *options, int argc, char **argv, int *i) {
     const char *argument = argv[*i], *glued;
     if (argument[0] != '-') {
-        if (*options->positional != NULL) {
-            return pm_fail(PM_EUSAGE, "%s: unexpected argument \"%s\"", argv[0], argument);
+        int k = 0;
+        while (options->positional[k] != NULL) {
+            if (++k >= options->most) {
+                return pm_fail(PM_EUSAGE, "%s: unexpected argument \"%s\"", argv[0], argument);
+            }
         }
-        *options->positional = argument;
+        options->positional[k] = argument;
         return PM_OK;
     }
     const pm_option *option = find(options, argument, &glued);
@@ -107,6 +110,30 @@ pm_status pm_options_range(const char *text, int count, int *first, int *end) {
     *first = (int)a;
     *end = (int)b;
     return PM_OK;
+}
+
+pm_status pm_options_list(const char *text, int count, int *which, int *nwhich) {
+    const char *rest = text == NULL ? ":" : text;
+    *nwhich = 0;
+    while (true) {
+        char piece[32];
+        const size_t length = strcspn(rest, ",");
+        snprintf(piece, sizeof piece, "%.*s", (int)(length < 31 ? length : 31), rest);
+        int first = 0, end = 0;
+        PM_TRY(pm_options_range(piece, count, &first, &end));
+        for (int i = first; i < end; ++i) {
+            for (int k = 0; k < *nwhich; ++k) {
+                if (which[k] == i) {
+                    return pm_fail(PM_EUSAGE, "trajectories \"%s\": %d is named twice", text, i);
+                }
+            }
+            which[(*nwhich)++] = i;
+        }
+        if (rest[length] == '\0') {
+            return PM_OK;
+        }
+        rest += length + 1;
+    }
 }
 
 void pm_options_line(int argc, char **argv, char *line, int size) {

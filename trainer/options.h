@@ -20,8 +20,9 @@ typedef struct pm_option {
 typedef struct pm_options {
     const char *usage;           // e.g. "portmet-train truth CONFIG -o FILE [options]"
     const char *summary;         // a paragraph for the help
-    const char *positional_name; // the one positional argument, required, e.g. "CONFIG"
-    const char **positional;
+    const char *positional_name; // the positional argument, required, e.g. "CONFIG"
+    const char **positional;     // [most], NULL to begin with
+    int most;                    // how many there may be; 0: one
     int count;
     const pm_option *option;
 } pm_options;
@@ -33,6 +34,10 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
 // "A:B", "A:", ":B" or "A": A up to, not including, B, out of 0 .. count-1; NULL means all.
 // PM_EUSAGE.
 pm_status pm_options_range(const char *text, int count, int *first, int *end);
+
+// The same, or several of these joined by commas, "0:4,7,9:": which [count], and how
+// many there are. One named twice is an error.
+pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
 
 // The arguments joined by blanks into `line` (cut to `size`), for provenance.
 void pm_options_line(int argc, char **argv, char *line, int size);

@@ -8,13 +8,20 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for training samples");
 }
 
-// The derivative residual needs two neighbours on either side.
-static int margin_of(pm_residual residual) {
-    return residual == PM_RESIDUAL_DERIVATIVE ? 2 : 0;
+// Rates by differences need two neighbours on either side.
+static int margin_of(pm_residual residual, const pm_dataset *d) {
+    return residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL ? 2 : 0;
 }
 
-// z + dt zdot at time j of trajectory i, all in states.
-static void euler_target(const double *state, int nz, double *target) {
+// z + dt zdot, with the rates, or by differences if `rate` is NULL.
+static void euler_target(const double *state, const double *rate, double dt, int nz,
+                         double *target) {
+    if (rate != NULL) {
+        for (int c = 0; c < nz; ++c) {
+            target[c] = state[c] + dt * rate[c];
+        }
+        return;
+    }
     const double *before2 = state - 2 * nz, *before = state - nz;
     const double *after = state + nz, *after2 = state + 2 * nz;
     for (int c = 0; c < nz; ++c) {
@@ -41,17 +48,21 @@ static void pool_scales(pm_samples *s, const pm_scene *scene, const double *squa
     }
 }
 
-// The windows of one trajectory of states, whose loads `load` follows; returns the end of them.
-static double *cut(const pm_samples *s, const double *state, int ntime, pm_residual residual,
-                   const pm_load *load, double *window, double *square) {
+// The windows of one trajectory of states and, if not NULL, of rates, whose loads `load` follows;
+// returns the end of them.
+static double *cut(const pm_samples *s, const double *state, const double *rate,
+                   const pm_dataset *d, pm_residual residual, const pm_load *load, double *window,
+                   double *square) {
     const size_t nz = (size_t)s->nz, nload = PM_LOAD_ORDER * (size_t)s->nload;
-    const int margin = margin_of(residual);
-    const int last = residual == PM_RESIDUAL_DERIVATIVE ? ntime - margin : ntime - s->unroll;
+    const int margin = margin_of(residual, d);
+    // A load has no interval behind the last state.
+    const int last = d->ntime - (margin > 0 ? margin : s->unroll);
     for (int j = margin; j < last; ++j) {
         const double *at = state + (size_t)j * nz;
         if (residual == PM_RESIDUAL_DERIVATIVE) {
             memcpy(window, at, nz * sizeof *at);
-            euler_target(at, s->nz, window + nz);
+            euler_target(at, rate == NULL ? NULL : rate + (size_t)j * nz, d->dt, s->nz,
+                         window + nz);
         } else {
             memcpy(window, at, ((size_t)s->unroll + 1) * nz * sizeof *at);
         }
@@ -70,7 +81,7 @@ static double *cut(const pm_samples *s, const double *state, int ntime, pm_resid
 
 static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d, int first, int end,
                       pm_residual residual, pm_arena *scratch) {
-    const int margin = margin_of(residual);
+    const int margin = margin_of(residual, d);
     const int per_trajectory = d->ntime - (margin > 0 ? 2 * margin : s->unroll);
     if (per_trajectory <= 0 || end <= first) {
         return pm_fail(PM_EDATA, "%d trajectories of %d states are too short to train on",
@@ -85,17 +96,21 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
     s->z = pm_arena_array(&s->arena, (size_t)s->count * (size_t)pm_samples_width(s), sizeof *s->z);
     s->scale = pm_arena_array(&s->arena, nz, sizeof *s->scale);
     double *state = pm_arena_array(scratch, (size_t)d->ntime * nz, sizeof *state);
+    double *rate = pm_arena_array(scratch, (size_t)d->ntime * nz, sizeof *rate);
     double *square = pm_arena_array(scratch, nz, sizeof *square);
-    if (s->z == NULL || s->scale == NULL || state == NULL || square == NULL) {
+    if (s->z == NULL || s->scale == NULL || state == NULL || rate == NULL || square == NULL) {
         return no_memory();
     }
     double *window = s->z;
     for (int i = first; i < end; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
             pm_columns_to_state(&columns, pm_dataset_state(d, i, j), state + (size_t)j * nz);
+            if (d->zdot != NULL) {
+                pm_columns_to_state(&columns, pm_dataset_rate(d, i, j), rate + (size_t)j * nz);
+            }
         }
         pm_load_follow(&load, d, i);
-        window = cut(s, state, d->ntime, residual, &load, window, square);
+        window = cut(s, state, d->zdot == NULL ? NULL : rate, d, residual, &load, window, square);
     }
     pool_scales(s, scene, square, s->count);
     return PM_OK;
@@ -113,6 +128,12 @@ pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_d
         pm_samples_free(samples);
     }
     return status;
+}
+
+void pm_samples_rescale(pm_samples *samples, const double *scale) {
+    for (int i = 0; i < samples->nz && scale != NULL; ++i) {
+        samples->scale[i] = scale[i] > 0 ? scale[i] : samples->scale[i];
+    }
 }
 
 void pm_samples_free(pm_samples *samples) {

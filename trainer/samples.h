@@ -9,7 +9,8 @@ typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residua
 
 // count windows of 1 + unroll states [1 + unroll][nz], each with what the loads prescribe over its
 // steps, [unroll][PM_LOAD_ORDER][nload] (pm_load_interval). For the derivative residual unroll is 1
-// and the second state is z + dt zdot, with zdot by central differences of fourth order.
+// and the second state is z + dt zdot, with the data's rates, or if they have none with zdot by
+// central differences of fourth order.
 typedef struct pm_samples {
     pm_arena arena; // owns all that follows
     int count, unroll, nz;
@@ -21,6 +22,8 @@ typedef struct pm_samples {
 // From trajectories [first, end) of the data. PM_EDATA if they are too short; PM_ENOMEM.
 pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_dataset *dataset,
                           int first, int end, pm_residual residual, int unroll);
+// Takes scale [nz] where it is > 0; NULL: nothing to do.
+void pm_samples_rescale(pm_samples *samples, const double *scale);
 void pm_samples_free(pm_samples *samples);
 
 // Where a window's loads over step `step` begin, and numbers in a window.

@@ -1,13 +1,14 @@
 // Reading training files.
 #include "training.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/digest.h"
 #include "store/model_yaml.h"
 
-#define LOSS_KEYS "residual", "integrator", "substeps", "unroll", "degeneracy", "robust"
+#define LOSS_KEYS "residual", "integrator", "substeps", "unroll", "degeneracy", "robust", "scale"
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory while reading a training file");
@@ -129,8 +130,75 @@ static pm_status read_integrator(pm_yaml value, pm_arena *arena, const pm_integr
     return PM_OK;
 }
 
+// One number for a group, or one for each of its components.
+static pm_status read_group_scale(pm_yaml value, pm_arena *arena, const pm_group *group,
+                                  double *scale) {
+    int count = 1;
+    double number = 0, *list = &number;
+    if (pm_yaml_is_list(value)) {
+        PM_TRY(pm_yaml_doubles(value, arena, &count, &list));
+    } else {
+        PM_TRY(pm_yaml_double(value, 0, INFINITY, &number));
+    }
+    if (count != 1 && count != group->size) {
+        return pm_yaml_fail(value, "expected one number, or %d", group->size);
+    }
+    for (int i = 0; i < group->size; ++i) {
+        scale[group->first + i] = list[count == 1 ? 0 : i];
+    }
+    return PM_OK;
+}
+
+// What is called so, or NULL.
+static const pm_scene_subsystem *find_subsystem(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (strcmp(scene->subsystem[i].name, name) == 0) {
+            return &scene->subsystem[i];
+        }
+    }
+    return NULL;
+}
+
+// Entry i of a map and the text of its key.
+static pm_status read_entry(pm_yaml map, int i, pm_arena *arena, pm_yaml *key, const char **name,
+                            pm_yaml *value) {
+    pm_yaml_entry(map, i, key, value);
+    return pm_yaml_text(*key, arena, name);
+}
+
+// {subsystem: {group: scale}}; 0 for what is not named.
+static pm_status read_scale(pm_yaml map, pm_training *t, const double **result) {
+    double *scale = pm_arena_array(&t->arena, (size_t)t->scene->nz, sizeof *scale);
+    if (scale == NULL) {
+        return no_memory();
+    }
+    PM_TRY(pm_yaml_require_entries(map));
+    for (int i = 0; i < pm_yaml_count(map); ++i) {
+        pm_yaml key, groups;
+        const char *name;
+        PM_TRY(read_entry(map, i, &t->arena, &key, &name, &groups));
+        const pm_scene_subsystem *s = find_subsystem(t->scene, name);
+        if (s == NULL) {
+            return pm_yaml_fail(key, "the scene has no subsystem \"%s\"", name);
+        }
+        PM_TRY(pm_yaml_require_entries(groups));
+        for (int k = 0; k < pm_yaml_count(groups); ++k) {
+            pm_yaml value;
+            PM_TRY(read_entry(groups, k, &t->arena, &key, &name, &value));
+            const pm_group *group = pm_layout_find(&s->layout, name);
+            if (group == NULL) {
+                return pm_yaml_fail(key, "subsystem %s has no group \"%s\"", s->name, name);
+            }
+            PM_TRY(read_group_scale(value, &t->arena, group, scale + s->first));
+        }
+    }
+    *result = scale;
+    return PM_OK;
+}
+
 // What a block says about the loss; what it does not say stays.
-static pm_status read_loss(pm_yaml block, pm_arena *arena, pm_loss *loss, int *unroll) {
+static pm_status read_loss(pm_yaml block, pm_training *t, pm_loss *loss, int *unroll) {
+    pm_arena *arena = &t->arena;
     static const char *const residuals[] = {"step", "derivative", NULL};
     pm_yaml value;
     if (pm_yaml_exists(value = pm_yaml_get(block, "residual"))) {
@@ -152,6 +220,9 @@ static pm_status read_loss(pm_yaml block, pm_arena *arena, pm_loss *loss, int *u
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "robust"))) {
         PM_TRY(pm_yaml_double(value, 0, 1e6, &loss->robust));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(block, "scale"))) {
+        PM_TRY(read_scale(value, t, &loss->scale));
     }
     return PM_OK;
 }
@@ -194,7 +265,7 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
     if (pm_yaml_exists(value = pm_yaml_get(block, "rate"))) {
         PM_TRY(read_rates(value, &t->arena, &stage->schedule));
     }
-    PM_TRY(read_loss(block, &t->arena, &stage->loss, &stage->unroll));
+    PM_TRY(read_loss(block, t, &stage->loss, &stage->unroll));
     return !stage->loss.integrator->multirate
                ? PM_OK
                : pm_yaml_fail(block, "integrator %s steps, but does not train: name another",
@@ -215,7 +286,7 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
     const pm_yaml loss = pm_yaml_get(root, "loss");
     if (pm_yaml_exists(loss)) {
         PM_TRY(pm_yaml_allow(loss, loss_keys));
-        PM_TRY(read_loss(loss, &t->arena, &common.loss, &common.unroll));
+        PM_TRY(read_loss(loss, t, &common.loss, &common.unroll));
     }
     pm_yaml stages;
     PM_TRY(pm_yaml_require(root, "stages", &stages));
@@ -278,6 +349,9 @@ static pm_status make_digest(pm_training *t) {
                                s->loss.substeps,       (int)s->loss.residual};
         digest = pm_digest_text(digest, s->optimiser->name);
         digest = pm_digest_text(digest, s->loss.integrator->name);
+        if (s->loss.scale != NULL) {
+            digest = pm_digest_doubles(digest, s->loss.scale, (size_t)t->scene->nz);
+        }
         digest = pm_digest_doubles(digest, number, sizeof number / sizeof *number);
         for (size_t k = 0; k < sizeof integer / sizeof *integer; ++k) {
             digest = pm_digest_integer(digest, integer[k]);

@@ -24,8 +24,12 @@ static pm_status build_all(const pm_setup *setup, int *rounds) {
 static void print_header(const pm_setup *setup, int rounds) {
     const pm_scene *scene = setup->scene;
     printf("scene %s (%s)\n", scene->name, scene->path);
-    printf("  time       %d steps of %g s, %s, %d substeps: %d flux exchanges per step\n",
-           scene->steps, scene->dt, scene->integrator, scene->substeps, rounds);
+    printf("  time       %d steps of %g s, %s, ", scene->steps, scene->dt, scene->integrator);
+    if (scene->tolerance > 0) {
+        printf("substeps for a tolerance of %g, at least %d\n", scene->tolerance, scene->substeps);
+    } else {
+        printf("%d substeps: %d flux exchanges per step\n", scene->substeps, rounds);
+    }
     printf("  LCM        %s, %d granted at once, patience %g s\n", scene->url, scene->window,
            scene->patience);
     if (scene->key_file != NULL) {

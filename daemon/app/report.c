@@ -267,10 +267,15 @@ static const char *plural(int count) {
 void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,
                      double seconds) {
     const pm_scene *scene = report->setup->scene;
-    printf("%s: %ld steps of %g s, %s with %d substep%s; %d subsystem%s, %d port%s; %s\n",
-           scene->name, report->steps, scene->dt, scene->integrator, scene->substeps,
-           plural(scene->substeps), scene->nsubsystem, plural(scene->nsubsystem), scene->nport,
-           plural(scene->nport), how);
+    printf("%s: %ld steps of %g s, %s with ", scene->name, report->steps, scene->dt,
+           scene->integrator);
+    if (scene->tolerance > 0) {
+        printf("substeps for a tolerance of %g; ", scene->tolerance);
+    } else {
+        printf("%d substep%s; ", scene->substeps, plural(scene->substeps));
+    }
+    printf("%d subsystem%s, %d port%s; %s\n", scene->nsubsystem, plural(scene->nsubsystem),
+           scene->nport, plural(scene->nport), how);
     print_fluxes(report);
     print_errors(report);
     print_laws(report, ledger);

@@ -121,6 +121,12 @@ pm_status pm_setup_checkpoint(pm_setup *setup, const pm_options *options, const 
     if (folder == NULL) {
         return PM_OK;
     }
+    if (setup->scene->tolerance > 0) {
+        return pm_fail(PM_ECONFIG,
+                       "scene %s has a tolerance: the substeps of steps gone by are not kept, and "
+                       "no process could return from its death: leave --checkpoint out",
+                       setup->scene->name);
+    }
     if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
         return pm_fail(PM_EFILE, "%s: cannot be made: %s", folder, strerror(errno));
     }

@@ -23,6 +23,11 @@ static bool acts_on(const pm_operator_spec *spec, const char *group) {
             return true;
         }
     }
+    for (int i = 0; i < spec->nagainst && spec->learned; ++i) {
+        if (strcmp(spec->against[i], group) == 0) {
+            return true;
+        }
+    }
     for (int i = 0; i < spec->ngiven; ++i) {
         if (strcmp(spec->given[i].row, group) == 0 || strcmp(spec->given[i].col, group) == 0) {
             return true;

@@ -1,9 +1,11 @@
-// Matrix products (small ones by plain loops that the compiler vectorises) and Cholesky by CBLAS.
+// Matrix products (small ones by plain loops that the compiler vectorises) and Cholesky by CBLAS,
+// eigenvectors by LAPACK.
 #include "base/linalg.h"
 
 #include <cblas.h>
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/simd.h"
@@ -162,7 +164,7 @@ static bool factor_block(int n, double *h, int stride) {
     return true;
 }
 
-bool pm_cholesky_solve(int n, double *h, double *b) {
+bool pm_cholesky_factor(int n, double *h) {
     // Right-looking block factorisation h = u^T u (Golub, Van Loan, Matrix Computations, 4.2.6).
     for (int k = 0; k < n; k += CHOLESKY_BLOCK) {
         const int size = n - k < CHOLESKY_BLOCK ? n - k : CHOLESKY_BLOCK;
@@ -178,7 +180,59 @@ bool pm_cholesky_solve(int n, double *h, double *b) {
                         right + (ptrdiff_t)size * n, n);
         }
     }
+    return true;
+}
+
+void pm_cholesky_back(int n, const double *u, int count, double *b) {
+    cblas_dtrsm(CblasRowMajor, CblasLeft, CblasUpper, CblasTrans, CblasNonUnit, n, count, 1.0, u, n,
+                b, count);
+    cblas_dtrsm(CblasRowMajor, CblasLeft, CblasUpper, CblasNoTrans, CblasNonUnit, n, count, 1.0, u,
+                n, b, count);
+}
+
+bool pm_cholesky_solve(int n, double *h, double *b) {
+    if (!pm_cholesky_factor(n, h)) {
+        return false;
+    }
     cblas_dtrsv(CblasRowMajor, CblasUpper, CblasTrans, CblasNonUnit, n, h, n, b, 1);
     cblas_dtrsv(CblasRowMajor, CblasUpper, CblasNoTrans, CblasNonUnit, n, h, n, b, 1);
     return true;
+}
+
+// LAPACK's, by columns.
+void dsyevr_(const char *job, const char *range, const char *triangle, const int *n, double *a,
+             const int *lda, const double *lowest, const double *highest, const int *first,
+             const int *last, const double *tolerance, int *found, double *value, double *vector,
+             const int *ldz, int *support, double *work, const int *nwork, int *iwork,
+             const int *niwork, int *info);
+
+bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector) {
+    const int first = n - count + 1, nwork = 26 * n, niwork = 10 * n;
+    const double unused = 0, tolerance = 0;
+    int found = 0, info = 1;
+    double *work = malloc((size_t)nwork * sizeof *work), *all = malloc((size_t)n * sizeof *all);
+    int *iwork = malloc((size_t)niwork * sizeof *iwork);
+    int *support = malloc(2 * (size_t)n * sizeof *support);
+    if (work != NULL && all != NULL && iwork != NULL && support != NULL) {
+        // The upper triangle by rows is the lower one by columns.
+        dsyevr_("V", "I", "L", &n, h, &n, &unused, &unused, &first, &n, &tolerance, &found, all,
+                vector, &n, support, work, &nwork, iwork, &niwork, &info);
+    }
+    const bool good = info == 0 && found == count;
+    for (int i = 0; good && i < count; ++i) {
+        value[i] = all[count - 1 - i];
+    }
+    for (int i = 0; good && i < count / 2; ++i) {
+        double *a = vector + (ptrdiff_t)i * n, *b = vector + (ptrdiff_t)(count - 1 - i) * n;
+        for (int j = 0; j < n; ++j) {
+            const double kept = a[j];
+            a[j] = b[j];
+            b[j] = kept;
+        }
+    }
+    free(work);
+    free(all);
+    free(iwork);
+    free(support);
+    return good;
 }

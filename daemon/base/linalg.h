@@ -1,4 +1,4 @@
-// Dense linear algebra: the only caller of CBLAS. Row-major, double.
+// Dense linear algebra: the only caller of CBLAS and LAPACK. Row-major, double.
 #ifndef PM_BASE_LINALG_H
 #define PM_BASE_LINALG_H
 
@@ -17,8 +17,19 @@ void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const doub
 // h [n][n] += j^T j with j [m][n]; only the upper triangle is touched.
 void pm_gram_add(int m, int n, const double *j, double *h);
 
+// h = u^T u for symmetric positive definite h [n][n], given by its upper triangle, which becomes u.
+// False if h is not positive definite.
+bool pm_cholesky_factor(int n, double *h);
+// Solves u^T u x = b for count right hand sides; b [n][count] becomes x.
+void pm_cholesky_back(int n, const double *u, int count, double *b);
+
 // Solves h x = b for symmetric positive definite h [n][n], given by its upper triangle, which is
 // overwritten; b [n] becomes x. False if h is not positive definite.
 bool pm_cholesky_solve(int n, double *h, double *b);
+
+// The `count` largest eigenvalues [count] of symmetric h [n][n], given by its upper triangle, which
+// is overwritten, in descending order; their eigenvectors, orthonormal, are the rows of
+// vector [count][n]. False if out of memory, or it does not converge.
+bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector);
 
 #endif

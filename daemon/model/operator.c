@@ -59,7 +59,9 @@ static support support_of(const pm_operator_spec *spec, const pm_site *site) {
     support s = {0};
     for (int i = 0; i < site->ngroup; ++i) {
         const pm_site_group *group = &site->group[i];
-        const bool learned = spec->learned && is_listed(spec->nacts, spec->acts_on, group->name);
+        const bool learned =
+            spec->learned && (is_listed(spec->nacts, spec->acts_on, group->name) ||
+                              is_listed(spec->nagainst, spec->against, group->name));
         if (learned || is_given(spec, group->name)) {
             s.group[s.ngroup] = group;
             s.learned[s.ngroup] = learned;
@@ -83,19 +85,41 @@ static int frame_rows(const pm_operator_spec *spec, int group_size) {
     return spec->nalong > 0 && group_size > 1 ? spec->nalong : group_size;
 }
 
-static int frame_size(const pm_operator_spec *spec, const support *s) {
+// Rows of the frame in groups of the list.
+static int listed_rows(const pm_operator_spec *spec, const support *s, int count,
+                       const char *const *list) {
     int rows = 0;
     for (int i = 0; i < s->ngroup; ++i) {
-        rows += s->learned[i] ? frame_rows(spec, s->group[i]->size) : 0;
+        rows += is_listed(count, list, s->group[i]->name) ? frame_rows(spec, s->group[i]->size) : 0;
     }
     return rows;
 }
 
-static int network_outputs(const pm_operator *op, int rows) {
-    return rows * (op->kind == PM_REVERSIBLE ? rows : op->spec->rank);
+// Rows and columns of the matrix that the network gives.
+static int matrix_rows(const pm_operator *op, const support *s) {
+    return listed_rows(op->spec, s, op->spec->nacts, op->spec->acts_on);
+}
+
+static int matrix_columns(const pm_operator *op, const support *s) {
+    const pm_operator_spec *spec = op->spec;
+    if (op->kind == PM_IRREVERSIBLE) {
+        return spec->rank;
+    }
+    return spec->nagainst > 0 ? listed_rows(spec, s, spec->nagainst, spec->against)
+                              : matrix_rows(op, s);
 }
 
 // --- declaration ---
+
+// All of acts_on are groups of one end of a port ("a.p"), and this is one of the other.
+static bool is_other_end(const pm_operator_spec *spec, const char *name) {
+    for (int i = 0; i < spec->nacts; ++i) {
+        if (name[0] == spec->acts_on[i][0] || name[1] != '.' || spec->acts_on[i][1] != '.') {
+            return false;
+        }
+    }
+    return true;
+}
 
 static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     const pm_operator_spec *spec = op->spec;
@@ -104,6 +128,14 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
         if (position(&s, spec->acts_on[i]) == s.ngroup) {
             return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is not a group here",
                            op->prefix, spec->acts_on[i]);
+        }
+    }
+    for (int i = 0; i < spec->nagainst; ++i) {
+        const int at = position(&s, spec->against[i]);
+        if (at == s.ngroup || !is_other_end(spec, spec->against[i])) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: against names \"%s\", which is not a group of the other end",
+                           op->prefix, spec->against[i]);
         }
     }
     for (int i = 0; i < spec->ngiven; ++i) {
@@ -161,11 +193,11 @@ static const char *join(operator_name buffer, const char *prefix, const char *na
     return buffer;
 }
 
-static pm_status declare_matrix(const pm_operator *op, const pm_site *site, int rows,
+static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const support *s,
                                 pm_params *params) {
     operator_name name;
     join(name, op->prefix, "matrix");
-    const int nout = network_outputs(op, rows);
+    const int nout = matrix_rows(op, s) * matrix_columns(op, s);
     if (op->kind == PM_REVERSIBLE) {
         return pm_network_declare(&op->spec->network, &site->symbols, nout, NULL, params, name);
     }
@@ -200,7 +232,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     if (!spec->learned) {
         return PM_OK;
     }
-    return declare_matrix(op, site, frame_size(spec, &s), params);
+    return declare_matrix(op, site, &s, params);
 }
 
 pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
@@ -268,14 +300,15 @@ static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *s
         return PM_NO_NODE;
     }
     operator_name name;
-    const int rows = frame_size(op->spec, s);
-    const int nout = network_outputs(op, rows);
+    const int rows = matrix_rows(op, s), columns = matrix_columns(op, s), nout = rows * columns;
     const pm_node entries = pm_network_build(g, &op->spec->network, &site->symbols, nout, params,
                                              join(name, op->prefix, "matrix"));
-    const pm_node matrix = pm_reshape(g, entries, rows, nout / rows);
+    const pm_node matrix = pm_reshape(g, entries, rows, columns);
     // C - C^T is formed before it is applied: C x and C^T x share the diagonal's terms, whose
     // rounding would stay behind.
-    return op->kind == PM_REVERSIBLE ? pm_sub(g, matrix, pm_transpose(g, matrix)) : matrix;
+    return op->kind == PM_REVERSIBLE && op->spec->nagainst == 0
+               ? pm_sub(g, matrix, pm_transpose(g, matrix))
+               : matrix;
 }
 
 // U: components of the support, in scaled coordinates -> rows of the frame.
@@ -312,9 +345,28 @@ static pm_node from_frame(const construction *c, pm_node rows) {
     return pm_concat(c->g, c->support.ngroup, part);
 }
 
+// Two ends' rows, one of which drives the other: C times those of `against` into those of acts_on,
+// and -C^T times the latter into the former.
+static pm_node apply_across(const construction *c, pm_node x) {
+    pm_graph *g = c->g;
+    const pm_operator_spec *spec = c->op->spec;
+    const int rows = matrix_rows(c->op, &c->support), columns = matrix_columns(c->op, &c->support);
+    const bool against_first = spec->against[0][0] < spec->acts_on[0][0];
+    const pm_node own = pm_slice(g, x, against_first ? columns : 0, rows);
+    const pm_node other = pm_slice(g, x, against_first ? 0 : rows, columns);
+    const pm_node into_own = pm_matmul(g, other, false, c->matrix, true);
+    const pm_node into_other = pm_scale(g, pm_matmul(g, own, false, c->matrix, false), -1);
+    const pm_node part[2] = {against_first ? into_other : into_own,
+                             against_first ? into_own : into_other};
+    return pm_concat(g, 2, part);
+}
+
 // The matrix times x, or G G^T x, for a row x.
 static pm_node apply_matrix(const construction *c, pm_node x) {
     pm_graph *g = c->g;
+    if (c->op->spec->nagainst > 0) {
+        return apply_across(c, x);
+    }
     if (c->op->kind == PM_REVERSIBLE) {
         return pm_matmul(g, x, false, c->matrix, true);
     }

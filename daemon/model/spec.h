@@ -113,6 +113,8 @@ typedef struct pm_given_pair {
 //   - with `along`: for each vector group in acts_on one row per vector of `along` (expressions:
 //     "q", "q/|q|", "q/|q|^2"), for each scalar group one row. With invariant features, rotating
 //     the state then rotates the result.
+// A reversible one between the ends of a port may act on groups of one end `against` groups of the
+// other: C has rows for the former and columns for the latter, which drive each other, as in a pair.
 typedef struct pm_operator_spec {
     int ngiven;
     const pm_given_pair *given;
@@ -120,6 +122,8 @@ typedef struct pm_operator_spec {
     pm_network_spec network;
     int nacts;
     const char *const *acts_on;
+    int nagainst; // reversible operators of ports
+    const char *const *against;
     int nalong;
     const char *const *along;
     int rank; // irreversible operators; columns of the factor G

@@ -26,7 +26,7 @@ typedef struct field {
     size_t offset, count; // in the struct
 } field;
 
-#define MAX_FIELDS 25
+#define MAX_FIELDS 26
 
 typedef struct wire_type {
     int64_t (*fingerprint)(void);
@@ -60,15 +60,15 @@ static const wire_type flux_type = {
 
 static const wire_type tick_type = {
     __portmet_tick_t_get_hash,
-    9,
+    10,
     {F(I64, tick, session), F(I64, tick, instance), F(I64, tick, digest), F(I64, tick, granted),
-     F(I64, tick, steps), F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(BOOLEAN, tick, want_state),
-     F(BOOLEAN, tick, open)},
+     F(I64, tick, steps), F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(I32, tick, substeps),
+     F(BOOLEAN, tick, want_state), F(BOOLEAN, tick, open)},
 };
 
 static const wire_type report_type = {
     __portmet_report_t_get_hash,
-    25,
+    26,
     {F(I64, report, session),
      F(I64, report, instance),
      F(I64, report, digest),
@@ -86,6 +86,7 @@ static const wire_type report_type = {
      ARRAY(I64S, report, evaluated, npart),
      ARRAY(I64S, report, skipped, npart),
      ARRAY(I64S, report, outside, npart),
+     ARRAY(DOUBLES, report, error, npart),
      F(COUNT_TO, report, nend),
      ARRAY(DOUBLES, report, energy_flux, nend),
      ARRAY(DOUBLES, report, entropy_flux, nend),

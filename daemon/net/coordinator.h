@@ -7,6 +7,7 @@
 #include "net/lockstep_coordinator.h"
 #include "net/member.h"
 #include "net/party.h"
+#include "sim/pace.h"
 
 typedef enum pm_coordinator_phase {
     PM_COORDINATOR_RUNNING,
@@ -36,6 +37,7 @@ struct pm_lockstep_coordinator {
     pm_member *member; // [nmember]
     pm_gathering gathering;
     pm_ledger ledger;
+    pm_pace pace;
     const char *checkpoint; // NULL: none
     int64_t interval;       // steps between two
     int nmemory;

@@ -223,6 +223,16 @@ pm_status pm_crew_end_step(pm_crew *crew) {
     return PM_OK;
 }
 
+void pm_crew_set_substeps(pm_crew *crew, int substeps) {
+    for (int i = 0; i < crew->count; ++i) {
+        pm_subsystem_set_substeps(crew->part[i].subsystem, substeps);
+    }
+}
+
+int pm_crew_rounds(const pm_crew *crew) {
+    return pm_subsystem_rounds(crew->part[0].subsystem);
+}
+
 // --- memory ---
 
 int pm_crew_memory(const pm_crew *crew) {

@@ -48,6 +48,10 @@ pm_status pm_crew_start_round(pm_crew *crew, pm_transport *transport, int64_t ke
 // coupled, else the neighbour whose flux is missing. `used` receives whether any port was coupled.
 const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used);
 
+// Between two steps: how many substeps the next one has, and rounds in the present one.
+void pm_crew_set_substeps(pm_crew *crew, int substeps);
+int pm_crew_rounds(const pm_crew *crew);
+
 // After all ports: the Runge-Kutta combination. _end_step after the last round of a step.
 // PM_ENUMERIC.
 void pm_crew_advance(pm_crew *crew);

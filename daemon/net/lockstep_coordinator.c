@@ -50,6 +50,7 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .steps = c->party.steps,
         .t0 = 0,
         .dt = c->party.system->scene->dt,
+        .substeps = c->pace.substeps,
         .want_state = c->want_state,
         .open = c->party.identity.hello.session == 0,
     };
@@ -122,6 +123,7 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
         return PM_OK;
     }
     c->progressed = true;
+    pm_pace_note(&c->pace, pm_gathering_sample(&c->gathering, complete));
     if (complete < c->party.steps) {
         PM_TRY(grant(c, complete));
     }
@@ -301,6 +303,7 @@ static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
                        (long long)c->party.steps, (long long)PM_STEPS_MAX);
     }
     pm_ledger_init(&c->ledger, c->party.system);
+    PM_TRY(pm_pace_init(&c->pace, scene));
     PM_TRY(pm_coordinator_recall(c, wanted));
     PM_TRY(open_members(c));
     PM_TRY(pm_gathering_init(&c->gathering, &c->arena, scene, c->completed + 1));

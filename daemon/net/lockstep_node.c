@@ -165,7 +165,7 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
                         options->load, SENT_DEPTH + more));
     PM_TRY(pm_history_init(&node->history, &node->arena, options->checkpoint, node->party.system,
                            &node->crew));
-    node->rounds = pm_subsystem_rounds(node->crew.part[0].subsystem);
+    node->rounds = pm_subsystem_most_rounds(node->crew.part[0].subsystem);
     PM_TRY(pm_node_listen(node, options->session));
     return pm_reporter_init(&node->reporter, &node->arena, node->party.system, process_id,
                             node->party.transport, node->party.identity.hello.instance, more);

@@ -82,6 +82,7 @@ void pm_member_fill(const pm_member *member, int row, pm_sample *sample) {
         sample->evaluated[i] = (long)r->evaluated[from];
         sample->skipped[i] = (long)r->skipped[from];
         sample->outside[i] = (long)r->outside[from];
+        sample->error[i] = r->error[from];
         if (z != NULL) {
             const pm_scene_subsystem *subsystem = &member->scene->subsystem[i];
             memcpy(sample->z + subsystem->first, z, (size_t)subsystem->layout.nz * sizeof *z);

@@ -36,7 +36,8 @@ struct pm_lockstep_node {
     bool coordinator_alive;
     double coordinator_heard;
 
-    int rounds;   // per step
+    int rounds;   // per step, at most
+    int substeps; // of the last step granted
     int64_t step; // being computed, or next
     int round;
     bool started;                // the round

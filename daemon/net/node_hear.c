@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "sim/pace.h"
+
 // --- ticks ---
 
 // Whether a tick is of a run that this node may join: of the session that it was started for, and
@@ -42,7 +44,16 @@ static void obey(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->coordinator = tick->instance;
     node->party.steps = tick->steps;
     node->granted = tick->granted;
+    const pm_scene *scene = node->party.system->scene;
+    node->substeps = scene->tolerance > 0 ? tick->substeps : scene->substeps;
     node->want_state = tick->want_state != 0;
+}
+
+static bool is_sane(const pm_lockstep_node *node, const portmet_tick_t *tick) {
+    const bool chosen = node->party.system->scene->tolerance > 0;
+    return tick->steps >= 0 && tick->steps <= PM_STEPS_MAX && tick->granted >= 0 &&
+           tick->granted <= tick->steps &&
+           (!chosen || (tick->substeps >= 1 && tick->substeps <= PM_MOST_SUBSTEPS));
 }
 
 static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
@@ -50,8 +61,7 @@ static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
     if (!joins && (node->party.session == 0 || tick->session != node->party.session)) {
         return PM_DROP_SESSION;
     }
-    if (tick->steps < 0 || tick->steps > PM_STEPS_MAX || tick->granted < 0 ||
-        tick->granted > tick->steps) {
+    if (!is_sane(node, tick)) {
         return PM_DROP_RANGE;
     }
     if (joins) {

@@ -44,6 +44,9 @@ pm_status pm_node_begin(pm_lockstep_node *node) {
 }
 
 static pm_status start_round(pm_lockstep_node *node) {
+    if (node->round == 0) {
+        pm_crew_set_substeps(&node->crew, node->substeps);
+    }
     const portmet_flux_t head = {
         .session = node->party.session,
         .step = node->step,
@@ -60,7 +63,7 @@ static pm_status finish_round(pm_lockstep_node *node) {
     pm_crew_advance(&node->crew);
     node->started = false;
     node->round += 1;
-    if (node->round < node->rounds) {
+    if (node->round < pm_crew_rounds(&node->crew)) {
         return PM_OK;
     }
     PM_TRY(pm_crew_end_step(&node->crew));

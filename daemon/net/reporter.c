@@ -28,7 +28,7 @@ static void count_numbers(const pm_scene *scene, int process_id, int *npart, int
 int pm_report_rows(const pm_scene *scene, int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);
-    const size_t size = sizeof(double) * (9 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
+    const size_t size = sizeof(double) * (10 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
     const int most = size < LARGEST_REPORT ? (int)(LARGEST_REPORT / size) : 1;
     const int half = scene->window > 1 ? scene->window / 2 : 1;
     return half < most ? half : most;
@@ -42,7 +42,7 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
     *report = (portmet_report_t){
         .npart = rows * npart, .nend = rows * nend, .nz = rows * nz, .message = ""};
     const size_t p = (size_t)report->npart, e = (size_t)report->nend, z = (size_t)report->nz;
-    double *memory = pm_arena_array(arena, 6 * p + 4 * e + z, sizeof *memory);
+    double *memory = pm_arena_array(arena, 7 * p + 4 * e + z, sizeof *memory);
     int64_t *counts = pm_arena_array(arena, 3 * p, sizeof *counts);
     if (memory == NULL || counts == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory for a report",
@@ -50,10 +50,11 @@ pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_sce
     }
     double **const of_part[] = {
         &report->energy,       &report->entropy,           &report->bulk_energy,
-        &report->bulk_entropy, &report->bulk_energy_gross, &report->bulk_entropy_gross};
+        &report->bulk_entropy, &report->bulk_energy_gross, &report->bulk_entropy_gross,
+        &report->error};
     double **const of_end[] = {&report->energy_flux, &report->entropy_flux, &report->energy_gross,
                                &report->entropy_gross};
-    for (int i = 0; i < 6; ++i, memory += p) {
+    for (int i = 0; i < 7; ++i, memory += p) {
         *of_part[i] = memory;
     }
     for (int i = 0; i < 4; ++i, memory += e) {
@@ -120,6 +121,7 @@ static int add_books(portmet_report_t *m, int part, int end, const pm_books *boo
     m->evaluated[part] = books->evaluated;
     m->skipped[part] = books->skipped;
     m->outside[part] = books->outside;
+    m->error[part] = books->error;
     for (int i = 0; i < books->nflux; ++i, ++end) {
         m->energy_flux[end] = books->flux[i].energy;
         m->entropy_flux[end] = books->flux[i].entropy;

@@ -3,6 +3,8 @@
 
 #include <stdlib.h>
 
+#include "sim/pace.h"
+
 struct pm_assembly {
     const pm_system *system;
     int count;
@@ -10,6 +12,7 @@ struct pm_assembly {
     // [nport][end]: which port of that end's subsystem it is
     int (*position)[2];
     pm_sample *sample;
+    pm_pace pace;
 };
 
 // What both subsystems of a port would evaluate, the first one does.
@@ -42,6 +45,7 @@ static pm_status open_all(pm_assembly *a) {
         }
     }
     PM_TRY(share_ports(a));
+    PM_TRY(pm_pace_init(&a->pace, scene));
     return pm_sample_new(&a->sample, scene);
 }
 
@@ -84,7 +88,16 @@ void pm_assembly_set_load(pm_assembly *assembly, const pm_load *load) {
     }
 }
 
+static void set_pace(pm_assembly *a) {
+    for (int i = 0; i < a->count; ++i) {
+        pm_subsystem_set_substeps(a->subsystem[i], a->pace.substeps);
+    }
+}
+
 void pm_assembly_set_state(pm_assembly *assembly, const double *z) {
+    // Assemblies open with an integrator that is known.
+    (void)pm_pace_init(&assembly->pace, assembly->system->scene);
+    set_pace(assembly);
     for (int i = 0; i < assembly->count; ++i) {
         pm_subsystem_set_state(assembly->subsystem[i],
                                z + assembly->system->scene->subsystem[i].first);
@@ -128,7 +141,13 @@ pm_status pm_assembly_step(pm_assembly *assembly) {
     ++a->sample->step;
     a->sample->time = (double)a->sample->step * a->system->scene->dt;
     fill_sample(a);
+    pm_pace_note(&a->pace, a->sample);
+    set_pace(a);
     return PM_OK;
+}
+
+int pm_assembly_substeps(const pm_assembly *assembly) {
+    return assembly->pace.substeps;
 }
 
 const pm_sample *pm_assembly_sample(const pm_assembly *assembly) {

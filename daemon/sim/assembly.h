@@ -18,6 +18,7 @@ void pm_assembly_set_state(pm_assembly *assembly, const double *z);
 
 // One step; the sample of the state reached (valid until the next call). PM_ENUMERIC.
 pm_status pm_assembly_step(pm_assembly *assembly);
+int pm_assembly_substeps(const pm_assembly *assembly); // of the next step
 const pm_sample *pm_assembly_sample(const pm_assembly *assembly);
 
 #endif

@@ -5,10 +5,12 @@
 #include <stddef.h>
 #include <string.h>
 
-// Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.1.2.
+// Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.1.2; beside it the
+// midpoint rule of its second stage.
 #define RK4                                                          \
     .nstage = 4, .order = 4, .a = {{0}, {0.5}, {0, 0.5}, {0, 0, 1}}, \
-    .b = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}
+    .b = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, .embedded = 2,        \
+    .lack = {1.0 / 6, -2.0 / 3, 1.0 / 3, 1.0 / 6}
 
 #define SQRT5 2.23606797749978969641
 
@@ -34,7 +36,13 @@
 
 static const pm_integrator integrators[] = {
     {.name = "euler", .nstage = 1, .order = 1, .a = {{0}}, .b = {1}},
-    {.name = "heun", .nstage = 2, .order = 2, .a = {{0}, {1}}, .b = {0.5, 0.5}},
+    {.name = "heun",
+     .nstage = 2,
+     .order = 2,
+     .a = {{0}, {1}},
+     .b = {0.5, 0.5},
+     .embedded = 1,
+     .lack = {-0.5, 0.5}},
     {.name = "rk4", RK4},
     {.name = "rk4_balanced", RK4, .balanced = true},
     {.name = "rk6", RK6},

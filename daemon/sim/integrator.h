@@ -14,6 +14,10 @@ typedef struct pm_integrator {
     int order; // of convergence
     double a[PM_MAX_STAGES][PM_MAX_STAGES];
     double b[PM_MAX_STAGES]; // all >= 0, so that booked entropy production keeps its sign
+    // The method of order `embedded` (0: none) with other weights, b - lack, differs by an estimate
+    // of the error (pace.h).
+    int embedded;
+    double lack[PM_MAX_STAGES];
     // Stages are iterates of the new state z': co-energies are discrete derivatives between z and
     // the iterate, operators and ports are taken at their mean.
     bool discrete;

@@ -9,6 +9,7 @@
 #include "model/region.h"
 #include "sim/balance.h"
 #include "sim/multirate.h"
+#include "sim/pace.h"
 #include "sim/terms.h"
 
 // Newton's steps to the booked energy and entropy. The first leaves the square of the method's
@@ -27,6 +28,8 @@ struct pm_subsystem {
     double *z, *stage_z, *safe_z; // [nz] state, stage state, state after the last full step
     double *at_z;                 // [nz] where operators and ports are evaluated
     double *k;                    // [nstage][nz]
+    double *lack;                 // [nz] by which the embedded method differs
+    double *size;                 // [ngroup] largest length of each group so far
     int stage, substep;
     bool exposed; // dE and dS belong to stage_z
     const pm_load *load;
@@ -68,15 +71,17 @@ static pm_status open_joints(pm_subsystem *s) {
 static pm_status open_state(pm_subsystem *s) {
     const size_t nz = (size_t)s->nz;
     double *memory =
-        pm_arena_array(&s->arena, (4 + (size_t)s->integrator->nstage) * nz, sizeof *memory);
-    if (memory == NULL) {
+        pm_arena_array(&s->arena, (5 + (size_t)s->integrator->nstage) * nz, sizeof *memory);
+    s->size = pm_arena_array(&s->arena, PM_MAX_GROUPS, sizeof *s->size);
+    if (memory == NULL || s->size == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the state of %s", s->scene->name);
     }
     s->z = memory;
     s->stage_z = memory + nz;
     s->safe_z = memory + 2 * nz;
     s->at_z = memory + 3 * nz;
-    s->k = memory + 4 * nz;
+    s->lack = memory + 4 * nz;
+    s->k = memory + 5 * nz;
     return PM_OK;
 }
 
@@ -172,6 +177,17 @@ int pm_subsystem_rounds(const pm_subsystem *s) {
     return s->substeps * s->integrator->nstage;
 }
 
+int pm_subsystem_most_rounds(const pm_subsystem *s) {
+    const pm_scene *scene = s->system->scene;
+    const int most = scene->tolerance > 0 ? PM_MOST_SUBSTEPS : scene->substeps;
+    return most * s->integrator->nstage;
+}
+
+void pm_subsystem_set_substeps(pm_subsystem *s, int substeps) {
+    s->substeps = substeps;
+    s->h = s->system->scene->dt / substeps;
+}
+
 const double *pm_subsystem_state(const pm_subsystem *s) {
     return s->z;
 }
@@ -257,6 +273,31 @@ static void combine(const pm_subsystem *s, int n, const double *weight, double *
     }
 }
 
+static double length_of(const pm_group *group, const double *z) {
+    double square = 0;
+    for (int c = group->first; c < group->first + group->size; ++c) {
+        square += z[c] * z[c];
+    }
+    return sqrt(square);
+}
+
+// Notes the substep's error, by group, relative to the largest length that the group has had.
+static void estimate_error(pm_subsystem *s) {
+    const pm_layout *layout = &s->scene->layout;
+    for (int c = 0; c < s->nz; ++c) {
+        s->lack[c] = 0;
+        for (int i = 0; i < s->integrator->nstage; ++i) {
+            s->lack[c] += s->h * s->integrator->lack[i] * s->k[(ptrdiff_t)i * s->nz + c];
+        }
+    }
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        s->size[i] = fmax(s->size[i], length_of(group, s->z));
+        const double error = length_of(group, s->lack);
+        s->booking.error = fmax(s->booking.error, s->size[i] > 0 ? error / s->size[i] : 0);
+    }
+}
+
 // Energy and entropy that the stage's rate moves.
 static void book_balance(pm_subsystem *s) {
     pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz,
@@ -300,6 +341,9 @@ void pm_subsystem_advance(pm_subsystem *s) {
     if (++s->stage < rk->nstage) {
         return;
     }
+    if (s->system->scene->tolerance > 0) {
+        estimate_error(s);
+    }
     if (rk->balanced) {
         balance(s);
     }
@@ -340,6 +384,7 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
     s->step = 0;
+    memset(s->size, 0, PM_MAX_GROUPS * sizeof *s->size);
     s->exposed = false;
     pm_terms_forget(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
@@ -523,6 +568,7 @@ void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     sample->evaluated[i] = books->evaluated;
     sample->skipped[i] = books->skipped;
     sample->outside[i] = books->outside;
+    sample->error[i] = books->error;
     int world = s->njoint;
     for (int k = 0; k < s->njoint; ++k) {
         const pm_joint *j = &s->joint[k];

@@ -34,7 +34,10 @@ bool pm_subsystem_is_load(const pm_subsystem *s, int port); // the other end is 
 // first. Neither is stepped once the other is closed. PM_ENOMEM.
 pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port);
 
-int pm_subsystem_rounds(const pm_subsystem *s); // per step
+int pm_subsystem_rounds(const pm_subsystem *s); // of the present step
+int pm_subsystem_most_rounds(const pm_subsystem *s);
+// Between two steps: how many substeps the next one has (pace.h).
+void pm_subsystem_set_substeps(pm_subsystem *s, int substeps);
 
 // What the world prescribes, in a scene with loads; it must outlive the subsystem. A run that is
 // not over when it ends fails (pm_subsystem_end_step).
@@ -63,6 +66,7 @@ typedef struct pm_books {
     pm_flux bulk;           // its own terms
     long evaluated, skipped;
     long outside; // steps that ended outside the region the weights were trained on
+    double error; // largest estimate of a substep's error (pace.h); 0: not estimated
     int nflux;
     const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
 } pm_books;

@@ -72,6 +72,13 @@ void pm_dataset_free(pm_dataset *dataset) {
     }
 }
 
+pm_status pm_dataset_with_rates(pm_dataset *dataset) {
+    const size_t count = (size_t)dataset->ntrajectory * (size_t)dataset->ntime;
+    dataset->zdot =
+        pm_arena_array(&dataset->arena, count * (size_t)dataset->ncolumn, sizeof *dataset->zdot);
+    return dataset->zdot == NULL ? fail_memory() : PM_OK;
+}
+
 // --- notes ---
 
 // Keeps a note whose text is in the arena already.
@@ -140,16 +147,16 @@ static pm_status check_columns(const pm_dataset *d, const char *path) {
     return PM_OK;
 }
 
-static pm_status check_values(const pm_dataset *d, const char *path) {
+static pm_status check_values(const pm_dataset *d, const char *name, const double *value,
+                              const char *path) {
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
-            const double *state = pm_dataset_state(d, i, j);
-            for (int k = 0; k < d->ncolumn; ++k) {
-                if (!isfinite(state[k])) {
+            for (int k = 0; k < d->ncolumn; ++k, ++value) {
+                if (!isfinite(*value)) {
                     return pm_fail(PM_EDATA,
-                                   "%s: z of trajectory %d, time %d, column \"%s\" is %g, "
+                                   "%s: %s of trajectory %d, time %d, column \"%s\" is %g, "
                                    "expected a finite number (indices from 0)",
-                                   path, i, j, d->column[k], state[k]);
+                                   path, name, i, j, d->column[k], *value);
                 }
             }
         }
@@ -160,7 +167,8 @@ static pm_status check_values(const pm_dataset *d, const char *path) {
 static pm_status check(const pm_dataset *d, const char *path) {
     PM_TRY(check_time(d, path));
     PM_TRY(check_columns(d, path));
-    return check_values(d, path);
+    PM_TRY(check_values(d, "z", d->z, path));
+    return d->zdot == NULL ? PM_OK : check_values(d, "zdot", d->zdot, path);
 }
 
 // --- loading ---
@@ -211,6 +219,10 @@ static pm_status read_content(pm_dataset *d, const pm_hdf5 *file, const char *pa
     PM_TRY(pm_hdf5_read(file, "/dt", 0, NULL, &d->dt));
     PM_TRY(pm_hdf5_read(file, "/t", 1, &shape[1], d->t));
     PM_TRY(pm_hdf5_read(file, "/z", 3, shape, d->z));
+    if (pm_hdf5_has(file, "/zdot")) {
+        PM_TRY(pm_dataset_with_rates(d));
+        PM_TRY(pm_hdf5_read(file, "/zdot", 3, shape, d->zdot));
+    }
     PM_TRY(read_notes(d, file));
     return check(d, path);
 }
@@ -274,6 +286,9 @@ static pm_status write_content(const pm_dataset *d, pm_hdf5 *file, const char *l
     PM_TRY(pm_hdf5_write(file, "/t", 1, &shape[1], d->t));
     PM_TRY(pm_hdf5_write_text(file, "/t", "units", "s"));
     PM_TRY(pm_hdf5_write(file, "/z", 3, shape, d->z));
+    if (d->zdot != NULL) {
+        PM_TRY(pm_hdf5_write(file, "/zdot", 3, shape, d->zdot));
+    }
     return pm_hdf5_write_text(file, "/z", "description", "[trajectory][time][column]");
 }
 

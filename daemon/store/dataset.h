@@ -1,5 +1,6 @@
 // Datasets of trajectories, HDF5:
 //   /z [trajectory][time][column] double, /t [time] s, /dt scalar s,
+//   /zdot (optional), like /z: its rate, for training on rates; otherwise taken by differences,
 //   attribute state_layout of /: the columns' names separated by blanks;
 //   other text attributes of / are kept as notes (title, source, command, seed ...);
 //   /units attribute of / (optional): the columns' units separated by ';'.
@@ -21,6 +22,7 @@ typedef struct pm_dataset {
     double dt;                 // s
     double *t;                 // [ntime] s
     double *z;                 // [ntrajectory][ntime][ncolumn]
+    double *zdot;              // [ntrajectory][ntime][ncolumn], or NULL
     const char *const *column; // [ncolumn]
     int nnote;
     const pm_note *note;
@@ -35,12 +37,19 @@ pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int n
 // Adds a note; replaces one of the same name.
 pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+// Adds rates to be filled, zeroed. PM_ENOMEM.
+pm_status pm_dataset_with_rates(pm_dataset *dataset);
 pm_status pm_dataset_save(const pm_dataset *dataset, const char *path);
 void pm_dataset_free(pm_dataset *dataset); // NULL is allowed
 
 // The state of trajectory i at time j: [ncolumn].
 static inline double *pm_dataset_state(const pm_dataset *d, int i, int j) {
     return d->z + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;
+}
+
+// Its rate; there must be rates.
+static inline double *pm_dataset_rate(const pm_dataset *d, int i, int j) {
+    return d->zdot + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;
 }
 
 #endif

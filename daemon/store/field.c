@@ -12,6 +12,7 @@
 
 #define LAYOUT "state_layout"
 #define CONTACT "contact_force"
+#define PLACEMENT "placement"
 
 // --- memory ---
 
@@ -39,6 +40,7 @@ static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     d->nnode = shape.nnode;
     d->nvariable = shape.nvariable;
     d->nelement = shape.nelement;
+    d->placement = PM_PLACEMENT_WORLD;
     d->t = pm_arena_array(&d->arena, (size_t)shape.ntime, sizeof *d->t);
     d->z = pm_arena_array(&d->arena, nstate * nnode, (size_t)shape.nvariable * sizeof *d->z);
     d->f = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->f);
@@ -138,6 +140,43 @@ static pm_status read_contact(pm_field *d, const pm_hdf5 *file, const char *path
     return check_finite(d->contact, count, path, CONTACT);
 }
 
+// The mesh, where the file has one. (That of other tools may be whole numbers, which are not read.)
+static pm_status read_mesh(pm_field *d, const pm_hdf5 *file, const char *path) {
+    int shape[2];
+    if (!pm_hdf5_has(file, "/hexahedra") || pm_hdf5_shape(file, "/hexahedra", 2, shape) != PM_OK) {
+        return PM_OK;
+    }
+    const int expected[2] = {shape[0], 8};
+    d->nelement = shape[0];
+    d->hexahedron = pm_arena_array(&d->arena, 8 * (size_t)d->nelement, sizeof *d->hexahedron);
+    if (d->hexahedron == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, expected, d->hexahedron));
+    for (int i = 0; i < 8 * d->nelement; ++i) {
+        if (!(d->hexahedron[i] >= 0 && d->hexahedron[i] < d->nnode)) {
+            return pm_fail(PM_EDATA, "%s: hexahedron %d has node %g of %d", path, i / 8,
+                           d->hexahedron[i], d->nnode);
+        }
+    }
+    return PM_OK;
+}
+
+// Energies, where the file has them.
+static pm_status read_energies(pm_field *d, const pm_hdf5 *file, const char *path) {
+    const int shape[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
+    const size_t count = (size_t)d->ntrajectory * (size_t)d->ntime * PM_FIELD_ENERGIES;
+    if (!pm_hdf5_has(file, "/energy")) {
+        return PM_OK;
+    }
+    d->energy = pm_arena_array(&d->arena, count, sizeof *d->energy);
+    if (d->energy == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_hdf5_read(file, "/energy", 3, shape, d->energy));
+    return check_finite(d->energy, count, path, "energy");
+}
+
 static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path) {
     const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, d->nvariable};
     const int position[2] = {d->nnode, 3};
@@ -154,10 +193,22 @@ static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path
     PM_TRY(pm_hdf5_read(file, "/z", 4, shape, d->z));
     PM_TRY(pm_hdf5_read(file, "/node_position_reference", 2, position, d->position));
     PM_TRY(read_forces(d, file));
+    PM_TRY(read_energies(d, file, path));
+    PM_TRY(read_mesh(d, file, path));
     PM_TRY(check_finite(d->t, (size_t)d->ntime, path, "t"));
     PM_TRY(check_finite(d->position, 3 * (size_t)d->nnode, path, "node_position_reference"));
     PM_TRY(check_finite(d->f, 3 * nstate, path, "f"));
     return check_finite(d->z, nstate * (size_t)d->nvariable, path, "z");
+}
+
+static pm_status read_placement(pm_field *d, const pm_hdf5 *file, const char *path) {
+    const char *text;
+    d->placed = pm_hdf5_is_text(file, "/", PLACEMENT);
+    if (!d->placed) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_read_text(file, "/", PLACEMENT, &d->arena, &text));
+    return pm_placement_read(text, path, &d->placement);
 }
 
 static pm_status load(pm_field **field, const char *path) {
@@ -179,6 +230,7 @@ static pm_status load(pm_field **field, const char *path) {
     if (contact) {
         PM_TRY_DONE(read_contact(d, file, path));
     }
+    PM_TRY_DONE(read_placement(d, file, path));
     *field = d;
     d = NULL;
 done:
@@ -194,12 +246,27 @@ static void try_load(const void *path) {
     pm_field_free(field);
 }
 
-// Files of this rank may come from any tool: as in dataset.c, a damaged one must not end us.
+// As in dataset.c, a damaged file of another tool must not end us.
 pm_status pm_field_load(pm_field **field, const char *path) {
-    char what[512];
-    snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
-    PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
+    if (!pm_hdf5_is_own(path)) {
+        char what[512];
+        snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+        PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
+    }
     return load(field, path);
+}
+
+int pm_field_columns(const pm_field *field, const char *names) {
+    const size_t length = strlen(names);
+    int column = 0;
+    for (const char *at = field->variable; *at != '\0'; ++column) {
+        if (strncmp(at, names, length) == 0 && (at[length] == ' ' || at[length] == '\0')) {
+            return column;
+        }
+        at += strcspn(at, " ");
+        at += strspn(at, " ");
+    }
+    return -1;
 }
 
 // --- saving ---

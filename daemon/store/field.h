@@ -3,14 +3,16 @@
 //   /f [trajectory][time][node][3] N, forces of the world on the nodes (a file may leave out the
 //      first time, whose forces are then zero),
 //   /node_position_reference [node][3] m, undeformed,
-//   /hexahedra [element][8] nodes in the order of VTK (written, not read),
+//   /hexahedra [element][8] nodes in the order of VTK (a file may leave them out),
 //   /clamped [node] 1 or 0 (written, not read),
-//   /energy [trajectory][time][3] J: stored, dissipated, work of the forces (written, not read),
-//   of a body in contact with others: /contact_force [trajectory][time][node][3] N, what these exert
-//      on the nodes, and, written, not read: /contact_force_total [trajectory][time][3] N, its sum,
-//      /contact_work [trajectory][time] J,
+//   /energy [trajectory][time][3] J: stored, dissipated, work of the forces (a file may leave them
+//      out),
+//   of a body in contact with others: /contact_force [trajectory][time][node][3] N, what these
+//      exert on the nodes, and, written, not read: /contact_force_total [trajectory][time][3] N,
+//      its sum, /contact_work [trajectory][time] J,
 //   attribute state_layout of /: the variables' names separated by blanks, then any remark;
-//   other text attributes of / are notes.
+//   attribute placement of /, if the body lies elsewhere in the world: placement.h; other text
+//   attributes of / are notes.
 #ifndef PM_STORE_FIELD_H
 #define PM_STORE_FIELD_H
 
@@ -19,6 +21,7 @@
 
 #include "base/arena.h"
 #include "base/status.h"
+#include "store/placement.h"
 
 #define PM_FIELD_ENERGIES 3
 
@@ -32,10 +35,12 @@ typedef struct pm_field {
     double *contact;      // [ntrajectory][ntime][nnode][3] N; NULL: no contact
     double *contact_work; // [ntrajectory][ntime] J; NULL if read from a file
     double *position;     // [nnode][3] m
-    double *hexahedron;   // [nelement][8]; NULL if read from a file
+    double *hexahedron;   // [nelement][8]; NULL: not known
     double *clamped;      // [nnode]; NULL if read from a file
-    double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL if read from a file
+    double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL: not known
     const char *variable; // their names, separated by blanks
+    bool placed;          // it says where it lies; else in the world's frame
+    pm_placement placement;
 } pm_field;
 
 typedef struct pm_field_shape {
@@ -52,6 +57,9 @@ pm_status pm_field_load(pm_field **field, const char *path);
 pm_status pm_field_save(const pm_field *field, const char *path, int count,
                         const char *const (*note)[2]);
 void pm_field_free(pm_field *field); // NULL is allowed
+
+// The first of the variables that have these names, separated by single blanks, in a row; -1: none.
+int pm_field_columns(const pm_field *field, const char *names);
 
 // Nodal values [nnode][nvariable] and forces [nnode][3] of trajectory i at time j.
 static inline double *pm_field_state(const pm_field *d, int i, int j) {

@@ -13,7 +13,7 @@
 #define INTERNAL_K 16        // and half the children of a B-tree node
 #define MAX_DEPTH 4          // of groups
 #define MAX_LEVEL 8          // of B-trees
-#define MAX_RANK 3
+#define MAX_RANK 4
 #define MAX_VALUES (UINT64_C(1) << 28) // as of any dataset that is read
 #define MAX_EXTENTS 65536
 #define MAX_BLOCKS 256 // of messages, of one object

@@ -76,6 +76,10 @@ static pm_status dataset_open(const pm_hdf5 *file, const char *name, int rank, i
     return PM_OK;
 }
 
+bool pm_hdf5_has(const pm_hdf5 *file, const char *name) {
+    return H5Lexists(file->file, name, H5P_DEFAULT) > 0;
+}
+
 pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *extent) {
     hid_t id = H5I_INVALID_HID;
     PM_TRY(dataset_open(file, name, rank, extent, &id));

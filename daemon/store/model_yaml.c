@@ -199,7 +199,8 @@ static pm_status read_pairs(pm_yaml list, const pm_constants *constants, pm_aren
 
 static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
                               pm_operator_spec *op) {
-    static const char *const reversible_keys[] = {"acts_on", "along", NETWORK_KEYS, NULL};
+    static const char *const reversible_keys[] = {"acts_on", "against", "along", NETWORK_KEYS,
+                                                  NULL};
     static const char *const irreversible_keys[] = {"acts_on", "along", "rank", NETWORK_KEYS, NULL};
     pm_yaml acts;
     PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
@@ -208,6 +209,7 @@ static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
     if (op->nacts == 0) {
         return pm_yaml_fail(acts, "expected at least one group");
     }
+    PM_TRY(read_names(block, "against", arena, &op->nagainst, &op->against));
     PM_TRY(read_names(block, "along", arena, &op->nalong, &op->along));
     op->rank = reversible ? 0 : 1;
     const pm_yaml rank = pm_yaml_get(block, "rank");
@@ -492,6 +494,10 @@ static void write_operator(FILE *file, const char *key, bool reversible,
     if (op->learned) {
         fputs("  learned: {", file);
         write_names(file, "acts_on", op->nacts, op->acts_on);
+        if (op->nagainst > 0) {
+            fputs(", ", file);
+            write_names(file, "against", op->nagainst, op->against);
+        }
         fputs(", ", file);
         write_names(file, "along", op->nalong, op->along);
         if (!reversible) {

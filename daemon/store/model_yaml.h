@@ -16,7 +16,8 @@
 //
 // Networks: features and hidden are empty unless given, activation tanh (or softplus, silu, exp),
 // skip none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
-// groups "a.q", co-energies "a.dE.s" (model/spec.h). With `law: contact` it has nothing else but
+// groups "a.q", co-energies "a.dE.s" (model/spec.h); its learned L may act on groups of one end
+// `against: [b.q]` those of the other. With `law: contact` it has nothing else but
 // `matrix: [[1.0, 0.0], [0.0, -1.0]]`, row by row. Formulas: model/formula.h.
 #ifndef PM_STORE_MODEL_YAML_H
 #define PM_STORE_MODEL_YAML_H

@@ -28,7 +28,7 @@ static void *carve(char **memory, size_t count, size_t size) {
 pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
     const size_t nz = (size_t)scene->nz, n = (size_t)scene->nsubsystem;
     const size_t nport = (size_t)scene->nport;
-    const size_t size = sizeof(pm_sample) + (nz + 6 * n) * sizeof(double) + 3 * n * sizeof(long) +
+    const size_t size = sizeof(pm_sample) + (nz + 7 * n) * sizeof(double) + 3 * n * sizeof(long) +
                         nport * sizeof(pm_flux[2]);
     pm_sample *s = calloc(1, size);
     if (s == NULL) {
@@ -41,6 +41,7 @@ pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
     s->bulk_energy = carve(&memory, n, sizeof *s->bulk_energy);
     s->bulk_entropy = carve(&memory, n, sizeof *s->bulk_entropy);
     s->bulk_gross = carve(&memory, 2 * n, sizeof *s->bulk_gross);
+    s->error = carve(&memory, n, sizeof *s->error);
     s->flux = carve(&memory, nport, sizeof *s->flux);
     s->evaluated = carve(&memory, n, sizeof *s->evaluated);
     s->skipped = carve(&memory, n, sizeof *s->skipped);

@@ -36,6 +36,7 @@ typedef struct pm_sample {
     long *evaluated;      // [nsubsystem] bulk and port terms evaluated, and skipped, so far
     long *skipped;
     long *outside; // [nsubsystem] steps so far that ended outside what the weights were trained on
+    double *error; // [nsubsystem] largest estimate of a substep's error, relative; 0: not estimated
     // Filled in by the ledger: the step's worst, and what loads have given to the world so far.
     double energy_residual, entropy_residual;
     double world_energy, world_entropy; // J, J/K

@@ -131,7 +131,7 @@ static pm_status read_key_file(pm_scene_reader *r) {
 }
 
 static pm_status read_time(pm_scene_reader *r) {
-    static const char *const keys[] = {"dt", "steps", "integrator", "substeps", NULL};
+    static const char *const keys[] = {"dt", "steps", "integrator", "substeps", "tolerance", NULL};
     pm_scene *scene = r->scene;
     pm_yaml time, value;
     PM_TRY(pm_yaml_require(r->root, "time", &time));
@@ -145,7 +145,11 @@ static pm_status read_time(pm_scene_reader *r) {
     PM_TRY(pm_scene_read_at(r, value, &scene->integrator_at));
     scene->substeps = 1;
     value = pm_yaml_get(time, "substeps");
-    return pm_yaml_exists(value) ? pm_yaml_int(value, 1, 100000, &scene->substeps) : PM_OK;
+    if (pm_yaml_exists(value)) {
+        PM_TRY(pm_yaml_int(value, 1, 100000, &scene->substeps));
+    }
+    value = pm_yaml_get(time, "tolerance");
+    return pm_yaml_exists(value) ? pm_yaml_double(value, DBL_MIN, 1, &scene->tolerance) : PM_OK;
 }
 
 static pm_status read_laws(pm_scene_reader *r) {
@@ -225,6 +229,14 @@ static pm_status read_reference(pm_scene_reader *r) {
     return named ? pm_yaml_int(trajectory, 0, 1000000000, &r->scene->reference_trajectory) : PM_OK;
 }
 
+static pm_status check_tolerance(pm_scene_reader *r) {
+    const pm_yaml tolerance = pm_yaml_get(pm_yaml_get(r->root, "time"), "tolerance");
+    return r->scene->tolerance > 0 && r->scene->window > 1
+               ? pm_yaml_fail(tolerance, "each step tells how long the next one's substeps are: "
+                                         "expected a lockstep window of 1")
+               : PM_OK;
+}
+
 // --- the whole ---
 
 static pm_status read_scene(pm_scene_reader *r) {
@@ -245,6 +257,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(read_laws(r));
     PM_TRY(read_guards(r));
     PM_TRY(read_lockstep(r));
+    PM_TRY(check_tolerance(r));
     return pm_scene_read_processes(r);
 }
 

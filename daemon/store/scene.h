@@ -77,11 +77,12 @@ typedef struct pm_scene {
     double dt;                          // s
     int steps;
     const char *integrator, *integrator_at; // looked up later, by the layer that has the table
-    int substeps;                           // per step
-    int window;                             // steps granted at once
-    double patience;                        // s to wait for a silent peer before giving up
-    int checkpoint;                         // steps between two snapshots of a process
-    const char *reference, *reference_at;   // dataset to compare with, or NULL
+    int substeps;                           // per step; with a tolerance, the fewest
+    double tolerance; // of a substep's error, relative; 0: substeps stay as they are
+    int window;       // steps granted at once
+    double patience;  // s to wait for a silent peer before giving up
+    int checkpoint;   // steps between two snapshots of a process
+    const char *reference, *reference_at; // dataset to compare with, or NULL
     int reference_trajectory;
     const char *reference_trajectory_at;        // the whole reference where no trajectory is named
     double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port

@@ -165,6 +165,7 @@ static uint64_t digest_system(const pm_system *system) {
     digest = pm_digest_doubles(digest, &scene->largest_departure, 1); // which ends a node's run
     digest = pm_digest_text(digest, scene->integrator);
     digest = pm_digest_integer(digest, scene->substeps);
+    digest = pm_digest_doubles(digest, &scene->tolerance, 1);
     digest = pm_digest_integer(digest, scene->nsubsystem);
     for (int i = 0; i < scene->nsubsystem; ++i) {
         digest = pm_digest_text(digest, scene->subsystem[i].name);

@@ -87,6 +87,15 @@ wait_for() {
     sleep 0.5
 }
 
+# Until its recording is there, a run has not begun.
+wait_for_file() {
+    for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+        [ -s "$1" ] && return
+        sleep 0.05
+    done
+    fail "no $1"
+}
+
 no_orphans() {
     printf %s "$folder/scene" >"$folder/pattern"
     for file in $(grep -lsF -f "$folder/pattern" /proc/[0-9]*/cmdline); do

@@ -6,10 +6,15 @@ forever=1000000000
 sed '/^time:/i lockstep: {patience: 1}' "$scene" >"$folder/scene_hasty.yaml"
 hasty=$folder/scene_hasty.yaml
 
-# SIGINT and SIGTERM to the run.
+# SIGINT and SIGTERM to the run. No process has threads, so that nothing is shared that could race
+# (OpenBLAS would keep workers that it is told not to use).
+export OPENBLAS_NUM_THREADS=1
 for signal in INT TERM; do
     start run run "$scene" --quiet --steps $forever
     wait_for $pid left right
+    for process in $pid "$(child $pid left)" "$(child $pid right)"; do
+        [ "$(ls "/proc/$process/task" | wc -l)" -eq 1 ] || fail "process $process has threads"
+    done
     kill -$signal $pid
     ends run $pid 12 "interrupted"
     no_orphans "run after SIG$signal"
@@ -33,9 +38,9 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --quiet --steps $forever
+start coordinator coordinator "$hasty" --quiet --steps $forever --record "$folder/first.h5"
 coordinator=$pid
-sleep 0.5
+wait_for_file "$folder/first.h5"
 kill -KILL $right
 ends coordinator $coordinator 8 "right"
 ends left $left 8 "right"
@@ -44,8 +49,8 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --quiet --steps $forever
-sleep 0.5
+start coordinator coordinator "$hasty" --quiet --steps $forever --record "$folder/second.h5"
+wait_for_file "$folder/second.h5"
 kill -KILL $pid
 ends left $left 8 "no word from the coordinator"
 ends right $right 8 "no word from the coordinator"
@@ -55,9 +60,9 @@ start left node "$hasty" left
 left=$pid
 start right node "$hasty" right
 right=$pid
-start coordinator coordinator "$hasty" --steps 4000
+start coordinator coordinator "$hasty" --steps 4000 --record "$folder/third.h5"
 coordinator=$pid
-sleep 0.3
+wait_for_file "$folder/third.h5"
 kill -STOP $right
 sleep 0.8
 kill -CONT $right
@@ -99,9 +104,9 @@ start second_left node "$scene" left
 ends second_left $pid 7 "there is a node left of scene pair already"
 start right node "$scene" right
 right=$pid
-start coordinator coordinator "$scene" --quiet --steps $forever
+start coordinator coordinator "$scene" --quiet --steps $forever --record "$folder/fourth.h5"
 coordinator=$pid
-sleep 0.5
+wait_for_file "$folder/fourth.h5"
 start third_left node "$scene" left
 ends third_left $pid 7 "node left"
 start second_coordinator coordinator "$scene" --quiet

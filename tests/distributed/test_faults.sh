@@ -38,8 +38,15 @@ if nft add table ip loss 2>/dev/null &&
     ends run $pid 0 ""
     keeps_bits plain
 
-    nft flush chain ip loss input
     configs=$(realpath "$(dirname "$0")/../../configs")
+    sed -e "s,reference/,$configs/reference/,; s/rk4, substeps: 16/rk4, tolerance: 1.0e-4/" \
+        "$configs/analytic_double_pendulum.yaml" >"$folder/adaptive.yaml"
+    "$portmetd" run "$folder/adaptive.yaml" --in-process --quiet --steps $steps --record "$folder/adaptive.h5"
+    start adaptive run "$folder/adaptive.yaml" --quiet --steps $steps --record "$folder/adaptive_lossy.h5"
+    ends adaptive $pid 0 ""
+    keeps_bits adaptive
+
+    nft flush chain ip loss input
     sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
         -e '/^time:/i processes: {first: [link1, link2]}' \
         -e '/^time:/i lockstep: {window: 16}' "$configs/chain_5.yaml" >"$folder/chain.yaml"

@@ -57,15 +57,6 @@ cut() {
     fi
 }
 
-# Until its recording is there, the run has not begun.
-wait_for_file() {
-    for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-        [ -s "$1" ] && return
-        sleep 0.05
-    done
-    fail "no $1"
-}
-
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
     fail "in process"
 

@@ -14,12 +14,50 @@ chain=$folder/scene_chain.yaml
 sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
     -e 's/integrator: rk4, substeps: 6/integrator: rk4_balanced, substeps: 2/' \
     -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
-"$portmetd" run "$chain" --in-process --steps $steps --record "$folder/plain.h5" >"$folder/plain.out" ||
-    fail "in process"
 
-# laws NAME: what a run's tables say of both laws, errors and fluxes, as speed differs.
+# An implicit integrator, a part under a load, one at rest, and sealed messages.
+mixed=$folder/scene_mixed.yaml
+head -c 32 /dev/urandom >"$folder/mixed.key"
+chmod 600 "$folder/mixed.key"
+sed -n '/^models:/,/^subsystems:/p' "$configs/analytic_double_pendulum.yaml" >"$folder/models"
+cat >"$mixed" <<END
+scene: mixed
+key_file: mixed.key
+time: {dt: 0.05, steps: 20, integrator: discrete_gradient, substeps: 1}
+lockstep: {window: 4, checkpoint: 40}
+$(sed '$d' "$folder/models")
+  bead: {energy: ["|p|^2/2"], reversible: {given: [[q, p, 1.0]]}}
+loads:
+  pivot: {p: {unit: kg m/s, dE: [0.1, 0]}, s: {unit: J/K, dE: 295, dS: 1}}
+subsystems:
+  link1:
+    model: link
+    constants: {m: 1.0, C: 0.027, l0: 2.0}
+    state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}
+    initial: {q: [0.0, 2.0], p: [-0.2, 0.1], s: 0.0}
+  link2:
+    model: link
+    constants: {m: 2.0, C: 0.192, l0: 1.0}
+    state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}
+    initial: {q: [1.1, 0.0], p: [0.0, 0.3], s: 0.1}
+  link3:
+    model: bead
+    state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}}
+    initial: {q: [1.0, 0.0], p: [0.0, 0.0]}
+ports:
+  base: {law: bracket, between: [pivot, link1], expose: {pivot: [p, s], link1: [q, s]}, model: joint}
+  joint: {law: bracket, between: [link1, link2], expose: {link1: [p, s], link2: [q, s]}, model: joint}
+END
+
+# plain SCENE: the run that all others must be like.
+plain() {
+    "$portmetd" run "$1" --in-process --steps $steps --record "$folder/plain.h5" \
+        >"$folder/plain.out" || fail "in process"
+}
+
+# laws NAME: what a run's tables say of both laws, errors, fluxes and terms, as speed differs.
 laws() {
-    grep -v -e '^Speed' -e '; in one process$' -e '; over LCM$' "$folder/$1.out"
+    grep -v -e '; in one process$' -e '; over LCM$' "$folder/$1.out" | sed 's/^Speed: .*;//'
 }
 
 # same_tables NAME: bits and tables.
@@ -36,32 +74,42 @@ same_end() {
     no_orphans "$1"
 }
 
+# killed NAME SCENE KILLS: killed at random.
+killed() {
+    start "$1" run "$2" --steps $steps --checkpoint "$folder/$1" --record "$folder/$1.h5"
+    run=$pid
+    done=0
+    for choice in $(awk -v seed="$seed" -v kills="$3" -v scene="${2##*/}" 'BEGIN {
+        srand(seed)
+        split("link1 link2 link3 " scene, who, " ")
+        for (i = 0; i < kills; i++) printf "%.2f:%s ", 0.05 + 0.2 * rand(), who[1 + int(4 * rand())]
+    }'); do
+        sleep "${choice%:*}"
+        victim=$(child $run "[^ ]*${choice#*:}")
+        [ -n "$victim" ] && kill -KILL "$victim" 2>/dev/null && done=$((done + 1))
+    done
+    wait $run
+    code=$?
+    [ $code -eq 0 ] || fail "$1: exit code $code"
+    [ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/$1.err")" -eq $done ] ||
+        fail "$1: expected $done lines"
+    same_end "$1"
+    echo "$1, seed $seed: $done of $3 kills"
+    [ $((2 * done)) -ge "$3" ] || fail "$1: the run was over too early"
+}
+
+asked=$steps
+steps=2500
+plain "$mixed"
+killed mixed "$mixed" 3
+steps=$asked
+
 # Undisturbed.
+plain "$chain"
 start calm run "$chain" --steps $steps --checkpoint "$folder/calm" --record "$folder/calm.h5"
 ends calm $pid 0 ""
 same_end calm
-
-# Killed at random.
-start killed run "$chain" --steps $steps --checkpoint "$folder/killed" --record "$folder/killed.h5"
-run=$pid
-done=0
-for choice in $(awk -v seed="$seed" -v kills="$kills" 'BEGIN {
-    srand(seed)
-    split("link1 link2 link3 scene_chain.yaml", who, " ")
-    for (i = 0; i < kills; i++) printf "%.2f:%s ", 0.05 + 0.2 * rand(), who[1 + int(4 * rand())]
-}'); do
-    sleep "${choice%:*}"
-    victim=$(child $run "[^ ]*${choice#*:}")
-    [ -n "$victim" ] && kill -KILL "$victim" 2>/dev/null && done=$((done + 1))
-done
-wait $run
-code=$?
-[ $code -eq 0 ] || fail "killed: exit code $code"
-[ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/killed.err")" -eq $done ] ||
-    fail "killed: expected $done lines"
-same_end killed
-echo "seed $seed: $done of $kills kills"
-[ $((2 * done)) -ge "$kills" ] || fail "killed: the run was over too early"
+killed killed "$chain" $kills
 
 # The run itself is killed: its processes end, and the same command goes on with it.
 start first run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5"

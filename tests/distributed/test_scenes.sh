@@ -40,6 +40,17 @@ sed -e "s,reference/,$(realpath "$configs")/reference/," -e 's/rk4, substeps: 16
 grep -q "steps in violation: 0;" "$folder/rates.out" || fail "rates: a law is violated"
 same_bits rates 100 "$folder"
 
+# Substeps that follow the error: the coordinator chooses as one process does.
+sed -e "s,reference/,$(realpath "$configs")/reference/," -e 's/rk4, substeps: 16/rk4_balanced, tolerance: 3.0e-5/' \
+    "$configs/analytic_double_pendulum.yaml" >"$folder/adaptive.yaml"
+"$portmetd" run "$folder/adaptive.yaml" --in-process --record "$folder/adaptive.h5" >"$folder/adaptive.out" ||
+    fail "adaptive: does not run"
+grep -q "substeps for a tolerance of 3e-05" "$folder/adaptive.out" || fail "adaptive: says nothing of it"
+grep -q "steps in violation: 0;" "$folder/adaptive.out" || fail "adaptive: a law is violated"
+same_bits adaptive 200 "$folder"
+start kept run "$folder/adaptive.yaml" --checkpoint "$folder/kept"
+ends kept $pid 3 "has a tolerance: the substeps of steps gone by are not kept"
+
 # said PATTERN: a line of what `check` printed last.
 said() {
     grep -Eq "$1" "$folder/check.out" || fail "check: expected \"$1\""

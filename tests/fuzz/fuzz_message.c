@@ -8,7 +8,7 @@
 #include "net/codec.h"
 
 #define LARGEST_COUNT 7
-#define ARRAYS 11 // of numbers, in the type that has most
+#define ARRAYS 12 // of numbers, in the type that has most
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -80,6 +80,7 @@ static void try_type(int type, int count, const arrays *a, const uint8_t *data, 
                                .evaluated = a->number[0],
                                .skipped = a->number[1],
                                .outside = a->number[2],
+                               .error = v[11],
                                .nend = count,
                                .energy_flux = v[6],
                                .entropy_flux = v[7],

@@ -43,7 +43,7 @@ static bool is_small_potential(const pm_potential_spec *spec) {
 }
 
 static bool is_small_operator(const pm_operator_spec *spec) {
-    return spec->nacts < 16 && spec->nalong < 16 && spec->ngiven < 16 &&
+    return spec->nacts < 16 && spec->nagainst < 16 && spec->nalong < 16 && spec->ngiven < 16 &&
            is_small_network(&spec->network);
 }
 

@@ -1,5 +1,5 @@
-// make_seeds DIR: what fuzz targets begin with and no text can hold: a small dataset, a checkpoint,
-// messages, datagrams.
+// make_seeds DIR: what fuzz targets begin with and no text can hold: a small dataset, fields, a
+// checkpoint, messages, datagrams.
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,6 +8,7 @@
 #include "net/codec.h"
 #include "store/checkpoint.h"
 #include "store/dataset.h"
+#include "store/field.h"
 #include "store/snapshot.h"
 
 static pm_status make_dataset(void) {
@@ -20,6 +21,21 @@ static pm_status make_dataset(void) {
     }
     pm_dataset_free(dataset);
     return status;
+}
+
+static pm_status make_field(const char *path, bool contact) {
+    const pm_field_shape shape = {1, 2, 8, 6, 1, contact};
+    static const char *const note[][2] = {{"source", "made for a fuzzer"}};
+    pm_field *field = NULL;
+    PM_TRY(pm_field_new(&field, shape, 0.5, "qx qy qz vx vy vz"));
+    const pm_status status = pm_field_save(field, path, 1, note);
+    pm_field_free(field);
+    return status;
+}
+
+static pm_status make_fields(void) {
+    PM_TRY(make_field("field.h5", false));
+    return make_field("contact.h5", true);
 }
 
 static pm_status make_checkpoint(void) {
@@ -89,8 +105,8 @@ int main(int argc, char **argv) {
     if (argc != 2 || chdir(argv[1]) != 0) {
         return PM_EUSAGE;
     }
-    static pm_status (*const make[])(void) = {make_dataset, make_checkpoint, make_snapshot,
-                                              make_message, make_datagrams};
+    static pm_status (*const make[])(void) = {make_dataset,  make_fields,  make_checkpoint,
+                                              make_snapshot, make_message, make_datagrams};
     pm_status status = PM_OK;
     for (size_t i = 0; i < sizeof make / sizeof make[0] && status == PM_OK; ++i) {
         status = make[i]();

@@ -102,15 +102,24 @@ static void add_network(char *text, pm_rng *rng, int certain, int count,
 typedef struct candidates {
     int nacts, nalong, nfeature;
     const char *const *acts_on, *const *along, *const *feature;
+    int against;
 } candidates;
 
-// A learned operator on the first `certain` groups at least. The projection leaves a skew operator
+// A learned operator on the first `certain` groups at least, of which those from `against` on are
+// driven by the others (0: all by all). The projection leaves a skew operator
 // on two components nothing, nor a positive one on a single component: what such an operator gives
 // is rounding, of which no law can be asked. `certain` is chosen to avoid that, and potentials that
 // depend on enough.
 static void add_learned(char *text, pm_rng *rng, int certain, const candidates *c) {
     add(text, "  learned: {");
-    add_choice(text, rng, "acts_on", certain, c->nacts, c->acts_on);
+    if (c->against > 0) {
+        add_choice(text, rng, "acts_on", c->against, c->against, c->acts_on);
+        add(text, ", ");
+        add_choice(text, rng, "against", c->nacts - c->against, c->nacts - c->against,
+                   c->acts_on + c->against);
+    } else {
+        add_choice(text, rng, "acts_on", certain, c->nacts, c->acts_on);
+    }
     if (toss(rng)) {
         add(text, ", ");
         add_choice(text, rng, "along", 0, c->nalong, c->along);
@@ -167,8 +176,8 @@ static void draw_part(char *text, pm_rng *rng, int size, bool entropy, pm_form f
     static const char *const feature[] = {"s",     "p",   "q",     "|q|^2", "|p|^2",
                                           "ln|q|", "|q|", "<q,p>", "|p|",   "ln|p|"};
     static const char *const along[] = {"q", "p", "q/|q|", "p/|p|^2"};
-    const candidates L = {3, 4, 8, (const char *const[]){"q", "p", "s"}, along, feature};
-    const candidates M = {3, 4, 8, (const char *const[]){"p", "s", "q"}, along, feature};
+    const candidates L = {3, 4, 8, (const char *const[]){"q", "p", "s"}, along, feature, 0};
+    const candidates M = {3, 4, 8, (const char *const[]){"p", "s", "q"}, along, feature, 0};
     add(text, "form: %s\n", form_name(form));
     add_energy(text, rng, 10, feature);
     if (entropy) {
@@ -182,10 +191,15 @@ static void draw_port(char *text, pm_rng *rng, int size, pm_form form) {
     static const char *const feature[] = {"a.p",     "b.q",    "a.s",       "b.s",   "|b.q|^2",
                                           "ln|a.p|", "a.dE.s", "<a.p,b.q>", "b.dE.s"};
     static const char *const along[] = {"b.q", "a.p", "b.q/|b.q|", "b.dE.q"};
-    const candidates L = {4,     4,      9, (const char *const[]){"a.p", "a.s", "b.q", "b.s"},
-                          along, feature};
-    const candidates M = {4,     4,      9, (const char *const[]){"a.s", "b.s", "a.p", "b.q"},
-                          along, feature};
+    const candidates L = {4,
+                          4,
+                          9,
+                          (const char *const[]){"a.p", "a.s", "b.q", "b.s"},
+                          along,
+                          feature,
+                          toss(rng) ? 2 : 0};
+    const candidates M = {4,     4,       9, (const char *const[]){"a.s", "b.s", "a.p", "b.q"},
+                          along, feature, 0};
     add(text, "law: bracket\nform: %s\nreversible:\n  given: [[a.p, b.q, 1.0]]\n", form_name(form));
     add_operators(text, rng, size, true, &L, &M);
 }

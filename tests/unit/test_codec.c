@@ -14,7 +14,7 @@
 #include "net/codec.h"
 
 #define COUNT 3 // elements of every array
-#define ARRAYS 11
+#define ARRAYS 12
 #define CAPACITY 4096
 
 // --- one message of each type, and uniform access to it ---
@@ -46,6 +46,7 @@ static const portmet_tick_t tick = {
     .steps = 200,
     .t0 = 0,
     .dt = 0.3,
+    .substeps = 16,
     .want_state = 1,
     .open = 1,
 };
@@ -67,6 +68,7 @@ static const portmet_report_t report = {
     .evaluated = counts[0],
     .skipped = counts[1],
     .outside = counts[2],
+    .error = values[1],
     .nend = COUNT - 1,
     .energy_flux = values[1],
     .entropy_flux = values[2],
@@ -139,9 +141,9 @@ CODEC_CASE(tick, .session = 0)
 CODEC_CASE(report, .npart = COUNT, .energy = decoded[0], .entropy = decoded[1],
            .bulk_energy = decoded[2], .bulk_entropy = decoded[3], .bulk_energy_gross = decoded[4],
            .bulk_entropy_gross = decoded[5], .evaluated = decoded_counts[0],
-           .skipped = decoded_counts[1], .outside = decoded_counts[2], .nend = COUNT,
-           .energy_flux = decoded[6], .entropy_flux = decoded[7], .energy_gross = decoded[8],
-           .entropy_gross = decoded[9], .nz = COUNT, .z = decoded[10])
+           .skipped = decoded_counts[1], .outside = decoded_counts[2], .error = decoded[11],
+           .nend = COUNT, .energy_flux = decoded[6], .entropy_flux = decoded[7],
+           .energy_gross = decoded[8], .entropy_gross = decoded[9], .nz = COUNT, .z = decoded[10])
 CODEC_CASE(ledger, .session = 0)
 CODEC_CASE(command, .session = 0)
 CODEC_CASE(request, .session = 0)
@@ -280,7 +282,7 @@ static void test_hostile_counts_are_dropped(void **context) {
                                        0xffffffff, 0x80000000, COUNT + 1};
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
     const size_t report_parts = 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
-    const size_t report_ends = report_parts + 4 + 9 * 8 * COUNT;
+    const size_t report_ends = report_parts + 4 + 10 * 8 * COUNT;
     const size_t report_z = report_ends + 4 + 4 * 8 * (COUNT - 1);
     for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {
         assert_count_dropped(&cases[0], hostile[j], flux_ends);

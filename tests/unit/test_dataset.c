@@ -69,6 +69,21 @@ static void save_and_load_return_the_same(void **state) {
     pm_dataset_free(d);
 }
 
+static void rates_come_back(void **state) {
+    const char *path = scratch_path(*state, "rates.h5");
+    pm_dataset *d = NULL, *made = sample_dataset();
+    assert_int_equal(pm_dataset_with_rates(made), PM_OK);
+    pm_dataset_rate(made, 1, 2)[1] = 5;
+    assert_int_equal(pm_dataset_save(made, path), PM_OK);
+    assert_int_equal(pm_dataset_load(&d, path), PM_OK);
+    assert_true(pm_dataset_rate(d, 1, 2)[1] == 5 && pm_dataset_rate(d, 0, 0)[0] == 0);
+    pm_dataset_rate(made, 1, 2)[1] = NAN;
+    assert_int_equal(pm_dataset_save(made, path), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "zdot of trajectory 1, time 2"));
+    pm_dataset_free(made);
+    pm_dataset_free(d);
+}
+
 static void files_that_are_not_datasets_are_refused(void **state) {
     scratch *folder = *state;
     assert_load_fails(scratch_path(folder, "none.h5"), PM_EFILE, "No such file");
@@ -270,6 +285,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(save_and_load_return_the_same, scratch_setup,
                                         scratch_teardown),
+        cmocka_unit_test_setup_teardown(rates_come_back, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(files_that_are_not_datasets_are_refused, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(every_truncation_is_noticed, scratch_setup,

@@ -14,9 +14,7 @@
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };
 
-static const char *saved_with(scratch *folder, bool contact) {
-    const char *path = scratch_path(folder, "field.h5");
-    const char *const notes[][2] = {{"title", "trial"}};
+static pm_field *made(bool contact) {
     const pm_field_shape shape = {NTRAJECTORY, NTIME, NNODE, NVARIABLE, 1, contact};
     pm_field *d = NULL;
     assert_int_equal(pm_field_new(&d, shape, 0.5, "qx qy vx vy s"), PM_OK);
@@ -32,9 +30,20 @@ static const char *saved_with(scratch *folder, bool contact) {
     for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * 3 && contact; ++i) {
         d->contact[i] = 2 * i;
     }
+    return d;
+}
+
+// Saved with a note, and freed.
+static const char *save(scratch *folder, pm_field *d, const char *name, const char *text) {
+    const char *path = scratch_path(folder, "field.h5");
+    const char *const notes[][2] = {{name, text}};
     assert_int_equal(pm_field_save(d, path, 1, notes), PM_OK);
     pm_field_free(d);
     return path;
+}
+
+static const char *saved_with(scratch *folder, bool contact) {
+    return save(folder, made(contact), "title", "trial");
 }
 
 static const char *saved(scratch *folder) {
@@ -51,6 +60,8 @@ static void saved_comes_back(void **state) {
     assert_true(pm_field_force(d, 1, 0)[1] == NTIME * NNODE * 3 + 1);
     assert_true(d->position[11] == -11);
     assert_null(d->contact);
+    assert_false(d->placed);
+    assert_true(d->placement.axis[2] == 2 && d->placement.sign[1] == 1);
     pm_field_free(d);
 }
 
@@ -114,6 +125,54 @@ static void assert_load_fails(const char *path, const char *words) {
     }
 }
 
+static void placements_come_back(void **state) {
+    pm_field *d = NULL;
+    const char *text = "origin: [36, -26, 11.5], axes: [+y, -x, +z]";
+    assert_int_equal(pm_field_load(&d, save(*state, made(false), "placement", text)), PM_OK);
+    assert_true(d->placed);
+    double world[3];
+    pm_placement_point(&d->placement, (const double[]){1, 2, 3}, world);
+    assert_true(world[0] == 34 && world[1] == -25 && world[2] == 14.5);
+    pm_field_free(d);
+    static const char *const bad[][2] = {
+        {"origin: [36, -26], axes: [+y, -x, +z]", "origin: expected three numbers, found 2"},
+        {"origin: [1, 2, 3]", "missing key \"axes\""},
+        {"origin: [1, 2, 3], axes: [+y, -y, +z]", "axes: expected three axes such as"},
+        {"origin: [1, 2, 3], axes: [+y, +z]", "axes: expected three axes such as"},
+        {"origin: [1, 2, 3], axes: up", "axes: expected a list"},
+        {"origin: [1, 2, 3], axes: [+y, -x, up]", "axes: expected one of +x, -x"},
+        {"here", "placement:1:"},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
+        assert_load_fails(save(*state, made(false), "placement", bad[i][0]), bad[i][1]);
+    }
+}
+
+static void meshes_come_back(void **state) {
+    pm_field *d = made(false);
+    for (int i = 0; i < 8; ++i) {
+        d->hexahedron[i] = 7 - i > 3 ? 0 : 7 - i;
+    }
+    d->energy[4] = 0.5;
+    const char *path = save(*state, d, "title", "trial");
+    assert_int_equal(pm_field_load(&d, path), PM_OK);
+    assert_true(d->nelement == 1 && d->hexahedron[4] == 3 && d->energy[4] == 0.5);
+    pm_field_free(d);
+    d = made(false);
+    d->hexahedron[2] = NNODE;
+    assert_load_fails(save(*state, d, "title", "trial"), "hexahedron 0 has node 4 of 4");
+}
+
+static void columns_are_found(void **state) {
+    (void)state;
+    const pm_field d = {.variable = "qx qy vx vy s sx"};
+    assert_int_equal(pm_field_columns(&d, "qx qy"), 0);
+    assert_int_equal(pm_field_columns(&d, "vx vy s"), 2);
+    assert_int_equal(pm_field_columns(&d, "sx"), 5);
+    assert_int_equal(pm_field_columns(&d, "x"), -1);
+    assert_int_equal(pm_field_columns(&d, "qx vx"), -1);
+}
+
 static void faults_are_told(void **state) {
     const char *path = saved(*state);
     const double nan_value = NAN;
@@ -140,6 +199,9 @@ int main(void) {
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(missing_first_forces_are_zero, scratch_setup,
                                         scratch_teardown),
+        cmocka_unit_test_setup_teardown(placements_come_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(meshes_come_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test(columns_are_found),
         cmocka_unit_test_setup_teardown(faults_are_told, scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

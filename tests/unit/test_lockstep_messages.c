@@ -121,13 +121,13 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
     DROPS(node, flux, "chain_FLUX_link2", reason, .session = session_, .step = step_,       \
           .round = round_, .nend = 1, .energy_flux = y, .entropy_flux = y, .ny = 3, .y = y, \
           .e = y, .eta = y)
-#define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                               \
-    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,                \
-          .instance = first, .kind = kind_, .step = step_, .npart = npart_, .energy = y,         \
-          .entropy = y, .bulk_energy = y, .bulk_entropy = y, .bulk_energy_gross = y,             \
-          .bulk_entropy_gross = y, .evaluated = n, .skipped = n, .outside = n, .nend = nend_,    \
-          .energy_flux = y, .entropy_flux = y, .energy_gross = y, .entropy_gross = y, .nz = nz_, \
-          .z = y, .message = "forged")
+#define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                         \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,          \
+          .instance = first, .kind = kind_, .step = step_, .npart = npart_, .energy = y,   \
+          .entropy = y, .bulk_energy = y, .bulk_entropy = y, .bulk_energy_gross = y,       \
+          .bulk_entropy_gross = y, .evaluated = n, .skipped = n, .outside = n, .error = y, \
+          .nend = nend_, .energy_flux = y, .entropy_flux = y, .energy_gross = y,           \
+          .entropy_gross = y, .nz = nz_, .z = y, .message = "forged")
 #define DONE(reason, session_, step_) \
     REPORT(reason, session_, PORTMET_REPORT_T_DONE, step_, 1, 1, 5)
 #define WORD(reason, session_, kind_) REPORT(reason, session_, kind_, 0, 0, 0, 0)

@@ -136,7 +136,8 @@ static void test_port(void **state) {
     static const char text[] = "law: exchange\n"
                                "form: soft\n"
                                "energy: {features: [own.q, other.q], hidden: [4]}\n"
-                               "reversible: {given: [[a.p, b.q, 0.333333333333333315]]}\n"
+                               "reversible: {given: [[a.p, b.q, 0.333333333333333315]], "
+                               "learned: {acts_on: a.p, against: [b.q, b.s]}}\n"
                                "irreversible: {learned: {acts_on: [a.s, b.s]}}\n";
     pm_arena arena = {0};
     const char *written = text;
@@ -151,6 +152,7 @@ static void test_port(void **state) {
         assert_int_equal(spec.form, PM_SOFT);
         assert_names(spec.energy.term[0].nfeature, spec.energy.term[0].feature, "own.q other.q");
         assert_true(spec.reversible.given[0].coefficient == 1.0 / 3);
+        assert_names(spec.reversible.nagainst, spec.reversible.against, "b.q b.s");
         assert_names(spec.irreversible.nacts, spec.irreversible.acts_on, "a.s b.s");
         written = pm_port_spec_write(&spec, &arena);
     }

@@ -172,6 +172,8 @@ static const yaml_case bad[] = {
     {"steps: 200", "steps: 0", "0", "steps: expected a whole number >= 1"},
     {"{dt: 0.3, ", "{", "{", "time: missing key \"dt\""},
     {"integrator: rk4", "integrator: [rk4]", "[rk4]", "integrator: expected text, found a list"},
+    {"substeps: 8", "tolerance: 0", "0", "tolerance: expected a number > 0"},
+    {"substeps: 8", "tolerance: 0.01", "0.01", "tolerance: each step tells how long the next"},
     {"substeps: 8", "substep: 8", "substep", "time: unknown key \"substep\"; allowed: dt, steps"},
     {"{energy: 1.0e-11", "{energy: -1", "-1", "energy: expected a number >= 0"},
     {"energy_drift: 0.01", "energy_drift: 0", "0", "energy_drift: expected a number > 0"},

@@ -74,6 +74,7 @@ with_beam() {
 }
 with_beam ''
 succeed "stored and dissipated differ from the work by" truth "$beam" -o "$folder/beam.h5" --trajectories 0:2
+grep -q ">beam.h5:/hexahedra<" "$folder/beam.xdmf" || fail "no XDMF beside the field"
 with_beam 's/0.49\]/0.7]/'
 expect 3 "in all below 1" truth "$beam" -o "$new"
 with_beam 's/4, 1, 1/4, 1.5, 1/'
@@ -91,6 +92,26 @@ with_beams() {
 with_beams ''
 succeed "contact           lower: in " truth "$beam" -o "$folder/beams.h5" --trajectories 0:2
 [ -e "$folder/beams_lower.h5" ] && [ -e "$folder/beams_upper.h5" ] || fail "a file of a beam is missing"
+# faces FILE: quadrangles in a script of a picture, whose corners have four numbers each.
+faces() {
+    echo $(($(grep -Ec '^(-?[0-9.e+-]+ ){3}[0-9.e+-]+$' "$1") / 4))
+}
+lower=$folder/beams_lower.h5
+upper=$folder/beams_upper.h5
+if command -v gnuplot >/dev/null; then
+    succeed "wrote" picture "$lower" "$upper" --time 0.2 -o "$folder/both.png"
+    [ -s "$folder/both.png" ] || fail "no picture"
+    [ "$(faces "$folder/both.gp")" -eq 36 ] || fail "two beams of 4 bricks show $(faces "$folder/both.gp") faces"
+    grep -q '^36 .* 11 ' "$folder/both.gp" || fail "the upper beam does not begin at its origin"
+    ! grep -q multiplot "$folder/both.gp" || fail "beams that are placed are in panels"
+    succeed "wrote" picture "$folder/beam.h5" "$upper" -o "$folder/apart.png"
+    grep -q "multiplot layout 2,1" "$folder/apart.gp" || fail "beams that are not placed are in one scene"
+fi
+expect 5 "there is no trajectory 2, only 2" picture "$lower" --trajectory 2 -o "$folder/new.png"
+expect 2 '--time "soon": expected a number' picture "$lower" --time soon -o "$folder/new.png"
+expect 2 'expected a whole number' picture "$lower" --trajectory 0.5 -o "$folder/new.png"
+expect 5 "/z" picture configs/reference/double_pendulum.h5 -o "$folder/new.png"
+expect 4 "/nowhere/new.gp" picture "$lower" -o /nowhere/new.png
 with_beams 's/+y, -x, +z/+y, +x, +z/'
 expect 3 "right-handed" truth "$beam" -o "$new"
 with_beams 's/-26, 11/-26, 9/'
@@ -100,6 +121,32 @@ expect 3 "loaded: expected one of" truth "$beam" -o "$new"
 with_beams 's/face: +z/face: +x/'
 expect 3 "face: expected one of" truth "$beam" -o "$new"
 succeed "2 of 2 trajectories to 1e-10" truth $slow --trajectories=45:47 --output "$new"
+
+# --- reduce, reconstruct ---
+modes=$folder/modes.yaml
+# with_modes SED-SCRIPT: the modes of the configurations, few and changed by the script.
+with_modes() {
+    sed -e '/^trajectories/d; s/^modes: .*/modes: 6/; s/^state: .*/state: 3/; s/^leading: .*/leading: 2/' -e "$1" \
+        configs/modes/beam.yaml >"$modes"
+}
+with_modes ''
+succeed "modes.h5: 16 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" -o "$folder/modes"
+basis=$folder/modes/basis.h5
+succeed "modes.h5: 1 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/one"
+succeed "stress  " reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 -o "$new"
+succeed "displacement                 0         0         0" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$new"
+expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
+expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
+expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
+expect 4 "$new/basis.h5" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
+expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
+expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
+with_modes 's/0.2, 0.5/0.2, -0.5/'
+expect 3 "relaxation: expected times > 0" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+with_modes 's/section: square/section: round/'
+expect 3 "section: expected one of any, square" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+with_modes 's/state: 3/state: 7/'
+expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 
 # --- evaluate ---
 succeed "Both laws" evaluate "$scene" --data "$data"

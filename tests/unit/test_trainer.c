@@ -118,6 +118,29 @@ static void derivatives_are_of_fourth_order(void **state) {
     bench_close(&b);
 }
 
+// Rates of the data take the place of differences, at every state but the last, whose loads end.
+static void rates_of_the_data_are_taken(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    assert_int_equal(pm_dataset_with_rates(b.data), PM_OK);
+    for (int i = 0; i < NTRAJECTORY * NTIME * 3; ++i) {
+        b.data->zdot[i] = i;
+    }
+    make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);
+    assert_int_equal(samples.count, 2 * (NTIME - 1));
+    const double *z = samples.z + 6 * (ptrdiff_t)(NTIME - 1); // trajectory 2, time 0
+    world_check(&b.w, "rate of s", (z[5] - z[2]) / DT, 2 * NTIME * 3, 1e-9);
+    const double given[] = {0, 7, 0};
+    const double before = samples.scale[0];
+    pm_samples_rescale(&samples, given);
+    world_check(&b.w, "given scale", samples.scale[1], 7, 0);
+    world_check(&b.w, "kept scale", samples.scale[0], before, 0);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
 static void too_short_is_an_error(void **state) {
     (void)state;
     bench b;
@@ -251,6 +274,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(windows_are_cut_in_order),
         cmocka_unit_test(derivatives_are_of_fourth_order),
+        cmocka_unit_test(rates_of_the_data_are_taken),
         cmocka_unit_test(too_short_is_an_error),
         cmocka_unit_test(constants_are_the_statistics_of_the_data),
         cmocka_unit_test(windows_carry_their_loads),

@@ -4,9 +4,10 @@
 // nothing is learned the two are one. The simulator that made the truth is measured at several
 // tolerances beside them.
 //   run_bench_precision CSV CONFIGS SCENE ...
-// Rows: scene, method, substeps, exchanges per second, CPU time per simulated second, errors, drift
-// of the energy, largest fall of the entropy. Errors are relative L2 errors over a trajectory, of
-// the worst group of variables; medians over trajectories of a seed of their own.
+// Rows: scene, method, substeps (or, for rk4_adaptive and the like, the tolerance), exchanges per
+// second, CPU time per simulated second, errors, drift of the energy, largest fall of the entropy,
+// mean of the first error. Errors are relative L2 errors over a trajectory, of the worst group of
+// variables; medians over trajectories of a seed of their own.
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -36,10 +37,11 @@ typedef struct bench {
     pm_scene *scene;
     pm_system *system;
     pm_dataset *physics;
+    double tolerance; // of adaptive substeps, or 0
+    int least;        // substeps of rk4 that are stable; 0: not known yet
     pm_columns columns;
     pm_evaluation *solved;   // of the learned equations; NULL: nothing is learned
     const pm_dataset *exact; // of the scene's equations
-    double start[MAX_STATE]; // of the first trajectory
 } bench;
 
 static pm_status no_memory(void) {
@@ -54,20 +56,22 @@ typedef struct row {
     double seconds;             // of CPU time per simulated second
     double own, all;            // errors against the learned equations and physics
     double drift, fall;         // J, J/K
+    double mean;                // of own
 } row;
 
 static void print_row(const bench *b, const row *r) {
-    printf("%-22s %-18s %8g %10.0f %12.3e %10.1e %10.1e %10.1e %10.1e\n", b->scene->name, r->method,
-           r->substeps, r->exchanges, r->seconds, r->own, r->all, r->drift, r->fall);
-    fprintf(b->csv, "%s,%s,%g,%g,%.4g,%.4g,%.4g,%.4g,%.4g\n", b->scene->name, r->method,
-            r->substeps, r->exchanges, r->seconds, r->own, r->all, r->drift, r->fall);
+    printf("%-22s %-21s %8g %10.0f %12.3e %10.1e %10.1e %10.1e %10.1e %10.1e\n", b->scene->name,
+           r->method, r->substeps, r->exchanges, r->seconds, r->own, r->mean, r->all, r->drift,
+           r->fall);
+    fprintf(b->csv, "%s,%s,%g,%g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g\n", b->scene->name, r->method,
+            r->substeps, r->exchanges, r->seconds, r->own, r->all, r->drift, r->fall, r->mean);
     fflush(stdout);
 }
 
 static void print_header(FILE *csv) {
-    printf("%-22s %-18s %8s %10s %12s %10s %10s %10s %10s\n", "", "", "substeps", "exchanges/s",
-           "CPU s per s", "own error", "error", "drift, J", "fall, J/K");
-    fprintf(csv, "scene,method,substeps,exchanges,seconds,own,all,drift,fall\n");
+    printf("%-22s %-21s %8s %10s %12s %10s %10s %10s %10s %10s\n", "", "", "substeps",
+           "exchanges/s", "CPU s per s", "own error", "its mean", "error", "drift, J", "fall, J/K");
+    fprintf(csv, "scene,method,substeps,exchanges,seconds,own,all,drift,fall,mean\n");
 }
 
 // --- errors ---
@@ -84,14 +88,14 @@ static double error_of(const pm_columns *columns, const pm_dataset *predicted,
     return worst;
 }
 
-// The median over all trajectories; infinite for rollouts that did not go all the way.
-static double median_error(const pm_evaluation *e, const pm_dataset *truth) {
+// Over all trajectories; infinite for rollouts that did not go all the way.
+static pm_box box_of_errors(const pm_evaluation *e, const pm_dataset *truth) {
     double error[TRAJECTORIES];
     for (int i = 0; i < TRAJECTORIES; ++i) {
         const bool whole = e->rollout[i].reached == truth->ntime;
         error[i] = whole ? error_of(&e->columns, e->predicted, truth, i) : INFINITY;
     }
-    return pm_box_of(TRAJECTORIES, error).median;
+    return pm_box_of(TRAJECTORIES, error);
 }
 
 // --- the learned equations ---
@@ -100,6 +104,7 @@ static pm_status roll_out(const bench *b, const char *method, int substeps, pm_e
     const pm_evaluate_how how = {.threads = 1};
     b->scene->integrator = method;
     b->scene->substeps = substeps;
+    b->scene->tolerance = b->tolerance;
     return pm_evaluate(e, b->system, b->physics, 0, TRAJECTORIES, &how);
 }
 
@@ -118,7 +123,7 @@ static pm_status solve_learned(bench *b) {
     if (status == PM_OK) {
         b->exact = b->solved->predicted;
         printf("%s: the learned equations are solved to %.1e (median)\n", b->scene->name,
-               median_error(half, b->exact));
+               box_of_errors(half, b->exact).median);
     }
     pm_evaluation_free(half);
     return status;
@@ -126,38 +131,47 @@ static pm_status solve_learned(bench *b) {
 
 static pm_status solve_exactly(bench *b) {
     PM_TRY(pm_columns_bind(&b->columns, b->scene, b->physics, &b->physics->arena));
-    pm_columns_to_state(&b->columns, pm_dataset_state(b->physics, 0, 0), b->start);
     b->exact = b->physics;
     return is_learned(b) ? solve_learned(b) : PM_OK;
 }
 
-// CPU time per simulated second, along the first trajectory.
-static pm_status time_steps(const bench *b, double *seconds) {
+// CPU time and substeps per simulated second, along one trajectory after another: all of them,
+// where these differ in it.
+static pm_status time_steps(const bench *b, row *r) {
     pm_assembly *assembly = NULL;
     PM_TRY(pm_assembly_open(&assembly, b->system));
-    long steps = 0;
-    double elapsed = 0;
-    for (const double start = bench_clock(); elapsed < TIMING; elapsed = bench_clock() - start) {
-        if (steps % (b->physics->ntime - 1) == 0) {
-            pm_assembly_set_state(assembly, b->start);
+    const long length = b->physics->ntime - 1, least = b->tolerance > 0 ? TRAJECTORIES * length : 0;
+    long steps = 0, substeps = 0;
+    double elapsed = 0, z[MAX_STATE];
+    for (const double start = bench_clock(); elapsed < TIMING || steps < least; ++steps) {
+        if (steps % length == 0) {
+            const int trajectory = (int)(steps / length % TRAJECTORIES);
+            pm_columns_to_state(&b->columns, pm_dataset_state(b->physics, trajectory, 0), z);
+            pm_assembly_set_state(assembly, z);
         }
+        substeps += pm_assembly_substeps(assembly);
         // A method that is not stable here costs what it costs.
         (void)pm_assembly_step(assembly);
-        ++steps;
+        elapsed = bench_clock() - start;
     }
     pm_assembly_close(assembly);
-    *seconds = elapsed / (double)steps / b->scene->dt;
+    r->seconds = elapsed / (double)steps / b->scene->dt;
+    r->exchanges = r->exchanges * (double)substeps / (double)steps;
     return PM_OK;
 }
 
-static pm_status measure_method(const bench *b, const pm_integrator *rk, int substeps) {
+static pm_status measure_method(bench *b, const pm_integrator *rk, int substeps) {
     pm_evaluation *e = NULL;
+    char method[64];
+    snprintf(method, sizeof method, "%s%s", rk->name, b->tolerance > 0 ? "_adaptive" : "");
     PM_TRY(roll_out(b, rk->name, substeps, &e));
-    row r = {.method = rk->name,
-             .substeps = substeps,
-             .exchanges = substeps * rk->nstage / b->scene->dt,
-             .own = median_error(e, b->exact),
-             .all = median_error(e, b->physics)};
+    const pm_box own = box_of_errors(e, b->exact);
+    row r = {.method = method,
+             .substeps = b->tolerance > 0 ? b->tolerance : substeps,
+             .exchanges = rk->nstage / b->scene->dt,
+             .own = own.median,
+             .mean = own.mean,
+             .all = box_of_errors(e, b->physics).median};
     for (int i = 0; i < TRAJECTORIES; ++i) {
         const pm_rollout *rollout = &e->rollout[i];
         const bool whole = rollout->reached == b->physics->ntime;
@@ -165,12 +179,24 @@ static pm_status measure_method(const bench *b, const pm_integrator *rk, int sub
         r.fall = fmax(r.fall, rollout->ledger.worst_entropy_fall);
     }
     pm_evaluation_free(e);
-    PM_TRY(time_steps(b, &r.seconds));
+    b->least = b->least == 0 && strcmp(rk->name, "rk4") == 0 && own.mean < 1 ? substeps : b->least;
+    PM_TRY(time_steps(b, &r));
     print_row(b, &r);
     return PM_OK;
 }
 
-static pm_status measure_methods(const bench *b) {
+static pm_status measure_adaptive(bench *b) {
+    static const char *const method[] = {"rk4", "rk4_balanced"};
+    for (int i = 0; i < 2; ++i) {
+        for (b->tolerance = 1e-2; b->tolerance > 1e-7; b->tolerance /= 10) {
+            PM_TRY(measure_method(b, pm_integrator_find(method[i]), b->least));
+        }
+    }
+    b->tolerance = 0;
+    return PM_OK;
+}
+
+static pm_status measure_methods(bench *b) {
     char names[256];
     snprintf(names, sizeof names, "%s", pm_integrator_names());
     for (char *rest = names, *name; (name = strtok_r(rest, ", ", &rest)) != NULL;) {
@@ -224,6 +250,7 @@ static pm_status measure_simulator(const bench *b, double tolerance, pm_dataset 
                    .substeps = tolerance,
                    .seconds = seconds,
                    .own = NAN,
+                   .mean = NAN,
                    .all = pm_box_of(TRAJECTORIES, error).median};
     print_row(b, &r);
     return PM_OK;
@@ -266,6 +293,7 @@ static pm_status measure_scene(FILE *csv, const char *configs, const char *name)
     PM_TRY_DONE(open_scene(&b, configs, name));
     PM_TRY_DONE(solve_exactly(&b));
     PM_TRY_DONE(measure_methods(&b));
+    PM_TRY_DONE(measure_adaptive(&b));
     PM_TRY_DONE(measure_simulators(&b));
 done:
     pm_evaluation_free(b.solved);

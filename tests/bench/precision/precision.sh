@@ -32,9 +32,14 @@ cd "$configs/.."
 . daemon/setup.sh
 network=$(private_network)
 
-# over_lcm SCENE METHOD SUBSTEPS: the row of the table, with the time of a run over LCM.
+# over_lcm SCENE METHOD SUBSTEPS: the row of the table, with the time of a run over LCM. In place of
+# substeps stands the tolerance if METHOD ends in _adaptive.
 over_lcm() {
-    sed -e "s/integrator: [a-z0-9_]*/integrator: $2/" -e "s/substeps: [0-9]*/substeps: $3/" \
+    case $2 in
+    *_adaptive) pace="s/^\( *\)substeps: .*/\1tolerance: $(printf %.6f "$3")/" ;;
+    *) pace="s/substeps: [0-9]*/substeps: $3/" ;;
+    esac
+    sed -e "s/integrator: [a-z0-9_]*/integrator: ${2%_adaptive}/" -e "$pace" \
         -e "s|weights: weights|weights: $configs/weights|" \
         -e "s|file: reference|file: $configs/reference|" "$configs/$1.yaml" >"$folder/scene.yaml"
     speed=$(for repetition in 1 2 3; do
@@ -47,6 +52,7 @@ over_lcm() {
 head -n 1 "$folder/table.csv" >"$folder/lcm.csv"
 if [ -n "$network" ]; then
     for point in rk4,4 rk4,16 rk4_balanced,2 rk4_balanced,4 rk4_balanced,8 rk4_balanced,16 \
+        rk4_adaptive,0.001 rk4_adaptive,0.0001 rk4_adaptive,1e-05 \
         rk6_balanced,1 rk6_balanced,2 rk6_balanced,4 rk6_balanced,8 discrete_gradient,1; do
         over_lcm double_pendulum "${point%,*}" "${point#*,}"
     done >>"$folder/lcm.csv"

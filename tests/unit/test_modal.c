@@ -1,0 +1,234 @@
+// A body of known modes: what reduce finds in its fields, and what reconstruct makes of it again.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/rng.h"
+#include "modal/reconstruct.h"
+#include "modal/reduce.h"
+#include "modal/regression.h"
+#include "scratch.h"
+
+// Nodes at x = 0..4, y and z = -1, 0, 1, held at x = 0.
+enum { NX = 5, NNODE = NX * 9, NTRAJECTORY = 6, NTIME = 9, NVARIABLE = 12 };
+static const double dt = 0.1, softness = 2e-3, tau = 0.3, share = 0.6;
+
+// Bending in y and z by x^2, as far as the load at the end says; what the branch remembers takes a
+// share of the load; turning sections shorten the body by the squares of both.
+static void deform(const double a[2], const double *position, double *u) {
+    const double x = position[0];
+    u[0] = -0.5 * x * (a[0] * a[0] + a[1] * a[1]);
+    u[1] = a[0] * x * x;
+    u[2] = a[1] * x * x;
+}
+
+static pm_field *make_body(void) {
+    const pm_field_shape shape = {.ntrajectory = NTRAJECTORY, .ntime = NTIME, .nnode = NNODE,
+                                  .nvariable = NVARIABLE};
+    pm_field *d = NULL;
+    pm_rng rng;
+    pm_rng_init(&rng, 5, 0);
+    assert_int_equal(pm_field_new(&d, shape, dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"),
+                     PM_OK);
+    for (int i = 0; i < NNODE; ++i) {
+        d->position[3 * i] = i % NX;
+        d->position[3 * i + 1] = i / NX % 3 - 1;
+        d->position[3 * i + 2] = i / NX / 3 - 1;
+    }
+    for (int i = 0; i < NTRAJECTORY; ++i) {
+        double c[2] = {0}, before[2] = {0}, dissipated = 0;
+        const double top[2] = {pm_rng_normal(&rng), pm_rng_normal(&rng)};
+        for (int j = 0; j < NTIME; ++j) {
+            double a[2];
+            const double ramp = j < 4 ? j / 4.0 : 1;
+            const double r = exp(-dt / tau), m = (1 - r) * tau / dt;
+            for (int k = 0; k < 2; ++k) {
+                // load = (a - share c) / softness, c after a step in which a is linear.
+                const double load = top[k] * ramp, known = r * c[k] + (m - r) * before[k];
+                a[k] = j == 0 ? 0 : (softness * load + share * known) / (1 - share * (1 - m));
+                c[k] = j == 0 ? 0 : known + (1 - m) * a[k];
+                before[k] = a[k];
+                // On the middle node of the end, whose mode is 16.
+                pm_field_force(d, i, j)[3 * (4 * NX + NX - 1) + 1 + k] = load / 16;
+                dissipated += dt * share / softness * (a[k] - c[k]) * (a[k] - c[k]) / tau;
+            }
+            d->energy[(i * NTIME + j) * PM_FIELD_ENERGIES + 1] = dissipated;
+            for (int n = 0; n < NNODE; ++n) {
+                double *z = pm_field_state(d, i, j) + n * NVARIABLE;
+                double u[3];
+                deform(a, d->position + 3 * n, u);
+                for (int k = 0; k < 3; ++k) {
+                    z[k] = d->position[3 * n + k] + u[k];
+                }
+                // Bending stress, and one that the square of the section does not tell apart.
+                z[6] = -1e3 * (a[0] * d->position[3 * n + 1] + a[1] * d->position[3 * n + 2]);
+                z[9] = 1e2 * a[0];
+                z[10] = 1e2 * a[1];
+            }
+        }
+    }
+    return d;
+}
+
+static const pm_reduce_how how = {
+    .nmode = 3,
+    .nstate = 3,
+    .nlead = 2,
+    .nbranch = 1,
+    .tau = {0.3},
+    .swing = 1e-3,
+    .temperature = 300,
+    .displacement_rank = 4,
+    .stress_rank = 4,
+    .square = true,
+};
+static const int all[NTRAJECTORY] = {0, 1, 2, 3, 4, 5};
+
+static pm_basis *make_basis(const pm_field *field) {
+    pm_basis *b = NULL;
+    assert_int_equal(pm_reduce_fit(&b, field, 4, all, &how), PM_OK);
+    return b;
+}
+
+// Two modes bend; the third, which shortens, is carried along by them.
+static void modes_that_carry_the_energy_are_found(void **state) {
+    (void)state;
+    pm_field *field = make_body();
+    pm_basis *b = make_basis(field);
+    assert_int_equal(b->nstate, 2);
+    // x^2 over all nodes squared, over the softness.
+    double square = 0;
+    for (int i = 0; i < NNODE; ++i) {
+        square += pow(field->position[3 * i], 4);
+    }
+    assert_true(fabs(b->stiffness[0] * softness * square - 1) < 1e-3);
+    assert_true(fabs(b->stiffness[1] / b->stiffness[0] - 1) < 1e-6);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
+// In energy coordinates, load = a - share c.
+static void amplitudes_follow_the_loads(void **state) {
+    (void)state;
+    pm_field *field = make_body();
+    pm_basis *b = make_basis(field);
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true), PM_OK);
+    assert_int_equal(d->ntrajectory, 8 * NTRAJECTORY);
+    assert_int_equal(d->ncolumn, 3 * 2 + 1 + 3);
+    assert_string_equal(d->column[0], "a0");
+    assert_string_equal(d->column[4], "c0_0");
+    assert_string_equal(d->column[6], "s");
+    assert_string_equal(d->column[9], "h0");
+    double largest = 0;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            const double *z = pm_dataset_state(d, i, j), *rate = pm_dataset_rate(d, i, j);
+            largest = fmax(largest, fabs(z[0]));
+            assert_true(fabs(z[0] - share * z[4] - z[7]) < 2e-3 * fmax(largest, 1e-3));
+            assert_true(fabs(rate[4] - (z[0] - z[4]) / tau) < 1e-9);
+            assert_true(fabs(z[2] - 1e-6 * rate[0]) < 1e-12);
+        }
+    }
+    assert_true(largest > 0);
+    pm_dataset_free(d);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
+static void fields_come_back(void **state) {
+    pm_field *field = make_body(), *again = NULL;
+    pm_basis *made = make_basis(field), *b = NULL;
+    const char *path = scratch_path(*state, "basis.h5");
+    assert_int_equal(pm_basis_save(made, path, "trial"), PM_OK);
+    assert_int_equal(pm_basis_load(&b, path), PM_OK);
+    assert_memory_equal(b->mode, made->mode, 9 * NNODE * sizeof *b->mode);
+    assert_true(b->tau[0] == made->tau[0] && b->swing == made->swing);
+    pm_dataset *d = NULL;
+    double error[2 * PM_FIELD_NERROR];
+    // Trajectories from which the basis was not made.
+    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d), PM_OK);
+    assert_int_equal(pm_field_errors(again, field, all + 4, error), PM_OK);
+    for (int i = 0; i < 2; ++i) {
+        assert_true(error[i * PM_FIELD_NERROR + PM_ERROR_DISPLACEMENT] < 1e-3);
+        assert_true(error[i * PM_FIELD_NERROR + PM_ERROR_STRESS] < 1e-3);
+    }
+    pm_dataset_free(d);
+    pm_field_free(again);
+    pm_basis_free(made);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
+static void what_does_not_fit_is_told(void **state) {
+    pm_field *field = make_body(), *again = NULL;
+    pm_basis *b = make_basis(field);
+    pm_dataset *d = NULL;
+    const char *column[] = {"a0", "a1"};
+    assert_int_equal(pm_dataset_new(&d, 1, 2, 2, dt, column), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "no column \"p0\""));
+    field->position[3] += 0.3; // no longer like a square
+    pm_basis *none = NULL;
+    assert_int_equal(pm_reduce_fit(&none, field, 4, all, &how), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "not symmetric"));
+    assert_int_equal(pm_basis_load(&none, scratch_path(*state, "none.h5")), PM_EFILE);
+    pm_dataset_free(d);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
+// Results that are of rank two are found from noisy features of which two matter.
+static void regression_finds_what_is_there(void **state) {
+    (void)state;
+    enum { P = 4, M = 5, N = 40 };
+    double x[N][P], y[N][M], coefficient[P * 2], pattern[2 * M];
+    pm_rng rng;
+    pm_rng_init(&rng, 3, 0);
+    for (int i = 0; i < N; ++i) {
+        for (int j = 0; j < P; ++j) {
+            x[i][j] = pm_rng_normal(&rng);
+        }
+        for (int j = 0; j < M; ++j) {
+            y[i][j] = (j + 1) * x[i][0] - j * j * x[i][2];
+        }
+    }
+    pm_regression r;
+    assert_int_equal(pm_regression_open(&r, P, M), PM_OK);
+    pm_regression_add(&r, N / 2, x[0], y[0]);
+    pm_regression_add(&r, N / 2, x[N / 2], y[N / 2]);
+    assert_int_equal(pm_regression_solve(&r, 0), PM_OK);
+    assert_int_equal(pm_regression_compress(&r, 2, coefficient, pattern), PM_OK);
+    for (int i = 0; i < P; ++i) {
+        for (int j = 0; j < M; ++j) {
+            const double expected = i == 0 ? j + 1 : i == 2 ? -j * j : 0;
+            const double low_rank =
+                coefficient[2 * i] * pattern[j] + coefficient[2 * i + 1] * pattern[M + j];
+            assert_true(fabs(r.cross[i * M + j] - expected) < 1e-9);
+            assert_true(fabs(low_rank - expected) < 1e-7);
+        }
+    }
+    pm_regression_close(&r);
+}
+
+int main(void) {
+    scratch folder;
+    scratch_open(&folder);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(modes_that_carry_the_energy_are_found),
+        cmocka_unit_test(amplitudes_follow_the_loads),
+        cmocka_unit_test_prestate(fields_come_back, &folder),
+        cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),
+        cmocka_unit_test(regression_finds_what_is_there),
+    };
+    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    scratch_close(&folder);
+    return failed;
+}

@@ -1,0 +1,122 @@
+// portmet-train reconstruct: trajectories of modes as fields of the body, and how far off they are.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "commands.h"
+#include "modal/reconstruct.h"
+#include "options.h"
+#include "sim/score.h"
+#include "store/xdmf.h"
+
+typedef struct arguments {
+    const char *modes, *basis, *truth, *trajectories, *output;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--basis", "-b", "FILE", NULL, &a->basis, true, "the basis that `reduce` made"},
+        {"--truth", "-t", "FILE", NULL, &a->truth, false, "fields to score against (HDF5)"},
+        {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
+         "the truth's trajectories that MODES are about"},
+        {"--output", "-o", "FILE", NULL, &a->output, false, "write the fields (HDF5)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train reconstruct MODES --basis FILE [options]",
+        .summary =
+            "Turns trajectories of modes, as `reduce` and `evaluate --record` write them, into\n"
+            "fields of the body: positions, velocities, stresses; and prints their relative\n"
+            "L2 errors per trajectory, stresses on free nodes.",
+        .positional_name = "MODES",
+        .positional = &a->modes,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+// The truth's trajectories named on the command line; as many as the field has.
+static pm_status choose(const arguments *a, const pm_field *field, const pm_field *truth,
+                        int *which) {
+    int count = 0;
+    PM_TRY(pm_options_list(a->trajectories, truth->ntrajectory, which, &count));
+    return count == field->ntrajectory
+               ? PM_OK
+               : pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the truth (--trajectories)",
+                         field->ntrajectory, count);
+}
+
+static pm_status print_errors(const arguments *a, const pm_field *field, const pm_field *truth) {
+    static const char *const names[PM_FIELD_NERROR] = {"displacement", "velocity", "stress"};
+    const size_t count = (size_t)field->ntrajectory;
+    double *error = calloc(count, PM_FIELD_NERROR * sizeof *error);
+    double *column = calloc(count, sizeof *column);
+    int *which = calloc((size_t)truth->ntrajectory, sizeof *which);
+    pm_status status = error == NULL || column == NULL || which == NULL
+                           ? pm_fail(PM_ENOMEM, "out of memory for errors")
+                           : choose(a, field, truth, which);
+    if (status == PM_OK) {
+        status = pm_field_errors(field, truth, which, error);
+    }
+    if (status == PM_OK) {
+        printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
+               "quartile", "whisker", "mean");
+    }
+    for (int e = 0; e < PM_FIELD_NERROR && status == PM_OK; ++e) {
+        for (size_t i = 0; i < count; ++i) {
+            column[i] = error[i * PM_FIELD_NERROR + (size_t)e];
+        }
+        const pm_box b = pm_box_of((int)count, column);
+        printf("  %-20s %9.3g %9.3g %9.3g %9.3g %9.3g %9.3g\n", names[e], 100 * b.low,
+               100 * b.first_quartile, 100 * b.median, 100 * b.third_quartile, 100 * b.high,
+               100 * b.mean);
+    }
+    free(which);
+    free(column);
+    free(error);
+    return status;
+}
+
+static pm_status save(const pm_field *field, const arguments *a, const char *command) {
+    const char *const notes[][2] = {
+        {"title", "Fields reconstructed from modes"},
+        {"source", "portmet-train reconstruct"},
+        {"command", command},
+    };
+    PM_TRY(pm_field_save(field, a->output, (int)(sizeof notes / sizeof *notes), notes));
+    PM_TRY(pm_xdmf_save(field, a->output));
+    printf("wrote %s: %d trajectories of %d states, %d nodes\n", a->output, field->ntrajectory,
+           field->ntime, field->nnode);
+    return PM_OK;
+}
+
+pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    arguments a;
+    memset(&a, 0, sizeof a);
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_basis *basis = NULL;
+    pm_dataset *modes = NULL;
+    pm_field *field = NULL, *truth = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_basis_load(&basis, a.basis));
+    PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
+    PM_TRY_DONE(pm_reconstruct(&field, basis, modes));
+    if (a.truth != NULL) {
+        PM_TRY_DONE(pm_field_load(&truth, a.truth));
+        PM_TRY_DONE(print_errors(&a, field, truth));
+    }
+    status = a.output == NULL ? PM_OK : save(field, &a, command);
+done:
+    pm_field_free(truth);
+    pm_field_free(field);
+    pm_dataset_free(modes);
+    pm_basis_free(basis);
+    return status;
+}

@@ -1,0 +1,238 @@
+// Memory, features, and the HDF5 file of a basis: numbers as attributes of /, arrays by their
+// names.
+#include "modal/basis.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "store/hdf5_io.h"
+
+#define LARGEST 100000 // nodes or modes that a file may ask for
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for a basis");
+}
+
+// --- memory ---
+
+pm_status pm_basis_new(pm_basis **basis, int nnode, int nmode, int nstate, int nlead) {
+    pm_basis *b = calloc(1, sizeof *b);
+    if (b == NULL) {
+        return no_memory();
+    }
+    b->nnode = nnode;
+    b->nmode = nmode;
+    b->nstate = nstate;
+    b->nlead = nlead;
+    const size_t width = 3 * (size_t)nnode;
+    b->position = pm_arena_array(&b->arena, width, sizeof *b->position);
+    b->mode = pm_arena_array(&b->arena, (size_t)nmode * width, sizeof *b->mode);
+    b->stiffness = pm_arena_array(&b->arena, (size_t)nmode, sizeof *b->stiffness);
+    b->lead_scale = pm_arena_array(&b->arena, (size_t)nlead, sizeof *b->lead_scale);
+    if (b->position == NULL || b->mode == NULL || b->stiffness == NULL || b->lead_scale == NULL) {
+        pm_basis_free(b);
+        return no_memory();
+    }
+    *basis = b;
+    return PM_OK;
+}
+
+pm_status pm_basis_add_mesh(pm_basis *basis, int nelement) {
+    basis->nelement = nelement;
+    basis->hexahedron =
+        pm_arena_array(&basis->arena, 8 * (size_t)nelement, sizeof *basis->hexahedron);
+    return basis->hexahedron == NULL ? no_memory() : PM_OK;
+}
+
+pm_status pm_basis_add_pattern(pm_basis *basis, pm_pattern *pattern, int rank, int width) {
+    const size_t nfeature = (size_t)pm_basis_features(basis), r = (size_t)rank;
+    pattern->rank = rank;
+    pattern->width = width;
+    pattern->coefficient =
+        pm_arena_array(&basis->arena, nfeature * r, sizeof *pattern->coefficient);
+    pattern->pattern = pm_arena_array(&basis->arena, r * (size_t)width, sizeof *pattern->pattern);
+    return pattern->coefficient == NULL || pattern->pattern == NULL ? no_memory() : PM_OK;
+}
+
+void pm_basis_free(pm_basis *basis) {
+    if (basis != NULL) {
+        pm_arena_free(&basis->arena);
+        free(basis);
+    }
+}
+
+// --- features ---
+
+static int products(int n) {
+    return n * (n + 1) / 2 + n * (n + 1) * (n + 2) / 6;
+}
+
+int pm_basis_features(const pm_basis *b) {
+    return (1 + b->nbranch) * (b->nstate + products(b->nlead)) + b->nmode;
+}
+
+// Products of two and three of the leading numbers; returns their end.
+static double *fill_products(const pm_basis *b, const double *a, double *feature) {
+    for (int i = 0; i < b->nlead; ++i) {
+        const double x = a[i] / b->lead_scale[i];
+        for (int j = i; j < b->nlead; ++j) {
+            const double xy = x * a[j] / b->lead_scale[j];
+            *feature++ = xy;
+            for (int k = j; k < b->nlead; ++k) {
+                *feature++ = xy * a[k] / b->lead_scale[k];
+            }
+        }
+    }
+    return feature;
+}
+
+void pm_basis_fill_features(const pm_basis *b, const pm_reading *reading, double *feature) {
+    const size_t n = (size_t)b->nstate, nc = n * (size_t)b->nbranch;
+    memcpy(feature, reading->a, n * sizeof *feature);
+    feature += n;
+    if (nc > 0) {
+        memcpy(feature, reading->c, nc * sizeof *feature);
+        feature += nc;
+    }
+    memcpy(feature, reading->load, (size_t)b->nmode * sizeof *feature);
+    feature = fill_products(b, reading->a, feature + b->nmode);
+    for (int k = 0; k < b->nbranch; ++k) {
+        feature = fill_products(b, reading->c + (size_t)k * n, feature);
+    }
+}
+
+void pm_pattern_add(const pm_pattern *pattern, int nfeature, const double *feature, double *value) {
+    for (int r = 0; r < pattern->rank; ++r) {
+        double amplitude = 0;
+        for (int i = 0; i < nfeature; ++i) {
+            amplitude += feature[i] * pattern->coefficient[i * pattern->rank + r];
+        }
+        const double *shape = pattern->pattern + (ptrdiff_t)r * pattern->width;
+        for (int i = 0; i < pattern->width; ++i) {
+            value[i] += amplitude * shape[i];
+        }
+    }
+}
+
+// --- files ---
+
+static pm_status read_pattern(pm_basis *b, pm_pattern *p, const pm_hdf5 *file, const char *name,
+                              int width) {
+    char coefficient[64], pattern[64];
+    snprintf(coefficient, sizeof coefficient, "/%s/coefficient", name);
+    snprintf(pattern, sizeof pattern, "/%s/pattern", name);
+    int shape[2];
+    PM_TRY(pm_hdf5_shape(file, coefficient, 2, shape));
+    PM_TRY(pm_basis_add_pattern(b, p, shape[1], width));
+    const int expected[2] = {pm_basis_features(b), shape[1]}, wide[2] = {shape[1], width};
+    PM_TRY(pm_hdf5_read(file, coefficient, 2, expected, p->coefficient));
+    return pm_hdf5_read(file, pattern, 2, wide, p->pattern);
+}
+
+static pm_status write_pattern(const pm_basis *b, const pm_pattern *p, pm_hdf5 *file,
+                               const char *name) {
+    char path[64];
+    const int coefficient[2] = {pm_basis_features(b), p->rank}, pattern[2] = {p->rank, p->width};
+    snprintf(path, sizeof path, "/%s/coefficient", name);
+    PM_TRY(pm_hdf5_write(file, path, 2, coefficient, p->coefficient));
+    snprintf(path, sizeof path, "/%s/pattern", name);
+    return pm_hdf5_write(file, path, 2, pattern, p->pattern);
+}
+
+static pm_status read_content(pm_basis *b, const pm_hdf5 *file) {
+    const int position[2] = {b->nnode, 3}, mode[3] = {b->nmode, b->nnode, 3};
+    PM_TRY(pm_hdf5_read_number(file, "/", "swing_s", &b->swing));
+    PM_TRY(pm_hdf5_read_number(file, "/", "temperature_K", &b->temperature));
+    PM_TRY(pm_hdf5_read(file, "/position", 2, position, b->position));
+    PM_TRY(pm_hdf5_read(file, "/mode", 3, mode, b->mode));
+    PM_TRY(pm_hdf5_read(file, "/stiffness", 1, &b->nmode, b->stiffness));
+    PM_TRY(pm_hdf5_read(file, "/lead_scale", 1, &b->nlead, b->lead_scale));
+    if (pm_hdf5_has(file, "/hexahedra")) {
+        int hexahedra[2];
+        PM_TRY(pm_hdf5_shape(file, "/hexahedra", 2, hexahedra));
+        PM_TRY(pm_basis_add_mesh(b, hexahedra[0]));
+        hexahedra[1] = 8;
+        PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, hexahedra, b->hexahedron));
+    }
+    if (pm_hdf5_has(file, "/relaxation_time")) {
+        PM_TRY(pm_hdf5_shape(file, "/relaxation_time", 1, &b->nbranch));
+        if (b->nbranch > PM_BASIS_MAX_BRANCHES) {
+            return pm_fail(PM_EDATA, "%d relaxation times, at most %d are possible", b->nbranch,
+                           PM_BASIS_MAX_BRANCHES);
+        }
+        PM_TRY(pm_hdf5_read(file, "/relaxation_time", 1, &b->nbranch, b->tau));
+    }
+    PM_TRY(read_pattern(b, &b->displacement, file, "displacement", 3 * b->nnode));
+    return pm_hdf5_has(file, "/stress")
+               ? read_pattern(b, &b->stress, file, "stress", PM_BASIS_TENSOR * b->nnode)
+               : PM_OK;
+}
+
+static pm_status read_count(const pm_hdf5 *file, const char *name, int most, int *result) {
+    uint64_t value = 0;
+    PM_TRY(pm_hdf5_read_integer(file, "/", name, &value));
+    if (value < 1 || value > (uint64_t)most) {
+        return pm_fail(PM_EDATA, "%s is %llu, expected 1 to %d", name, (unsigned long long)value,
+                       most);
+    }
+    *result = (int)value;
+    return PM_OK;
+}
+
+pm_status pm_basis_load(pm_basis **basis, const char *path) {
+    pm_hdf5 *file = NULL;
+    pm_basis *b = NULL;
+    int mode[3], nstate = 0, nlead = 0;
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_OWN, PM_EDATA));
+    PM_TRY_DONE(pm_hdf5_shape(file, "/mode", 3, mode));
+    PM_TRY_DONE(pm_hdf5_shape(file, "/lead_scale", 1, &nlead));
+    PM_TRY_DONE(read_count(file, "state_modes", mode[0], &nstate));
+    if (mode[2] != 3 || mode[1] > LARGEST || nlead > nstate) {
+        status = pm_fail(PM_EDATA, "%s: modes of %d nodes with %d numbers each, %d of %d leading",
+                         path, mode[1], mode[2], nlead, nstate);
+        goto done;
+    }
+    PM_TRY_DONE(pm_basis_new(&b, mode[1], mode[0], nstate, nlead));
+    PM_TRY_DONE(read_content(b, file));
+    *basis = b;
+    b = NULL;
+done:
+    pm_basis_free(b);
+    pm_hdf5_close(file);
+    return status;
+}
+
+static pm_status write_content(const pm_basis *b, pm_hdf5 *file, const char *command) {
+    const int position[2] = {b->nnode, 3}, mode[3] = {b->nmode, b->nnode, 3};
+    PM_TRY(pm_hdf5_write_text(file, "/", "command", command));
+    PM_TRY(pm_hdf5_write_integer(file, "/", "state_modes", (uint64_t)b->nstate));
+    PM_TRY(pm_hdf5_write_number(file, "/", "swing_s", b->swing));
+    PM_TRY(pm_hdf5_write_number(file, "/", "temperature_K", b->temperature));
+    PM_TRY(pm_hdf5_write(file, "/position", 2, position, b->position));
+    PM_TRY(pm_hdf5_write(file, "/mode", 3, mode, b->mode));
+    PM_TRY(pm_hdf5_write(file, "/stiffness", 1, &b->nmode, b->stiffness));
+    PM_TRY(pm_hdf5_write(file, "/lead_scale", 1, &b->nlead, b->lead_scale));
+    if (b->nelement > 0) {
+        const int hexahedra[2] = {b->nelement, 8};
+        PM_TRY(pm_hdf5_write(file, "/hexahedra", 2, hexahedra, b->hexahedron));
+    }
+    if (b->nbranch > 0) {
+        PM_TRY(pm_hdf5_write(file, "/relaxation_time", 1, &b->nbranch, b->tau));
+    }
+    PM_TRY(write_pattern(b, &b->displacement, file, "displacement"));
+    return b->stress.rank > 0 ? write_pattern(b, &b->stress, file, "stress") : PM_OK;
+}
+
+pm_status pm_basis_save(const pm_basis *basis, const char *path, const char *command) {
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
+    PM_TRY_DONE(write_content(basis, file, command));
+    status = pm_hdf5_commit(file);
+done:
+    pm_hdf5_close(file);
+    return status;
+}

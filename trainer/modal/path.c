@@ -1,0 +1,96 @@
+// Projection on modes, and what the branches remember.
+#include "modal/path.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/linalg.h"
+
+enum { POSITION = 0, STRESS = 6 }; // in the variables of a node
+
+pm_status pm_path_open(pm_path *p, const pm_field *field, int nmode, int nbranch, bool stress) {
+    *p =
+        (pm_path){.ntime = field->ntime, .nmode = nmode, .nbranch = nbranch, .nnode = field->nnode};
+    const size_t ntime = (size_t)p->ntime, width = 3 * (size_t)p->nnode;
+    p->u = pm_arena_array(&p->arena, ntime * width, sizeof *p->u);
+    p->f = pm_arena_array(&p->arena, ntime * width, sizeof *p->f);
+    p->a = pm_arena_array(&p->arena, ntime * (size_t)nmode, sizeof *p->a);
+    p->load = pm_arena_array(&p->arena, ntime * (size_t)nmode, sizeof *p->load);
+    p->c = pm_arena_array(&p->arena, ((size_t)nbranch * ntime + 1) * (size_t)nmode, sizeof *p->c);
+    p->moved = pm_arena_array(&p->arena, width, sizeof *p->moved);
+    if (stress) {
+        p->stress = pm_arena_array(&p->arena, 2 * ntime * width, sizeof *p->stress);
+    }
+    if (p->u == NULL || p->f == NULL || p->a == NULL || p->load == NULL || p->c == NULL ||
+        p->moved == NULL || (stress && p->stress == NULL)) {
+        pm_path_close(p);
+        return pm_fail(PM_ENOMEM, "out of memory for a body's trajectory");
+    }
+    return PM_OK;
+}
+
+void pm_path_close(pm_path *path) {
+    pm_arena_free(&path->arena);
+}
+
+// Loads on nodes that are held have no effect: they are left out. A node is held if it never moves.
+static void drop_held_loads(const pm_path *p) {
+    for (int i = 0; i < p->nnode; ++i) {
+        bool moves = false;
+        for (int j = 0; j < p->ntime && !moves; ++j) {
+            const double *u = p->u + 3 * ((ptrdiff_t)j * p->nnode + i);
+            moves = u[0] != 0 || u[1] != 0 || u[2] != 0;
+        }
+        for (int j = 0; j < p->ntime && !moves; ++j) {
+            memset(p->f + 3 * ((ptrdiff_t)j * p->nnode + i), 0, 3 * sizeof *p->f);
+        }
+    }
+}
+
+void pm_path_take(pm_path *p, const pm_field *field, int trajectory, const pm_copy *copy) {
+    const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
+    for (int j = 0; j < p->ntime; ++j) {
+        const double *state = pm_field_state(field, trajectory, j);
+        // A copy's displacements are the copy of displacements; positions have an origin.
+        for (int i = 0; i < p->nnode; ++i) {
+            const double *q = state + (ptrdiff_t)i * field->nvariable + POSITION;
+            for (int d = 0; d < 3; ++d) {
+                p->moved[3 * i + d] = q[d] - field->position[3 * i + d];
+            }
+        }
+        pm_copy_vectors(copy, p->nnode, p->moved, 3, p->u + j * width);
+        pm_copy_vectors(copy, p->nnode, pm_field_force(field, trajectory, j), 3, p->f + j * width);
+        if (p->stress != NULL) {
+            pm_copy_tensors(copy, p->nnode, state + STRESS, field->nvariable,
+                            p->stress + 2 * j * width);
+        }
+    }
+    drop_held_loads(p);
+}
+
+// dc/dt = (a - c)/tau over dt, a linear: c' = r c + (m - r) a + (1 - m) a', r = exp(-dt/tau).
+static void remember(const pm_path *p, double tau, double dt, double *c) {
+    const double r = exp(-dt / tau), m = (1 - r) * tau / dt;
+    memcpy(c, p->a, (size_t)p->nmode * sizeof *c);
+    for (int j = 1; j < p->ntime; ++j) {
+        const double *before = p->a + (ptrdiff_t)(j - 1) * p->nmode, *a = before + p->nmode;
+        double *old = c + (ptrdiff_t)(j - 1) * p->nmode, *now = old + p->nmode;
+        for (int i = 0; i < p->nmode; ++i) {
+            now[i] = r * old[i] + (m - r) * before[i] + (1 - m) * a[i];
+        }
+    }
+}
+
+void pm_path_project(pm_path *p, const pm_basis *basis, double dt) {
+    const int width = 3 * p->nnode;
+    pm_gemm(false, true, p->ntime, p->nmode, width, p->u, basis->mode, p->a);
+    pm_gemm(false, true, p->ntime, p->nmode, width, p->f, basis->mode, p->load);
+    for (int j = 0; j < p->ntime; ++j) {
+        for (int i = 0; i < p->nmode; ++i) {
+            p->a[(ptrdiff_t)j * p->nmode + i] *= basis->stiffness[i];
+        }
+    }
+    for (int k = 0; k < p->nbranch; ++k) {
+        remember(p, basis->tau[k], dt, p->c + (ptrdiff_t)k * p->ntime * p->nmode);
+    }
+}

@@ -1,0 +1,32 @@
+// A body's trajectory in the coordinates of its modes.
+#ifndef PM_MODAL_PATH_H
+#define PM_MODAL_PATH_H
+
+#include "modal/basis.h"
+#include "modal/copies.h"
+#include "store/field.h"
+
+// Arrays by time. What is called [.][n] has all modes, also those outside the state.
+typedef struct pm_path {
+    pm_arena arena; // owns all that follows
+    int ntime, nmode, nbranch, nnode;
+    double *u;      // [ntime][nnode][3] m, displacements
+    double *f;      // [ntime][nnode][3] N, loads; none on clamped nodes, where u never changes
+    double *stress; // [ntime][nnode][6] Pa, or NULL
+    double *a;      // [ntime][nmode] J^0.5
+    double *load;   // [ntime][nmode] J^0.5
+    double *moved;  // [nnode][3] work space
+    double *c;      // [nbranch][ntime][nmode] J^0.5
+} pm_path;
+
+// Room for the trajectories of a field. PM_ENOMEM.
+pm_status pm_path_open(pm_path *path, const pm_field *field, int nmode, int nbranch, bool stress);
+void pm_path_close(pm_path *path);
+
+// Fills in displacements, loads and, where there is room, stress of a copy of a trajectory.
+void pm_path_take(pm_path *path, const pm_field *field, int trajectory, const pm_copy *copy);
+// Then a, load and c, with the modes and relaxation times of the basis. Between times a is linear,
+// for which c is exact; before the first it was as then.
+void pm_path_project(pm_path *path, const pm_basis *basis, double dt);
+
+#endif

@@ -1,0 +1,195 @@
+// Modes and patterns added up, node by node.
+#include "modal/reconstruct.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { Q = 0, V = 3, SIGMA = 6, NVARIABLE = 12 };
+
+// Where the dataset has what a reading needs.
+typedef struct reader {
+    int *column, *momentum; // [nstate + nbranch nstate + nmode], [nstate]
+    double *value;
+    double *feature, *u, *v, *stress;
+} reader;
+
+static pm_status find_column(const pm_dataset *d, const char *name, int *column) {
+    for (int i = 0; i < d->ncolumn; ++i) {
+        if (strcmp(d->column[i], name) == 0) {
+            *column = i;
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EDATA, "the dataset has no column \"%s\"; expected those that reduce writes",
+                   name);
+}
+
+static pm_status find_columns(reader *r, const pm_basis *b, const pm_dataset *d) {
+    char name[32];
+    int *at = r->column;
+    for (int i = 0; i < b->nstate; ++i) {
+        snprintf(name, sizeof name, "a%d", i);
+        PM_TRY(find_column(d, name, at++));
+    }
+    for (int i = 0; i < b->nstate; ++i) {
+        snprintf(name, sizeof name, "p%d", i);
+        PM_TRY(find_column(d, name, &r->momentum[i]));
+    }
+    for (int k = 0; k < b->nbranch; ++k) {
+        for (int i = 0; i < b->nstate; ++i) {
+            snprintf(name, sizeof name, "c%d_%d", k, i);
+            PM_TRY(find_column(d, name, at++));
+        }
+    }
+    for (int i = 0; i < b->nmode; ++i) {
+        snprintf(name, sizeof name, i < b->nstate ? "f%d" : "h%d",
+                 i < b->nstate ? i : i - b->nstate);
+        PM_TRY(find_column(d, name, at++));
+    }
+    return PM_OK;
+}
+
+static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, pm_arena *arena) {
+    const size_t count = (size_t)((1 + b->nbranch) * b->nstate + b->nmode);
+    const size_t nnode = (size_t)b->nnode;
+    r->column = pm_arena_array(arena, count, sizeof *r->column);
+    r->momentum = pm_arena_array(arena, (size_t)b->nstate, sizeof *r->momentum);
+    r->value = pm_arena_array(arena, count, sizeof *r->value);
+    r->feature = pm_arena_array(arena, (size_t)pm_basis_features(b), sizeof *r->feature);
+    r->u = pm_arena_array(arena, 3 * nnode, sizeof *r->u);
+    r->v = pm_arena_array(arena, 3 * nnode, sizeof *r->v);
+    r->stress = pm_arena_array(arena, PM_BASIS_TENSOR * nnode, sizeof *r->stress);
+    if (r->column == NULL || r->momentum == NULL || r->value == NULL || r->feature == NULL ||
+        r->u == NULL || r->v == NULL || r->stress == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a reconstruction");
+    }
+    return find_columns(r, b, d);
+}
+
+// r->u, r->v and r->stress of one row of the dataset. Velocities are those of the state's modes.
+static void read_row(reader *r, const pm_basis *b, const double *row) {
+    const int n = b->nstate, count = (1 + b->nbranch) * n + b->nmode;
+    const int nfeature = pm_basis_features(b);
+    const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
+    for (int i = 0; i < count; ++i) {
+        r->value[i] = row[r->column[i]];
+    }
+    const pm_reading reading = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
+    pm_basis_fill_features(b, &reading, r->feature);
+    memset(r->u, 0, (size_t)width * sizeof *r->u);
+    memset(r->stress, 0, 2 * (size_t)width * sizeof *r->stress);
+    memset(r->v, 0, (size_t)width * sizeof *r->v);
+    for (int i = 0; i < n; ++i) {
+        const double rate = row[r->momentum[i]] / (b->swing * b->swing);
+        for (ptrdiff_t k = 0; k < width; ++k) {
+            r->u[k] += reading.a[i] * b->mode[i * width + k];
+            r->v[k] += rate * b->mode[i * width + k];
+        }
+    }
+    pm_pattern_add(&b->displacement, nfeature, r->feature, r->u);
+    pm_pattern_add(&b->stress, nfeature, r->feature, r->stress);
+}
+
+pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes) {
+    const pm_field_shape shape = {.ntrajectory = modes->ntrajectory,
+                                  .ntime = modes->ntime,
+                                  .nnode = basis->nnode,
+                                  .nvariable = NVARIABLE,
+                                  .nelement = basis->nelement};
+    pm_arena arena = {0};
+    pm_field *d = NULL;
+    reader r;
+    pm_status status;
+    PM_TRY_DONE(open_reader(&r, basis, modes, &arena));
+    PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
+    memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
+    memcpy(d->position, basis->position, 3 * (size_t)d->nnode * sizeof *d->position);
+    memcpy(d->hexahedron, basis->hexahedron, 8 * (size_t)d->nelement * sizeof *d->hexahedron);
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            double *state = pm_field_state(d, i, j);
+            read_row(&r, basis, pm_dataset_state(modes, i, j));
+            for (int k = 0; k < d->nnode; ++k, state += NVARIABLE) {
+                for (int c = 0; c < 3; ++c) {
+                    state[Q + c] = d->position[3 * k + c] + r.u[3 * k + c];
+                    state[V + c] = r.v[3 * k + c];
+                }
+                memcpy(state + SIGMA, r.stress + PM_BASIS_TENSOR * (ptrdiff_t)k,
+                       PM_BASIS_TENSOR * sizeof *state);
+            }
+        }
+    }
+    *field = d;
+    d = NULL;
+done:
+    pm_field_free(d);
+    pm_arena_free(&arena);
+    return status;
+}
+
+// --- errors ---
+
+static bool moves(const pm_field *truth, int trajectory, int node) {
+    const double *at = truth->position + 3 * (ptrdiff_t)node;
+    for (int j = 0; j < truth->ntime; ++j) {
+        const double *q = pm_field_state(truth, trajectory, j) + (ptrdiff_t)node * truth->nvariable;
+        if (q[0] != at[0] || q[1] != at[1] || q[2] != at[2]) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Sums of squares of what differs and of what should be, for one node at one time.
+static void compare_node(const double *state, const double *true_state, const double *position,
+                         bool is_free, double *different, double *whole) {
+    for (int k = 0; k < 3; ++k) {
+        const double off = state[Q + k] - true_state[Q + k];
+        const double off_v = state[V + k] - true_state[V + k];
+        const double u = true_state[Q + k] - position[k];
+        different[PM_ERROR_DISPLACEMENT] += off * off;
+        whole[PM_ERROR_DISPLACEMENT] += u * u;
+        different[PM_ERROR_VELOCITY] += off_v * off_v;
+        whole[PM_ERROR_VELOCITY] += true_state[V + k] * true_state[V + k];
+    }
+    for (int k = SIGMA; k < NVARIABLE && is_free; ++k) {
+        const double off = state[k] - true_state[k];
+        different[PM_ERROR_STRESS] += off * off;
+        whole[PM_ERROR_STRESS] += true_state[k] * true_state[k];
+    }
+}
+
+static void compare_trajectory(const pm_field *predicted, int i, const pm_field *truth, int from,
+                               double *error) {
+    double different[PM_FIELD_NERROR] = {0}, whole[PM_FIELD_NERROR] = {0};
+    for (int k = 0; k < truth->nnode; ++k) {
+        const bool is_free = moves(truth, from, k);
+        for (int j = 0; j < truth->ntime; ++j) {
+            const ptrdiff_t at = (ptrdiff_t)k * NVARIABLE;
+            compare_node(pm_field_state(predicted, i, j) + at, pm_field_state(truth, from, j) + at,
+                         truth->position + 3 * (ptrdiff_t)k, is_free, different, whole);
+        }
+    }
+    for (int e = 0; e < PM_FIELD_NERROR; ++e) {
+        error[e] = different[e] == 0 ? 0 : sqrt(different[e] / whole[e]);
+    }
+}
+
+pm_status pm_field_errors(const pm_field *predicted, const pm_field *truth, const int *trajectory,
+                          double *error) {
+    if (truth->nnode != predicted->nnode || truth->ntime != predicted->ntime ||
+        truth->nvariable != NVARIABLE) {
+        return pm_fail(PM_EDATA,
+                       "the truth has %d states of %d nodes with %d variables, expected %d of %d "
+                       "with %d",
+                       truth->ntime, truth->nnode, truth->nvariable, predicted->ntime,
+                       predicted->nnode, NVARIABLE);
+    }
+    for (int i = 0; i < predicted->ntrajectory; ++i) {
+        compare_trajectory(predicted, i, truth, trajectory[i],
+                           error + (ptrdiff_t)i * PM_FIELD_NERROR);
+    }
+    return PM_OK;
+}

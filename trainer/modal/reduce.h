@@ -1,0 +1,33 @@
+// Fits a basis (basis.h) to fields, and writes fields as trajectories of its state.
+#ifndef PM_MODAL_REDUCE_H
+#define PM_MODAL_REDUCE_H
+
+#include "modal/basis.h"
+#include "store/dataset.h"
+#include "store/field.h"
+
+#define PM_REDUCE_MAX_MODES 64
+
+typedef struct pm_reduce_how {
+    int nmode;  // modes in all
+    int nstate; // at most so many carry the energy
+    int nlead;  // at most so many of these in products
+    int nbranch;
+    double tau[PM_BASIS_MAX_BRANCHES]; // s
+    double swing;                      // s
+    double temperature;                // K
+    int displacement_rank, stress_rank;
+    bool square; // learn from the eight symmetric copies (copies.h)
+} pm_reduce_how;
+
+// From `count` trajectories of the field. PM_EDATA, PM_ENUMERIC, PM_ENOMEM.
+pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, const int *trajectory,
+                        const pm_reduce_how *how);
+
+// `count` trajectories, with their symmetric copies one after the other if asked for, as a
+// dataset with columns a<i>, p<i>, c<k>_<i> of the state, entropy s, loads f<i> of the state's
+// modes and h<j> of the others, and with rates. PM_EDATA, PM_ENOMEM.
+pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const pm_field *field,
+                            int count, const int *trajectory, bool square);
+
+#endif
