@@ -221,12 +221,16 @@ static void print_errors(const pm_assembly *assembly, const pm_meeting *m, int c
             error[touching++] = error[i];
         }
     }
+    printf("force %s on %s: ", assembly->body[m->body[0]].name, assembly->body[m->body[1]].name);
+    if (touching == 0) {
+        printf("they touch in none of %d trajectories\n", count);
+        return;
+    }
     const pm_box b = pm_box_of(touching, error);
-    printf(
-        "force %s on %s: relative L2 error, %%, in %d of %d trajectories: median %.3g, quartiles "
-        "%.3g %.3g, mean %.3g\n",
-        assembly->body[m->body[0]].name, assembly->body[m->body[1]].name, touching, count,
-        100 * b.median, 100 * b.first_quartile, 100 * b.third_quartile, 100 * b.mean);
+    printf("relative L2 error, %%, in %d of %d trajectories: median %.3g, quartiles %.3g %.3g, "
+           "mean %.3g\n",
+           touching, count, 100 * b.median, 100 * b.first_quartile, 100 * b.third_quartile,
+           100 * b.mean);
 }
 
 static pm_status score(const pm_assembly *assembly, const pm_field *const *field, const chosen *c,

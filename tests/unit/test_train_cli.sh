@@ -141,6 +141,27 @@ expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 
 expect 4 "$new/basis.h5" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
 expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
 expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
+
+# --- contact ---
+fields="lower=$folder/beams_lower.h5,upper=$folder/beams_upper.h5"
+succeed "modes.h5: 2 trajectories of 8 states" reduce "$modes" --data "$folder/beams_upper.h5" --basis "$basis" -o "$folder/one"
+with_beams ''
+succeed "lower_upper.upper.h5: 2 pairs of points, 1 m apart" contact "$beam" --basis "$basis" -o "$folder/two"
+[ -e "$folder/two/lower_upper.lower.h5" ] && [ ! -e "$folder/two/modes.h5" ] || fail "contact: its files"
+succeed "modes.h5: 1 trajectories of 8 states" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0:1 -o "$folder/two"
+succeed "displacement" reconstruct "$folder/two/modes.h5" --body upper --basis "$basis" --truth "$folder/beams_upper.h5" --trajectories 0
+succeed "in 1 of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
+succeed "touch in none of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 1 --score "$folder/two/modes.h5" --stiffness 1e6
+expect 5 'no column "middle_a0"' reconstruct "$folder/two/modes.h5" --body middle --basis "$basis"
+expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6
+expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6N
+expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
+expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5"
+expect 5 "no columns from" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/one/modes.h5" --stiffness 1e6
+with_beams 's/+y, -x, +z/+y, +x, +z/'
+expect 3 "right-handed" contact "$beam" --basis "$basis"
+with_beams 's/, 11\]/]/'
+expect 3 "origin: expected three numbers" contact "$beam" --basis "$basis"
 with_modes 's/0.2, 0.5/0.2, -0.5/'
 expect 3 "relaxation: expected times > 0" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 with_modes 's/section: square/section: round/'
