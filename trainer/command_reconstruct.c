@@ -17,7 +17,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a->basis, true, "the basis that `reduce` made"},
         {"--body", NULL, "NAME", NULL, &a->body, false, "of this body of an assembly (`contact`)"},
-        {"--truth", "-t", "FILE", NULL, &a->truth, false, "fields to score against (HDF5)"},
+        {"--truth", "-t", "FILE", NULL, &a->truth, false,
+         "fields to score against, and whose forces there are (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "the truth's trajectories that MODES are about"},
         {"--output", "-o", "FILE", NULL, &a->output, false, "write the fields (HDF5)"},
@@ -36,29 +37,29 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// The truth's trajectories named on the command line; as many as the field has.
-static pm_status choose(const arguments *a, const pm_field *field, const pm_field *truth,
-                        int *which) {
+// The truth's trajectories named on the command line; as many as there are of modes.
+static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_field *truth,
+                        int **which) {
     int count = 0;
-    PM_TRY(pm_options_list(a->trajectories, truth->ntrajectory, which, &count));
-    return count == field->ntrajectory
+    *which = calloc((size_t)truth->ntrajectory, sizeof **which);
+    if (*which == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
+    }
+    PM_TRY(pm_options_list(a->trajectories, truth->ntrajectory, *which, &count));
+    return count == modes->ntrajectory
                ? PM_OK
                : pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the truth (--trajectories)",
-                         field->ntrajectory, count);
+                         modes->ntrajectory, count);
 }
 
-static pm_status print_errors(const arguments *a, const pm_field *field, const pm_field *truth) {
+static pm_status print_errors(const pm_field *field, const pm_field *truth, const int *which) {
     static const char *const names[PM_FIELD_NERROR] = {"displacement", "velocity", "stress"};
     const size_t count = (size_t)field->ntrajectory;
     double *error = calloc(count, PM_FIELD_NERROR * sizeof *error);
     double *column = calloc(count, sizeof *column);
-    int *which = calloc((size_t)truth->ntrajectory, sizeof *which);
-    pm_status status = error == NULL || column == NULL || which == NULL
+    pm_status status = error == NULL || column == NULL
                            ? pm_fail(PM_ENOMEM, "out of memory for errors")
-                           : choose(a, field, truth, which);
-    if (status == PM_OK) {
-        status = pm_field_errors(field, truth, which, error);
-    }
+                           : pm_field_errors(field, truth, which, error);
     if (status == PM_OK) {
         printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
                "quartile", "whisker", "mean");
@@ -72,7 +73,6 @@ static pm_status print_errors(const arguments *a, const pm_field *field, const p
                100 * b.first_quartile, 100 * b.median, 100 * b.third_quartile, 100 * b.high,
                100 * b.mean);
     }
-    free(which);
     free(column);
     free(error);
     return status;
@@ -105,16 +105,23 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     pm_basis *basis = NULL;
     pm_dataset *modes = NULL;
     pm_field *field = NULL, *truth = NULL;
+    int *which = NULL;
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a.basis));
     PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
-    PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body));
     if (a.truth != NULL) {
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
-        PM_TRY_DONE(print_errors(&a, field, truth));
+        PM_TRY_DONE(choose(&a, modes, truth, &which));
+    } else if (basis->local.nsection > 0) {
+        printf("without --truth forces are not known: stress close to loads is left out\n");
+    }
+    PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body, truth, which));
+    if (truth != NULL) {
+        PM_TRY_DONE(print_errors(field, truth, which));
     }
     status = a.output == NULL ? PM_OK : save(field, &a, command);
 done:
+    free(which);
     pm_field_free(truth);
     pm_field_free(field);
     pm_dataset_free(modes);

@@ -66,9 +66,9 @@ static pm_status read_relaxation(pm_yaml list, pm_arena *arena, pm_reduce_how *h
 }
 
 static pm_status read_how(pm_yaml root, pm_arena *arena, pm_reduce_how *how) {
-    static const char *const keys[] = {
-        "modes",        "state",  "leading", "relaxation",   "swing", "temperature",
-        "displacement", "stress", "section", "trajectories", NULL};
+    static const char *const keys[] = {"modes",   "state",       "leading",      "relaxation",
+                                       "swing",   "temperature", "displacement", "stress",
+                                       "section", "reach",       "trajectories", NULL};
     static const char *const sections[] = {"any", "square", NULL};
     pm_yaml value;
     int section = 0;
@@ -82,6 +82,9 @@ static pm_status read_how(pm_yaml root, pm_arena *arena, pm_reduce_how *how) {
     PM_TRY(read_count(root, "stress", 1000, &how->stress_rank));
     if (pm_yaml_exists(value = pm_yaml_get(root, "relaxation"))) {
         PM_TRY(read_relaxation(value, arena, how));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(root, "reach"))) {
+        PM_TRY(pm_yaml_int(value, 0, PM_LOCAL_MAX_REACH, &how->reach));
     }
     if (pm_yaml_exists(value = pm_yaml_get(root, "section"))) {
         PM_TRY(pm_yaml_choice(value, sections, &section));

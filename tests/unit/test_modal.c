@@ -29,8 +29,8 @@ static void deform(const double a[2], const double *position, double *u) {
 }
 
 static pm_field *make_body(void) {
-    const pm_field_shape shape = {.ntrajectory = NTRAJECTORY, .ntime = NTIME, .nnode = NNODE,
-                                  .nvariable = NVARIABLE};
+    const pm_field_shape shape = {
+        .ntrajectory = NTRAJECTORY, .ntime = NTIME, .nnode = NNODE, .nvariable = NVARIABLE};
     pm_field *d = NULL;
     pm_rng rng;
     pm_rng_init(&rng, 5, 0);
@@ -86,6 +86,7 @@ static const pm_reduce_how how = {
     .temperature = 300,
     .displacement_rank = 4,
     .stress_rank = 4,
+    .reach = 1,
     .square = true,
 };
 static const int all[NTRAJECTORY] = {0, 1, 2, 3, 4, 5};
@@ -150,11 +151,14 @@ static void fields_come_back(void **state) {
     assert_int_equal(pm_basis_load(&b, path), PM_OK);
     assert_memory_equal(b->mode, made->mode, 9 * NNODE * sizeof *b->mode);
     assert_true(b->tau[0] == made->tau[0] && b->swing == made->swing);
+    assert_int_equal(b->local.nsection, NX);
+    assert_int_equal(pm_local_features(&b->local), 3 * 3); // one place carries a load
+    assert_memory_equal(b->local.kernel, made->local.kernel, 9 * 9 * 6 * sizeof(double));
     pm_dataset *d = NULL;
     double error[2 * PM_FIELD_NERROR];
     // Trajectories from which the basis was not made.
     assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d, NULL), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_OK);
     assert_int_equal(pm_field_errors(again, field, all + 4, error), PM_OK);
     for (int i = 0; i < 2; ++i) {
         assert_true(error[i * PM_FIELD_NERROR + PM_ERROR_DISPLACEMENT] < 1e-3);
@@ -173,7 +177,7 @@ static void what_does_not_fit_is_told(void **state) {
     pm_dataset *d = NULL;
     const char *column[] = {"a0", "a1"};
     assert_int_equal(pm_dataset_new(&d, 1, 2, 2, dt, column), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d, NULL), PM_EDATA);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_EDATA);
     assert_non_null(strstr(pm_error(), "no column \"p0\""));
     field->position[3] += 0.3; // no longer like a square
     pm_basis *none = NULL;
@@ -182,6 +186,52 @@ static void what_does_not_fit_is_told(void **state) {
     assert_int_equal(pm_basis_load(&none, scratch_path(*state, "none.h5")), PM_EFILE);
     pm_dataset_free(d);
     pm_basis_free(b);
+    pm_field_free(field);
+}
+
+// Stress at a place is what the forces of its own section and its neighbours' do, by the kernel.
+static void local_stress_is_a_convolution(void **state) {
+    (void)state;
+    pm_field *field = make_body();
+    pm_arena arena = {0};
+    pm_local l = {0};
+    int carries[NNODE] = {0};
+    carries[3] = carries[NX + 1] = 1; // places 0 and 1 of the section
+    assert_int_equal(pm_local_find_sections(&l, NNODE, field->position, &arena), PM_OK);
+    assert_int_equal(pm_local_set_loaded(&l, carries, 1, &arena), PM_OK);
+    assert_true(l.nsection == NX && l.nper == 9 && l.nloaded == 2);
+    pm_rng rng;
+    pm_rng_init(&rng, 8, 0);
+    for (int i = 0; i < pm_local_features(&l) * 9 * 6; ++i) {
+        l.kernel[i] = pm_rng_normal(&rng);
+    }
+    double f[3 * NNODE], stress[6 * NNODE] = {0};
+    for (int i = 0; i < 3 * NNODE; ++i) {
+        f[i] = pm_rng_normal(&rng);
+    }
+    double *work = calloc(pm_local_work(&l), sizeof *work);
+    pm_local_add(&l, f, stress, work);
+    free(work);
+    for (int node = 0; node < NNODE; ++node) {
+        const int section = node % NX, place = node / NX;
+        for (int c = 0; c < 6; ++c) {
+            double expected = 0;
+            for (int at = section - 1; at <= section + 1; ++at) {
+                for (int k = 0; k < 6 && at >= 0 && at < NX; ++k) { // two places, three components
+                    const int feature = (at - section + 1) * 6 + k;
+                    expected += f[3 * (at + NX * (k / 3)) + k % 3] *
+                                l.kernel[(feature * 9 + place) * 6 + c];
+                }
+            }
+            assert_true(fabs(stress[6 * node + c] - expected) < 1e-12);
+        }
+    }
+    pm_arena_free(&arena);
+    field->position[3 * (NX + 2)] += 0.5;
+    pm_local bent = {0};
+    assert_int_equal(pm_local_find_sections(&bent, NNODE, field->position, &arena), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "not prismatic"));
+    pm_arena_free(&arena);
     pm_field_free(field);
 }
 
@@ -226,6 +276,7 @@ int main(void) {
         cmocka_unit_test(amplitudes_follow_the_loads),
         cmocka_unit_test_prestate(fields_come_back, &folder),
         cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),
+        cmocka_unit_test(local_stress_is_a_convolution),
         cmocka_unit_test(regression_finds_what_is_there),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);

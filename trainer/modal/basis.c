@@ -2,6 +2,8 @@
 // names.
 #include "modal/basis.h"
 
+#include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -141,6 +143,92 @@ static pm_status write_pattern(const pm_basis *b, const pm_pattern *p, pm_hdf5 *
     return pm_hdf5_write(file, path, 2, pattern, p->pattern);
 }
 
+// What is local: the places that carry loads and the kernel; sections are found from the positions.
+static pm_status read_local(pm_basis *b, const pm_hdf5 *file) {
+    pm_local *l = &b->local;
+    int nloaded = 0, kernel[4] = {0};
+    if (!pm_hdf5_has(file, "/local")) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_shape(file, "/local/carries", 1, &nloaded));
+    PM_TRY(pm_hdf5_shape(file, "/local/kernel", 4, kernel));
+    double *value = pm_arena_array(&b->arena, (size_t)b->nnode, sizeof *value);
+    int *carries = pm_arena_array(&b->arena, (size_t)b->nnode, sizeof *carries);
+    if (value == NULL || carries == NULL) {
+        return no_memory();
+    }
+    PM_TRY(pm_hdf5_read(file, "/local/carries", 1, &b->nnode, value));
+    for (int i = 0; i < b->nnode; ++i) {
+        carries[i] = value[i] != 0;
+    }
+    if (kernel[0] % 2 == 0 || kernel[0] / 2 > PM_LOCAL_MAX_REACH) {
+        return pm_fail(PM_EDATA, "the local kernel has %d offsets, expected an odd number up to %d",
+                       kernel[0], 2 * PM_LOCAL_MAX_REACH + 1);
+    }
+    PM_TRY(pm_local_find_sections(l, b->nnode, b->position, &b->arena));
+    PM_TRY(pm_local_set_loaded(l, carries, kernel[0] / 2, &b->arena));
+    const int shape[4] = {2 * l->reach + 1, 3 * l->nloaded, l->nper, PM_LOCAL_TENSOR};
+    return pm_hdf5_read(file, "/local/kernel", 4, shape, l->kernel);
+}
+
+static pm_status write_local(const pm_basis *b, pm_hdf5 *file) {
+    const pm_local *l = &b->local;
+    const int shape[4] = {2 * l->reach + 1, 3 * l->nloaded, l->nper, PM_LOCAL_TENSOR};
+    double *carries = calloc((size_t)b->nnode, sizeof *carries);
+    if (carries == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < l->nloaded; ++i) {
+        carries[l->node[l->loaded[i]]] = 1; // in the first section, for all
+    }
+    pm_status status = pm_hdf5_write(file, "/local/carries", 1, &b->nnode, carries);
+    if (status == PM_OK) {
+        status = pm_hdf5_write(file, "/local/kernel", 4, shape, l->kernel);
+    }
+    free(carries);
+    return status;
+}
+
+static bool is_finite(size_t count, const double *value) {
+    for (size_t i = 0; i < count; ++i) {
+        if (!isfinite(value[i])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static bool pattern_is_finite(const pm_basis *b, const pm_pattern *p) {
+    const size_t rank = (size_t)p->rank;
+    return is_finite((size_t)pm_basis_features(b) * rank, p->coefficient) &&
+           is_finite(rank * (size_t)p->width, p->pattern);
+}
+
+// What arithmetic needs.
+static pm_status check_content(const pm_basis *b) {
+    const size_t width = 3 * (size_t)b->nnode;
+    bool good = b->swing > 0 && b->temperature > 0 && is_finite(1, &b->swing) &&
+                is_finite(width, b->position) && is_finite((size_t)b->nmode * width, b->mode) &&
+                is_finite((size_t)b->nmode, b->stiffness) && pattern_is_finite(b, &b->displacement);
+    good = good && (b->stress.rank == 0 || pattern_is_finite(b, &b->stress));
+    for (int i = 0; i < b->nbranch; ++i) {
+        good = good && b->tau[i] > 0 && isfinite(b->tau[i]);
+    }
+    for (int i = 0; i < b->nlead; ++i) {
+        good = good && b->lead_scale[i] > 0 && isfinite(b->lead_scale[i]);
+    }
+    for (int i = 0; i < 8 * b->nelement; ++i) {
+        good = good && b->hexahedron[i] >= 0 && b->hexahedron[i] < b->nnode;
+    }
+    const pm_local *l = &b->local;
+    const size_t kernel = (size_t)pm_local_features(l) * PM_LOCAL_TENSOR * (size_t)l->nper;
+    good = good && (l->nsection == 0 || is_finite(kernel, l->kernel));
+    return good
+               ? PM_OK
+               : pm_fail(PM_EDATA, "a basis with numbers that are not finite, times or scales that "
+                                   "are not > 0, or elements of nodes that it does not have");
+}
+
 static pm_status read_content(pm_basis *b, const pm_hdf5 *file) {
     const int position[2] = {b->nnode, 3}, mode[3] = {b->nmode, b->nnode, 3};
     PM_TRY(pm_hdf5_read_number(file, "/", "swing_s", &b->swing));
@@ -165,9 +253,11 @@ static pm_status read_content(pm_basis *b, const pm_hdf5 *file) {
         PM_TRY(pm_hdf5_read(file, "/relaxation_time", 1, &b->nbranch, b->tau));
     }
     PM_TRY(read_pattern(b, &b->displacement, file, "displacement", 3 * b->nnode));
-    return pm_hdf5_has(file, "/stress")
-               ? read_pattern(b, &b->stress, file, "stress", PM_BASIS_TENSOR * b->nnode)
-               : PM_OK;
+    if (pm_hdf5_has(file, "/stress")) {
+        PM_TRY(read_pattern(b, &b->stress, file, "stress", PM_BASIS_TENSOR * b->nnode));
+    }
+    PM_TRY(read_local(b, file));
+    return check_content(b);
 }
 
 static pm_status read_count(const pm_hdf5 *file, const char *name, int most, int *result) {
@@ -223,7 +313,10 @@ static pm_status write_content(const pm_basis *b, pm_hdf5 *file, const char *com
         PM_TRY(pm_hdf5_write(file, "/relaxation_time", 1, &b->nbranch, b->tau));
     }
     PM_TRY(write_pattern(b, &b->displacement, file, "displacement"));
-    return b->stress.rank > 0 ? write_pattern(b, &b->stress, file, "stress") : PM_OK;
+    if (b->stress.rank > 0) {
+        PM_TRY(write_pattern(b, &b->stress, file, "stress"));
+    }
+    return b->local.nsection > 0 ? write_local(b, file) : PM_OK;
 }
 
 pm_status pm_basis_save(const pm_basis *basis, const char *path, const char *command) {

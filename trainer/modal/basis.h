@@ -18,6 +18,7 @@
 
 #include "base/arena.h"
 #include "base/status.h"
+#include "modal/local.h"
 
 #define PM_BASIS_MAX_BRANCHES 4
 #define PM_BASIS_TENSOR 6
@@ -46,6 +47,7 @@ typedef struct pm_basis {
     double *stiffness;       // [nmode] J^0.5 per m of the mode's norm, squared: 1 / mode_i . mode_i
     double *lead_scale;      // [nlead] J^0.5, that makes the products of order 1
     pm_pattern displacement; // m, [nnode][3]: the rest beside the modes of the state
+    pm_local local;          // what loads do to the stress around them, beside its pattern
     pm_pattern stress;       // Pa, [nnode][6]; rank 0: not known
 } pm_basis;
 

@@ -94,3 +94,12 @@ void pm_path_project(pm_path *p, const pm_basis *basis, double dt) {
         remember(p, basis->tau[k], dt, p->c + (ptrdiff_t)k * p->ntime * p->nmode);
     }
 }
+
+void pm_path_read(const pm_path *p, const pm_basis *b, int time, double *c, pm_reading *r) {
+    const ptrdiff_t at = (ptrdiff_t)time * p->nmode;
+    for (int k = 0; k < b->nbranch; ++k) {
+        memcpy(c + (ptrdiff_t)k * b->nstate, p->c + (ptrdiff_t)k * p->ntime * p->nmode + at,
+               (size_t)b->nstate * sizeof *c);
+    }
+    *r = (pm_reading){.a = p->a + at, .c = c, .load = p->load + at};
+}

@@ -29,4 +29,8 @@ void pm_path_take(pm_path *path, const pm_field *field, int trajectory, const pm
 // for which c is exact; before the first it was as then.
 void pm_path_project(pm_path *path, const pm_basis *basis, double dt);
 
+// What is known at a time: of the first modes, as many as the basis's state has. `c` has room for
+// [nbranch][nstate] and must live as long as the reading.
+void pm_path_read(const pm_path *path, const pm_basis *basis, int time, double *c, pm_reading *r);
+
 #endif

@@ -12,7 +12,7 @@ enum { Q = 0, V = 3, SIGMA = 6, NVARIABLE = 12 };
 typedef struct reader {
     int *column, *momentum; // [nstate + nbranch nstate + nmode], [nstate]
     double *value;
-    double *feature, *u, *v, *stress;
+    double *feature, *u, *v, *stress, *work;
 } reader;
 
 #define NO_COLUMN (-1)
@@ -77,10 +77,11 @@ static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, 
     r->value = pm_arena_array(arena, count, sizeof *r->value);
     r->feature = pm_arena_array(arena, (size_t)pm_basis_features(b), sizeof *r->feature);
     r->u = pm_arena_array(arena, 3 * nnode, sizeof *r->u);
+    r->work = pm_arena_array(arena, pm_local_work(&b->local), sizeof *r->work);
     r->v = pm_arena_array(arena, 3 * nnode, sizeof *r->v);
     r->stress = pm_arena_array(arena, PM_BASIS_TENSOR * nnode, sizeof *r->stress);
     if (r->column == NULL || r->momentum == NULL || r->value == NULL || r->feature == NULL ||
-        r->u == NULL || r->v == NULL || r->stress == NULL) {
+        r->u == NULL || r->v == NULL || r->work == NULL || r->stress == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a reconstruction");
     }
     return find_columns(r, b, d, body);
@@ -111,7 +112,7 @@ static void read_row(reader *r, const pm_basis *b, const double *row) {
 }
 
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body) {
+                         const char *body, const pm_field *loads, const int *which) {
     const pm_field_shape shape = {.ntrajectory = modes->ntrajectory,
                                   .ntime = modes->ntime,
                                   .nnode = basis->nnode,
@@ -121,6 +122,11 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     pm_field *d = NULL;
     reader r;
     pm_status status;
+    if (loads != NULL && (loads->nnode != basis->nnode || loads->ntime != modes->ntime)) {
+        status = pm_fail(PM_EDATA, "loads of %d nodes at %d times, expected %d nodes, %d times",
+                         loads->nnode, loads->ntime, basis->nnode, modes->ntime);
+        goto done;
+    }
     PM_TRY_DONE(open_reader(&r, basis, modes, body, &arena));
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
     memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
@@ -130,6 +136,9 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
         for (int j = 0; j < d->ntime; ++j) {
             double *state = pm_field_state(d, i, j);
             read_row(&r, basis, pm_dataset_state(modes, i, j));
+            if (loads != NULL) {
+                pm_local_add(&basis->local, pm_field_force(loads, which[i], j), r.stress, r.work);
+            }
             for (int k = 0; k < d->nnode; ++k, state += NVARIABLE) {
                 for (int c = 0; c < 3; ++c) {
                     state[Q + c] = d->position[3 * k + c] + r.u[3 * k + c];

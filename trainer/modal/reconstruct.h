@@ -8,11 +8,13 @@
 
 // All trajectories of a dataset with the columns that pm_reduce_project writes: positions,
 // velocities of the state's modes, stress (zero if the basis does not know it), loads left out.
-// `body` NULL: of the one body there is; else of that one, whose columns begin with its name and
+// What loads do to the stress close to them is added where their forces on the nodes are known:
+// `loads`, trajectory which[i] for trajectory i; may be NULL. `body` NULL: of the one body there
+// is; else of that one, whose columns begin with its name and
 // "_". Loads that have no columns are taken as none. PM_EDATA (another column is missing),
 // PM_ENOMEM. The caller frees.
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body);
+                         const char *body, const pm_field *loads, const int *which);
 
 // What is compared: displacements, velocities, stresses on free nodes.
 typedef enum pm_field_error {

@@ -17,6 +17,7 @@ typedef struct pm_reduce_how {
     double swing;                      // s
     double temperature;                // K
     int displacement_rank, stress_rank;
+    int reach;   // sections over which the stress close to a load is learned; 0: not at all
     bool square; // learn from the eight symmetric copies (copies.h)
 } pm_reduce_how;
 

@@ -1,0 +1,278 @@
+// The modes of a basis: by proper orthogonal decomposition, turned to the eigenvectors of the
+// flexibility that a regression finds, those first that carry the energy.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "modal/reduction.h"
+#include "modal/regression.h"
+
+// Every so many states count in the decomposition: neighbours in time are alike.
+#define STRIDE 3
+#define RIDGE 1e-7
+// A mode belongs to the state if its load is at least this share of what would hold it: relaxed
+// rubber takes a fifth. Modes with less are carried along by others.
+#define DRIVEN 0.25
+// Softer than this relative to the softest mode a direction is taken to be rigid.
+#define STIFFEST 1e-6
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for a reduction");
+}
+
+// --- proper orthogonal decomposition ---
+
+typedef struct decomposition {
+    double *gram; // [3 nnode][3 nnode]
+    double *row;  // [ntime / STRIDE][3 nnode]
+} decomposition;
+
+static pm_status add_snapshots(pm_reduction *r, double weight, void *context) {
+    const decomposition *d = context;
+    const int width = 3 * r->path.nnode;
+    int count = 0;
+    for (int j = STRIDE - 1; j < r->path.ntime; j += STRIDE, ++count) {
+        for (int i = 0; i < width; ++i) {
+            d->row[(ptrdiff_t)count * width + i] = weight * r->path.u[(ptrdiff_t)j * width + i];
+        }
+    }
+    pm_gram_add(count, width, d->row, d->gram);
+    return PM_OK;
+}
+
+// Orthonormal modes of the displacements.
+static pm_status decompose(pm_reduction *r, pm_basis *b) {
+    const size_t width = 3 * (size_t)r->field->nnode;
+    decomposition d = {calloc(width * width, sizeof(double)),
+                       calloc((size_t)r->path.ntime * width, sizeof(double))};
+    double *value = calloc((size_t)b->nmode, sizeof *value);
+    pm_status status = d.gram == NULL || d.row == NULL || value == NULL ? no_memory() : PM_OK;
+    if (status == PM_OK) {
+        status = pm_reduction_for_each(r, add_snapshots, &d);
+    }
+    if (status == PM_OK && !pm_eigen_largest((int)width, d.gram, b->nmode, value, b->mode)) {
+        status = pm_fail(PM_ENUMERIC, "no modes of the displacements");
+    }
+    for (int i = 0; i < b->nmode; ++i) {
+        b->stiffness[i] = 1;
+    }
+    free(d.gram);
+    free(d.row);
+    free(value);
+    return status;
+}
+
+// --- flexibility ---
+
+// Features of the regression: loads, what is remembered, and products; that is all features but a.
+typedef struct flexibility {
+    pm_basis *b;
+    pm_regression regression;
+    double *all, *feature, *result; // [ntime] rows
+    double *loads, *amplitudes;     // [nmode] sums of squares
+} flexibility;
+
+static pm_status find_lead_scale(pm_reduction *r, double weight, void *context) {
+    (void)weight;
+    pm_basis *b = context;
+    pm_path_project(&r->path, b, r->field->dt);
+    for (int j = 0; j < r->path.ntime; ++j) {
+        for (int i = 0; i < b->nlead; ++i) {
+            const double size = fabs(r->path.a[(ptrdiff_t)j * r->path.nmode + i]);
+            b->lead_scale[i] = fmax(b->lead_scale[i], size);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status add_flexibility(pm_reduction *r, double weight, void *context) {
+    flexibility *x = context;
+    const pm_path *p = &r->path;
+    const int n = x->b->nstate, count = pm_basis_features(x->b), used = count - n;
+    double c[PM_BASIS_MAX_BRANCHES * PM_REDUCE_MAX_MODES];
+    pm_path_project(&r->path, x->b, r->field->dt);
+    for (int j = 0; j < p->ntime; ++j) {
+        pm_reading reading;
+        pm_path_read(p, x->b, j, c, &reading);
+        pm_basis_fill_features(x->b, &reading, x->all);
+        for (int i = 0; i < used; ++i) {
+            x->feature[(ptrdiff_t)j * used + i] = weight * x->all[n + i];
+        }
+        for (int i = 0; i < n; ++i) {
+            x->result[(ptrdiff_t)j * n + i] = weight * reading.a[i];
+        }
+    }
+    pm_regression_add(&x->regression, p->ntime, x->feature, x->result);
+    return PM_OK;
+}
+
+// The symmetric part of what a gains per load, in coordinates where all modes have stiffness 1.
+static void take_flexibility(const flexibility *x, double *square) {
+    const int n = x->b->nstate, skip = x->b->nbranch * n;
+    const double *cross = x->regression.cross + (ptrdiff_t)skip * n;
+    for (int i = 0; i < n; ++i) {
+        for (int j = 0; j < n; ++j) {
+            square[i * n + j] = 0.5 * (cross[i * n + j] + cross[j * n + i]);
+        }
+    }
+}
+
+// Turns the modes by vector [nmode][nmode] and scales them by their flexibility.
+static pm_status turn_modes(pm_basis *b, const double *value, const double *vector) {
+    const size_t width = 3 * (size_t)b->nnode, n = (size_t)b->nmode;
+    double *turned = malloc(n * width * sizeof *turned);
+    if (turned == NULL) {
+        return no_memory();
+    }
+    pm_gemm(false, false, b->nmode, (int)width, b->nmode, vector, b->mode, turned);
+    for (size_t i = 0; i < n; ++i) {
+        const double softness = fmax(value[i], STIFFEST * value[0]);
+        b->stiffness[i] = 1 / softness;
+        for (size_t k = 0; k < width; ++k) {
+            b->mode[i * width + k] = sqrt(softness) * turned[i * width + k];
+        }
+    }
+    free(turned);
+    return PM_OK;
+}
+
+// What loads may do on a mode that is carried along: in any units of its amplitude.
+static double work_of(const flexibility *x, int mode) {
+    return x->amplitudes[mode] * x->loads[mode];
+}
+
+// Which modes carry the energy, softest first, and then the others, those first on which loads do
+// most. Returns how many carry.
+static int order_modes(const flexibility *x, int most, int *order) {
+    const int n = x->b->nmode;
+    int count = 0, rest = 0;
+    int *other = order + n;
+    for (int i = 0; i < n; ++i) {
+        const bool driven = x->loads[i] > DRIVEN * DRIVEN * x->amplitudes[i];
+        if (driven && count < most) {
+            order[count++] = i;
+        } else {
+            int at = rest++;
+            for (; at > 0 && work_of(x, other[at - 1]) < work_of(x, i); --at) {
+                other[at] = other[at - 1];
+            }
+            other[at] = i;
+        }
+    }
+    memcpy(order + count, other, (size_t)rest * sizeof *order);
+    return count;
+}
+
+// Not weighted: the larger the deflection, the more is carried along.
+static pm_status measure_modes(pm_reduction *r, double weight, void *context) {
+    (void)weight;
+    const flexibility *x = context;
+    const pm_path *p = &r->path;
+    pm_path_project(&r->path, x->b, r->field->dt);
+    for (int j = 0; j < p->ntime; ++j) {
+        for (int i = 0; i < p->nmode; ++i) {
+            const double a = p->a[(ptrdiff_t)j * p->nmode + i];
+            const double load = p->load[(ptrdiff_t)j * p->nmode + i];
+            x->amplitudes[i] += a * a;
+            x->loads[i] += load * load;
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status find_flexibility(pm_reduction *r, flexibility *x) {
+    const int n = x->b->nmode;
+    double *square = calloc((size_t)(n * n), sizeof *square);
+    double *vector = calloc((size_t)(n * n), sizeof *vector);
+    double *value = calloc((size_t)n, sizeof *value);
+    pm_status status;
+    if (square == NULL || vector == NULL || value == NULL) {
+        status = no_memory();
+        goto done;
+    }
+    PM_TRY_DONE(pm_reduction_for_each(r, find_lead_scale, x->b));
+    PM_TRY_DONE(pm_reduction_for_each(r, add_flexibility, x));
+    PM_TRY_DONE(pm_regression_solve(&x->regression, RIDGE));
+    take_flexibility(x, square);
+    if (!pm_eigen_largest(n, square, n, value, vector)) {
+        status = pm_fail(PM_ENUMERIC, "no eigenvectors of the flexibility");
+        goto done;
+    }
+    PM_TRY_DONE(turn_modes(x->b, value, vector));
+    status = pm_reduction_for_each(r, measure_modes, x);
+done:
+    free(square);
+    free(vector);
+    free(value);
+    return status;
+}
+
+static pm_status open_flexibility(pm_reduction *r, flexibility *x, pm_basis *b) {
+    const int count = pm_basis_features(b), n = b->nmode;
+    const size_t ntime = (size_t)r->path.ntime;
+    x->b = b;
+    x->all = pm_arena_array(&r->arena, (size_t)count, sizeof(double));
+    x->feature = pm_arena_array(&r->arena, ntime * (size_t)count, sizeof(double));
+    x->result = pm_arena_array(&r->arena, ntime * (size_t)n, sizeof(double));
+    x->loads = pm_arena_array(&r->arena, (size_t)n, sizeof(double));
+    x->amplitudes = pm_arena_array(&r->arena, (size_t)n, sizeof(double));
+    if (x->all == NULL || x->feature == NULL || x->result == NULL || x->loads == NULL ||
+        x->amplitudes == NULL) {
+        return no_memory();
+    }
+    return pm_regression_open(&x->regression, count - n, n);
+}
+
+// --- the final basis ---
+
+static pm_status set_constants(pm_basis *b, const pm_reduce_how *how, const pm_field *field) {
+    b->nbranch = how->nbranch;
+    memcpy(b->tau, how->tau, sizeof b->tau);
+    b->swing = how->swing;
+    b->temperature = how->temperature;
+    memcpy(b->position, field->position, 3 * (size_t)field->nnode * sizeof *b->position);
+    if (field->hexahedron == NULL) {
+        return PM_OK;
+    }
+    PM_TRY(pm_basis_add_mesh(b, field->nelement));
+    memcpy(b->hexahedron, field->hexahedron, 8 * (size_t)b->nelement * sizeof *b->hexahedron);
+    return PM_OK;
+}
+
+static pm_status pick_modes(pm_reduction *r, const flexibility *x, pm_basis **basis) {
+    const pm_basis *all = x->b;
+    const size_t width = 3 * (size_t)all->nnode;
+    int order[2 * PM_REDUCE_MAX_MODES];
+    const int nstate = order_modes(x, r->how->nstate, order);
+    if (nstate == 0) {
+        return pm_fail(PM_EDATA, "no mode of the displacements follows the loads");
+    }
+    const int nlead = nstate < r->how->nlead ? nstate : r->how->nlead;
+    PM_TRY(pm_basis_new(basis, all->nnode, all->nmode, nstate, nlead));
+    PM_TRY(set_constants(*basis, r->how, r->field));
+    for (int i = 0; i < all->nmode; ++i) {
+        memcpy((*basis)->mode + (size_t)i * width, all->mode + (size_t)order[i] * width,
+               width * sizeof *all->mode);
+        (*basis)->stiffness[i] = all->stiffness[order[i]];
+    }
+    return pm_reduction_for_each(r, find_lead_scale, *basis);
+}
+
+pm_status pm_reduce_modes(pm_reduction *r, pm_basis **basis) {
+    const pm_reduce_how *how = r->how;
+    const int nlead = how->nlead < how->nmode ? how->nlead : how->nmode;
+    pm_basis *all = NULL;
+    flexibility x = {0};
+    pm_status status;
+    PM_TRY_DONE(pm_basis_new(&all, r->field->nnode, how->nmode, how->nmode, nlead));
+    PM_TRY_DONE(set_constants(all, how, r->field));
+    PM_TRY_DONE(decompose(r, all));
+    PM_TRY_DONE(open_flexibility(r, &x, all));
+    PM_TRY_DONE(find_flexibility(r, &x));
+    status = pick_modes(r, &x, basis);
+done:
+    pm_regression_close(&x.regression);
+    pm_basis_free(all);
+    return status;
+}
