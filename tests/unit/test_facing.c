@@ -499,6 +499,32 @@ static void forces_are_compared(void **state) {
     free_stack(&s);
 }
 
+// Fields of another number of trajectories, states or nodes are not read.
+static void fields_that_do_not_fit_are_refused(void **state) {
+    (void)state;
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    double error = -1;
+    const pm_field *const *field = (const pm_field *const *)s.field;
+    assert_int_equal(pm_assembly_project(&d, &s.assembly, field, 1, &trajectory), PM_OK);
+    int *const number[] = {&s.field[2]->ntrajectory, &s.field[2]->ntime, &s.field[2]->nnode};
+    for (int i = 0; i < 3; ++i) {
+        pm_dataset *none = NULL;
+        --*number[i];
+        assert_int_equal(pm_assembly_check(&s.assembly, field), PM_EDATA);
+        assert_non_null(strstr(pm_error(), "the field of top has"));
+        assert_int_equal(pm_assembly_project(&none, &s.assembly, field, 1, &trajectory), PM_EDATA);
+        assert_int_equal(pm_meeting_force_errors(&s.assembly, &s.assembly.meeting[1], d, 1, field,
+                                                 &trajectory, &error),
+                         PM_EDATA);
+        ++*number[i];
+    }
+    assert_int_equal(pm_assembly_check(&s.assembly, field), PM_OK);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(points_face_each_other),
@@ -510,6 +536,7 @@ int main(void) {
         cmocka_unit_test(neighbours_meet),
         cmocka_unit_test(matrices_give_the_gaps),
         cmocka_unit_test(forces_are_compared),
+        cmocka_unit_test(fields_that_do_not_fit_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -168,12 +168,24 @@ static void write_row(const pm_assembly *a, const pm_dataset *const *part, int m
     }
 }
 
-// What of the field is to be like that of the first body.
-static pm_status check_field(const pm_field *field, const pm_field *first) {
-    return field->ntrajectory == first->ntrajectory && field->ntime == first->ntime
-               ? PM_OK
-               : pm_fail(PM_EDATA, "fields of %d trajectories of %d states beside %d of %d",
-                         field->ntrajectory, field->ntime, first->ntrajectory, first->ntime);
+pm_status pm_assembly_check(const pm_assembly *a, const pm_field *const *field) {
+    const pm_field *first = field[0];
+    for (int i = 0; i < a->nbody; ++i) {
+        const pm_field *d = field[i];
+        if (d->nnode != a->basis->nnode) {
+            return pm_fail(PM_EDATA, "the field of %s has %d nodes, the basis %d", a->body[i].name,
+                           d->nnode, a->basis->nnode);
+        }
+        if (d->ntrajectory != first->ntrajectory || d->ntime != first->ntime ||
+            d->dt != first->dt) {
+            return pm_fail(PM_EDATA,
+                           "the field of %s has %d trajectories of %d states, %g s apart, that of "
+                           "%s %d of %d, %g s",
+                           a->body[i].name, d->ntrajectory, d->ntime, d->dt, a->body[0].name,
+                           first->ntrajectory, first->ntime, first->dt);
+        }
+    }
+    return PM_OK;
 }
 
 static pm_status join(pm_dataset **dataset, const pm_assembly *a, const pm_dataset *const *part,
@@ -202,13 +214,11 @@ done:
 
 pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *a,
                               const pm_field *const *field, int count, const int *trajectory) {
+    PM_TRY(pm_assembly_check(a, field));
     pm_dataset **part = calloc((size_t)a->nbody, sizeof *part);
     pm_status status = part == NULL ? no_memory() : PM_OK;
     for (int i = 0; i < a->nbody && status == PM_OK; ++i) {
-        status = check_field(field[i], field[0]);
-        if (status == PM_OK) {
-            status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false);
-        }
+        status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false);
     }
     if (status == PM_OK) {
         status = join(dataset, a, (const pm_dataset *const *)part, field, trajectory);
