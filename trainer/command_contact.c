@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "commands.h"
 #include "modal/assembly.h"
@@ -218,8 +217,8 @@ static pm_status save_dataset(const pm_assembly *assembly, const pm_field *const
     PM_TRY_DONE(pm_dataset_note(modes, "source", "portmet-train contact"));
     PM_TRY_DONE(pm_dataset_note(modes, "command", "%s", command));
     const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", a->output);
-    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path") : PM_OK);
-    PM_TRY_DONE(pm_dataset_save(modes, path));
+    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
+                             : pm_dataset_save(modes, path));
     printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
            modes->ntime, modes->ncolumn);
 done:
@@ -229,7 +228,7 @@ done:
 
 static pm_status save_all(const pm_assembly *assembly, const pm_field *const *field,
                           const chosen *c, const arguments *a, const char *command) {
-    mkdir(a->output, 0777);
+    PM_TRY(pm_options_folder(a->output));
     for (int i = 0; i < assembly->nmeeting; ++i) {
         PM_TRY(save_port(assembly, &assembly->meeting[i], 0, a, command));
         PM_TRY(save_port(assembly, &assembly->meeting[i], 1, a, command));

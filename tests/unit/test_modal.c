@@ -171,6 +171,23 @@ static void fields_come_back(void **state) {
     pm_field_free(field);
 }
 
+// A basis without a mesh gives fields without one.
+static void a_body_may_have_no_mesh(void **state) {
+    (void)state;
+    pm_field *field = make_body(), *again = NULL;
+    field->hexahedron = NULL;
+    pm_basis *b = make_basis(field);
+    pm_dataset *d = NULL;
+    assert_int_equal(b->nelement, 0);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_OK);
+    assert_int_equal(again->nelement, 0);
+    pm_dataset_free(d);
+    pm_field_free(again);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
 static void what_does_not_fit_is_told(void **state) {
     pm_field *field = make_body(), *again = NULL;
     pm_basis *b = make_basis(field);
@@ -275,6 +292,7 @@ int main(void) {
         cmocka_unit_test(modes_that_carry_the_energy_are_found),
         cmocka_unit_test(amplitudes_follow_the_loads),
         cmocka_unit_test_prestate(fields_come_back, &folder),
+        cmocka_unit_test(a_body_may_have_no_mesh),
         cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),
         cmocka_unit_test(local_stress_is_a_convolution),
         cmocka_unit_test(regression_finds_what_is_there),

@@ -138,7 +138,8 @@ succeed "displacement                 0         0         0" reconstruct "$folde
 expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
 expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
 expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
-expect 4 "$new/basis.h5" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
+succeed "modes.h5: 1 trajectories" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/new/deep"
+expect 4 "$new: cannot make or write this folder" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
 expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
 expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
 
@@ -158,6 +159,7 @@ expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fie
 expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$folder/two"
+expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" -o "$new"
 expect 2 "nothing to do" contact "$beam" --basis "$basis" --data "$fields"
 expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
 expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --basis "$basis" \

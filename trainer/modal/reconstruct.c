@@ -131,7 +131,9 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
     memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
     memcpy(d->position, basis->position, 3 * (size_t)d->nnode * sizeof *d->position);
-    memcpy(d->hexahedron, basis->hexahedron, 8 * (size_t)d->nelement * sizeof *d->hexahedron);
+    if (d->nelement > 0) {
+        memcpy(d->hexahedron, basis->hexahedron, 8 * (size_t)d->nelement * sizeof *d->hexahedron);
+    }
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
             double *state = pm_field_state(d, i, j);
