@@ -1,11 +1,14 @@
 // Meetings, their matrices, and datasets put side by side.
 #include "modal/assembly.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "modal/reduce.h"
+
+#define TIME_TOLERANCE 1e-6 // of dt: single precision
 
 const struct pm_meeting_group pm_meeting_group[PM_FACING_GROUPS] = {
     {"g", "m"}, {"u", "m"}, {"v", "m"}, {"slope_u", "1"}, {"slope_v", "1"}};
@@ -136,10 +139,10 @@ static const char **name_columns(const pm_assembly *a, const pm_dataset *const *
 // Displacements of a body [nnode][3].
 static void displace(const pm_placed *body, const pm_field *field, int trajectory, int time,
                      double *u) {
-    const double *state = pm_field_state(field, trajectory, time);
+    const double *q = pm_field_state(field, trajectory, time) + pm_field_columns(field, "qx qy qz");
     for (int i = 0; i < body->nnode; ++i) {
         for (int d = 0; d < 3; ++d) {
-            u[3 * i + d] = state[(ptrdiff_t)i * field->nvariable + d] - body->position[3 * i + d];
+            u[3 * i + d] = q[(ptrdiff_t)i * field->nvariable + d] - body->position[3 * i + d];
         }
     }
 }
@@ -177,7 +180,7 @@ pm_status pm_assembly_check(const pm_assembly *a, const pm_field *const *field) 
                            d->nnode, a->basis->nnode);
         }
         if (d->ntrajectory != first->ntrajectory || d->ntime != first->ntime ||
-            d->dt != first->dt) {
+            fabs(d->dt - first->dt) > TIME_TOLERANCE * first->dt) {
             return pm_fail(PM_EDATA,
                            "the field of %s has %d trajectories of %d states, %g s apart, that of "
                            "%s %d of %d, %g s",
