@@ -72,13 +72,13 @@ static pm_status read_how(pm_yaml root, pm_arena *arena, pm_reduce_how *how) {
     pm_yaml value;
     int section = 0;
     PM_TRY(pm_yaml_allow(root, keys));
-    PM_TRY(read_count(root, "modes", PM_REDUCE_MAX_MODES, &how->nmode));
+    PM_TRY(read_count(root, "modes", PM_BASIS_MAX_MODES, &how->nmode));
     PM_TRY(read_count(root, "state", how->nmode, &how->nstate));
     PM_TRY(read_count(root, "leading", how->nmode, &how->nlead));
     PM_TRY(read_positive(root, "swing", &how->swing));
     PM_TRY(read_positive(root, "temperature", &how->temperature));
-    PM_TRY(read_count(root, "displacement", 1000, &how->displacement_rank));
-    PM_TRY(read_count(root, "stress", 1000, &how->stress_rank));
+    PM_TRY(read_count(root, "displacement", PM_BASIS_MAX_RANK, &how->displacement_rank));
+    PM_TRY(read_count(root, "stress", PM_BASIS_MAX_RANK, &how->stress_rank));
     if (pm_yaml_exists(value = pm_yaml_get(root, "relaxation"))) {
         PM_TRY(read_relaxation(value, arena, how));
     }

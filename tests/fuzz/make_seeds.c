@@ -1,10 +1,11 @@
 // make_seeds DIR: what fuzz targets begin with and no text can hold: a small dataset, fields, a
-// checkpoint, messages, datagrams.
+// basis, a checkpoint, messages, datagrams.
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "modal/basis.h"
 #include "net/codec.h"
 #include "store/checkpoint.h"
 #include "store/dataset.h"
@@ -36,6 +37,36 @@ static pm_status make_field(const char *path, bool contact) {
 static pm_status make_fields(void) {
     PM_TRY(make_field("field.h5", false));
     return make_field("contact.h5", true);
+}
+
+// Of one brick, with one of everything.
+static pm_status fill_basis(pm_basis *b) {
+    static const int carries[8] = {0, 0, 0, 0, 0, 0, 0, 1};
+    b->nbranch = 1;
+    b->tau[0] = b->swing = b->temperature = b->lead_scale[0] = 1;
+    b->stiffness[0] = b->stiffness[1] = 1;
+    PM_TRY(pm_basis_add_mesh(b, 1));
+    for (int i = 0; i < 8; ++i) {
+        b->hexahedron[i] = i;
+        for (int d = 0; d < 3; ++d) {
+            b->position[3 * i + d] = i >> d & 1;
+        }
+    }
+    PM_TRY(pm_basis_add_pattern(b, &b->displacement, 1, 3 * b->nnode));
+    PM_TRY(pm_basis_add_pattern(b, &b->stress, 1, PM_BASIS_TENSOR * b->nnode));
+    PM_TRY(pm_local_find_sections(&b->local, b->nnode, b->position, &b->arena));
+    return pm_local_set_loaded(&b->local, carries, 1, &b->arena);
+}
+
+static pm_status make_basis(void) {
+    pm_basis *basis = NULL;
+    PM_TRY(pm_basis_new(&basis, 8, 2, 1, 1));
+    pm_status status = fill_basis(basis);
+    if (status == PM_OK) {
+        status = pm_basis_save(basis, "basis.h5", "made for a fuzzer");
+    }
+    pm_basis_free(basis);
+    return status;
 }
 
 static pm_status make_checkpoint(void) {
@@ -105,8 +136,9 @@ int main(int argc, char **argv) {
     if (argc != 2 || chdir(argv[1]) != 0) {
         return PM_EUSAGE;
     }
-    static pm_status (*const make[])(void) = {make_dataset,  make_fields,  make_checkpoint,
-                                              make_snapshot, make_message, make_datagrams};
+    static pm_status (*const make[])(void) = {make_dataset,    make_fields,   make_basis,
+                                              make_checkpoint, make_snapshot, make_message,
+                                              make_datagrams};
     pm_status status = PM_OK;
     for (size_t i = 0; i < sizeof make / sizeof make[0] && status == PM_OK; ++i) {
         status = make[i]();

@@ -246,6 +246,66 @@ static void a_body_may_have_no_mesh(void **state) {
     pm_field_free(field);
 }
 
+// Numbers in a file that arithmetic does not stand.
+static void spoiled_bases_are_refused(void **state) {
+    pm_field *field = make_body();
+    pm_basis *b = make_basis(field), *none = NULL;
+    const char *path = scratch_path(*state, "spoiled.h5");
+    assert_int_equal(pm_basis_add_mesh(b, 1), PM_OK);
+    const struct {
+        double *at, value;
+    } spoiled[] = {
+        {&b->hexahedron[3], NNODE},
+        {&b->hexahedron[0], -1},
+        {&b->hexahedron[0], 1.5},
+        {&b->hexahedron[7], NAN},
+        {&b->mode[7], NAN},
+        {&b->position[1], INFINITY},
+        {&b->position[3 * 2], 1e-5}, // very many sections
+        {&b->displacement.coefficient[0], NAN},
+        {&b->stress.pattern[5], NAN},
+        {&b->local.kernel[3], NAN},
+        {&b->stiffness[1], 0},
+        {&b->lead_scale[0], 0},
+        {&b->tau[0], 0},
+        {&b->swing, 0},
+        {&b->temperature, -1},
+    };
+    for (size_t i = 0; i < sizeof spoiled / sizeof *spoiled; ++i) {
+        const double good = *spoiled[i].at;
+        *spoiled[i].at = spoiled[i].value;
+        assert_int_equal(pm_basis_save(b, path, "trial"), PM_OK);
+        if (pm_basis_load(&none, path) != PM_EDATA || none != NULL) {
+            fail_msg("basis %zu was read", i);
+        }
+        *spoiled[i].at = good;
+    }
+    assert_int_equal(pm_basis_save(b, path, "trial"), PM_OK);
+    assert_int_equal(pm_basis_load(&none, path), PM_OK);
+    pm_basis_free(none);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
+// The number of features follows from that of the modes: more than there may be are not tried.
+static void bases_of_many_modes_are_refused(void **state) {
+    const char *path = scratch_path(*state, "many.h5");
+    for (int n = PM_BASIS_MAX_MODES; n <= PM_BASIS_MAX_MODES + 1; ++n) {
+        pm_basis *b = NULL, *again = NULL;
+        assert_int_equal(pm_basis_new(&b, 1, n, n, n), PM_OK);
+        b->swing = b->temperature = 1;
+        for (int i = 0; i < n; ++i) {
+            b->stiffness[i] = b->lead_scale[i] = 1;
+        }
+        assert_int_equal(pm_basis_add_pattern(b, &b->displacement, 1, 3), PM_OK);
+        assert_int_equal(pm_basis_save(b, path, "trial"), PM_OK);
+        assert_int_equal(pm_basis_load(&again, path), n > PM_BASIS_MAX_MODES ? PM_EDATA : PM_OK);
+        pm_basis_free(again);
+        pm_basis_free(b);
+    }
+    assert_non_null(strstr(pm_error(), "65 modes of 1 nodes"));
+}
+
 static void what_does_not_fit_is_told(void **state) {
     pm_field *field = make_body(), *again = NULL;
     pm_basis *b = make_basis(field);
@@ -350,6 +410,8 @@ int main(void) {
         cmocka_unit_test(modes_that_carry_the_energy_are_found),
         cmocka_unit_test(amplitudes_follow_the_loads),
         cmocka_unit_test_prestate(fields_come_back, &folder),
+        cmocka_unit_test_prestate(spoiled_bases_are_refused, &folder),
+        cmocka_unit_test_prestate(bases_of_many_modes_are_refused, &folder),
         cmocka_unit_test(a_body_may_have_no_mesh),
         cmocka_unit_test(variables_are_found_by_name),
         cmocka_unit_test(only_like_fields_are_compared),

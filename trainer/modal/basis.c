@@ -8,10 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/linalg.h"
 #include "store/hdf5_io.h"
 
-#define LARGEST 100000 // nodes or modes that a file may ask for
+#define LARGEST 100000 // nodes or elements that a file may ask for
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a basis");
@@ -120,13 +119,17 @@ void pm_pattern_add(const pm_pattern *pattern, int nfeature, const double *featu
 
 // --- files ---
 
-static pm_status read_pattern(pm_basis *b, pm_pattern *p, const pm_hdf5 *file, const char *name,
-                              int width) {
+static pm_status read_pattern(pm_basis *b, pm_pattern *p, const pm_hdf5 *file, const char *path,
+                              const char *name, int width) {
     char coefficient[64], pattern[64];
     snprintf(coefficient, sizeof coefficient, "/%s/coefficient", name);
     snprintf(pattern, sizeof pattern, "/%s/pattern", name);
     int shape[2];
     PM_TRY(pm_hdf5_shape(file, coefficient, 2, shape));
+    if (shape[1] > PM_BASIS_MAX_RANK) {
+        return pm_fail(PM_EDATA, "%s: %s has rank %d, at most %d is possible", path, name, shape[1],
+                       PM_BASIS_MAX_RANK);
+    }
     PM_TRY(pm_basis_add_pattern(b, p, shape[1], width));
     const int expected[2] = {pm_basis_features(b), shape[1]}, wide[2] = {shape[1], width};
     PM_TRY(pm_hdf5_read(file, coefficient, 2, expected, p->coefficient));
@@ -144,7 +147,7 @@ static pm_status write_pattern(const pm_basis *b, const pm_pattern *p, pm_hdf5 *
 }
 
 // What is local: the places that carry loads and the kernel; sections are found from the positions.
-static pm_status read_local(pm_basis *b, const pm_hdf5 *file) {
+static pm_status read_local(pm_basis *b, const pm_hdf5 *file, const char *path) {
     pm_local *l = &b->local;
     int nloaded = 0, kernel[4] = {0};
     if (!pm_hdf5_has(file, "/local")) {
@@ -162,7 +165,8 @@ static pm_status read_local(pm_basis *b, const pm_hdf5 *file) {
         carries[i] = value[i] != 0;
     }
     if (kernel[0] % 2 == 0 || kernel[0] / 2 > PM_LOCAL_MAX_REACH) {
-        return pm_fail(PM_EDATA, "the local kernel has %d offsets, expected an odd number up to %d",
+        return pm_fail(PM_EDATA,
+                       "%s: the local kernel has %d offsets, expected an odd number up to %d", path,
                        kernel[0], 2 * PM_LOCAL_MAX_REACH + 1);
     }
     PM_TRY(pm_local_find_sections(l, b->nnode, b->position, &b->arena));
@@ -198,6 +202,15 @@ static bool is_finite(size_t count, const double *value) {
     return true;
 }
 
+static bool is_positive(size_t count, const double *value) {
+    for (size_t i = 0; i < count; ++i) {
+        if (!(value[i] > 0 && isfinite(value[i]))) {
+            return false;
+        }
+    }
+    return true;
+}
+
 static bool pattern_is_finite(const pm_basis *b, const pm_pattern *p) {
     const size_t rank = (size_t)p->rank;
     return is_finite((size_t)pm_basis_features(b) * rank, p->coefficient) &&
@@ -205,41 +218,46 @@ static bool pattern_is_finite(const pm_basis *b, const pm_pattern *p) {
 }
 
 // What arithmetic needs.
-static pm_status check_content(const pm_basis *b) {
+static pm_status check_content(const pm_basis *b, const char *path) {
     const size_t width = 3 * (size_t)b->nnode;
-    bool good = b->swing > 0 && b->temperature > 0 && is_finite(1, &b->swing) &&
-                is_finite(width, b->position) && is_finite((size_t)b->nmode * width, b->mode) &&
-                is_finite((size_t)b->nmode, b->stiffness) && pattern_is_finite(b, &b->displacement);
+    bool good =
+        is_positive(1, &b->swing) && is_positive(1, &b->temperature) &&
+        is_positive((size_t)b->nmode, b->stiffness) &&
+        is_positive((size_t)b->nlead, b->lead_scale) && is_positive((size_t)b->nbranch, b->tau) &&
+        is_finite((size_t)b->nmode * width, b->mode) && pattern_is_finite(b, &b->displacement);
     good = good && (b->stress.rank == 0 || pattern_is_finite(b, &b->stress));
-    for (int i = 0; i < b->nbranch; ++i) {
-        good = good && b->tau[i] > 0 && isfinite(b->tau[i]);
-    }
-    for (int i = 0; i < b->nlead; ++i) {
-        good = good && b->lead_scale[i] > 0 && isfinite(b->lead_scale[i]);
-    }
     for (int i = 0; i < 8 * b->nelement; ++i) {
-        good = good && b->hexahedron[i] >= 0 && b->hexahedron[i] < b->nnode;
+        good = good && b->hexahedron[i] >= 0 && b->hexahedron[i] < b->nnode &&
+               b->hexahedron[i] == floor(b->hexahedron[i]);
     }
     const pm_local *l = &b->local;
     const size_t kernel = (size_t)pm_local_features(l) * PM_LOCAL_TENSOR * (size_t)l->nper;
     good = good && (l->nsection == 0 || is_finite(kernel, l->kernel));
-    return good
-               ? PM_OK
-               : pm_fail(PM_EDATA, "a basis with numbers that are not finite, times or scales that "
-                                   "are not > 0, or elements of nodes that it does not have");
+    return good ? PM_OK
+                : pm_fail(PM_EDATA,
+                          "%s: numbers that are not finite, times, scales or stiffnesses that "
+                          "are not > 0, or elements of nodes that there are not",
+                          path);
 }
 
-static pm_status read_content(pm_basis *b, const pm_hdf5 *file) {
+static pm_status read_content(pm_basis *b, const pm_hdf5 *file, const char *path) {
     const int position[2] = {b->nnode, 3}, mode[3] = {b->nmode, b->nnode, 3};
     PM_TRY(pm_hdf5_read_number(file, "/", "swing_s", &b->swing));
     PM_TRY(pm_hdf5_read_number(file, "/", "temperature_K", &b->temperature));
     PM_TRY(pm_hdf5_read(file, "/position", 2, position, b->position));
+    if (!is_finite(3 * (size_t)b->nnode, b->position)) {
+        return pm_fail(PM_EDATA, "%s: positions that are not finite", path);
+    }
     PM_TRY(pm_hdf5_read(file, "/mode", 3, mode, b->mode));
     PM_TRY(pm_hdf5_read(file, "/stiffness", 1, &b->nmode, b->stiffness));
     PM_TRY(pm_hdf5_read(file, "/lead_scale", 1, &b->nlead, b->lead_scale));
     if (pm_hdf5_has(file, "/hexahedra")) {
         int hexahedra[2];
         PM_TRY(pm_hdf5_shape(file, "/hexahedra", 2, hexahedra));
+        if (hexahedra[0] > LARGEST) {
+            return pm_fail(PM_EDATA, "%s: %d hexahedra, at most %d are possible", path,
+                           hexahedra[0], LARGEST);
+        }
         PM_TRY(pm_basis_add_mesh(b, hexahedra[0]));
         hexahedra[1] = 8;
         PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, hexahedra, b->hexahedron));
@@ -247,25 +265,26 @@ static pm_status read_content(pm_basis *b, const pm_hdf5 *file) {
     if (pm_hdf5_has(file, "/relaxation_time")) {
         PM_TRY(pm_hdf5_shape(file, "/relaxation_time", 1, &b->nbranch));
         if (b->nbranch > PM_BASIS_MAX_BRANCHES) {
-            return pm_fail(PM_EDATA, "%d relaxation times, at most %d are possible", b->nbranch,
-                           PM_BASIS_MAX_BRANCHES);
+            return pm_fail(PM_EDATA, "%s: %d relaxation times, at most %d are possible", path,
+                           b->nbranch, PM_BASIS_MAX_BRANCHES);
         }
         PM_TRY(pm_hdf5_read(file, "/relaxation_time", 1, &b->nbranch, b->tau));
     }
-    PM_TRY(read_pattern(b, &b->displacement, file, "displacement", 3 * b->nnode));
+    PM_TRY(read_pattern(b, &b->displacement, file, path, "displacement", 3 * b->nnode));
     if (pm_hdf5_has(file, "/stress")) {
-        PM_TRY(read_pattern(b, &b->stress, file, "stress", PM_BASIS_TENSOR * b->nnode));
+        PM_TRY(read_pattern(b, &b->stress, file, path, "stress", PM_BASIS_TENSOR * b->nnode));
     }
-    PM_TRY(read_local(b, file));
-    return check_content(b);
+    PM_TRY(read_local(b, file, path));
+    return check_content(b, path);
 }
 
-static pm_status read_count(const pm_hdf5 *file, const char *name, int most, int *result) {
+static pm_status read_count(const pm_hdf5 *file, const char *path, const char *name, int most,
+                            int *result) {
     uint64_t value = 0;
     PM_TRY(pm_hdf5_read_integer(file, "/", name, &value));
     if (value < 1 || value > (uint64_t)most) {
-        return pm_fail(PM_EDATA, "%s is %llu, expected 1 to %d", name, (unsigned long long)value,
-                       most);
+        return pm_fail(PM_EDATA, "%s: %s is %llu, expected 1 to %d", path, name,
+                       (unsigned long long)value, most);
     }
     *result = (int)value;
     return PM_OK;
@@ -279,14 +298,17 @@ pm_status pm_basis_load(pm_basis **basis, const char *path) {
     PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_OWN, PM_EDATA));
     PM_TRY_DONE(pm_hdf5_shape(file, "/mode", 3, mode));
     PM_TRY_DONE(pm_hdf5_shape(file, "/lead_scale", 1, &nlead));
-    PM_TRY_DONE(read_count(file, "state_modes", mode[0], &nstate));
-    if (mode[2] != 3 || mode[1] > LARGEST || nlead > nstate) {
-        status = pm_fail(PM_EDATA, "%s: modes of %d nodes with %d numbers each, %d of %d leading",
-                         path, mode[1], mode[2], nlead, nstate);
+    PM_TRY_DONE(read_count(file, path, "state_modes", mode[0], &nstate));
+    if (mode[0] > PM_BASIS_MAX_MODES || mode[2] != 3 || mode[1] > LARGEST || nlead > nstate) {
+        status =
+            pm_fail(PM_EDATA,
+                    "%s: %d modes of %d nodes with %d numbers each, %d of %d leading; "
+                    "expected at most %d of %d with 3",
+                    path, mode[0], mode[1], mode[2], nlead, nstate, PM_BASIS_MAX_MODES, LARGEST);
         goto done;
     }
     PM_TRY_DONE(pm_basis_new(&b, mode[1], mode[0], nstate, nlead));
-    PM_TRY_DONE(read_content(b, file));
+    PM_TRY_DONE(read_content(b, file, path));
     *basis = b;
     b = NULL;
 done:

@@ -20,7 +20,9 @@
 #include "base/status.h"
 #include "modal/local.h"
 
+#define PM_BASIS_MAX_MODES 64
 #define PM_BASIS_MAX_BRANCHES 4
+#define PM_BASIS_MAX_RANK 1000
 #define PM_BASIS_TENSOR 6
 
 // A nodal field as a function of the features: features . coefficient . pattern.

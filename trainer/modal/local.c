@@ -45,7 +45,12 @@ pm_status pm_local_find_sections(pm_local *local, int nnode, const double *posit
     }
     const double tolerance = SAME_PLACE * (last - first);
     const double step = next_x(nnode, position, first + tolerance) - first;
-    *local = (pm_local){.nsection = isfinite(step) ? (int)lround((last - first) / step) + 1 : 1};
+    const double intervals = isfinite(step) ? round((last - first) / step) : 0;
+    if (intervals >= nnode) {
+        return pm_fail(PM_EDATA, "the body is not prismatic: %g sections, %d nodes", intervals + 1,
+                       nnode);
+    }
+    *local = (pm_local){.nsection = (int)intervals + 1};
     local->nper = nnode / local->nsection;
     local->node = pm_arena_array(arena, (size_t)nnode, sizeof *local->node);
     if (local->node == NULL) {

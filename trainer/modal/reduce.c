@@ -1,6 +1,7 @@
 // Fitting a basis, step by step, and projecting on one.
 #include "modal/reduce.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -56,6 +57,7 @@ pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, cons
     pm_reduction r = {.field = field, .how = how, .count = count, .trajectory = trajectory};
     pm_basis *b = NULL;
     pm_status status;
+    assert(how->nmode <= PM_BASIS_MAX_MODES && how->nbranch <= PM_BASIS_MAX_BRANCHES);
     PM_TRY_DONE(open_reduction(&r, how->nmode, how->nbranch, how->square, true));
     PM_TRY_DONE(pm_reduce_modes(&r, &b));
     PM_TRY_DONE(pm_reduce_patterns(&r, b));

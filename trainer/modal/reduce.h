@@ -6,13 +6,11 @@
 #include "store/dataset.h"
 #include "store/field.h"
 
-#define PM_REDUCE_MAX_MODES 64
-
 typedef struct pm_reduce_how {
-    int nmode;  // modes in all
-    int nstate; // at most so many carry the energy
-    int nlead;  // at most so many of these in products
-    int nbranch;
+    int nmode;                         // modes in all, at most PM_BASIS_MAX_MODES
+    int nstate;                        // at most so many carry the energy
+    int nlead;                         // at most so many of these in products
+    int nbranch;                       // at most PM_BASIS_MAX_BRANCHES
     double tau[PM_BASIS_MAX_BRANCHES]; // s
     double swing;                      // s
     double temperature;                // K

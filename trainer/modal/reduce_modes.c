@@ -90,7 +90,7 @@ static pm_status add_flexibility(pm_reduction *r, double weight, void *context) 
     flexibility *x = context;
     const pm_path *p = &r->path;
     const int n = x->b->nstate, count = pm_basis_features(x->b), used = count - n;
-    double c[PM_BASIS_MAX_BRANCHES * PM_REDUCE_MAX_MODES];
+    double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
     pm_path_project(&r->path, x->b, r->field->dt);
     for (int j = 0; j < p->ntime; ++j) {
         pm_reading reading;
@@ -243,7 +243,7 @@ static pm_status set_constants(pm_basis *b, const pm_reduce_how *how, const pm_f
 static pm_status pick_modes(pm_reduction *r, const flexibility *x, pm_basis **basis) {
     const pm_basis *all = x->b;
     const size_t width = 3 * (size_t)all->nnode;
-    int order[2 * PM_REDUCE_MAX_MODES];
+    int order[2 * PM_BASIS_MAX_MODES];
     const int nstate = order_modes(x, r->how->nstate, order);
     if (nstate == 0) {
         return pm_fail(PM_EDATA, "no mode of the displacements follows the loads");

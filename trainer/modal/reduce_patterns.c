@@ -56,7 +56,7 @@ static pm_status add_rest(pm_reduction *r, double weight, void *context) {
     remainder_fit *x = context;
     const pm_path *p = &r->path;
     const int count = pm_basis_features(x->b), width = 3 * p->nnode;
-    double c[PM_BASIS_MAX_BRANCHES * PM_REDUCE_MAX_MODES];
+    double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
     pm_path_project(&r->path, x->b, r->field->dt);
     // Stress is weighed by its own size, so that its units do not matter.
     const double stressed =
@@ -143,7 +143,7 @@ static pm_status find_loaded(pm_reduction *r, double weight, void *context) {
 // Stress at a time less what the pattern makes of it.
 static void subtract_pattern(const local_fit *x, const pm_path *p, int time) {
     const int width = PM_BASIS_TENSOR * p->nnode;
-    double c[PM_BASIS_MAX_BRANCHES * PM_REDUCE_MAX_MODES];
+    double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
     pm_reading reading;
     pm_path_read(p, x->b, time, c, &reading);
     pm_basis_fill_features(x->b, &reading, x->feature);
