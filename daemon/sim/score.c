@@ -5,6 +5,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+// Of a group's root mean square: what rounding leaves of a snapshot that is zero.
+#define NOTHING 1e-9
+
 void pm_score_add(const pm_columns *columns, int group, const double *predicted,
                   const double *truth, pm_score_sums *sums) {
     for (int i = 0; i < columns->nz; ++i) {
@@ -21,25 +24,28 @@ double pm_score_of(const pm_score_sums *sums) {
     return sqrt(sums->error) / (sums->norm > 0 ? sqrt(sums->norm) : 1);
 }
 
-// Relative error of one group over the rows [first, last).
-static double group_error(const pm_columns *columns, int group, int ncolumn, int first, int last,
-                          const double *predicted, const double *truth) {
+// Of one group over the rows [first, last).
+static pm_score_sums sums_of(const pm_columns *columns, int group, int ncolumn, int first, int last,
+                             const double *predicted, const double *truth) {
     pm_score_sums sums = {0};
     for (int j = first; j < last; ++j) {
         const size_t row = (size_t)j * (size_t)ncolumn;
         pm_score_add(columns, group, predicted + row, truth + row, &sums);
     }
-    return pm_score_of(&sums);
+    return sums;
 }
 
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
               const double *truth, double *trajectory, double *snapshot) {
     const int ngroup = columns->ngroup;
     for (int g = 0; g < ngroup; ++g) {
-        trajectory[g] = group_error(columns, g, ncolumn, 0, ntime, predicted, truth);
+        const pm_score_sums whole = sums_of(columns, g, ncolumn, 0, ntime, predicted, truth);
+        const double mean = whole.norm / ntime;
+        trajectory[g] = pm_score_of(&whole);
         for (int j = 0; snapshot != NULL && j < ntime; ++j) {
-            snapshot[(size_t)j * (size_t)ngroup + (size_t)g] =
-                group_error(columns, g, ncolumn, j, j + 1, predicted, truth);
+            pm_score_sums one = sums_of(columns, g, ncolumn, j, j + 1, predicted, truth);
+            one.norm = one.norm > NOTHING * NOTHING * mean ? one.norm : mean;
+            snapshot[(size_t)j * (size_t)ngroup + (size_t)g] = pm_score_of(&one);
         }
     }
 }

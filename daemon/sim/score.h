@@ -7,7 +7,9 @@
 
 // Relative L2 error of each group over a whole trajectory, ||predicted - true|| / ||true||, and of
 // each snapshot. predicted, truth: [ntime][ncolumn]; trajectory: [ngroup]; snapshot:
-// [ntime][ngroup] or NULL. A group that is identically zero in truth scores the absolute norm.
+// [ntime][ngroup] or NULL. A group that is identically zero in truth scores the absolute norm; one
+// that is zero, or 1e-9 of that, in a snapshot alone is measured by its root mean square over the
+// trajectory.
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
               const double *truth, double *trajectory, double *snapshot);
 

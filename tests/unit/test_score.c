@@ -31,7 +31,7 @@ static void errors_are_relative_per_group(void **state) {
     assert_near(snapshot[0][0], 0.5 / 5);
     assert_near(snapshot[0][1], 0.5 / 2);
     assert_near(snapshot[1][0], 1.2 / 12);
-    assert_near(snapshot[1][1], 0.25); // zero in truth: the absolute norm
+    assert_near(snapshot[1][1], 0.25 / sqrt(2)); // zero in truth: relative to the mean square
     double alone[2];
     pm_score(&columns, 2, 4, predicted[0], truth[0], alone, NULL);
     assert_memory_equal(alone, trajectory, sizeof alone);
@@ -39,6 +39,18 @@ static void errors_are_relative_per_group(void **state) {
     pm_score_add(&columns, 0, predicted[0], truth[0], &sums);
     pm_score_add(&columns, 0, predicted[1], truth[1], &sums);
     assert_true(pm_score_of(&sums) == trajectory[0]);
+}
+
+// What is zero beside the rest, but for rounding, does not make an error large.
+static void snapshots_of_rounding_size_count_as_zero(void **state) {
+    (void)state;
+    const double truth[3][4] = {{0, 0, 1, 0}, {0, 0, 1e-12, 0}, {0, 0, 1e-8, 0}};
+    const double predicted[3][4] = {{0.5, 0, 1, 0}, {0, 0, 0.25, 0}, {0, 0, 2e-8, 0}};
+    double trajectory[2], snapshot[3][2];
+    pm_score(&columns, 3, 4, predicted[0], truth[0], trajectory, snapshot[0]);
+    assert_near(snapshot[1][1], (0.25 - 1e-12) * sqrt(3));
+    assert_near(snapshot[2][1], 1);
+    assert_near(snapshot[0][0], 0.5); // zero throughout: the absolute norm
 }
 
 static void a_failed_prediction_scores_nan(void **state) {
@@ -90,6 +102,7 @@ static void failed_rollouts_count_as_the_worst(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(errors_are_relative_per_group),
+        cmocka_unit_test(snapshots_of_rounding_size_count_as_zero),
         cmocka_unit_test(a_failed_prediction_scores_nan),
         cmocka_unit_test(box_has_interpolated_quartiles_and_whiskers_within_reach),
         cmocka_unit_test(box_of_one_value_is_that_value),
