@@ -33,9 +33,10 @@ typedef struct pm_evaluation {
     int count;           // rollouts
     int stride;          // scene steps from one state of the dataset to the next
     pm_rollout *rollout; // [count]
-    // [count][ntime][ncolumn] in the dataset's coordinates. Columns that the scene does not map are
-    // zero; where a rollout did not go all the way, its last finite state is repeated.
-    pm_dataset *predicted; // the rollouts; columns that the scene does not predict are those of the data
+    // The rollouts, [count][ntime][ncolumn] in the dataset's coordinates. Columns that the scene
+    // does not predict are those of the data; where a rollout did not go all the way, its last
+    // finite state is repeated.
+    pm_dataset *predicted;
     pm_box *trajectory; // [ngroup] of the rollouts' errors
     pm_box *snapshot;   // [ngroup] of their states' errors, the first state of each left out
 } pm_evaluation;

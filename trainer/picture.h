@@ -14,8 +14,9 @@ typedef struct pm_picture {
     double time; // s; of each field the state nearest to it
 } pm_picture;
 
-// Draws with gnuplot into `path`, a PNG; the script stays beside it, with the ending .gp. PM_EFILE,
-// PM_EDATA (no mesh, stress or trajectory), PM_ENOMEM.
+// Draws with gnuplot into `path`, a PNG; the script stays beside it, with the ending .gp.
+// PM_EUSAGE (`path` has that ending itself), PM_EFILE, PM_EDATA (no mesh, stress or trajectory),
+// PM_ENOMEM.
 pm_status pm_picture_draw(const pm_picture *picture, const char *path);
 
 #endif

@@ -143,6 +143,11 @@ static pm_status read_group_scale(pm_yaml value, pm_arena *arena, const pm_group
     if (count != 1 && count != group->size) {
         return pm_yaml_fail(value, "expected one number, or %d", group->size);
     }
+    for (int i = 0; i < count; ++i) {
+        if (!(list[i] >= 0)) {
+            return pm_yaml_fail(value, "expected numbers >= 0, found %g", list[i]);
+        }
+    }
     for (int i = 0; i < group->size; ++i) {
         scale[group->first + i] = list[count == 1 ? 0 : i];
     }

@@ -114,7 +114,7 @@ typedef struct pm_given_pair {
 //     "q", "q/|q|", "q/|q|^2"), for each scalar group one row. With invariant features, rotating
 //     the state then rotates the result.
 // A reversible one between the ends of a port may act on groups of one end `against` groups of the
-// other: C has rows for the former and columns for the latter, which drive each other, as in a pair.
+// other: C has rows for the former and columns for the latter, which drive each other as in a pair.
 typedef struct pm_operator_spec {
     int ngiven;
     const pm_given_pair *given;

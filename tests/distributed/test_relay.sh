@@ -6,6 +6,7 @@
 relay=$4
 steps=200
 seed=$(date +%s)
+echo "seed $seed"
 
 unshare -n sleep 100 &
 host=$!

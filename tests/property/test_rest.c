@@ -101,8 +101,7 @@ static void rest_changes_no_bit(void **state) {
         if (pm_integrator_find(name)->balanced) {
             continue; // what a step leaves unbalanced is not in the state that is set
         }
-        const bool balanced = pm_integrator_find(name)->balanced;
-        for (uint64_t seed = 1; seed <= 5 && !balanced; ++seed) {
+        for (uint64_t seed = 1; seed <= 5; ++seed) {
             check_against_new(name, seed);
         }
     }

@@ -111,6 +111,7 @@ expect 5 "there is no trajectory 2, only 2" picture "$lower" --trajectory 2 -o "
 expect 2 '--time "soon": expected a number' picture "$lower" --time soon -o "$folder/new.png"
 expect 2 'expected a whole number' picture "$lower" --trajectory 0.5 -o "$folder/new.png"
 expect 5 "/z" picture configs/reference/double_pendulum.h5 -o "$folder/new.png"
+expect 2 "script takes this name" picture "$lower" -o "$folder/new.gp"
 expect 4 "/nowhere/new.gp" picture "$lower" -o /nowhere/new.png
 with_beams 's/+y, -x, +z/+y, +x, +z/'
 expect 3 "right-handed" truth "$beam" -o "$new"
@@ -175,6 +176,10 @@ with_modes 's/section: square/section: round/'
 expect 3 "section: expected one of any, square" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 with_modes 's/state: 3/state: 7/'
 expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+
+# --- fit ---
+sed "s|^scene: |scene: $PWD/configs/train/|; /scale:/s/s: 300.0/s: [-300.0]/" configs/train/public_beam.yaml >"$folder/bad.yaml"
+expect 3 "expected numbers >= 0, found -300" fit "$folder/bad.yaml" -o "$folder/none"
 
 # --- evaluate ---
 succeed "Both laws" evaluate "$scene" --data "$data"

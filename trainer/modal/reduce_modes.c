@@ -10,11 +10,14 @@
 
 // Every so many states count in the decomposition: neighbours in time are alike.
 #define STRIDE 3
+// Features depend on each other: just so much that what they do not tell apart stays small. More
+// would soften the modes.
 #define RIDGE 1e-7
 // A mode belongs to the state if its load is at least this share of what would hold it: relaxed
 // rubber takes a fifth. Modes with less are carried along by others.
 #define DRIVEN 0.25
-// Softer than this relative to the softest mode a direction is taken to be rigid.
+// A direction is at least so soft, relative to the softest mode: of one as good as rigid the
+// regression finds no softness, or less.
 #define STIFFEST 1e-6
 
 static pm_status no_memory(void) {

@@ -44,7 +44,6 @@ void pm_regression_add(pm_regression *r, int count, const double *features, cons
     for (size_t i = 0; i < size; ++i) {
         r->cross[i] += r->product[i];
     }
-    r->nsample += count;
 }
 
 pm_status pm_regression_solve(pm_regression *r, double ridge) {

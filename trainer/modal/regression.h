@@ -7,7 +7,6 @@
 // Sums over samples of weight^2 features^T features and weight^2 features^T results.
 typedef struct pm_regression {
     int nfeature, nresult;
-    long nsample;
     double *gram;    // [nfeature][nfeature], upper triangle
     double *cross;   // [nfeature][nresult]
     double *product; // work space
