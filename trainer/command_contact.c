@@ -23,12 +23,11 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "fields of every body; write modes.h5, a dataset of the assembly"},
         {"--output", "-o", "DIR", NULL, &a->output, false, "write into DIR"},
         {"--score", NULL, "MODES", NULL, &a->modes, false,
-         "print how far off the forces of contact are in a recording of `evaluate` (with --data)"},
+         "print how far off forces of contact are in this recording (needs --data)"},
         {"--stiffness", NULL, "K", NULL, &a->stiffness, false,
          "N/m, of a pair of points in that recording's scene"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "only these of the fields, such as 0:4,7,9:; of --score those that the recording is "
-         "about"},
+         "only these of the fields, such as 0:4,7,9:; for --score the recording's"},
     };
     const pm_options options = {
         .usage = "portmet-train contact CONFIG --basis FILE [options]",

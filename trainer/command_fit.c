@@ -40,7 +40,7 @@ typedef struct fit {
 
 static pm_status read_arguments(int argc, char **argv, arguments *a, bool *helped) {
     const pm_option option[] = {
-        {"--data", NULL, "FILE", NULL, &a->data, false, "dataset, instead of the one CONFIG names"},
+        {"--data", "-d", "FILE", NULL, &a->data, false, "dataset, instead of the one CONFIG names"},
         {"--output", "-o", "DIR", NULL, &a->output, true,
          "folder for the weights, one file per subsystem and port"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,

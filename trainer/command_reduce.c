@@ -17,9 +17,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_option table[] = {
         {"--data", "-d", "FILE", NULL, &a->data, true, "fields of the body (HDF5)"},
         {"--basis", "-b", "FILE", NULL, &a->basis, false,
-         "project on this basis instead of making one"},
+         "project on this basis instead of making one as CONFIG says"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "only these, such as 0:40 (not including 40) or 0,3,6:9; 40: up to the last is \"40:\""},
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: up to the last"},
         {"--output", "-o", "DIR", NULL, &a->output, true,
          "write modes.h5, and basis.h5 where one is made, into DIR"},
     };

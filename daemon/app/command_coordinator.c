@@ -44,12 +44,11 @@ const pm_command pm_command_coordinator = {
     .arguments = "SCENE",
     .summary = "step the nodes of a scene that run elsewhere",
     .help =
-        "Waits for one `portmetd node` per subsystem, on this or any other host of the network,\n"
+        "Waits for one `portmetd node` per process, on this or any other host of the network,\n"
         "then steps them together, keeps the ledger of both laws, records, and prints the same\n"
         "tables as `portmetd run`. Nodes with another scene, other weights or another initial\n"
-        "state are refused by name. With --checkpoint it goes on where it was killed; when all "
-        "have\n"
-        "ended well, remove the folder's files.\n",
+        "state are refused by name. With --checkpoint it goes on where it was killed;\n"
+        "when all have ended well, remove the folder's files.\n",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |
                PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_QUIET,
     .execute = execute,

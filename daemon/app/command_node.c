@@ -57,16 +57,15 @@ const pm_command pm_command_node = {
     .arguments = "SCENE NAME",
     .summary = "serve one process of a scene",
     .help = "Serves the process NAME, one subsystem or those that the scene's `processes` list:\n"
-            "publishes their energy and entropy fluxes through the ports that lead to other "
-            "processes,\n"
-            "listens to these, and steps when the coordinator grants it. Ends when the run does. "
+            "publishes their energy and entropy fluxes through the ports that lead to others,\n"
+            "listens to these, and steps when the coordinator grants it. Ends when the run does.\n"
             "Scene, weights and initial state must be the same on every host; a node that\n"
             "differs is refused. By hand, one in each terminal or on each host, in any order:\n\n"
             "  portmetd node SCENE NAME1\n"
             "  portmetd node SCENE NAME2\n"
             "  portmetd coordinator SCENE\n\n"
-            "With --checkpoint, for all of them, one that was killed goes on when it is started "
-            "again\nwith the same command within the scene's `patience`.\n",
+            "With --checkpoint, for all of them, one that was killed goes on when it is started\n"
+            "again with the same command within the scene's `patience`.\n",
     .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT,
     .execute = execute,
 };
