@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "commands.h"
 #include "modal/assembly.h"
@@ -46,6 +45,28 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .option = table,
     };
     return pm_options_read(&options, argc, argv, helped);
+}
+
+// That there is something to do, and what it needs.
+static pm_status check_arguments(const arguments *a, double *stiffness) {
+    if (a->output == NULL && a->modes == NULL) {
+        return pm_fail(PM_EUSAGE, "contact: nothing to do: give -o or --score");
+    }
+    if (a->modes != NULL && a->data == NULL) {
+        return pm_fail(PM_EUSAGE, "--score needs --data");
+    }
+    if ((a->modes == NULL) != (a->stiffness == NULL)) {
+        return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0, and that a --score");
+    }
+    if (a->stiffness != NULL) {
+        char *end;
+        *stiffness = strtod(a->stiffness, &end);
+        if (!(*stiffness > 0 && isfinite(*stiffness)) || *end != '\0') {
+            return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0, found \"%s\"",
+                           a->stiffness);
+        }
+    }
+    return PM_OK;
 }
 
 // --- bodies ---
@@ -117,7 +138,6 @@ static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int
     const char *name[2] = {assembly->body[m->body[0]].name, assembly->body[m->body[1]].name};
     const pm_provenance provenance = {.command = command, .data = a->basis};
     pm_port_model port = {0};
-    char path[1024];
     port.layout[PM_END_A] = (pm_layout){1, {{"p", "J^0.5 s", b->nstate, 0}}, b->nstate};
     port.layout[PM_END_B] = (pm_layout){.nz = rows, .ngroup = PM_FACING_GROUPS};
     for (int i = 0; i < PM_FACING_GROUPS; ++i) {
@@ -130,9 +150,12 @@ static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int
     port.spec = (pm_port_spec){.law = "contact",
                                .form = PM_HARD,
                                .matrix = {.rows = rows, .cols = b->nstate, .value = matrix}};
-    snprintf(path, sizeof path, "%s/%s_%s.%s.h5", a->output, name[0], name[1], name[end]);
+    pm_arena arena = {0};
+    const char *path =
+        pm_arena_printf(&arena, "%s/%s_%s.%s.h5", a->output, name[0], name[1], name[end]);
     if (status == PM_OK) {
-        status = pm_port_declare(&port);
+        status =
+            path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path") : pm_port_declare(&port);
     }
     if (status == PM_OK) {
         status = pm_weights_save_port(path, &port, &provenance);
@@ -140,6 +163,7 @@ static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int
     if (status == PM_OK) {
         printf("wrote %s: %d pairs of points, %g m apart\n", path, n, m->facing.pair[0].gap);
     }
+    pm_arena_free(&arena);
     pm_port_free(&port);
     free(matrix);
     return status;
@@ -147,15 +171,15 @@ static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int
 
 // --- dataset ---
 
-// The file of a body in "NAME=FILE,NAME=FILE", into path.
-static pm_status find_file(const char *list, const char *name, char *path, size_t size) {
+// The file of a body in "NAME=FILE,NAME=FILE".
+static pm_status find_file(const char *list, const char *name, pm_arena *arena, const char **path) {
     const size_t length = strlen(name);
     for (const char *at = list; at != NULL; at = strchr(at, ',')) {
         at += *at == ',';
         if (strncmp(at, name, length) == 0 && at[length] == '=') {
             const char *const file = at + length + 1;
-            snprintf(path, size, "%.*s", (int)strcspn(file, ","), file);
-            return PM_OK;
+            *path = pm_arena_printf(arena, "%.*s", (int)strcspn(file, ","), file);
+            return *path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path") : PM_OK;
         }
     }
     return pm_fail(PM_EUSAGE, "--data: expected %s=FILE in \"%s\"", name, list);
@@ -170,11 +194,12 @@ typedef struct chosen {
 // failure the caller frees what fields there are.
 static pm_status load_fields(pm_assembly *assembly, const arguments *a, pm_field **field,
                              chosen *c) {
-    char path[1024];
     for (int i = 0; i < assembly->nbody; ++i) {
-        PM_TRY(find_file(a->data, assembly->body[i].name, path, sizeof path));
+        const char *path;
+        PM_TRY(find_file(a->data, assembly->body[i].name, &assembly->arena, &path));
         PM_TRY(pm_field_load(&field[i], path));
     }
+    PM_TRY(pm_assembly_check(assembly, (const pm_field *const *)field));
     c->trajectory =
         pm_arena_array(&assembly->arena, (size_t)field[0]->ntrajectory, sizeof *c->trajectory);
     if (c->trajectory == NULL) {
@@ -187,13 +212,13 @@ static pm_status save_dataset(const pm_assembly *assembly, const pm_field *const
                               const chosen *c, const arguments *a, const char *command) {
     pm_dataset *modes = NULL;
     pm_status status;
-    char path[1024];
     PM_TRY_DONE(pm_assembly_project(&modes, assembly, field, c->count, c->trajectory));
     PM_TRY_DONE(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", a->data));
     PM_TRY_DONE(pm_dataset_note(modes, "source", "portmet-train contact"));
     PM_TRY_DONE(pm_dataset_note(modes, "command", "%s", command));
-    snprintf(path, sizeof path, "%s/modes.h5", a->output);
-    PM_TRY_DONE(pm_dataset_save(modes, path));
+    const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", a->output);
+    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
+                             : pm_dataset_save(modes, path));
     printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
            modes->ntime, modes->ncolumn);
 done:
@@ -203,7 +228,7 @@ done:
 
 static pm_status save_all(const pm_assembly *assembly, const pm_field *const *field,
                           const chosen *c, const arguments *a, const char *command) {
-    mkdir(a->output, 0777);
+    PM_TRY(pm_options_folder(a->output));
     for (int i = 0; i < assembly->nmeeting; ++i) {
         PM_TRY(save_port(assembly, &assembly->meeting[i], 0, a, command));
         PM_TRY(save_port(assembly, &assembly->meeting[i], 1, a, command));
@@ -234,16 +259,11 @@ static void print_errors(const pm_assembly *assembly, const pm_meeting *m, int c
 }
 
 static pm_status score(const pm_assembly *assembly, const pm_field *const *field, const chosen *c,
-                       const arguments *a) {
+                       const char *path, double stiffness) {
     pm_dataset *modes = NULL;
     double *error = NULL;
-    char *end = NULL;
-    const double stiffness = a->stiffness == NULL ? 0 : strtod(a->stiffness, &end);
     pm_status status;
-    if (!(stiffness > 0) || *end != '\0') {
-        return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0");
-    }
-    PM_TRY_DONE(pm_dataset_load(&modes, a->modes));
+    PM_TRY_DONE(pm_dataset_load(&modes, path));
     if (c->count != modes->ntrajectory) {
         status = pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the fields (--trajectories)",
                          modes->ntrajectory, c->count);
@@ -287,13 +307,12 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
+    double stiffness = 0;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
         return PM_OK;
     }
-    if (a.modes != NULL && a.data == NULL) {
-        return pm_fail(PM_EUSAGE, "--score needs --data");
-    }
+    PM_TRY(check_arguments(&a, &stiffness));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_basis *basis = NULL;
@@ -311,7 +330,7 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     PM_TRY_DONE(a.data == NULL ? PM_OK : load_fields(&assembly, &a, field, &c));
     const pm_field *const *fields = (const pm_field *const *)field;
     PM_TRY_DONE(a.output == NULL ? PM_OK : save_all(&assembly, fields, &c, &a, command));
-    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, &a);
+    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, a.modes, stiffness);
 done:
     for (int i = 0; i < assembly.nbody && field != NULL; ++i) {
         pm_field_free(field[i]);

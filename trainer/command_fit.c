@@ -2,7 +2,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/digest.h"
@@ -300,29 +299,11 @@ static pm_status initialise(fit *f) {
     return status;
 }
 
-// Makes the folder `path` and those above it, where they are missing.
-static pm_status make_folders(const char *path) {
-    char *part = strdup(path);
-    if (part == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a path");
-    }
-    for (char *slash = strchr(part + 1, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
-        *slash = 0;
-        mkdir(part, 0777); // what fails here shows below
-        *slash = '/';
-    }
-    mkdir(part, 0777);
-    free(part);
-    return access(path, W_OK | X_OK) == 0
-               ? PM_OK
-               : pm_fail(PM_EFILE, "%s: cannot make or write this folder", path);
-}
-
 static pm_status start(fit *f) {
     PM_TRY(pm_training_load(&f->training, f->arguments->config));
     PM_TRY(check_file_names(f->training->scene));
     PM_TRY(load_data(f));
-    PM_TRY(make_folders(f->arguments->output));
+    PM_TRY(pm_options_folder(f->arguments->output));
     f->size = (int)count_weights(f->training->system);
     const size_t length = strlen(f->arguments->output) + sizeof "/fit.checkpoint";
     f->checkpoint = malloc(length);

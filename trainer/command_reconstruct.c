@@ -91,7 +91,7 @@ static pm_status save(const pm_field *field, const arguments *a, const char *com
         {"command", command},
     };
     PM_TRY(pm_field_save(field, a->output, (int)(sizeof notes / sizeof *notes), notes));
-    PM_TRY(pm_xdmf_save(field, a->output));
+    PM_TRY(field->nelement == 0 ? PM_OK : pm_xdmf_save(field, a->output)); // nothing to draw
     printf("wrote %s: %d trajectories of %d states, %d nodes\n", a->output, field->ntrajectory,
            field->ntime, field->nnode);
     return PM_OK;

@@ -3,7 +3,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "commands.h"
 #include "modal/reduce.h"
@@ -103,6 +102,15 @@ static void print_basis(const pm_basis *b) {
     printf("\n");
 }
 
+static pm_status save_basis(const pm_basis *basis, const char *folder, const char *command) {
+    pm_arena arena = {0};
+    const char *path = pm_arena_printf(&arena, "%s/basis.h5", folder);
+    const pm_status status = path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
+                                          : pm_basis_save(basis, path, command);
+    pm_arena_free(&arena);
+    return status;
+}
+
 static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *field,
                             const char *command, pm_basis **basis, pm_reduce_how *how, int *which,
                             int *count) {
@@ -119,12 +127,10 @@ static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *fi
     if (status == PM_OK && a->basis != NULL) {
         status = pm_basis_load(basis, a->basis);
     } else if (status == PM_OK) {
-        char path[1024];
-        snprintf(path, sizeof path, "%s/basis.h5", a->output);
         status = pm_reduce_fit(basis, field, *count, which, how);
         if (status == PM_OK) {
             print_basis(*basis);
-            status = pm_basis_save(*basis, path, command);
+            status = save_basis(*basis, a->output, command);
         }
     }
     pm_arena_free(&arena);
@@ -133,15 +139,15 @@ static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *fi
 
 static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm_field *field,
                              int count, const int *which, bool square, const char *command) {
-    char path[1024];
     pm_dataset *modes = NULL;
     pm_status status;
-    snprintf(path, sizeof path, "%s/modes.h5", a->output);
     PM_TRY_DONE(pm_reduce_project(&modes, basis, field, count, which, square));
     PM_TRY_DONE(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", a->data));
     PM_TRY_DONE(pm_dataset_note(modes, "source", "portmet-train reduce"));
     PM_TRY_DONE(pm_dataset_note(modes, "command", "%s", command));
-    PM_TRY_DONE(pm_dataset_save(modes, path));
+    const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", a->output);
+    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
+                             : pm_dataset_save(modes, path));
     printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
            modes->ntime, modes->ncolumn);
 done:
@@ -169,7 +175,7 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
     pm_status status;
     PM_TRY_DONE(pm_yaml_open(&document, a.configuration, &root));
     PM_TRY_DONE(pm_field_load(&field, a.data));
-    mkdir(a.output, 0777);
+    PM_TRY_DONE(pm_options_folder(a.output));
     which = calloc((size_t)field->ntrajectory, sizeof *which);
     if (which == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 static void print_option(const char *brief, const char *name, const char *value, const char *help) {
     char left[64];
@@ -141,4 +143,21 @@ void pm_options_line(int argc, char **argv, char *line, int size) {
     for (int i = 0; i < argc && used < size; ++i) {
         used += snprintf(line + used, (size_t)(size - used), " %s", argv[i]);
     }
+}
+
+pm_status pm_options_folder(const char *path) {
+    char *part = strdup(path);
+    if (part == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a path");
+    }
+    for (char *slash = strchr(part, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
+        *slash = 0;
+        mkdir(part, 0777); // what fails here shows below
+        *slash = '/';
+    }
+    mkdir(part, 0777);
+    free(part);
+    return access(path, W_OK | X_OK) == 0
+               ? PM_OK
+               : pm_fail(PM_EFILE, "%s: cannot make or write this folder", path);
 }

@@ -39,6 +39,10 @@ pm_status pm_options_range(const char *text, int count, int *first, int *end);
 // many there are. One named twice is an error.
 pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
 
+// Makes the folder `path` and those above it, where they are missing. PM_EFILE: it cannot be made or
+// written; PM_ENOMEM.
+pm_status pm_options_folder(const char *path);
+
 // The arguments joined by blanks into `line` (cut to `size`), for provenance.
 void pm_options_line(int argc, char **argv, char *line, int size);
 

@@ -26,7 +26,12 @@ pm_status pm_pace_init(pm_pace *pace, const pm_scene *scene) {
             "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",
             scene->integrator_at, scene->integrator);
     }
-    return PM_OK;
+    return chosen && scene->substeps > PM_MOST_SUBSTEPS
+               ? pm_fail(PM_ECONFIG,
+                         "substeps: %d are the fewest that a tolerance may choose, at most %d are "
+                         "possible",
+                         scene->substeps, PM_MOST_SUBSTEPS)
+               : PM_OK;
 }
 
 void pm_pace_note(pm_pace *pace, const pm_sample *sample) {

@@ -20,7 +20,8 @@ typedef struct pm_pace {
 
 // The scene's substeps are the fewest, below which the method may not be stable; they stay where it
 // names no tolerance. The first step, of whose error nothing is known, has several times as many.
-// PM_ECONFIG: the integrator has no estimate of its error.
+// PM_ECONFIG: the integrator has no estimate of its error, or the scene's substeps are more than
+// PM_MOST_SUBSTEPS.
 pm_status pm_pace_init(pm_pace *pace, const pm_scene *scene);
 
 // After a step.

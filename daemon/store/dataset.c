@@ -10,11 +10,9 @@
 
 #include "base/attempt.h"
 #include "store/hdf5_io.h"
+#include "store/times.h"
 
 #define LAYOUT "state_layout"
-
-// How far a stored time may lie from t0 + j dt, in dt: files made elsewhere print few digits.
-#define TIME_TOLERANCE 1e-3
 
 // --- memory ---
 
@@ -121,20 +119,6 @@ pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *for
 
 // --- checks ---
 
-static pm_status check_time(const pm_dataset *d, const char *path) {
-    if (!isfinite(d->dt) || d->dt <= 0) {
-        return pm_fail(PM_EDATA, "%s: dt is %g, expected a number > 0", path, d->dt);
-    }
-    for (int j = 0; j < d->ntime; ++j) {
-        const double expected = d->t[0] + j * d->dt;
-        if (!(fabs(d->t[j] - expected) <= TIME_TOLERANCE * d->dt)) {
-            return pm_fail(PM_EDATA, "%s: t[%d] is %.9g, expected t[0] + %d dt = %.9g", path, j,
-                           d->t[j], j, expected);
-        }
-    }
-    return PM_OK;
-}
-
 static pm_status check_columns(const pm_dataset *d, const char *path) {
     for (int i = 0; i < d->ncolumn; ++i) {
         for (int k = 0; k < i; ++k) {
@@ -165,7 +149,7 @@ static pm_status check_values(const pm_dataset *d, const char *name, const doubl
 }
 
 static pm_status check(const pm_dataset *d, const char *path) {
-    PM_TRY(check_time(d, path));
+    PM_TRY(pm_times_check(path, d->ntime, d->t, d->dt));
     PM_TRY(check_columns(d, path));
     PM_TRY(check_values(d, "z", d->z, path));
     return d->zdot == NULL ? PM_OK : check_values(d, "zdot", d->zdot, path);

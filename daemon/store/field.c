@@ -9,6 +9,7 @@
 
 #include "base/attempt.h"
 #include "store/hdf5_io.h"
+#include "store/times.h"
 
 #define LAYOUT "state_layout"
 #define CONTACT "contact_force"
@@ -122,17 +123,6 @@ static pm_status read_forces(pm_field *d, const pm_hdf5 *file) {
     return PM_OK;
 }
 
-static pm_status find_contact(const pm_hdf5 *file, pm_arena *arena, bool *found) {
-    const char **name;
-    int count;
-    PM_TRY(pm_hdf5_members(file, "/", arena, &count, &name));
-    *found = false;
-    for (int i = 0; i < count; ++i) {
-        *found = *found || strcmp(name[i], CONTACT) == 0;
-    }
-    return PM_OK;
-}
-
 static pm_status read_contact(pm_field *d, const pm_hdf5 *file, const char *path) {
     const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, 3};
     const size_t count = 3 * (size_t)d->ntrajectory * (size_t)d->ntime * (size_t)d->nnode;
@@ -153,9 +143,9 @@ static pm_status read_mesh(pm_field *d, const pm_hdf5 *file, const char *path) {
         return fail_memory();
     }
     PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, expected, d->hexahedron));
-    for (int i = 0; i < 8 * d->nelement; ++i) {
+    for (size_t i = 0; i < 8 * (size_t)d->nelement; ++i) {
         if (!(d->hexahedron[i] >= 0 && d->hexahedron[i] < d->nnode)) {
-            return pm_fail(PM_EDATA, "%s: hexahedron %d has node %g of %d", path, i / 8,
+            return pm_fail(PM_EDATA, "%s: hexahedron %zu has node %g of %d", path, i / 8,
                            d->hexahedron[i], d->nnode);
         }
     }
@@ -195,7 +185,7 @@ static pm_status read_content(pm_field *d, const pm_hdf5 *file, const char *path
     PM_TRY(read_forces(d, file));
     PM_TRY(read_energies(d, file, path));
     PM_TRY(read_mesh(d, file, path));
-    PM_TRY(check_finite(d->t, (size_t)d->ntime, path, "t"));
+    PM_TRY(pm_times_check(path, d->ntime, d->t, d->dt));
     PM_TRY(check_finite(d->position, 3 * (size_t)d->nnode, path, "node_position_reference"));
     PM_TRY(check_finite(d->f, 3 * nstate, path, "f"));
     return check_finite(d->z, nstate * (size_t)d->nvariable, path, "z");
@@ -215,12 +205,10 @@ static pm_status load(pm_field **field, const char *path) {
     pm_hdf5 *file = NULL;
     pm_field *d = NULL;
     int shape[4];
-    bool contact;
-    pm_arena names = {NULL};
     pm_status status;
     PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
     PM_TRY_DONE(pm_hdf5_shape(file, "/z", 4, shape));
-    PM_TRY_DONE(find_contact(file, &names, &contact));
+    const bool contact = pm_hdf5_has(file, "/" CONTACT);
     PM_TRY_DONE(field_alloc(&d, (pm_field_shape){.ntrajectory = shape[0],
                                                  .ntime = shape[1],
                                                  .nnode = shape[2],
@@ -234,7 +222,6 @@ static pm_status load(pm_field **field, const char *path) {
     *field = d;
     d = NULL;
 done:
-    pm_arena_free(&names);
     pm_field_free(d);
     pm_hdf5_close(file);
     return status;

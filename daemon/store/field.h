@@ -50,8 +50,8 @@ typedef struct pm_field_shape {
 
 // Makes an empty one to be filled: zeroed, t = i dt. PM_ENOMEM. The caller frees.
 pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const char *variable);
-// PM_EFILE (missing, truncated, not HDF5), PM_EDATA (shapes, names, a value that is not finite),
-// PM_ENOMEM. The caller frees.
+// PM_EFILE (missing, truncated, not HDF5), PM_EDATA (shapes, names, a value that is not finite,
+// times that are not dt apart), PM_ENOMEM. The caller frees.
 pm_status pm_field_load(pm_field **field, const char *path);
 // With `count` notes: names and texts in turn.
 pm_status pm_field_save(const pm_field *field, const char *path, int count,

@@ -85,8 +85,6 @@ pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name);
 // Whether there is something called `name`, such as "/z".
 bool pm_hdf5_has(const pm_hdf5 *file, const char *name);
 // The extents [rank] of a dataset; each at least 1. Rank 0: a scalar, `extent` may be NULL.
-// Whether there is something called `name`, such as "/z".
-bool pm_hdf5_has(const pm_hdf5 *file, const char *name);
 pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *extent);
 // Reads a dataset that must have exactly these extents. Values may be non-finite.
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,

@@ -41,6 +41,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     check_finite(field->contact, 3 * nodes);
     check_finite(field->position, 3 * (size_t)field->nnode);
     check_finite(field->t, (size_t)field->ntime);
+    check_finite(field->energy, times * PM_FIELD_ENERGIES);
+    check(field->dt > 0);
+    for (size_t i = 0; i < 8 * (size_t)field->nelement; ++i) {
+        check(field->hexahedron[i] >= 0 && field->hexahedron[i] < field->nnode);
+    }
     pm_field_free(field);
     return 0;
 }

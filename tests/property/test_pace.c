@@ -133,6 +133,11 @@ static void the_next_step_follows_the_error(void **state) {
         pm_pace_note(&pace, &sample);
     }
     assert_int_equal(pace.substeps, 5); // the fewest
+    scene.substeps = PM_MOST_SUBSTEPS;
+    require(pm_pace_init(&pace, &scene));
+    ++scene.substeps;
+    assert_int_equal(pm_pace_init(&pace, &scene), PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "substeps: 4097"));
     scene.integrator = "rk6";
     scene.integrator_at = "x.yaml:1:2";
     assert_int_equal(pm_pace_init(&pace, &scene), PM_ECONFIG);

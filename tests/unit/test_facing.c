@@ -268,6 +268,54 @@ static void what_slides_meets_the_slope(void **state) {
     pm_arena_free(&s.arena);
 }
 
+// Bricks around an edge as slices of a cake, whose top faces meet at its axis: `count` of them have
+// 2 count + 1 nodes there.
+static void make_cake(box *b, int count) {
+    const int nlayer = 2 * count + 1;
+    memset(b, 0, sizeof *b);
+    b->placed = (pm_placed){.name = "cake",
+                            .nnode = 2 * nlayer,
+                            .nelement = count,
+                            .position = b->position[0],
+                            .hexahedron = b->hexahedron[0],
+                            .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    for (int n = 0; n < 2 * nlayer; ++n) {
+        const int i = n % nlayer; // 0: the axis
+        const double turned = acos(-1) * i / count;
+        b->position[n][0] = i == 0 ? 0 : cos(turned);
+        b->position[n][1] = i == 0 ? 0 : sin(turned);
+        b->position[n][2] = n / nlayer;
+    }
+    for (int e = 0; e < count; ++e) {
+        const int corner[4] = {0, 2 * e + 1, 2 * e + 2, (2 * e + 2) % (2 * count) + 1};
+        for (int c = 0; c < 8; ++c) {
+            b->hexahedron[e][c] = corner[c % 4] + c / 4 * nlayer;
+        }
+    }
+}
+
+// Where more faces meet than a point has room for, that is told.
+static void points_of_many_faces_are_refused(void **state) {
+    (void)state;
+    for (int count = 7; count <= 8; ++count) {
+        box lower, upper;
+        pm_arena arena = {0};
+        pm_facing facing;
+        make_cake(&lower, count);
+        make_cake(&upper, count);
+        upper.placed.origin[2] = 1 + GAP;
+        const pm_status status = pm_facing_find(&facing, &lower.placed, &upper.placed, &arena);
+        assert_int_equal(status, count == 7 ? PM_OK : PM_EDATA);
+        if (status == PM_OK) {
+            assert_int_equal(facing.npair, 2 * count + 1);
+            assert_int_equal(facing.pair[0].point[1].nnode, 2 * count + 1);
+        } else {
+            assert_non_null(strstr(pm_error(), "more than 16 nodes"));
+        }
+        pm_arena_free(&arena);
+    }
+}
+
 // --- assemblies ---
 
 enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
@@ -451,6 +499,32 @@ static void forces_are_compared(void **state) {
     free_stack(&s);
 }
 
+// Fields of another number of trajectories, states or nodes are not read.
+static void fields_that_do_not_fit_are_refused(void **state) {
+    (void)state;
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    double error = -1;
+    const pm_field *const *field = (const pm_field *const *)s.field;
+    assert_int_equal(pm_assembly_project(&d, &s.assembly, field, 1, &trajectory), PM_OK);
+    int *const number[] = {&s.field[2]->ntrajectory, &s.field[2]->ntime, &s.field[2]->nnode};
+    for (int i = 0; i < 3; ++i) {
+        pm_dataset *none = NULL;
+        --*number[i];
+        assert_int_equal(pm_assembly_check(&s.assembly, field), PM_EDATA);
+        assert_non_null(strstr(pm_error(), "the field of top has"));
+        assert_int_equal(pm_assembly_project(&none, &s.assembly, field, 1, &trajectory), PM_EDATA);
+        assert_int_equal(pm_meeting_force_errors(&s.assembly, &s.assembly.meeting[1], d, 1, field,
+                                                 &trajectory, &error),
+                         PM_EDATA);
+        ++*number[i];
+    }
+    assert_int_equal(pm_assembly_check(&s.assembly, field), PM_OK);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(points_face_each_other),
@@ -458,9 +532,11 @@ int main(void) {
         cmocka_unit_test(the_longer_side_slopes),
         cmocka_unit_test(what_turns_together_stays_apart),
         cmocka_unit_test(what_slides_meets_the_slope),
+        cmocka_unit_test(points_of_many_faces_are_refused),
         cmocka_unit_test(neighbours_meet),
         cmocka_unit_test(matrices_give_the_gaps),
         cmocka_unit_test(forces_are_compared),
+        cmocka_unit_test(fields_that_do_not_fit_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -178,6 +178,12 @@ static void faults_are_told(void **state) {
     const double nan_value = NAN;
     replace_forces(path, 1);
     assert_load_fails(path, "dataset /f: dimension 2 is 1, expected 3");
+    pm_field *d = made(false);
+    d->dt = 0;
+    assert_load_fails(save(*state, d, "title", "trial"), "dt is 0, expected a number > 0");
+    d = made(false);
+    d->t[2] = 0.5;
+    assert_load_fails(save(*state, d, "title", "trial"), "t[2] is 0.5, expected t[0] + 2 dt = 1");
     path = saved(*state);
     const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
     const hid_t id = H5Dopen2(file, "/z", H5P_DEFAULT);

@@ -171,6 +171,81 @@ static void fields_come_back(void **state) {
     pm_field_free(field);
 }
 
+// The same with the variables in another order.
+static pm_field *reordered(const pm_field *field) {
+    const pm_field_shape shape = {
+        .ntrajectory = NTRAJECTORY, .ntime = NTIME, .nnode = NNODE, .nvariable = NVARIABLE};
+    pm_field *d = NULL;
+    assert_int_equal(pm_field_new(&d, shape, dt, "sxx syy szz sxy sxz syz qx qy qz vx vy vz"),
+                     PM_OK);
+    memcpy(d->position, field->position, 3 * NNODE * sizeof *d->position);
+    memcpy(d->f, field->f, 3 * NTRAJECTORY * NTIME * NNODE * sizeof *d->f);
+    for (int i = 0; i < NTRAJECTORY * NTIME * NNODE * NVARIABLE; i += NVARIABLE) {
+        for (int k = 0; k < NVARIABLE; ++k) {
+            d->z[i + (k + 6) % NVARIABLE] = field->z[i + k];
+        }
+    }
+    return d;
+}
+
+static void variables_are_found_by_name(void **state) {
+    (void)state;
+    pm_field *field = make_body(), *other = reordered(field);
+    pm_basis *expected = make_basis(field), *b = make_basis(other);
+    assert_memory_equal(b->mode, expected->mode, 9 * NNODE * sizeof *b->mode);
+    assert_int_equal(b->stress.rank, expected->stress.rank);
+    assert_memory_equal(b->stress.pattern, expected->stress.pattern,
+                        (size_t)(b->stress.rank * b->stress.width) * sizeof(double));
+    double error[NTRAJECTORY * PM_FIELD_NERROR];
+    assert_int_equal(pm_field_errors(other, field, all, error), PM_OK);
+    for (int i = 0; i < NTRAJECTORY * PM_FIELD_NERROR; ++i) {
+        assert_true(error[i] == 0);
+    }
+    other->variable = "T syy szz sxy sxz syz qx qy qz vx vy vz";
+    assert_int_equal(pm_field_errors(field, other, all, error), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "has no \"sxx syy"));
+    other->variable = "T";
+    pm_dataset *none = NULL;
+    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "no positions"));
+    pm_basis_free(expected);
+    pm_basis_free(b);
+    pm_field_free(other);
+    pm_field_free(field);
+}
+
+static void only_like_fields_are_compared(void **state) {
+    (void)state;
+    pm_field *field = make_body(), *other = make_body();
+    double error[NTRAJECTORY * PM_FIELD_NERROR];
+    other->dt *= 2;
+    assert_int_equal(pm_field_errors(field, other, all, error), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "0.2 s apart"));
+    other->dt = dt;
+    other->position[7] += 0.1;
+    assert_int_equal(pm_field_errors(field, other, all, error), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "lies 0.1 m from"));
+    pm_field_free(other);
+    pm_field_free(field);
+}
+
+// A basis without a mesh gives fields without one.
+static void a_body_may_have_no_mesh(void **state) {
+    (void)state;
+    pm_field *field = make_body(), *again = NULL;
+    field->hexahedron = NULL;
+    pm_basis *b = make_basis(field);
+    pm_dataset *d = NULL;
+    assert_int_equal(b->nelement, 0);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_OK);
+    assert_int_equal(again->nelement, 0);
+    pm_dataset_free(d);
+    pm_field_free(again);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
 static void what_does_not_fit_is_told(void **state) {
     pm_field *field = make_body(), *again = NULL;
     pm_basis *b = make_basis(field);
@@ -275,6 +350,9 @@ int main(void) {
         cmocka_unit_test(modes_that_carry_the_energy_are_found),
         cmocka_unit_test(amplitudes_follow_the_loads),
         cmocka_unit_test_prestate(fields_come_back, &folder),
+        cmocka_unit_test(a_body_may_have_no_mesh),
+        cmocka_unit_test(variables_are_found_by_name),
+        cmocka_unit_test(only_like_fields_are_compared),
         cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),
         cmocka_unit_test(local_stress_is_a_convolution),
         cmocka_unit_test(regression_finds_what_is_there),

@@ -47,11 +47,11 @@ succeed "Commands:" --help
 succeed "portmet-train " --version
 expect 2 "lists them"
 expect 2 '"walk"' walk
-for command in truth evaluate; do
+for command in truth evaluate fit reduce contact reconstruct picture; do
     succeed "Usage: portmet-train $command" $command --help
     expect 2 "is missing" $command
     expect 2 '"--wrong"' $command x --wrong
-    expect 2 '"y"' $command x y
+    [ $command = picture ] || expect 2 '"y"' $command x y
 done
 expect 2 "needs a value" truth $slow -o
 expect 2 "--output FILE is missing" truth $slow
@@ -139,7 +139,8 @@ succeed "Trained on, %" reconstruct "$folder/one/modes.h5" --basis "$basis" --tr
 expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
 expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
 expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
-expect 4 "$new/basis.h5" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
+succeed "modes.h5: 1 trajectories" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/new/deep"
+expect 4 "$new: cannot make or write this folder" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
 expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
 expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
 
@@ -157,12 +158,18 @@ expect 5 'no column "middle_a0"' reconstruct "$folder/two/modes.h5" --body middl
 expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6N
 expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
-expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5"
+expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
+expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$folder/two"
+expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" -o "$new"
+expect 2 "nothing to do" contact "$beam" --basis "$basis" --data "$fields"
+expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
+expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --basis "$basis" \
+    --data "lower=$folder/beams_lower.h5,upper=$folder/beam.h5" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
 expect 5 "no columns from" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/one/modes.h5" --stiffness 1e6
 with_beams 's/+y, -x, +z/+y, +x, +z/'
-expect 3 "right-handed" contact "$beam" --basis "$basis"
+expect 3 "right-handed" contact "$beam" --basis "$basis" -o "$folder/two"
 with_beams 's/, 11\]/]/'
-expect 3 "origin: expected three numbers" contact "$beam" --basis "$basis"
+expect 3 "origin: expected three numbers" contact "$beam" --basis "$basis" -o "$folder/two"
 with_modes 's/0.2, 0.5/0.2, -0.5/'
 expect 3 "relaxation: expected times > 0" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 with_modes 's/section: square/section: round/'

@@ -1,11 +1,14 @@
 // Meetings, their matrices, and datasets put side by side.
 #include "modal/assembly.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "modal/reduce.h"
+
+#define TIME_TOLERANCE 1e-6 // of dt: single precision
 
 const struct pm_meeting_group pm_meeting_group[PM_FACING_GROUPS] = {
     {"g", "m"}, {"u", "m"}, {"v", "m"}, {"slope_u", "1"}, {"slope_v", "1"}};
@@ -136,10 +139,10 @@ static const char **name_columns(const pm_assembly *a, const pm_dataset *const *
 // Displacements of a body [nnode][3].
 static void displace(const pm_placed *body, const pm_field *field, int trajectory, int time,
                      double *u) {
-    const double *state = pm_field_state(field, trajectory, time);
+    const double *q = pm_field_state(field, trajectory, time) + pm_field_columns(field, "qx qy qz");
     for (int i = 0; i < body->nnode; ++i) {
         for (int d = 0; d < 3; ++d) {
-            u[3 * i + d] = state[(ptrdiff_t)i * field->nvariable + d] - body->position[3 * i + d];
+            u[3 * i + d] = q[(ptrdiff_t)i * field->nvariable + d] - body->position[3 * i + d];
         }
     }
 }
@@ -168,12 +171,24 @@ static void write_row(const pm_assembly *a, const pm_dataset *const *part, int m
     }
 }
 
-// What of the field is to be like that of the first body.
-static pm_status check_field(const pm_field *field, const pm_field *first) {
-    return field->ntrajectory == first->ntrajectory && field->ntime == first->ntime
-               ? PM_OK
-               : pm_fail(PM_EDATA, "fields of %d trajectories of %d states beside %d of %d",
-                         field->ntrajectory, field->ntime, first->ntrajectory, first->ntime);
+pm_status pm_assembly_check(const pm_assembly *a, const pm_field *const *field) {
+    const pm_field *first = field[0];
+    for (int i = 0; i < a->nbody; ++i) {
+        const pm_field *d = field[i];
+        if (d->nnode != a->basis->nnode) {
+            return pm_fail(PM_EDATA, "the field of %s has %d nodes, the basis %d", a->body[i].name,
+                           d->nnode, a->basis->nnode);
+        }
+        if (d->ntrajectory != first->ntrajectory || d->ntime != first->ntime ||
+            fabs(d->dt - first->dt) > TIME_TOLERANCE * first->dt) {
+            return pm_fail(PM_EDATA,
+                           "the field of %s has %d trajectories of %d states, %g s apart, that of "
+                           "%s %d of %d, %g s",
+                           a->body[i].name, d->ntrajectory, d->ntime, d->dt, a->body[0].name,
+                           first->ntrajectory, first->ntime, first->dt);
+        }
+    }
+    return PM_OK;
 }
 
 static pm_status join(pm_dataset **dataset, const pm_assembly *a, const pm_dataset *const *part,
@@ -202,13 +217,11 @@ done:
 
 pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *a,
                               const pm_field *const *field, int count, const int *trajectory) {
+    PM_TRY(pm_assembly_check(a, field));
     pm_dataset **part = calloc((size_t)a->nbody, sizeof *part);
     pm_status status = part == NULL ? no_memory() : PM_OK;
     for (int i = 0; i < a->nbody && status == PM_OK; ++i) {
-        status = check_field(field[i], field[0]);
-        if (status == PM_OK) {
-            status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false);
-        }
+        status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false);
     }
     if (status == PM_OK) {
         status = join(dataset, a, (const pm_dataset *const *)part, field, trajectory);

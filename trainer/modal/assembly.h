@@ -37,6 +37,10 @@ pm_status pm_assembly_meet(pm_assembly *assembly);
 pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeting, int end,
                             double *matrix);
 
+// Whether fields of the bodies, field [nbody], have the basis's nodes and the same trajectories,
+// times and dt. PM_EDATA.
+pm_status pm_assembly_check(const pm_assembly *assembly, const pm_field *const *field);
+
 // `count` trajectories of the fields of all bodies, field [nbody], as one dataset: the columns of
 // pm_reduce_project with the body's name and "_" in front, and for each meeting columns A_B_g<i>,
 // A_B_u<i>, A_B_v<i>, A_B_slope_u<i>, A_B_slope_v<i>. PM_EDATA (fields that do not fit together),
@@ -48,7 +52,8 @@ pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *assembly,
 // relative L2 error over a trajectory of the total normal force, where an opening x gives the force
 // -stiffness min(x,0), against that of the forces of contact in the field of whichever body meets
 // nobody else; trajectory [modes->ntrajectory] says which of the field's. NAN where nothing
-// touches. PM_EDATA (columns, no forces of contact, no such body), PM_ENOMEM.
+// touches. PM_EDATA (columns, states, fields that do not fit together, no forces of contact, no
+// such body), PM_ENOMEM.
 pm_status pm_meeting_force_errors(const pm_assembly *assembly, const pm_meeting *meeting,
                                   const pm_dataset *modes, double stiffness,
                                   const pm_field *const *field, const int *trajectory,

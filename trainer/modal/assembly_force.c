@@ -7,11 +7,13 @@
 
 // Where the first number of each group of the meeting stands; the others follow.
 static pm_status find_groups(const pm_assembly *a, const pm_meeting *m, const pm_dataset *d,
-                             int first[PM_FACING_GROUPS]) {
-    char name[256];
+                             pm_arena *arena, int first[PM_FACING_GROUPS]) {
     for (int k = 0; k < PM_FACING_GROUPS; ++k) {
-        snprintf(name, sizeof name, "%s_%s_%s0", a->body[m->body[0]].name, a->body[m->body[1]].name,
-                 pm_meeting_group[k].name);
+        const char *name = pm_arena_printf(arena, "%s_%s_%s0", a->body[m->body[0]].name,
+                                           a->body[m->body[1]].name, pm_meeting_group[k].name);
+        if (name == NULL) {
+            return pm_fail(PM_ENOMEM, "out of memory for the name of a column");
+        }
         first[k] = 0;
         while (first[k] < d->ncolumn && strcmp(d->column[first[k]], name) != 0) {
             ++first[k];
@@ -69,7 +71,11 @@ pm_status pm_meeting_force_errors(const pm_assembly *a, const pm_meeting *m,
                                   const pm_field *const *field, const int *trajectory,
                                   double *error) {
     int first[PM_FACING_GROUPS], end = 0;
-    PM_TRY(find_groups(a, m, modes, first));
+    pm_arena arena = {0};
+    const pm_status status = find_groups(a, m, modes, &arena, first);
+    pm_arena_free(&arena);
+    PM_TRY(status);
+    PM_TRY(pm_assembly_check(a, field));
     PM_TRY(find_lone_end(a, m, field, &end));
     const pm_field *truth = field[m->body[end]];
     if (modes->ntime != truth->ntime) {

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PARALLEL 0.999 // cosine, of normals that count as equal
-#define TOLERANCE 1e-6 // of an element's size
-#define NEWTON_STEPS 10
+#define PARALLEL 0.999  // cosine, of normals that count as equal
+#define TOLERANCE 1e-6  // of an element's size
+#define NEWTON_STEPS 10 // each doubles the digits: to rounding with room to spare
 
 typedef struct face {
     int node[4];
@@ -176,17 +176,23 @@ static bool look_up(const face *f, const pm_facing_pair *pair, const double *at,
            xy[1] < 1 + TOLERANCE;
 }
 
-static void add_corner(pm_facing_point *point, int node, double value, double slope_u,
-                       double slope_v) {
+// PM_EDATA: more faces meet there than a point has room for.
+static pm_status add_corner(pm_facing_point *point, int node, double value, double slope_u,
+                            double slope_v) {
     int i = 0;
     while (i < point->nnode && point->node[i] != node) {
         ++i;
+    }
+    if (i == PM_FACING_MOST_NODES) {
+        return pm_fail(PM_EDATA, "the faces that meet at a point have more than %d nodes",
+                       PM_FACING_MOST_NODES);
     }
     point->nnode = i == point->nnode ? i + 1 : point->nnode;
     point->node[i] = node;
     point->value[i] += value;
     point->slope[0][i] += slope_u;
     point->slope[1][i] += slope_v;
+    return PM_OK;
 }
 
 static double distance_to(const face *f, const pm_facing_pair *pair, const double *at,
@@ -199,9 +205,10 @@ static double distance_to(const face *f, const pm_facing_pair *pair, const doubl
 }
 
 // The point of a skin that looks along `sign` times the pair's normal, across from `at` and nearest
-// to it: the mean over the faces that meet there. False: there is none.
-static bool find_point(const skin *s, const pm_facing_pair *pair, double sign, const double *at,
-                       pm_facing_point *point, double *distance) {
+// to it: the mean over the faces that meet there. Not found: there is none.
+static pm_status find_point(const skin *s, const pm_facing_pair *pair, double sign,
+                            const double *at, pm_facing_point *point, double *distance,
+                            bool *found) {
     double weight[4], slope[2][4];
     int nface = 0;
     *point = (pm_facing_point){0};
@@ -222,7 +229,7 @@ static bool find_point(const skin *s, const pm_facing_pair *pair, double sign, c
         *distance = far;
         ++nface;
         for (int k = 0; k < 4; ++k) {
-            add_corner(point, f->node[k], weight[k], slope[0][k], slope[1][k]);
+            PM_TRY(add_corner(point, f->node[k], weight[k], slope[0][k], slope[1][k]));
         }
     }
     for (int i = 0; i < point->nnode; ++i) {
@@ -230,7 +237,8 @@ static bool find_point(const skin *s, const pm_facing_pair *pair, double sign, c
         point->slope[0][i] /= nface;
         point->slope[1][i] /= nface;
     }
-    return nface > 0;
+    *found = nface > 0;
+    return PM_OK;
 }
 
 // --- pairs ---
@@ -281,18 +289,22 @@ static bool was_seen(const skin *s, int face_id, int node) {
     return false;
 }
 
-// Of a node of the first body's face. False: nothing lies across.
-static bool make_pair(const skin skins[2], int face_id, int corner, pm_facing_pair *pair) {
+// Of a node of the first body's face. Not found: nothing lies across.
+static pm_status make_pair(const skin skins[2], int face_id, int corner, pm_facing_pair *pair,
+                           bool *found) {
     const face *f = &skins[0].face[face_id];
+    const double *at = f->corner[corner];
     double none = 0;
     *pair = (pm_facing_pair){0};
     set_frame(pair, f);
-    if (!find_point(&skins[1], pair, -1, f->corner[corner], &pair->point[1], &pair->gap) ||
-        !find_point(&skins[0], pair, 1, f->corner[corner], &pair->point[0], &none)) {
-        return false;
+    PM_TRY(find_point(&skins[1], pair, -1, at, &pair->point[1], &pair->gap, found));
+    if (*found) {
+        PM_TRY(find_point(&skins[0], pair, 1, at, &pair->point[0], &none, found));
     }
-    share_slopes(skins, pair);
-    return true;
+    if (*found) {
+        share_slopes(skins, pair);
+    }
+    return PM_OK;
 }
 
 pm_status pm_facing_find(pm_facing *facing, const pm_placed *first, const pm_placed *second,
@@ -307,10 +319,11 @@ pm_status pm_facing_find(pm_facing *facing, const pm_placed *first, const pm_pla
     }
     for (int i = 0; i < skins[0].count; ++i) {
         for (int k = 0; k < 4; ++k) {
-            if (!was_seen(&skins[0], i, skins[0].face[i].node[k]) &&
-                make_pair(skins, i, k, &facing->pair[facing->npair])) {
-                ++facing->npair;
+            bool found = false;
+            if (!was_seen(&skins[0], i, skins[0].face[i].node[k])) {
+                PM_TRY(make_pair(skins, i, k, &facing->pair[facing->npair], &found));
             }
+            facing->npair += found;
         }
     }
     return PM_OK;

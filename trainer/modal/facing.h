@@ -36,6 +36,7 @@ typedef struct pm_placed {
     double axis[3][3];        // its axes in the world, orthonormal
 } pm_placed;
 
+// Seven quadrangles that meet at a node have 15.
 #define PM_FACING_MOST_NODES 16
 
 // A point of a body's surface, its value and its slopes as sums over nodes.
@@ -60,7 +61,7 @@ typedef struct pm_facing {
 } pm_facing;
 
 // Pairs of two bodies; none if they do not face each other. Memory from the arena. PM_EDATA (a body
-// without a mesh), PM_ENOMEM.
+// without a mesh, or one where more faces meet at a node than a point has room for), PM_ENOMEM.
 pm_status pm_facing_find(pm_facing *facing, const pm_placed *first, const pm_placed *second,
                          pm_arena *arena);
 

@@ -6,11 +6,17 @@
 
 #include "base/linalg.h"
 
-enum { POSITION = 0, STRESS = 6 }; // in the variables of a node
-
 pm_status pm_path_open(pm_path *p, const pm_field *field, int nmode, int nbranch, bool stress) {
-    *p =
-        (pm_path){.ntime = field->ntime, .nmode = nmode, .nbranch = nbranch, .nnode = field->nnode};
+    *p = (pm_path){.ntime = field->ntime,
+                   .nmode = nmode,
+                   .nbranch = nbranch,
+                   .nnode = field->nnode,
+                   .q = pm_field_columns(field, "qx qy qz"),
+                   .sigma = stress ? pm_field_columns(field, "sxx syy szz sxy sxz syz") : -1};
+    if (p->q < 0) {
+        return pm_fail(PM_EDATA, "the field has no positions \"qx qy qz\" among \"%s\"",
+                       field->variable);
+    }
     const size_t ntime = (size_t)p->ntime, width = 3 * (size_t)p->nnode;
     p->u = pm_arena_array(&p->arena, ntime * width, sizeof *p->u);
     p->f = pm_arena_array(&p->arena, ntime * width, sizeof *p->f);
@@ -18,11 +24,11 @@ pm_status pm_path_open(pm_path *p, const pm_field *field, int nmode, int nbranch
     p->load = pm_arena_array(&p->arena, ntime * (size_t)nmode, sizeof *p->load);
     p->c = pm_arena_array(&p->arena, ((size_t)nbranch * ntime + 1) * (size_t)nmode, sizeof *p->c);
     p->moved = pm_arena_array(&p->arena, width, sizeof *p->moved);
-    if (stress) {
+    if (p->sigma >= 0) {
         p->stress = pm_arena_array(&p->arena, 2 * ntime * width, sizeof *p->stress);
     }
     if (p->u == NULL || p->f == NULL || p->a == NULL || p->load == NULL || p->c == NULL ||
-        p->moved == NULL || (stress && p->stress == NULL)) {
+        p->moved == NULL || (p->sigma >= 0 && p->stress == NULL)) {
         pm_path_close(p);
         return pm_fail(PM_ENOMEM, "out of memory for a body's trajectory");
     }
@@ -53,7 +59,7 @@ void pm_path_take(pm_path *p, const pm_field *field, int trajectory, const pm_co
         const double *state = pm_field_state(field, trajectory, j);
         // A copy's displacements are the copy of displacements; positions have an origin.
         for (int i = 0; i < p->nnode; ++i) {
-            const double *q = state + (ptrdiff_t)i * field->nvariable + POSITION;
+            const double *q = state + (ptrdiff_t)i * field->nvariable + p->q;
             for (int d = 0; d < 3; ++d) {
                 p->moved[3 * i + d] = q[d] - field->position[3 * i + d];
             }
@@ -61,7 +67,7 @@ void pm_path_take(pm_path *p, const pm_field *field, int trajectory, const pm_co
         pm_copy_vectors(copy, p->nnode, p->moved, 3, p->u + j * width);
         pm_copy_vectors(copy, p->nnode, pm_field_force(field, trajectory, j), 3, p->f + j * width);
         if (p->stress != NULL) {
-            pm_copy_tensors(copy, p->nnode, state + STRESS, field->nvariable,
+            pm_copy_tensors(copy, p->nnode, state + p->sigma, field->nvariable,
                             p->stress + 2 * j * width);
         }
     }

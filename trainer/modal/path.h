@@ -10,6 +10,7 @@
 typedef struct pm_path {
     pm_arena arena; // owns all that follows
     int ntime, nmode, nbranch, nnode;
+    int q, sigma;   // first of the field's variables that are positions, and stress; -1: none
     double *u;      // [ntime][nnode][3] m, displacements
     double *f;      // [ntime][nnode][3] N, loads; none on clamped nodes, where u never changes
     double *stress; // [ntime][nnode][6] Pa, or NULL
@@ -19,7 +20,8 @@ typedef struct pm_path {
     double *c;      // [nbranch][ntime][nmode] J^0.5
 } pm_path;
 
-// Room for the trajectories of a field. PM_ENOMEM.
+// Room for the trajectories of a field; with `stress` also for that, where the field has it.
+// PM_EDATA (no positions "qx qy qz"), PM_ENOMEM.
 pm_status pm_path_open(pm_path *path, const pm_field *field, int nmode, int nbranch, bool stress);
 void pm_path_close(pm_path *path);
 

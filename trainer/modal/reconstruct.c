@@ -6,6 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define SAME 1e-6 // relative: what single precision keeps of times and places
+
+// Variables of what is written.
 enum { Q = 0, V = 3, SIGMA = 6, NVARIABLE = 12 };
 
 // Where the dataset has what a reading needs.
@@ -131,7 +134,9 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
     memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
     memcpy(d->position, basis->position, 3 * (size_t)d->nnode * sizeof *d->position);
-    memcpy(d->hexahedron, basis->hexahedron, 8 * (size_t)d->nelement * sizeof *d->hexahedron);
+    if (d->nelement > 0) {
+        memcpy(d->hexahedron, basis->hexahedron, 8 * (size_t)d->nelement * sizeof *d->hexahedron);
+    }
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
             double *state = pm_field_state(d, i, j);
@@ -159,10 +164,58 @@ done:
 
 // --- errors ---
 
-static bool moves(const pm_field *truth, int trajectory, int node) {
-    const double *at = truth->position + 3 * (ptrdiff_t)node;
-    for (int j = 0; j < truth->ntime; ++j) {
-        const double *q = pm_field_state(truth, trajectory, j) + (ptrdiff_t)node * truth->nvariable;
+// What is compared, by pm_field_error.
+static const struct quantity {
+    const char *names;
+    int count;
+} quantities[PM_FIELD_NERROR] = {
+    {"qx qy qz", 3}, {"vx vy vz", 3}, {"sxx syy szz sxy sxz syz", PM_BASIS_TENSOR}};
+
+static pm_status find_quantities(const pm_field *field, int column[PM_FIELD_NERROR]) {
+    for (int e = 0; e < PM_FIELD_NERROR; ++e) {
+        column[e] = pm_field_columns(field, quantities[e].names);
+        if (column[e] < 0) {
+            return pm_fail(PM_EDATA, "a field to compare has no \"%s\" among \"%s\"",
+                           quantities[e].names, field->variable);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_like(const pm_field *predicted, const pm_field *truth) {
+    double size = 0, off = 0;
+    if (truth->nnode != predicted->nnode || truth->ntime != predicted->ntime ||
+        fabs(truth->dt - predicted->dt) > SAME * predicted->dt) {
+        return pm_fail(PM_EDATA,
+                       "the truth has %d states of %d nodes, %g s apart, expected %d of %d, %g s",
+                       truth->ntime, truth->nnode, truth->dt, predicted->ntime, predicted->nnode,
+                       predicted->dt);
+    }
+    for (int i = 0; i < 3 * truth->nnode; ++i) {
+        size = fmax(size, fabs(predicted->position[i]));
+        off = fmax(off, fabs(truth->position[i] - predicted->position[i]));
+    }
+    return off <= SAME * size
+               ? PM_OK
+               : pm_fail(PM_EDATA, "a node of the truth lies %g m from where it is expected", off);
+}
+
+// One side of a comparison.
+typedef struct compared {
+    const pm_field *field;
+    int trajectory;
+    int column[PM_FIELD_NERROR];
+} compared;
+
+static const double *value_of(const compared *c, int quantity, int node, int time) {
+    return pm_field_state(c->field, c->trajectory, time) + (ptrdiff_t)node * c->field->nvariable +
+           c->column[quantity];
+}
+
+static bool moves(const compared *truth, int node) {
+    const double *at = truth->field->position + 3 * (ptrdiff_t)node;
+    for (int j = 0; j < truth->field->ntime; ++j) {
+        const double *q = value_of(truth, PM_ERROR_DISPLACEMENT, node, j);
         if (q[0] != at[0] || q[1] != at[1] || q[2] != at[2]) {
             return true;
         }
@@ -170,34 +223,29 @@ static bool moves(const pm_field *truth, int trajectory, int node) {
     return false;
 }
 
-// Sums of squares of what differs and of what should be, for one node at one time.
-static void compare_node(const double *state, const double *true_state, const double *position,
-                         bool is_free, double *different, double *whole) {
-    for (int k = 0; k < 3; ++k) {
-        const double off = state[Q + k] - true_state[Q + k];
-        const double off_v = state[V + k] - true_state[V + k];
-        const double u = true_state[Q + k] - position[k];
-        different[PM_ERROR_DISPLACEMENT] += off * off;
-        whole[PM_ERROR_DISPLACEMENT] += u * u;
-        different[PM_ERROR_VELOCITY] += off_v * off_v;
-        whole[PM_ERROR_VELOCITY] += true_state[V + k] * true_state[V + k];
-    }
-    for (int k = SIGMA; k < NVARIABLE && is_free; ++k) {
-        const double off = state[k] - true_state[k];
-        different[PM_ERROR_STRESS] += off * off;
-        whole[PM_ERROR_STRESS] += true_state[k] * true_state[k];
+// Adds squares of what differs and of what should be, for one node over all times.
+static void compare_node(const compared *predicted, const compared *truth, int quantity, int node,
+                         double *different, double *whole) {
+    static const double none[PM_BASIS_TENSOR];
+    const double *origin =
+        quantity == PM_ERROR_DISPLACEMENT ? truth->field->position + 3 * (ptrdiff_t)node : none;
+    for (int j = 0; j < truth->field->ntime; ++j) {
+        const double *found = value_of(predicted, quantity, node, j);
+        const double *expected = value_of(truth, quantity, node, j);
+        for (int k = 0; k < quantities[quantity].count; ++k) {
+            *different += (found[k] - expected[k]) * (found[k] - expected[k]);
+            *whole += (expected[k] - origin[k]) * (expected[k] - origin[k]);
+        }
     }
 }
 
-static void compare_trajectory(const pm_field *predicted, int i, const pm_field *truth, int from,
-                               double *error) {
+static void compare_trajectory(const compared *predicted, const compared *truth, double *error) {
     double different[PM_FIELD_NERROR] = {0}, whole[PM_FIELD_NERROR] = {0};
-    for (int k = 0; k < truth->nnode; ++k) {
-        const bool is_free = moves(truth, from, k);
-        for (int j = 0; j < truth->ntime; ++j) {
-            const ptrdiff_t at = (ptrdiff_t)k * NVARIABLE;
-            compare_node(pm_field_state(predicted, i, j) + at, pm_field_state(truth, from, j) + at,
-                         truth->position + 3 * (ptrdiff_t)k, is_free, different, whole);
+    for (int i = 0; i < truth->field->nnode; ++i) {
+        for (int e = 0; e < PM_FIELD_NERROR; ++e) {
+            if (e != PM_ERROR_STRESS || moves(truth, i)) {
+                compare_node(predicted, truth, e, i, &different[e], &whole[e]);
+            }
         }
     }
     for (int e = 0; e < PM_FIELD_NERROR; ++e) {
@@ -207,17 +255,14 @@ static void compare_trajectory(const pm_field *predicted, int i, const pm_field 
 
 pm_status pm_field_errors(const pm_field *predicted, const pm_field *truth, const int *trajectory,
                           double *error) {
-    if (truth->nnode != predicted->nnode || truth->ntime != predicted->ntime ||
-        truth->nvariable != NVARIABLE) {
-        return pm_fail(PM_EDATA,
-                       "the truth has %d states of %d nodes with %d variables, expected %d of %d "
-                       "with %d",
-                       truth->ntime, truth->nnode, truth->nvariable, predicted->ntime,
-                       predicted->nnode, NVARIABLE);
-    }
+    compared one = {.field = predicted}, other = {.field = truth};
+    PM_TRY(check_like(predicted, truth));
+    PM_TRY(find_quantities(predicted, one.column));
+    PM_TRY(find_quantities(truth, other.column));
     for (int i = 0; i < predicted->ntrajectory; ++i) {
-        compare_trajectory(predicted, i, truth, trajectory[i],
-                           error + (ptrdiff_t)i * PM_FIELD_NERROR);
+        one.trajectory = i;
+        other.trajectory = trajectory[i];
+        compare_trajectory(&one, &other, error + (ptrdiff_t)i * PM_FIELD_NERROR);
     }
     return PM_OK;
 }

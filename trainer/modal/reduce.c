@@ -56,7 +56,7 @@ pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, cons
     pm_reduction r = {.field = field, .how = how, .count = count, .trajectory = trajectory};
     pm_basis *b = NULL;
     pm_status status;
-    PM_TRY_DONE(open_reduction(&r, how->nmode, how->nbranch, how->square, field->nvariable >= 12));
+    PM_TRY_DONE(open_reduction(&r, how->nmode, how->nbranch, how->square, true));
     PM_TRY_DONE(pm_reduce_modes(&r, &b));
     PM_TRY_DONE(pm_reduce_patterns(&r, b));
     *basis = b;
