@@ -4,13 +4,12 @@
 #include <string.h>
 
 #include "commands.h"
-#include "modal/reconstruct.h"
+#include "modal/field_report.h"
 #include "options.h"
-#include "sim/score.h"
 #include "store/xdmf.h"
 
 typedef struct arguments {
-    const char *modes, *basis, *body, *truth, *trajectories, *output;
+    const char *modes, *basis, *body, *truth, *trajectories, *trained, *plot, *output;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
@@ -21,6 +20,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "fields to score against, and whose forces there are (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "the truth's trajectories that MODES are about"},
+        {"--trained", NULL, "LIST", NULL, &a->trained, false,
+         "those of them that training saw: their errors apart"},
+        {"--plot", NULL, "DIR", NULL, &a->plot, false, "draw box plots of the errors (gnuplot)"},
         {"--output", "-o", "FILE", NULL, &a->output, false, "write the fields (HDF5)"},
     };
     const pm_options options = {
@@ -52,28 +54,32 @@ static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_fi
                          modes->ntrajectory, count);
 }
 
-static pm_status print_errors(const pm_field *field, const pm_field *truth, const int *which) {
-    static const char *const names[PM_FIELD_NERROR] = {"displacement", "velocity", "stress"};
+static pm_status report_errors(const arguments *a, const pm_field *field, const pm_field *truth,
+                               const int *which) {
     const size_t count = (size_t)field->ntrajectory;
     double *error = calloc(count, PM_FIELD_NERROR * sizeof *error);
-    double *column = calloc(count, sizeof *column);
-    pm_status status = error == NULL || column == NULL
-                           ? pm_fail(PM_ENOMEM, "out of memory for errors")
-                           : pm_field_errors(field, truth, which, error);
-    if (status == PM_OK) {
-        printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
-               "quartile", "whisker", "mean");
+    bool *trained = calloc(count, sizeof *trained);
+    int *seen = calloc((size_t)truth->ntrajectory, sizeof *seen), nseen = 0;
+    pm_status status;
+    if (error == NULL || trained == NULL || seen == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for errors");
+        goto done;
     }
-    for (int e = 0; e < PM_FIELD_NERROR && status == PM_OK; ++e) {
-        for (size_t i = 0; i < count; ++i) {
-            column[i] = error[i * PM_FIELD_NERROR + (size_t)e];
+    if (a->trained != NULL) {
+        PM_TRY_DONE(pm_options_list(a->trained, truth->ntrajectory, seen, &nseen));
+    }
+    for (size_t i = 0; i < count; ++i) {
+        for (int k = 0; k < nseen; ++k) {
+            trained[i] = trained[i] || which[i] == seen[k];
         }
-        const pm_box b = pm_box_of((int)count, column);
-        printf("  %-20s %9.3g %9.3g %9.3g %9.3g %9.3g %9.3g\n", names[e], 100 * b.low,
-               100 * b.first_quartile, 100 * b.median, 100 * b.third_quartile, 100 * b.high,
-               100 * b.mean);
     }
-    free(column);
+    PM_TRY_DONE(pm_field_errors(field, truth, which, error));
+    const pm_field_report report = {field->ntrajectory, error, trained};
+    PM_TRY_DONE(pm_field_report_print(&report));
+    status = a->plot == NULL ? PM_OK : pm_field_report_plot(&report, a->plot);
+done:
+    free(seen);
+    free(trained);
     free(error);
     return status;
 }
@@ -117,7 +123,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     }
     PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body, truth, which));
     if (truth != NULL) {
-        PM_TRY_DONE(print_errors(field, truth, which));
+        PM_TRY_DONE(report_errors(&a, field, truth, which));
     }
     status = a.output == NULL ? PM_OK : save(field, &a, command);
 done:

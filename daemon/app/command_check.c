@@ -197,7 +197,8 @@ static bool sends_fluxes(const pm_scene *scene, int process_id) {
 }
 
 static pm_status print_channels(const pm_scene *scene) {
-    static const char *const words[] = {"HELLO", "TICK", "COMMAND", "REQUEST", "LEDGER"};
+    static const char *const words[] = {"HELLO",   "TICK",         "COMMAND",
+                                        "REQUEST", "REQUEST_TICK", "LEDGER"};
     char channel[PM_CHANNEL_SIZE];
     printf("\nchannels that a spy sees\n");
     for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
@@ -210,6 +211,8 @@ static pm_status print_channels(const pm_scene *scene) {
             printf("  %s\n", channel);
         }
         PM_TRY(pm_channel_process(channel, scene, "REPORT", i));
+        printf("  %s\n", channel);
+        PM_TRY(pm_channel_request(channel, scene, scene->process[i].name));
         printf("  %s\n", channel);
     }
     return PM_OK;

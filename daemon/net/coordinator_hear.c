@@ -193,6 +193,8 @@ pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t asked) {
     for (int i = 0; i < c->nmember; ++i) {
         pm_member *m = &c->member[i];
         PM_TRY(pm_transport_subscribe(c->party.transport, m->channel, on_report, m));
+        // Who asks a neighbour is alive.
+        PM_TRY(pm_party_overhear(&c->party, m->address));
     }
     return PM_OK;
 }

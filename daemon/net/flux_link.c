@@ -61,6 +61,7 @@ pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene 
     link->process_id = process_id;
     link->neighbour = scene->process[process_id].name;
     PM_TRY(pm_channel_process(link->channel, scene, "FLUX", process_id));
+    PM_TRY(pm_channel_request(link->address, scene, link->neighbour));
     PM_TRY(pm_flux_make(&link->scratch, arena, scene, process_id));
     for (int i = 0; i < PM_INBOX_DEPTH; ++i) {
         PM_TRY(pm_flux_make(&link->inbox[i], arena, scene, process_id));

@@ -19,6 +19,7 @@ typedef struct pm_flux_link {
     int process_id;                // the neighbour
     const char *neighbour;         // its name
     char channel[PM_CHANNEL_SIZE]; // of its fluxes
+    char address[PM_CHANNEL_SIZE]; // of requests to it
     portmet_flux_t scratch;        // being decoded
     portmet_flux_t inbox[PM_INBOX_DEPTH];
     int64_t inbox_key[PM_INBOX_DEPTH]; // -1: empty

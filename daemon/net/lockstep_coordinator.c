@@ -175,7 +175,7 @@ static pm_status request_missing(const pm_lockstep_coordinator *c) {
     for (int i = 0; i < c->nmember; ++i) {
         const pm_member *m = &c->member[i];
         if (!pm_gathering_has(&c->gathering, step, m->id)) {
-            PM_TRY(pm_party_request(&c->party, m->channel, step, 0));
+            PM_TRY(pm_party_request(&c->party, m->address, m->channel, step, 0));
         }
     }
     return PM_OK;

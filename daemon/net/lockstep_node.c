@@ -59,8 +59,10 @@ static pm_status await(pm_lockstep_node *node) {
     if (pm_waiting_ask(waiting, now) && node->step < node->party.steps) {
         // Who waits has time to tell what it has.
         PM_TRY(pm_reporter_flush(&node->reporter));
-        PM_TRY(pm_party_request(&node->party, l != NULL ? l->channel : node->party.tick_channel,
-                                node->step, node->round));
+        PM_TRY(l != NULL
+                   ? pm_party_request(&node->party, l->address, l->channel, node->step, node->round)
+                   : pm_party_request(&node->party, node->party.tick_address,
+                                      node->party.tick_channel, node->step, node->round));
     }
     node->next = waiting->next;
     return PM_OK;

@@ -39,6 +39,7 @@ pm_status pm_member_init(pm_member *member, pm_arena *arena, const pm_scene *sce
     member->name = scene->process[process_id].name;
     member->scene = scene;
     PM_TRY(pm_channel_process(member->channel, scene, "REPORT", process_id));
+    PM_TRY(pm_channel_request(member->address, scene, member->name));
     PM_TRY(list_ends(member, arena));
     PM_TRY(pm_report_make(&member->scratch, arena, scene, process_id));
     member->most_part = member->scratch.npart;

@@ -16,6 +16,7 @@ typedef struct pm_member {
     const char *name;
     const pm_scene *scene;
     char channel[PM_CHANNEL_SIZE];       // of its reports
+    char address[PM_CHANNEL_SIZE];       // of requests to it
     int nend, nz;                        // ends of ports and components of its subsystems
     int *end;                            // [nend] 2 * position of the port in the scene + end
     portmet_report_t scratch;            // being decoded

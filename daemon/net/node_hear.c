@@ -31,6 +31,10 @@ static void join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->t0 = tick->t0;
     node->progressed = true;
     pm_node_enter(node, PM_NODE_RUNNING);
+    if (tick->granted > 0) {
+        // Whoever has its place is to know, even if this is the first that is heard of it.
+        pm_node_check(node, pm_identity_say(&node->party.identity));
+    }
     if (tick->dt != dt) {
         pm_node_check(node,
                       pm_fail(PM_ENET,

@@ -39,20 +39,29 @@ pm_status pm_party_open(pm_party *party, const pm_party_ears *ears, void *contex
                         int64_t asked, bool keeps_checkpoints) {
     const pm_scene *scene = party->system->scene;
     pm_transport *transport = party->transport;
+    char own_address[PM_CHANNEL_SIZE];
     party->ears = ears;
     party->context = context;
     PM_TRY(pm_identity_init(&party->identity, party->system, name, asked, keeps_checkpoints,
                             transport));
     PM_TRY(pm_channel_scene(party->tick_channel, scene, "TICK"));
     PM_TRY(pm_channel_scene(party->request_channel, scene, "REQUEST"));
+    PM_TRY(pm_channel_request(party->tick_address, scene, ""));
+    PM_TRY(pm_channel_request(own_address, scene, name));
     PM_TRY(pm_transport_subscribe(transport, party->identity.hello_channel, on_hello, party));
     PM_TRY(pm_transport_subscribe(transport, party->identity.command_channel, on_command, party));
+    PM_TRY(pm_transport_subscribe(transport, own_address, on_request, party));
     return pm_transport_subscribe(transport, party->request_channel, on_request, party);
+}
+
+pm_status pm_party_overhear(pm_party *party, const char *address) {
+    return pm_transport_subscribe(party->transport, address, on_request, party);
 }
 
 // --- asking ---
 
-pm_status pm_party_request(const pm_party *party, const char *channel, int64_t step, int round) {
+pm_status pm_party_request(const pm_party *party, const char *address, const char *channel,
+                           int64_t step, int round) {
     const portmet_request_t message = {
         .session = party->session,
         .sender = party->identity.hello.sender,
@@ -65,7 +74,8 @@ pm_status pm_party_request(const pm_party *party, const char *channel, int64_t s
     // Names of processes are shorter than the channels that contain them.
     unsigned char data[96 + 2 * PM_CHANNEL_SIZE];
     const size_t size = pm_request_encode(&message, data, sizeof data);
-    return pm_transport_publish(party->transport, party->request_channel, data, size);
+    const char *to = pm_waiting_long(&party->waiting) ? party->request_channel : address;
+    return pm_transport_publish(party->transport, to, data, size);
 }
 
 // --- the end ---

@@ -22,9 +22,10 @@ typedef struct pm_party {
     void *context; // of the ears
     pm_identity identity;
     char tick_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
-    int64_t session, steps; // of the run; session 0: none yet
-    int64_t attempt;        // how often it has gone back to a checkpoint
-    double now;             // s, last poll
+    char tick_address[PM_CHANNEL_SIZE]; // of requests to the coordinator
+    int64_t session, steps;             // of the run; session 0: none yet
+    int64_t attempt;                    // how often it has gone back to a checkpoint
+    double now;                         // s, last poll
     pm_waiting waiting;
     pm_status status; // how it ended, and why
     char message[PM_TEXT_MAX + 1];
@@ -36,10 +37,16 @@ typedef struct pm_party {
 pm_status pm_party_open(pm_party *party, const pm_party_ears *ears, void *context, const char *name,
                         int64_t asked, bool keeps_checkpoints);
 
+// Hears requests to another one, too. PM_ENET, PM_ENOMEM.
+pm_status pm_party_overhear(pm_party *party, const char *address);
+
 void pm_party_count(pm_party *party, pm_drop drop);
 
-// Misses a message on `channel`: publishes a request for it.
-pm_status pm_party_request(const pm_party *party, const char *channel, int64_t step, int round);
+// Misses a message on `channel`: publishes a request for it on `address`, where its sender hears
+// it, and the coordinator. Nobody else is to wake for it: on a busy machine many wait. After a long
+// wait on the channel of all: a sign of life, and whoever else speaks by this name hears of it.
+pm_status pm_party_request(const pm_party *party, const char *address, const char *channel,
+                           int64_t step, int round);
 
 // The end, and what it is told with: PM_OK, or `status` with pm_error() set to `message`.
 void pm_party_end(pm_party *party, pm_status status, const char *message);

@@ -39,6 +39,10 @@ bool pm_waiting_ask(pm_waiting *waiting, double now) {
     return true;
 }
 
+bool pm_waiting_long(const pm_waiting *waiting) {
+    return waiting->interval >= PM_WAITING_LAST;
+}
+
 bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now) {
     return now - waiting->since > patience && now - heard > patience;
 }

@@ -27,6 +27,9 @@ void pm_waiting_start(pm_waiting *waiting, double now);
 // True when it is time to ask again; then the next time is set, twice as far away as the last.
 bool pm_waiting_ask(pm_waiting *waiting, double now);
 
+// True when it was asked so often that requests come at the longest interval.
+bool pm_waiting_long(const pm_waiting *waiting);
+
 // True when a peer last heard at `heard` has been silent for longer than `patience`, and was waited
 // for as long.
 bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now);

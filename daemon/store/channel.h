@@ -15,4 +15,8 @@ pm_status pm_channel_scene(char *channel, const pm_scene *scene, const char *wor
 pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *word,
                              int process_id);
 
+// <SCENE>_REQUEST_<OWNER>, on which `owner` alone is asked for what it has sent: a process, or ""
+// for the coordinator, whose channel ends in TICK.
+pm_status pm_channel_request(char *channel, const pm_scene *scene, const char *owner);
+
 #endif

@@ -22,7 +22,9 @@
 #define SILENCE 5    // ms between two rounds of its own
 #define ECHOES 20000 // at most: it must not drown the network
 #define FLUX_SIZE 92 // bytes of a datagram
-#define CHANNELS "pair_TICK\0pair_COMMAND\0pair_REQUEST\0pair_FLUX_right\0pair_REPORT_left\0"
+#define CHANNELS                                                                  \
+    "pair_TICK\0pair_COMMAND\0pair_REQUEST\0pair_REQUEST_left\0pair_FLUX_right\0" \
+    "pair_REPORT_left\0"
 
 typedef struct datagram {
     size_t size;

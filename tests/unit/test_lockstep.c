@@ -85,6 +85,41 @@ static void test_no_requests_without_loss(void **context) {
     pm_hub_close(hub);
 }
 
+static void count_message(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel, (void)data, (void)size;
+    *(int *)context += 1;
+}
+
+// Who is missing is asked, nobody else hears it; only after a long wait all do.
+static void test_requests_wake_few(void **context) {
+    (void)context;
+    static const char *const channel[] = {"chain_REQUEST_link3", "chain_REQUEST_TICK",
+                                          "chain_REQUEST"};
+    int count[3] = {0};
+    pm_hub *hub = company_hub(NULL);
+    pm_transport *stranger;
+    company c;
+    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    for (int i = 0; i < 3; ++i) {
+        assert_int_equal(pm_transport_subscribe(stranger, channel[i], count_message, &count[i]),
+                         PM_OK);
+    }
+    company_open_all(&c, 3, 16, hub, 0);
+    company_run_to(&c, 5);
+    company_run_without(&c, 2, 0.05);
+    assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
+    assert_true(count[0] > 0);
+    assert_int_equal(count[1] + count[2], 0);
+    company_run_without(&c, 2, 0.2);
+    assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
+    assert_true(count[2] > 0);
+    company_run(&c);
+    assert_all_ok(&c);
+    company_close(&c);
+    pm_transport_close(stranger);
+    pm_hub_close(hub);
+}
+
 static void test_steps_allocate_nothing(void **context) {
     (void)context;
     pm_hub *hub = company_hub(NULL);
@@ -378,6 +413,7 @@ int main(void) {
         cmocka_unit_test(test_same_bits_in_any_processes),
         cmocka_unit_test(test_same_bits_under_faults),
         cmocka_unit_test(test_no_requests_without_loss),
+        cmocka_unit_test(test_requests_wake_few),
         cmocka_unit_test(test_steps_allocate_nothing),
         cmocka_unit_test(test_two_sessions_on_one_network),
         cmocka_unit_test(test_who_waits_is_alive),

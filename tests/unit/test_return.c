@@ -205,6 +205,11 @@ typedef struct recorded {
     int count;
 } recorded;
 
+static const char *const request_channel[] = {"chain_REQUEST", "chain_REQUEST_TICK",
+                                              "chain_REQUEST_link1", "chain_REQUEST_link2",
+                                              "chain_REQUEST_link3"};
+#define REQUEST_CHANNELS (int)(sizeof request_channel / sizeof request_channel[0])
+
 static void record(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
     recorded *r = context;
@@ -223,7 +228,10 @@ static void test_old_requests_change_nothing(void **context) {
         pm_transport *stranger;
         recorded r = {.count = 0};
         assert_int_equal(pm_transport_open(&stranger, "memory://", t.hub), PM_OK);
-        assert_int_equal(pm_transport_subscribe(stranger, "chain_REQUEST", record, &r), PM_OK);
+        for (int i = 0; i < REQUEST_CHANNELS; ++i) {
+            assert_int_equal(pm_transport_subscribe(stranger, request_channel[i], record, &r),
+                             PM_OK);
+        }
         company_run_to(&t.c, CHECKPOINT + 5);
         company_kill(&t.c, who);
         company_return(&t.c, who);

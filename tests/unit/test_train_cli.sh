@@ -136,6 +136,7 @@ basis=$folder/modes/basis.h5
 succeed "modes.h5: 1 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/one"
 succeed "stress  " reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 -o "$new"
 succeed "displacement                 0         0         0" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$new"
+succeed "Trained on, %" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 --trained 1
 expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
 expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
 expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
