@@ -7,6 +7,7 @@
 
 #include "commands.h"
 #include "modal/assembly.h"
+#include "modal/save_modes.h"
 #include "options.h"
 #include "sim/score.h"
 #include "store/weights.h"
@@ -210,17 +211,8 @@ static pm_status load_fields(pm_assembly *assembly, const arguments *a, pm_field
 static pm_status save_dataset(const pm_assembly *assembly, const pm_field *const *field,
                               const chosen *c, const arguments *a, const char *command) {
     pm_dataset *modes = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_assembly_project(&modes, assembly, field, c->count, c->trajectory));
-    PM_TRY_DONE(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", a->data));
-    PM_TRY_DONE(pm_dataset_note(modes, "source", "portmet-train contact"));
-    PM_TRY_DONE(pm_dataset_note(modes, "command", "%s", command));
-    const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", a->output);
-    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
-                             : pm_dataset_save(modes, path));
-    printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
-           modes->ntime, modes->ncolumn);
-done:
+    PM_TRY(pm_assembly_project(&modes, assembly, field, c->count, c->trajectory));
+    const pm_status status = pm_modes_save(modes, a->data, "contact", command, a->output);
     pm_dataset_free(modes);
     return status;
 }

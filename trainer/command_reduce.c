@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "modal/reduce.h"
+#include "modal/save_modes.h"
 #include "options.h"
 #include "store/yaml.h"
 
@@ -140,17 +141,8 @@ static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *fi
 static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm_field *field,
                              int count, const int *which, bool square, const char *command) {
     pm_dataset *modes = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_reduce_project(&modes, basis, field, count, which, square));
-    PM_TRY_DONE(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", a->data));
-    PM_TRY_DONE(pm_dataset_note(modes, "source", "portmet-train reduce"));
-    PM_TRY_DONE(pm_dataset_note(modes, "command", "%s", command));
-    const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", a->output);
-    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
-                             : pm_dataset_save(modes, path));
-    printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
-           modes->ntime, modes->ncolumn);
-done:
+    PM_TRY(pm_reduce_project(&modes, basis, field, count, which, square));
+    const pm_status status = pm_modes_save(modes, a->data, "reduce", command, a->output);
     pm_dataset_free(modes);
     return status;
 }

@@ -1,10 +1,7 @@
 // The patterns of a basis: all that the state's modes leave of the displacements, and the stresses,
 // as functions of its features; and what of the stresses is local to the loads.
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "base/linalg.h"
 #include "modal/reduction.h"
 #include "modal/regression.h"
 

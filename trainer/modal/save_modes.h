@@ -1,0 +1,12 @@
+// Where the commands that write trajectories of modes leave them.
+#ifndef PM_MODAL_SAVE_MODES_H
+#define PM_MODAL_SAVE_MODES_H
+
+#include "store/dataset.h"
+
+// Notes what the amplitudes are of (`data`) and who made them (`source`, `command`), writes
+// folder/modes.h5, and says so on standard output. PM_EFILE, PM_EDATA, PM_ENOMEM.
+pm_status pm_modes_save(pm_dataset *modes, const char *data, const char *source,
+                        const char *command, const char *folder);
+
+#endif
