@@ -3,8 +3,23 @@
 
 #include <stdio.h>
 
+#include "model/message.h"
+
+// The groups of a site, as the fields of a network on a mesh.
+static pm_fields fields_of(const pm_site *site, const char *group[2 * PM_MAX_GROUPS]) {
+    for (int i = 0; i < site->ngroup; ++i) {
+        group[i] = site->group[i].name;
+    }
+    return (pm_fields){site->ngroup, group};
+}
+
 pm_status pm_flow_declare(const pm_network_spec *spec, const pm_site *site, pm_params *params,
                           const char *prefix) {
+    const char *group[2 * PM_MAX_GROUPS];
+    if (spec->message != NULL) {
+        return pm_message_declare_fields(spec, &site->symbols, fields_of(site, group), params,
+                                         prefix);
+    }
     char name[96];
     snprintf(name, sizeof name, "%s.scale", prefix);
     if (pm_params_add(params, name, 1, site->n, false, 0, 1) == NULL) {
@@ -15,6 +30,11 @@ pm_status pm_flow_declare(const pm_network_spec *spec, const pm_site *site, pm_p
 
 pm_node pm_flow_build(pm_graph *g, const pm_network_spec *spec, const pm_site *site,
                       const pm_params *params, const char *prefix) {
+    const char *group[2 * PM_MAX_GROUPS];
+    if (spec->message != NULL) {
+        return pm_message_build_fields(g, spec, &site->symbols, fields_of(site, group), params,
+                                       prefix);
+    }
     const pm_node rate = pm_network_build(g, spec, &site->symbols, site->n, params, prefix);
     return pm_mul(g, rate, pm_network_param(g, params, prefix, "scale"));
 }
@@ -22,8 +42,9 @@ pm_node pm_flow_build(pm_graph *g, const pm_network_spec *spec, const pm_site *s
 pm_status pm_flow_visit(const pm_network_spec *spec, const pm_site *site, const char *prefix,
                         pm_normaliser_visit *visit, void *context) {
     const char *group[2 * PM_MAX_GROUPS];
-    for (int i = 0; i < site->ngroup; ++i) {
-        group[i] = site->group[i].name;
+    const pm_fields fields = fields_of(site, group);
+    if (spec->message != NULL) {
+        return pm_message_visit_fields(spec, &site->symbols, fields, prefix, visit, context);
     }
     const pm_normaliser scale = {PM_NORMALISE_SCALE, prefix, site->ngroup, group, &site->symbols};
     PM_TRY(visit(context, &scale));

@@ -1,7 +1,7 @@
 // The free form: a rate that is directly the output of a network, without energy, entropy or
 // structure; what the other two forms are compared with.
 //     rate = scale * network(features)
-// The scales make the units of the groups comparable.
+// The scales make the units of the groups comparable. On a mesh the network is one of message.h.
 #ifndef PM_MODEL_FLOW_H
 #define PM_MODEL_FLOW_H
 

@@ -30,7 +30,9 @@ typedef enum pm_normaliser_kind {
     PM_NORMALISE_FEATURES, // "<prefix>.mean", "<prefix>.deviation": of each component
     PM_NORMALISE_SCALE,    // "<prefix>.scale": per component the root mean square pooled over the
                            // expression's components, all divided by their own root mean square
-    PM_NORMALISE_ALONG     // "<prefix>.along": per expression the root mean square of the length
+    PM_NORMALISE_ALONG,    // "<prefix>.along": per expression the root mean square of the length
+    PM_NORMALISE_PATTERNS  // "<prefix>.patterns" [size][columns]: of one expression the leading
+                           // patterns (proper orthogonal decomposition), entries of rms 1
 } pm_normaliser_kind;
 
 // One set of such constants: expressions over `symbols` whose statistics they are.

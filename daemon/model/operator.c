@@ -6,6 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "model/message.h"
+#include "model/nodal.h"
+
 // Keeps the projection finite where the normal vanishes: then there is nothing to project out.
 #define SMALLEST_NORMAL 1e-300
 // Where a learned M starts: not at zero, where its factor would have no gradient, and with signs
@@ -95,9 +98,15 @@ static int listed_rows(const pm_operator_spec *spec, const support *s, int count
     return rows;
 }
 
-// Rows and columns of the matrix that the network gives.
+// Matrices one for each node of a mesh, this many.
+static int matrix_count(const pm_operator *op) {
+    const pm_message_spec *message = op->spec->network.message;
+    return message == NULL ? 1 : message->mesh->nnode;
+}
+
+// Rows and columns of a matrix that the network gives.
 static int matrix_rows(const pm_operator *op, const support *s) {
-    return listed_rows(op->spec, s, op->spec->nacts, op->spec->acts_on);
+    return listed_rows(op->spec, s, op->spec->nacts, op->spec->acts_on) / matrix_count(op);
 }
 
 static int matrix_columns(const pm_operator *op, const support *s) {
@@ -156,6 +165,25 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     return PM_OK;
 }
 
+// On a mesh an operator acts on fields, and has no frame.
+static pm_status check_nodal(const pm_operator *op, const support *s) {
+    const int nnode = matrix_count(op);
+    if (op->spec->network.message == NULL) {
+        return PM_OK;
+    }
+    if (op->spec->nalong > 0 || op->spec->nagainst > 0) {
+        return pm_fail(PM_ECONFIG, "%s: an operator on a mesh has no along and no against",
+                       op->prefix);
+    }
+    for (int i = 0; i < s->ngroup; ++i) {
+        if (s->learned[i] && s->group[i]->size % nnode != 0) {
+            return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is no field on %d nodes",
+                           op->prefix, s->group[i]->name, nnode);
+        }
+    }
+    return PM_OK;
+}
+
 static pm_status check_formulas(const pm_operator_spec *spec, const pm_site *site) {
     for (int i = 0; i < spec->ngiven; ++i) {
         if (spec->given[i].formula.text != NULL) {
@@ -198,8 +226,12 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     operator_name name;
     join(name, op->prefix, "matrix");
     const int nout = matrix_rows(op, s) * matrix_columns(op, s);
+    const pm_network_spec *network = &op->spec->network;
+    if (network->message != NULL) {
+        return pm_message_declare_nodes(network, &site->symbols, nout, params, name);
+    }
     if (op->kind == PM_REVERSIBLE) {
-        return pm_network_declare(&op->spec->network, &site->symbols, nout, NULL, params, name);
+        return pm_network_declare(network, &site->symbols, nout, NULL, params, name);
     }
     double *start = malloc((size_t)nout * sizeof *start);
     if (start == NULL) {
@@ -208,8 +240,7 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     for (int i = 0; i < nout; ++i) {
         start[i] = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
     }
-    const pm_status status =
-        pm_network_declare(&op->spec->network, &site->symbols, nout, start, params, name);
+    const pm_status status = pm_network_declare(network, &site->symbols, nout, start, params, name);
     free(start);
     return status;
 }
@@ -223,6 +254,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     PM_TRY(check_formulas(spec, site));
     const support s = support_of(spec, site);
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
+    PM_TRY(pm_spec_locate(spec->at, check_nodal(op, &s)));
     operator_name name;
     if (pm_params_add(params, join(name, op->prefix, "scale"), 1, s.n, false, 0, 1) == NULL ||
         (spec->nalong > 0 && pm_params_add(params, join(name, op->prefix, "along"), 1, spec->nalong,
@@ -253,8 +285,12 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
                                      &site->symbols};
         PM_TRY(visit(context, &along));
     }
+    operator_name name;
+    if (spec->learned && spec->network.message != NULL) {
+        return pm_message_visit(&spec->network, &site->symbols, join(name, op->prefix, "matrix"),
+                                visit, context);
+    }
     if (spec->learned && spec->network.nfeature > 0) {
-        operator_name name;
         const pm_normaliser features = {PM_NORMALISE_FEATURES, join(name, op->prefix, "matrix"),
                                         spec->network.nfeature, spec->network.feature,
                                         &site->symbols};
@@ -272,7 +308,8 @@ typedef struct construction {
     const pm_site *site;
     support support;
     pm_node scale;  // [1][support.n]
-    pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
+    pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned; on a
+                    // mesh of each node C or G
     pm_node along;  // [nalong][size]; PM_NO_NODE: the frame is the identity
 } construction;
 
@@ -301,8 +338,12 @@ static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *s
     }
     operator_name name;
     const int rows = matrix_rows(op, s), columns = matrix_columns(op, s), nout = rows * columns;
-    const pm_node entries = pm_network_build(g, &op->spec->network, &site->symbols, nout, params,
-                                             join(name, op->prefix, "matrix"));
+    join(name, op->prefix, "matrix");
+    if (op->spec->network.message != NULL) {
+        return pm_message_build_nodes(g, &op->spec->network, &site->symbols, nout, params, name);
+    }
+    const pm_node entries =
+        pm_network_build(g, &op->spec->network, &site->symbols, nout, params, name);
     const pm_node matrix = pm_reshape(g, entries, rows, columns);
     // C - C^T is formed before it is applied: C x and C^T x share the diagonal's terms, whose
     // rounding would stay behind.
@@ -361,9 +402,26 @@ static pm_node apply_across(const construction *c, pm_node x) {
     return pm_concat(g, 2, part);
 }
 
+// Each node's matrix times its part of x.
+static pm_node apply_nodal(const construction *c, pm_node x) {
+    int components[2 * PM_MAX_GROUPS];
+    pm_nodal_fields fields = {matrix_count(c->op), 0, components};
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        if (c->support.learned[i]) {
+            components[fields.count++] = c->support.group[i]->size / fields.nnode;
+        }
+    }
+    return c->op->kind == PM_REVERSIBLE
+               ? pm_nodal_skew(c->g, fields, c->matrix, x)
+               : pm_nodal_square(c->g, fields, c->op->spec->rank, c->matrix, x);
+}
+
 // The matrix times x, or G G^T x, for a row x.
 static pm_node apply_matrix(const construction *c, pm_node x) {
     pm_graph *g = c->g;
+    if (c->op->spec->network.message != NULL) {
+        return apply_nodal(c, x);
+    }
     if (c->op->spec->nagainst > 0) {
         return apply_across(c, x);
     }

@@ -3,6 +3,8 @@
 
 #include <stdio.h>
 
+#include "model/message.h"
+
 // Square of the smallest change of normalised features that a discrete slope is corrected for.
 #define SMALLEST_CHANGE 1e-12
 
@@ -11,6 +13,18 @@ typedef char term_prefix[96];
 static const char *prefix_of(term_prefix buffer, const char *prefix, int term) {
     snprintf(buffer, sizeof(term_prefix), "%s.%d", prefix, term);
     return buffer;
+}
+
+static pm_status declare_term(const pm_network_spec *term, const pm_symbols *symbols,
+                              pm_params *params, const char *prefix) {
+    return term->message != NULL ? pm_message_declare_sum(term, symbols, params, prefix)
+                                 : pm_network_declare(term, symbols, 1, NULL, params, prefix);
+}
+
+static pm_node build_term(pm_graph *g, const pm_network_spec *term, const pm_symbols *symbols,
+                          const pm_params *params, const char *prefix) {
+    return term->message != NULL ? pm_message_build_sum(g, term, symbols, params, prefix)
+                                 : pm_network_build(g, term, symbols, 1, params, prefix);
 }
 
 bool pm_potential_exists(const pm_potential_spec *spec) {
@@ -26,8 +40,7 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
     }
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
-        PM_TRY(pm_network_declare(&spec->term[i], symbols, 1, NULL, params,
-                                  prefix_of(term, prefix, i)));
+        PM_TRY(declare_term(&spec->term[i], symbols, params, prefix_of(term, prefix, i)));
     }
     return PM_OK;
 }
@@ -46,9 +59,8 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
     }
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
-        sum = pm_add_or(
-            g, sum,
-            pm_network_build(g, &spec->term[i], symbols, 1, params, prefix_of(term, prefix, i)));
+        sum = pm_add_or(g, sum,
+                        build_term(g, &spec->term[i], symbols, params, prefix_of(term, prefix, i)));
     }
     return sum;
 }
@@ -56,7 +68,8 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
 bool pm_potential_is_discrete(const pm_potential_spec *spec) {
     bool all = pm_features_are_discrete(spec->ngiven, spec->given);
     for (int i = 0; i < spec->nterm; ++i) {
-        all = all && pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature);
+        all = all && spec->term[i].message == NULL &&
+              pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature);
     }
     return all;
 }
@@ -123,7 +136,10 @@ pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *sy
                              const char *prefix, pm_normaliser_visit *visit, void *context) {
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
-        if (spec->term[i].nfeature > 0) {
+        if (spec->term[i].message != NULL) {
+            PM_TRY(pm_message_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
+                                    context));
+        } else if (spec->term[i].nfeature > 0) {
             const pm_normaliser n = {PM_NORMALISE_FEATURES, prefix_of(term, prefix, i),
                                      spec->term[i].nfeature, spec->term[i].feature, symbols};
             PM_TRY(visit(context, &n));

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 
 #include "base/status.h"
+#include "model/mesh.h"
 
 // --- layout of a state ---
 
@@ -67,9 +68,21 @@ typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU, PM_EXP } pm_activati
 // a quadratic one. A good skip lets the hidden layers learn only what is left, and extrapolates.
 typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC } pm_skip;
 
+// What a network on the graph of a mesh has beyond layers: message.h.
+typedef struct pm_message_spec {
+    const pm_mesh *mesh;
+    int width;          // of what nodes and edges pass on
+    int passes;         // of messages
+    int patterns;       // in which all nodes answer together; 0: none
+    const char *driver; // the field that its outputs are proportional to, or NULL
+    double within;      // s, by which rates are outputs divided
+} pm_message_spec;
+
 // A network from features to numbers. Features are expressions over named groups (feature.h):
 // "q", "|q|", "ln|q|", "|p|^2", "<q,p>". No features: the network is a learned constant.
 typedef struct pm_network_spec {
+    const pm_message_spec *message; // NULL: features go straight into the layers; else they are
+                                    // groups, each a field on the mesh's nodes
     int nfeature;
     const char *const *feature;
     int nhidden; // hidden layers; 0: the skip alone
@@ -138,6 +151,7 @@ typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 typedef struct pm_part_spec {
     pm_form form;
     const pm_constants *constants; // of all its formulas; NULL: none
+    const pm_mesh *mesh;           // its networks may be on; NULL: none
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // free only
@@ -161,6 +175,7 @@ typedef struct pm_port_spec {
     const char *law;
     pm_form form;
     const pm_constants *constants;
+    const pm_mesh *mesh;
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate;  // exchange, free only

@@ -9,76 +9,27 @@
 
 #include "model/port.h"
 #include "model/potential.h"
+#include "store/network_yaml.h"
 
-#define MAX_LAYERS 16
-#define MAX_WIDTH 4096 // of a hidden layer
 #define MAX_RANK 64
 
 static const char *const form_names[] = {
     [PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free", NULL};
-static const char *const activation_names[] = {
-    [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", [PM_EXP] = "exp", NULL};
-static const char *const skip_names[] = {
-    [PM_SKIP_NONE] = "none", [PM_SKIP_LINEAR] = "linear", [PM_SKIP_QUADRATIC] = "quadratic", NULL};
-
-#define NETWORK_KEYS "features", "hidden", "activation", "skip"
-#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible", "rate", "constants"
+#define MODEL_KEYS \
+    "form", "energy", "entropy", "reversible", "irreversible", "rate", "constants", "mesh"
 
 // --- reading ---
 
-static pm_status read_at(pm_yaml value, pm_arena *arena, const char **at) {
-    *at = pm_yaml_where(value, arena);
-    return *at == NULL ? pm_fail(PM_ENOMEM, "out of memory while reading a model") : PM_OK;
-}
+// What a block is read with: its constants and, if it has one, the mesh its networks are on.
+typedef struct reader {
+    pm_arena *arena;
+    const pm_constants *constants;
+    const pm_mesh *mesh;
+} reader;
 
 // Absent, or spelled "none".
 static bool is_none(pm_yaml value) {
     return !pm_yaml_exists(value) || pm_yaml_is_text(value, "none");
-}
-
-// The position of an optional choice; the first name where it is absent.
-static pm_status read_choice(pm_yaml block, const char *key, const char *const *names,
-                             int *result) {
-    const pm_yaml value = pm_yaml_get(block, key);
-    *result = 0;
-    return pm_yaml_exists(value) ? pm_yaml_choice(value, names, result) : PM_OK;
-}
-
-// An optional list of names; none where it is absent.
-static pm_status read_names(pm_yaml block, const char *key, pm_arena *arena, int *count,
-                            const char *const **result) {
-    const pm_yaml value = pm_yaml_get(block, key);
-    const char **names = NULL;
-    *count = 0;
-    if (pm_yaml_exists(value)) {
-        PM_TRY(pm_yaml_texts(value, arena, count, &names));
-    }
-    *result = names;
-    return PM_OK;
-}
-
-// The keys of a network; its block may hold others, which the caller has checked.
-static pm_status read_network(pm_yaml block, pm_arena *arena, pm_network_spec *network) {
-    int activation, skip;
-    *network = (pm_network_spec){0};
-    const pm_yaml features = pm_yaml_get(block, "features");
-    PM_TRY(read_at(pm_yaml_exists(features) ? features : block, arena, &network->at));
-    PM_TRY(read_names(block, "features", arena, &network->nfeature, &network->feature));
-    PM_TRY(read_choice(block, "activation", activation_names, &activation));
-    PM_TRY(read_choice(block, "skip", skip_names, &skip));
-    network->activation = (pm_activation)activation;
-    network->skip = (pm_skip)skip;
-    const pm_yaml hidden = pm_yaml_get(block, "hidden");
-    if (pm_yaml_exists(hidden)) {
-        int *width;
-        PM_TRY(pm_yaml_ints(hidden, 1, MAX_WIDTH, arena, &network->nhidden, &width));
-        network->hidden = width;
-        if (network->nhidden > MAX_LAYERS) {
-            return pm_yaml_fail(hidden, "%d layers, at most %d are possible", network->nhidden,
-                                MAX_LAYERS);
-        }
-    }
-    return PM_OK;
 }
 
 // Entry i of a linear form: a group's name, or "group: coefficient".
@@ -118,67 +69,62 @@ static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *p
     return PM_OK;
 }
 
-static pm_status read_formula(pm_yaml text, const pm_constants *constants, pm_arena *arena,
-                              pm_formula *formula) {
-    formula->constants = constants;
-    PM_TRY(read_at(text, arena, &formula->at));
-    return pm_yaml_text(text, arena, &formula->text);
+static pm_status read_formula(pm_yaml text, const reader *r, pm_formula *formula) {
+    formula->constants = r->constants;
+    PM_TRY(pm_model_read_at(text, r->arena, &formula->at));
+    return pm_yaml_text(text, r->arena, &formula->text);
 }
 
 // Adds one summand to a potential; `formulas` and `terms` have room for it.
-static pm_status read_summand(pm_yaml item, const pm_constants *constants, pm_arena *arena,
-                              pm_potential_spec *potential, pm_formula *formulas,
-                              pm_network_spec *terms) {
-    static const char *const network_keys[] = {NETWORK_KEYS, NULL};
+static pm_status read_summand(pm_yaml item, const reader *r, pm_potential_spec *potential,
+                              pm_formula *formulas, pm_network_spec *terms) {
+    static const char *const network_keys[] = {PM_NETWORK_KEYS, NULL};
     static const char *const given_keys[] = {"given", NULL};
     if (!pm_yaml_is_map(item)) {
-        return read_formula(item, constants, arena, &formulas[potential->nformula++]);
+        return read_formula(item, r, &formulas[potential->nformula++]);
     }
     if (!pm_yaml_exists(pm_yaml_get(item, "given"))) {
         PM_TRY(pm_yaml_allow(item, network_keys));
-        return read_network(item, arena, &terms[potential->nterm++]);
+        return pm_network_read(item, r->mesh, r->arena, &terms[potential->nterm++]);
     }
     PM_TRY(pm_yaml_allow(item, given_keys));
-    return read_given(pm_yaml_get(item, "given"), arena, potential);
+    return read_given(pm_yaml_get(item, "given"), r->arena, potential);
 }
 
-static pm_status read_potential(pm_yaml value, const pm_constants *constants, pm_arena *arena,
-                                pm_potential_spec *potential) {
+static pm_status read_potential(pm_yaml value, const reader *r, pm_potential_spec *potential) {
     *potential = (pm_potential_spec){0};
     if (is_none(value)) {
         return PM_OK;
     }
-    PM_TRY(read_at(value, arena, &potential->at));
+    PM_TRY(pm_model_read_at(value, r->arena, &potential->at));
     const int count = pm_yaml_is_list(value) ? pm_yaml_count(value) : 1;
-    pm_network_spec *terms = pm_arena_array(arena, (size_t)count, sizeof *terms);
-    pm_formula *formulas = pm_arena_array(arena, (size_t)count, sizeof *formulas);
+    pm_network_spec *terms = pm_arena_array(r->arena, (size_t)count, sizeof *terms);
+    pm_formula *formulas = pm_arena_array(r->arena, (size_t)count, sizeof *formulas);
     if (terms == NULL || formulas == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory while reading a model");
     }
     potential->term = terms;
     potential->formula = formulas;
     for (int i = 0; i < count; ++i) {
-        PM_TRY(read_summand(pm_yaml_is_list(value) ? pm_yaml_item(value, i) : value, constants,
-                            arena, potential, formulas, terms));
+        PM_TRY(read_summand(pm_yaml_is_list(value) ? pm_yaml_item(value, i) : value, r, potential,
+                            formulas, terms));
     }
     return PM_OK;
 }
 
 // A number, or else a formula.
-static pm_status read_coefficient(pm_yaml value, const pm_constants *constants, pm_arena *arena,
-                                  pm_given_pair *pair) {
+static pm_status read_coefficient(pm_yaml value, const reader *r, pm_given_pair *pair) {
     return pm_yaml_double(value, -INFINITY, INFINITY, &pair->coefficient) == PM_OK
                ? PM_OK
-               : read_formula(value, constants, arena, &pair->formula);
+               : read_formula(value, r, &pair->formula);
 }
 
-static pm_status read_pairs(pm_yaml list, const pm_constants *constants, pm_arena *arena,
-                            pm_operator_spec *op) {
+static pm_status read_pairs(pm_yaml list, const reader *r, pm_operator_spec *op) {
     if (!pm_yaml_is_list(list)) {
         return pm_yaml_fail(list, "expected a list of pairs such as [[q, p, 1.0]]");
     }
     const int count = pm_yaml_count(list);
-    pm_given_pair *pair = pm_arena_array(arena, (size_t)count, sizeof *pair);
+    pm_given_pair *pair = pm_arena_array(r->arena, (size_t)count, sizeof *pair);
     if (pair == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory while reading a model");
     }
@@ -188,58 +134,59 @@ static pm_status read_pairs(pm_yaml list, const pm_constants *constants, pm_aren
             return pm_yaml_fail(item, "expected a pair such as [q, p, 1.0]: row, column, "
                                       "coefficient");
         }
-        PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), arena, &pair[i].row));
-        PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), arena, &pair[i].col));
-        PM_TRY(read_coefficient(pm_yaml_item(item, 2), constants, arena, &pair[i]));
+        PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), r->arena, &pair[i].row));
+        PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), r->arena, &pair[i].col));
+        PM_TRY(read_coefficient(pm_yaml_item(item, 2), r, &pair[i]));
     }
     op->given = pair;
     op->ngiven = count;
     return PM_OK;
 }
 
-static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
+static pm_status read_learned(pm_yaml block, const reader *r, bool reversible,
                               pm_operator_spec *op) {
-    static const char *const reversible_keys[] = {"acts_on", "against", "along", NETWORK_KEYS,
+    static const char *const reversible_keys[] = {"acts_on", "against", "along", PM_NETWORK_KEYS,
                                                   NULL};
-    static const char *const irreversible_keys[] = {"acts_on", "along", "rank", NETWORK_KEYS, NULL};
+    static const char *const irreversible_keys[] = {"acts_on", "along", "rank", PM_NETWORK_KEYS,
+                                                    NULL};
     pm_yaml acts;
     PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
     PM_TRY(pm_yaml_require(block, "acts_on", &acts));
-    PM_TRY(read_names(block, "acts_on", arena, &op->nacts, &op->acts_on));
+    PM_TRY(pm_model_read_names(block, "acts_on", r->arena, &op->nacts, &op->acts_on));
     if (op->nacts == 0) {
         return pm_yaml_fail(acts, "expected at least one group");
     }
-    PM_TRY(read_names(block, "against", arena, &op->nagainst, &op->against));
-    PM_TRY(read_names(block, "along", arena, &op->nalong, &op->along));
+    PM_TRY(pm_model_read_names(block, "against", r->arena, &op->nagainst, &op->against));
+    PM_TRY(pm_model_read_names(block, "along", r->arena, &op->nalong, &op->along));
     op->rank = reversible ? 0 : 1;
     const pm_yaml rank = pm_yaml_get(block, "rank");
     if (pm_yaml_exists(rank)) {
         PM_TRY(pm_yaml_int(rank, 1, MAX_RANK, &op->rank));
     }
     op->learned = true;
-    return read_network(block, arena, &op->network);
+    return pm_network_read(block, r->mesh, r->arena, &op->network);
 }
 
-static pm_status read_operator(pm_yaml block, const pm_constants *constants, pm_arena *arena,
-                               bool reversible, pm_operator_spec *op) {
+static pm_status read_operator(pm_yaml block, const reader *r, bool reversible,
+                               pm_operator_spec *op) {
     static const char *const keys[] = {"given", "learned", NULL};
     *op = (pm_operator_spec){0};
     if (is_none(block)) {
         return PM_OK;
     }
-    PM_TRY(read_at(block, arena, &op->at));
+    PM_TRY(pm_model_read_at(block, r->arena, &op->at));
     PM_TRY(pm_yaml_allow(block, keys));
     const pm_yaml given = pm_yaml_get(block, "given");
     if (pm_yaml_exists(given)) {
-        PM_TRY(read_pairs(given, constants, arena, op));
+        PM_TRY(read_pairs(given, r, op));
     }
     const pm_yaml learned = pm_yaml_get(block, "learned");
-    return is_none(learned) ? PM_OK : read_learned(learned, arena, reversible, op);
+    return is_none(learned) ? PM_OK : read_learned(learned, r, reversible, op);
 }
 
 // The network of the free form, and of no other.
-static pm_status read_rate(pm_yaml block, pm_arena *arena, pm_form form, pm_network_spec *rate) {
-    static const char *const network_keys[] = {NETWORK_KEYS, NULL};
+static pm_status read_rate(pm_yaml block, const reader *r, pm_form form, pm_network_spec *rate) {
+    static const char *const network_keys[] = {PM_NETWORK_KEYS, NULL};
     pm_yaml value = pm_yaml_get(block, "rate");
     *rate = (pm_network_spec){0};
     if (form != PM_FREE) {
@@ -247,7 +194,7 @@ static pm_status read_rate(pm_yaml block, pm_arena *arena, pm_form form, pm_netw
     }
     PM_TRY(pm_yaml_require(block, "rate", &value));
     PM_TRY(pm_yaml_allow(value, network_keys));
-    return read_network(value, arena, rate);
+    return pm_network_read(value, r->mesh, r->arena, rate);
 }
 
 // Adds the entries of a mapping, if there is one, to those that are there, unless they are there.
@@ -290,29 +237,31 @@ static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
 
 // What both blocks have in common; `own`: constants that come before the block's.
 static pm_status read_model(pm_yaml block, pm_yaml own, pm_arena *arena,
-                            const pm_constants **constants, pm_form *form,
+                            const pm_constants **constants, const pm_mesh **mesh, pm_form *form,
                             pm_potential_spec *energy, pm_potential_spec *entropy,
                             pm_operator_spec *reversible, pm_operator_spec *irreversible,
                             pm_network_spec *rate) {
     int choice;
     PM_TRY(read_constants(own, pm_yaml_get(block, "constants"), arena, constants));
-    PM_TRY(read_choice(block, "form", form_names, &choice));
+    PM_TRY(pm_mesh_read(pm_yaml_get(block, "mesh"), arena, mesh));
+    PM_TRY(pm_model_read_choice(block, "form", form_names, &choice));
     *form = (pm_form)choice;
-    PM_TRY(read_rate(block, arena, *form, rate));
-    PM_TRY(read_potential(pm_yaml_get(block, "energy"), *constants, arena, energy));
-    PM_TRY(read_potential(pm_yaml_get(block, "entropy"), *constants, arena, entropy));
-    PM_TRY(read_operator(pm_yaml_get(block, "reversible"), *constants, arena, true, reversible));
-    return read_operator(pm_yaml_get(block, "irreversible"), *constants, arena, false,
-                         irreversible);
+    const reader r = {arena, *constants, *mesh};
+    PM_TRY(read_rate(block, &r, *form, rate));
+    PM_TRY(read_potential(pm_yaml_get(block, "energy"), &r, energy));
+    PM_TRY(read_potential(pm_yaml_get(block, "entropy"), &r, entropy));
+    PM_TRY(read_operator(pm_yaml_get(block, "reversible"), &r, true, reversible));
+    return read_operator(pm_yaml_get(block, "irreversible"), &r, false, irreversible);
 }
 
 pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
     static const char *const keys[] = {MODEL_KEYS, NULL};
     pm_part_spec read;
     PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(read_at(block, arena, &read.at));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
-                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
+    PM_TRY(pm_model_read_at(block, arena, &read.at));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
+                      &read.energy, &read.entropy, &read.reversible, &read.irreversible,
+                      &read.rate));
     *spec = read;
     return PM_OK;
 }
@@ -343,7 +292,7 @@ static pm_status read_matrix(pm_yaml list, const char *law, pm_arena *arena,
     if (strcmp(law, "contact") != 0) {
         return pm_yaml_fail(list, "only law: contact has a matrix");
     }
-    PM_TRY(read_at(list, arena, &matrix->at));
+    PM_TRY(pm_model_read_at(list, arena, &matrix->at));
     PM_TRY(check_rows(list));
     matrix->rows = pm_yaml_count(list);
     matrix->cols = pm_yaml_count(pm_yaml_item(list, 0));
@@ -368,7 +317,7 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
     pm_port_spec read;
     pm_yaml law;
     PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(read_at(block, arena, &read.at));
+    PM_TRY(pm_model_read_at(block, arena, &read.at));
     PM_TRY(pm_yaml_require(block, "law", &law));
     PM_TRY(pm_yaml_text(law, arena, &read.law));
     if (pm_port_law_find(read.law) == NULL) {
@@ -376,67 +325,21 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
                             read.law);
     }
     PM_TRY(read_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
-                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
+                      &read.energy, &read.entropy, &read.reversible, &read.irreversible,
+                      &read.rate));
     *spec = read;
     return PM_OK;
 }
 
 // --- writing ---
 
-static void write_quoted(FILE *file, const char *text) {
-    fputc('"', file);
-    for (const char *c = text; *c != '\0'; ++c) {
-        if (*c == '"' || *c == '\\') {
-            fputc('\\', file);
-        }
-        fputc(*c, file);
-    }
-    fputc('"', file);
-}
-
-// Names stand as they are, everything else between quotes.
-static void write_text(FILE *file, const char *text) {
-    static const char plain[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.";
-    if (text[0] != '\0' && text[strspn(text, plain)] == '\0') {
-        fputs(text, file);
-    } else {
-        write_quoted(file, text);
-    }
-}
-
-static void write_names(FILE *file, const char *key, int count, const char *const *names) {
-    fprintf(file, "%s: [", key);
-    for (int i = 0; i < count; ++i) {
-        fputs(i == 0 ? "" : ", ", file);
-        write_text(file, names[i]);
-    }
-    fputc(']', file);
-}
-
-static void write_network(FILE *file, const pm_network_spec *network) {
-    write_names(file, "features", network->nfeature, network->feature);
-    fputs(", hidden: [", file);
-    for (int i = 0; i < network->nhidden; ++i) {
-        fprintf(file, "%s%d", i == 0 ? "" : ", ", network->hidden[i]);
-    }
-    fprintf(file, "], activation: %s, skip: %s", activation_names[network->activation],
-            skip_names[network->skip]);
-}
-
-// As people write it, where that is the same number.
-static void write_number(FILE *file, double number) {
-    char text[32];
-    snprintf(text, sizeof text, "%.15g", number);
-    fprintf(file, "%.*g", strtod(text, NULL) == number ? 15 : 17, number);
-}
-
 static void write_constants(FILE *file, const pm_constants *constants) {
     for (int i = 0; constants != NULL && i < constants->count; ++i) {
         fputs(i == 0 ? "constants: {" : ", ", file);
-        write_text(file, constants->name[i]);
+        pm_model_write_text(file, constants->name[i]);
         fputs(": ", file);
-        write_number(file, constants->value[i]);
+        pm_model_write_number(file, constants->value[i]);
         fputs(i == constants->count - 1 ? "}\n" : "", file);
     }
 }
@@ -448,7 +351,7 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
     fprintf(file, "%s:\n", key);
     for (int i = 0; i < potential->nformula; ++i) {
         fputs("  - ", file);
-        write_quoted(file, potential->formula[i].text);
+        pm_model_write_quoted(file, potential->formula[i].text);
         fputc('\n', file);
     }
     if (potential->ngiven > 0) {
@@ -456,14 +359,14 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
         for (int i = 0; i < potential->ngiven; ++i) {
             const double *coefficient = potential->given_coefficient;
             fputs(i == 0 ? "" : ", ", file);
-            write_text(file, potential->given[i]);
+            pm_model_write_text(file, potential->given[i]);
             fprintf(file, ": %.17g", coefficient == NULL ? 1 : coefficient[i]);
         }
         fputs("}}\n", file);
     }
     for (int i = 0; i < potential->nterm; ++i) {
         fputs("  - {", file);
-        write_network(file, &potential->term[i]);
+        pm_network_write(file, &potential->term[i]);
         fputs("}\n", file);
     }
 }
@@ -478,12 +381,12 @@ static void write_operator(FILE *file, const char *key, bool reversible,
         fputs("  given: [", file);
         for (int i = 0; i < op->ngiven; ++i) {
             fputs(i == 0 ? "[" : ", [", file);
-            write_text(file, op->given[i].row);
+            pm_model_write_text(file, op->given[i].row);
             fputs(", ", file);
-            write_text(file, op->given[i].col);
+            pm_model_write_text(file, op->given[i].col);
             fputs(", ", file);
             if (op->given[i].formula.text != NULL) {
-                write_quoted(file, op->given[i].formula.text);
+                pm_model_write_quoted(file, op->given[i].formula.text);
             } else {
                 fprintf(file, "%.17g", op->given[i].coefficient);
             }
@@ -493,18 +396,18 @@ static void write_operator(FILE *file, const char *key, bool reversible,
     }
     if (op->learned) {
         fputs("  learned: {", file);
-        write_names(file, "acts_on", op->nacts, op->acts_on);
+        pm_model_write_names(file, "acts_on", op->nacts, op->acts_on);
         if (op->nagainst > 0) {
             fputs(", ", file);
-            write_names(file, "against", op->nagainst, op->against);
+            pm_model_write_names(file, "against", op->nagainst, op->against);
         }
         fputs(", ", file);
-        write_names(file, "along", op->nalong, op->along);
+        pm_model_write_names(file, "along", op->nalong, op->along);
         if (!reversible) {
             fprintf(file, ", rank: %d", op->rank);
         }
         fputs(", ", file);
-        write_network(file, &op->network);
+        pm_network_write(file, &op->network);
         fputs("}\n", file);
     }
 }
@@ -514,22 +417,23 @@ static void write_matrix(FILE *file, const pm_matrix_spec *matrix) {
         fputs(i == 0 ? "matrix: [" : ", ", file);
         for (int j = 0; j < matrix->cols; ++j) {
             fputs(j == 0 ? "[" : ", ", file);
-            write_number(file, matrix->value[i * matrix->cols + j]);
+            pm_model_write_number(file, matrix->value[i * matrix->cols + j]);
         }
         fputs(i == matrix->rows - 1 ? "]]\n" : "]", file);
     }
 }
 
 // The parts common to both blocks.
-static void write_model(FILE *file, const pm_constants *constants, pm_form form,
-                        const pm_potential_spec *energy, const pm_potential_spec *entropy,
-                        const pm_operator_spec *reversible, const pm_operator_spec *irreversible,
-                        const pm_network_spec *rate) {
+static void write_model(FILE *file, const pm_constants *constants, const pm_mesh *mesh,
+                        pm_form form, const pm_potential_spec *energy,
+                        const pm_potential_spec *entropy, const pm_operator_spec *reversible,
+                        const pm_operator_spec *irreversible, const pm_network_spec *rate) {
     write_constants(file, constants);
+    pm_mesh_write(file, mesh);
     fprintf(file, "form: %s\n", form_names[form]);
     if (form == PM_FREE) {
         fputs("rate: {", file);
-        write_network(file, rate);
+        pm_network_write(file, rate);
         fputs("}\n", file);
     }
     write_potential(file, "energy", energy);
@@ -554,8 +458,8 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
     if (file == NULL) {
         return NULL;
     }
-    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
-                &spec->irreversible, &spec->rate);
+    write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
+                &spec->reversible, &spec->irreversible, &spec->rate);
     return take_text(file, &text, arena);
 }
 
@@ -567,10 +471,10 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
         return NULL;
     }
     fputs("law: ", file);
-    write_text(file, spec->law);
+    pm_model_write_text(file, spec->law);
     fputc('\n', file);
-    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
-                &spec->irreversible, &spec->rate);
+    write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
+                &spec->reversible, &spec->irreversible, &spec->rate);
     write_matrix(file, &spec->matrix);
     return take_text(file, &text, arena);
 }
