@@ -9,6 +9,9 @@
 #include "sim/subsystem.h"
 #include "store/channel.h"
 #include "store/model_yaml.h"
+#include "store/names.h"
+
+#define LONGEST_LINE 400 // characters of a model that are shown of one line: a matrix may be large
 
 // Builds what every node would build; `rounds` receives the number of flux exchanges per step.
 static pm_status build_all(const pm_setup *setup, int *rounds) {
@@ -60,7 +63,8 @@ static void print_model(const char *model, const pm_provenance *provenance) {
     printf("  model      known, digest %016" PRIx64 "\n", provenance->digest);
     while (model != NULL && *model != '\0') {
         const int length = (int)strcspn(model, "\n");
-        printf("             %.*s\n", length, model);
+        const bool fits = length <= LONGEST_LINE;
+        printf("             %.*s%s\n", fits ? length : LONGEST_LINE, model, fits ? "" : " ...");
         model += length + 1;
     }
 }
@@ -73,14 +77,19 @@ static void print_weights(const pm_params *params, const pm_provenance *provenan
            provenance->data, provenance->seed, provenance->loss, provenance->seconds);
 }
 
+// Ranges for names that differ by a number that rises.
+static void print_names(const char *const *name, int count) {
+    pm_arena arena = {0};
+    const char *list = pm_names_fold(name, count, &arena);
+    printf(" %s", list == NULL ? "(no memory to list them)" : list);
+    pm_arena_free(&arena);
+}
+
 static void print_group(const pm_scene *scene, const pm_scene_subsystem *subsystem, int group_id) {
     const pm_group *group = &subsystem->layout.group[group_id];
     printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
     if (subsystem->column != NULL) {
-        printf(" columns");
-        for (int i = 0; i < group->size; ++i) {
-            printf(" %s", subsystem->column[group->first + i]);
-        }
+        print_names(subsystem->column + group->first, group->size);
     }
     const int base = subsystem->relative_subsystem[group_id];
     if (base >= 0) {
@@ -112,19 +121,42 @@ static void print_subsystem(const pm_setup *setup, int i) {
     pm_arena_free(&arena);
 }
 
+// How many values from the first on are columns, or the same number.
+static int count_alike(const pm_scene_prescribed *value, int count) {
+    int n = 1;
+    while (n < count && (value[n].column != NULL) == (value->column != NULL) &&
+           (value->column != NULL || value[n].number == value->number)) {
+        ++n;
+    }
+    return n;
+}
+
+static void print_alike(const pm_scene_prescribed *value, int count) {
+    pm_arena arena = {0};
+    const char **name = pm_arena_array(&arena, (size_t)count, sizeof *name);
+    for (int i = 0; name != NULL && i < count; ++i) {
+        name[i] = value[i].column;
+    }
+    if (value->column == NULL) {
+        printf(" %g", value->number);
+        if (count > 1) {
+            printf(" (%d times)", count);
+        }
+    } else if (name != NULL) {
+        print_names(name, count);
+    }
+    pm_arena_free(&arena);
+}
+
 // "dE vx vy" for a group's list, unless all of it is zero.
 static void print_prescribed(const char *what, const pm_scene_prescribed *value, int count) {
-    bool zero = true;
-    for (int i = 0; i < count; ++i) {
-        zero = zero && value[i].column == NULL && value[i].number == 0;
+    if (value->column == NULL && value->number == 0 && count_alike(value, count) == count) {
+        return;
     }
-    for (int i = 0; i < count && !zero; ++i) {
-        printf("%s%s", i == 0 ? "  " : "", i == 0 ? what : "");
-        if (value[i].column != NULL) {
-            printf(" %s", value[i].column);
-        } else {
-            printf(" %g", value[i].number);
-        }
+    printf("  %s", what);
+    for (int i = 0, n; i < count; i += n) {
+        n = count_alike(value + i, count - i);
+        print_alike(value + i, n);
     }
 }
 

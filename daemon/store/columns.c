@@ -3,58 +3,55 @@
 // so a state is read from a row without following chains, and a row is written by following them.
 #include "store/columns.h"
 
-#include <stdio.h>
 #include <string.h>
 
-#define LIST_SIZE 256
+#include "store/names.h"
 
 static pm_status fail_memory(void) {
     return pm_fail(PM_ENOMEM, "columns: out of memory");
 }
 
-// The dataset's columns separated by blanks, cut short where the text ends.
-static void list_columns(const pm_dataset *dataset, char text[LIST_SIZE]) {
-    size_t length = 0;
-    text[0] = '\0';
-    for (int k = 0; k < dataset->ncolumn && length < LIST_SIZE; ++k) {
-        const int n = snprintf(text + length, LIST_SIZE - length, "%s%s", k == 0 ? "" : " ",
-                               dataset->column[k]);
-        length += n < 0 ? 0 : (size_t)n;
-    }
+static pm_status fail_missing(const pm_scene_subsystem *subsystem, int component,
+                              const pm_dataset *dataset, pm_arena *arena) {
+    const char *list = pm_names_fold(dataset->column, dataset->ncolumn, arena);
+    return pm_fail(PM_EDATA,
+                   "%s: subsystem %s: column \"%s\" is not in the dataset, which has: %.255s",
+                   subsystem->column_at[component], subsystem->name, subsystem->column[component],
+                   list == NULL ? "" : list);
 }
 
-static pm_status find_column(const pm_scene_subsystem *subsystem, int component,
-                             const pm_dataset *dataset, int *position) {
-    const char *name = subsystem->column[component];
-    for (int k = 0; k < dataset->ncolumn; ++k) {
-        if (strcmp(dataset->column[k], name) == 0) {
-            *position = k;
-            return PM_OK;
+static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsystem,
+                                const pm_dataset *dataset, const pm_names *names, bool *mapped,
+                                pm_arena *arena) {
+    if (subsystem->column == NULL) {
+        return pm_fail(PM_ECONFIG, "%s: subsystem %s maps no columns of the dataset", subsystem->at,
+                       subsystem->name);
+    }
+    for (int i = 0; i < subsystem->layout.nz; ++i) {
+        const int k = pm_names_find(names, subsystem->column[i]);
+        if (k < 0) {
+            return fail_missing(subsystem, i, dataset, arena);
         }
+        if (mapped[k]) {
+            return pm_fail(PM_ECONFIG, "%s: subsystem %s: column \"%s\" is mapped twice",
+                           subsystem->column_at[i], subsystem->name, subsystem->column[i]);
+        }
+        mapped[k] = true;
+        c->column[subsystem->first + i] = k;
     }
-    char list[LIST_SIZE];
-    list_columns(dataset, list);
-    return pm_fail(PM_EDATA, "%s: subsystem %s: column \"%s\" is not in the dataset, which has: %s",
-                   subsystem->column_at[component], subsystem->name, name, list);
+    return PM_OK;
 }
 
-static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dataset *dataset) {
+static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dataset *dataset,
+                              pm_arena *arena) {
+    pm_names names;
+    bool *mapped = pm_arena_array(arena, (size_t)dataset->ncolumn, sizeof *mapped);
+    if (mapped == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
     for (int s = 0; s < scene->nsubsystem; ++s) {
-        const pm_scene_subsystem *subsystem = &scene->subsystem[s];
-        if (subsystem->column == NULL) {
-            return pm_fail(PM_ECONFIG, "%s: subsystem %s maps no columns of the dataset",
-                           subsystem->at, subsystem->name);
-        }
-        for (int i = 0; i < subsystem->layout.nz; ++i) {
-            const int own = subsystem->first + i;
-            PM_TRY(find_column(subsystem, i, dataset, &c->column[own]));
-            for (int k = 0; k < own; ++k) {
-                if (c->column[k] == c->column[own]) {
-                    return pm_fail(PM_ECONFIG, "%s: subsystem %s: column \"%s\" is mapped twice",
-                                   subsystem->column_at[i], subsystem->name, subsystem->column[i]);
-                }
-            }
-        }
+        PM_TRY(bind_subsystem(c, &scene->subsystem[s], dataset, &names, mapped, arena));
     }
     return PM_OK;
 }
@@ -124,7 +121,7 @@ pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_d
     if (c.column == NULL || c.base == NULL || c.group == NULL || c.group_name == NULL) {
         return fail_memory();
     }
-    PM_TRY(bind_columns(&c, scene, dataset));
+    PM_TRY(bind_columns(&c, scene, dataset, arena));
     for (int s = 0; s < scene->nsubsystem; ++s) {
         for (int g = 0; g < scene->subsystem[s].layout.ngroup; ++g) {
             PM_TRY(bind_group(&c, scene, &scene->subsystem[s], g));

@@ -10,9 +10,11 @@
 
 #include "base/attempt.h"
 #include "store/hdf5_io.h"
+#include "store/names.h"
 #include "store/times.h"
 
 #define LAYOUT "state_layout"
+#define LONGEST_LAYOUT 60000 // bytes: HDF5 keeps attributes of up to 64 KiB with the object
 
 // --- memory ---
 
@@ -120,15 +122,15 @@ pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *for
 // --- checks ---
 
 static pm_status check_columns(const pm_dataset *d, const char *path) {
-    for (int i = 0; i < d->ncolumn; ++i) {
-        for (int k = 0; k < i; ++k) {
-            if (strcmp(d->column[i], d->column[k]) == 0) {
-                return pm_fail(PM_EDATA, "%s: " LAYOUT " names column \"%s\" twice", path,
-                               d->column[i]);
-            }
-        }
-    }
-    return PM_OK;
+    pm_arena arena = {0};
+    pm_names names = {0};
+    const pm_status status = pm_names_sort(&names, d->column, d->ncolumn, &arena);
+    const int twice = pm_names_twice(&names);
+    pm_arena_free(&arena);
+    PM_TRY(status);
+    return twice < 0 ? PM_OK
+                     : pm_fail(PM_EDATA, "%s: " LAYOUT " names column \"%s\" twice", path,
+                               d->column[twice]);
 }
 
 static pm_status check_values(const pm_dataset *d, const char *name, const double *value,
@@ -157,6 +159,23 @@ static pm_status check(const pm_dataset *d, const char *path) {
 
 // --- loading ---
 
+// The names that a word of state_layout stands for, as far as there is room; adds to their count.
+static pm_status take_word(pm_dataset *d, const char *word, const char **name, long *count,
+                           const char *path) {
+    pm_name_range range;
+    if (pm_name_range_parse(&range, word) != PM_OK) {
+        return pm_fail(PM_EDATA, "%s: " LAYOUT ": %s", path, pm_error());
+    }
+    for (int i = 0; i < range.count && *count + i < d->ncolumn; ++i) {
+        name[*count + i] = pm_name_range_text(&range, i, &d->arena);
+        if (name[*count + i] == NULL) {
+            return fail_memory();
+        }
+    }
+    *count += range.count;
+    return PM_OK;
+}
+
 // Splits the text of state_layout into the columns' names.
 static pm_status split_columns(pm_dataset *d, const char *text, const char *path) {
     char *rest = pm_arena_strdup(&d->arena, text);
@@ -164,17 +183,14 @@ static pm_status split_columns(pm_dataset *d, const char *text, const char *path
     if (rest == NULL || name == NULL) {
         return fail_memory();
     }
-    int count = 0;
+    long count = 0;
     char *state = NULL;
     for (char *word = strtok_r(rest, " \t\n", &state); word != NULL;
          word = strtok_r(NULL, " \t\n", &state)) {
-        if (count < d->ncolumn) {
-            name[count] = word;
-        }
-        ++count;
+        PM_TRY(take_word(d, word, name, &count, path));
     }
     if (count != d->ncolumn) {
-        return pm_fail(PM_EDATA, "%s: " LAYOUT " names %d columns, z has %d", path, count,
+        return pm_fail(PM_EDATA, "%s: " LAYOUT " names %ld columns, z has %d", path, count,
                        d->ncolumn);
     }
     d->column = name;
@@ -246,13 +262,17 @@ pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
 
 // --- saving ---
 
-// The columns' names separated by blanks; the caller frees. NULL: out of memory.
-static char *join_columns(const pm_dataset *d) {
+// The columns' names separated by blanks, as ranges where an attribute could not hold them all.
+// NULL: out of memory.
+static const char *join_columns(const pm_dataset *d, pm_arena *arena) {
     size_t size = 1;
     for (int i = 0; i < d->ncolumn; ++i) {
         size += strlen(d->column[i]) + 1;
     }
-    char *text = calloc(1, size), *end = text;
+    if (size > LONGEST_LAYOUT) {
+        return pm_names_fold(d->column, d->ncolumn, arena);
+    }
+    char *text = pm_arena_alloc(arena, size), *end = text;
     for (int i = 0; text != NULL && i < d->ncolumn; ++i) {
         end = stpcpy(stpcpy(end, i == 0 ? "" : " "), d->column[i]);
     }
@@ -280,7 +300,8 @@ pm_status pm_dataset_save(const pm_dataset *dataset, const char *path) {
     PM_TRY(check(dataset, path));
     pm_hdf5 *file = NULL;
     pm_status status;
-    char *layout = join_columns(dataset);
+    pm_arena arena = {0};
+    const char *layout = join_columns(dataset, &arena);
     if (layout == NULL) {
         return fail_memory();
     }
@@ -289,6 +310,6 @@ pm_status pm_dataset_save(const pm_dataset *dataset, const char *path) {
     status = pm_hdf5_commit(file);
 done:
     pm_hdf5_close(file);
-    free(layout);
+    pm_arena_free(&arena);
     return status;
 }

@@ -1,7 +1,8 @@
 // Datasets of trajectories, HDF5:
 //   /z [trajectory][time][column] double, /t [time] s, /dt scalar s,
 //   /zdot (optional), like /z: its rate, for training on rates; otherwise taken by differences,
-//   attribute state_layout of /: the columns' names separated by blanks;
+//   attribute state_layout of /: the columns' names separated by blanks; "f[0:180]" stands for f0
+//   to f179 (names.h), and is written so where the names are longer than 60 kB;
 //   other text attributes of / are kept as notes (title, source, command, seed ...);
 //   /units attribute of / (optional): the columns' units separated by ';'.
 #ifndef PM_STORE_DATASET_H

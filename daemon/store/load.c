@@ -5,26 +5,39 @@
 #include <string.h>
 
 #include "base/digest.h"
+#include "store/names.h"
 
+// `names`: of the dataset; NULL: there is none.
 static pm_status find_column(const pm_scene_world *owner, const pm_scene_prescribed *value,
-                             const pm_dataset *dataset, int *column) {
+                             const pm_names *names, int *column) {
     if (value->column == NULL) {
         *column = -1;
         return PM_OK;
     }
-    if (dataset == NULL) {
+    if (names == NULL) {
         return pm_fail(PM_ECONFIG,
                        "%s: load %s follows the column \"%s\", but there is no `reference`",
                        value->at, owner->name, value->column);
     }
-    for (int k = 0; k < dataset->ncolumn; ++k) {
-        if (strcmp(dataset->column[k], value->column) == 0) {
-            *column = k;
-            return PM_OK;
+    *column = pm_names_find(names, value->column);
+    return *column >= 0 ? PM_OK
+                        : pm_fail(PM_EDATA, "%s: load %s: column \"%s\" is not in the dataset",
+                                  value->at, owner->name, value->column);
+}
+
+static pm_status find_columns(pm_load *load, const pm_dataset *dataset, pm_arena *arena) {
+    pm_names names;
+    if (dataset != NULL) {
+        PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
+    }
+    for (int i = 0; i < load->scene->nload; ++i) {
+        const pm_scene_world *owner = &load->scene->load[i];
+        for (int k = 0; k < 3 * owner->layout.nz; ++k) {
+            PM_TRY(find_column(owner, &owner->value[k], dataset == NULL ? NULL : &names,
+                               &load->column[owner->first + k]));
         }
     }
-    return pm_fail(PM_EDATA, "%s: load %s: column \"%s\" is not in the dataset", value->at,
-                   owner->name, value->column);
+    return PM_OK;
 }
 
 static bool has_columns(const pm_load *load) {
@@ -55,12 +68,7 @@ pm_status pm_load_bind(pm_load *load, const pm_scene *scene, const pm_dataset *d
     if (load->column == NULL || load->value == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for loads");
     }
-    for (int i = 0; i < scene->nload; ++i) {
-        const pm_scene_world *owner = &scene->load[i];
-        for (int k = 0; k < 3 * owner->layout.nz; ++k) {
-            PM_TRY(find_column(owner, &owner->value[k], dataset, &load->column[owner->first + k]));
-        }
-    }
+    PM_TRY(find_columns(load, dataset, arena));
     size_t intervals = 1;
     if (has_columns(load)) {
         if (dataset->ntime < 2) {

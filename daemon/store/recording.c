@@ -14,7 +14,9 @@
 #include "store/hdf5_io.h"
 
 #define BLOCK 256         // samples buffered, and per chunk in the file
+#define CHUNK 131072      // numbers of a chunk: fewer samples where states are large
 #define FLUSH_SECONDS 1.0 // what a killed run may lose
+#define MAX_NAMED 1000    // components that an attribute of at most 64 KiB names one by one
 
 // --- samples ---
 
@@ -94,30 +96,33 @@ static pm_status add(pm_recording *r, const char *folder, const char *name, int 
     return c->path == NULL || c->buffer == NULL ? fail_memory() : PM_OK;
 }
 
-// Names and units of the components of z: "s", or "q[0]" in a group of several.
+// Names and units of the components of z: "s", or "q[0]" in a group of several; of the groups,
+// "q[0:5000]", where there are too many components for an attribute.
 static pm_status describe_state(pm_recording *r, const char *path,
                                 const pm_scene_subsystem *subsystem) {
-    const size_t nz = (size_t)subsystem->layout.nz;
-    const char **name = pm_arena_array(&r->arena, nz, sizeof *name);
-    const char **unit = pm_arena_array(&r->arena, nz, sizeof *unit);
+    const pm_layout *layout = &subsystem->layout;
+    const bool whole = layout->nz > MAX_NAMED;
+    const size_t capacity = (size_t)(whole ? layout->ngroup : layout->nz);
+    const char **name = pm_arena_array(&r->arena, capacity, sizeof *name);
+    const char **unit = pm_arena_array(&r->arena, capacity, sizeof *unit);
     if (name == NULL || unit == NULL) {
         return fail_memory();
     }
-    for (int g = 0; g < subsystem->layout.ngroup; ++g) {
-        const pm_group *group = &subsystem->layout.group[g];
-        for (int i = 0; i < group->size; ++i) {
-            const char *component = group->size == 1
-                                        ? group->name
-                                        : pm_arena_printf(&r->arena, "%s[%d]", group->name, i);
-            if (component == NULL) {
+    int count = 0;
+    for (int g = 0; g < layout->ngroup; ++g) {
+        const pm_group *group = &layout->group[g];
+        for (int i = 0; i < (whole ? 1 : group->size); ++i, ++count) {
+            name[count] = group->size == 1 ? group->name
+                          : whole ? pm_arena_printf(&r->arena, "%s[0:%d]", group->name, group->size)
+                                  : pm_arena_printf(&r->arena, "%s[%d]", group->name, i);
+            unit[count] = group->unit;
+            if (name[count] == NULL) {
                 return fail_memory();
             }
-            name[group->first + i] = component;
-            unit[group->first + i] = group->unit;
         }
     }
-    PM_TRY(pm_hdf5_write_texts(r->file, path, "variables", (int)nz, name));
-    return pm_hdf5_write_texts(r->file, path, "units", (int)nz, unit);
+    PM_TRY(pm_hdf5_write_texts(r->file, path, "variables", count, name));
+    return pm_hdf5_write_texts(r->file, path, "units", count, unit);
 }
 
 static pm_status add_subsystem(pm_recording *r, const pm_scene_subsystem *subsystem) {
@@ -177,7 +182,8 @@ static pm_status create_all(pm_recording *r) {
     PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
     for (int i = 0; i < r->ncolumn; ++i) {
         column *c = &r->column[i];
-        PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, BLOCK,
+        const int rows = c->count <= CHUNK / BLOCK ? BLOCK : 1 + (CHUNK - 1) / c->count;
+        PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, rows,
                                      strcmp(c->path, "/step") == 0));
         if (c->unit != NULL) {
             PM_TRY(pm_hdf5_write_text(r->file, c->path, "units", c->unit));

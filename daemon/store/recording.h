@@ -1,6 +1,8 @@
 // What one step of a run leaves behind, and the HDF5 recording of it:
 //   /time [sample] s, /step [sample]
-//   /subsystems/<name>/z [sample][variable] (attributes variables, units), E J, S J/K,
+//   /subsystems/<name>/z [sample][variable] (attributes variables, units: an entry for each,
+//   "q[0]";
+//     of more than 1000 one for each group, "q[0:5000]"), E J, S J/K,
 //     bulk_energy W, bulk_entropy W/K [sample]
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample] (relative, see

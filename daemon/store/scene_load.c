@@ -4,72 +4,85 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_COMPONENTS 1000 // of one group
+enum { VALUE, DE, DS, NLIST }; // in the order a port shows them
+static const char *const list_key[NLIST] = {[VALUE] = "value", [DE] = "dE", [DS] = "dS"};
 
-// A number, or the name of a dataset column: numbers begin with a digit, a sign or a point.
-static pm_status read_prescribed(pm_scene_reader *r, pm_yaml at, pm_scene_prescribed *result) {
-    PM_TRY(pm_yaml_text(at, r->arena, &result->column));
-    PM_TRY(pm_scene_read_at(r, at, &result->at));
-    if (strchr("+-.0123456789", result->column[0]) == NULL) {
-        return PM_OK;
-    }
-    result->column = NULL;
-    return pm_yaml_double(at, -INFINITY, INFINITY, &result->number);
-}
+// What is written of a group: columns and numbers; NULL: all are the number 0.
+typedef struct lists {
+    pm_scene_named *list[NLIST]; // [size of the group]
+} lists;
 
-// The list under `key`, one entry per component of the group; without it all are the number 0.
-static pm_status read_list(pm_scene_reader *r, pm_yaml block, const char *key, int count,
-                           pm_scene_prescribed *result) {
-    const pm_yaml list = pm_yaml_get(block, key);
-    if (!pm_yaml_exists(list)) {
-        return PM_OK;
-    }
-    const int found = pm_yaml_is_list(list) ? pm_yaml_count(list) : 1;
-    if (found != count) {
-        return pm_yaml_fail(list, "expected %d as under \"dE\", found %d", count, found);
-    }
-    for (int i = 0; i < count; ++i) {
-        PM_TRY(
-            read_prescribed(r, pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list, &result[i]));
+static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, lists *lists) {
+    pm_yaml list;
+    PM_TRY(pm_yaml_require(block, list_key[DE], &list));
+    PM_TRY(pm_scene_read_columns(r, list, &group->size, &lists->list[DE]));
+    for (int k = 0; k < NLIST; ++k) {
+        int count;
+        list = pm_yaml_get(block, list_key[k]);
+        if (k == DE || !pm_yaml_exists(list)) {
+            continue;
+        }
+        PM_TRY(pm_scene_read_columns(r, list, &count, &lists->list[k]));
+        if (count != group->size) {
+            return pm_yaml_fail(list, "expected %d as under \"dE\", found %d", group->size, count);
+        }
     }
     return PM_OK;
 }
 
-static pm_status read_group(pm_scene_reader *r, pm_scene_world *load, pm_yaml key, pm_yaml block) {
+static pm_status read_group(pm_scene_reader *r, pm_scene_world *load, pm_yaml key, pm_yaml block,
+                            lists *lists) {
     static const char *const keys[] = {"unit", "dE", "dS", "value", NULL};
-    pm_yaml unit, list;
+    pm_yaml unit;
     pm_group *group = &load->layout.group[load->layout.ngroup];
     PM_TRY(pm_scene_read_name(r, key, &group->name));
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_yaml_require(block, "unit", &unit));
     PM_TRY(pm_yaml_text(unit, r->arena, &group->unit));
-    PM_TRY(pm_yaml_require(block, "dE", &list));
-    group->size = pm_yaml_is_list(list) ? pm_yaml_count(list) : 1;
-    if (group->size < 1 || group->size > MAX_COMPONENTS) {
-        return pm_yaml_fail(list, "expected 1 to %d components, found %d", MAX_COMPONENTS,
-                            group->size);
-    }
+    PM_TRY(read_lists(r, block, group, lists));
     group->first = load->layout.nz;
     load->layout.nz += group->size;
     ++load->layout.ngroup;
-    load->entropy = load->entropy || pm_yaml_exists(pm_yaml_get(block, "dS"));
+    load->entropy = load->entropy || lists->list[DS] != NULL;
     return PM_OK;
 }
 
-// The three lists of every group, in the order a port shows them.
-static pm_status read_values(pm_scene_reader *r, pm_scene_world *load, pm_yaml groups) {
-    static const char *const keys[] = {"value", "dE", "dS"};
+// A number, or the name of a dataset column: numbers begin with a digit, a sign or a point.
+static pm_status prescribe(const pm_scene_named *named, pm_scene_prescribed *result) {
+    if (strchr("+-.0123456789", named->text[0]) == NULL) {
+        result->column = named->text;
+        return PM_OK;
+    }
+    return pm_yaml_double(named->at, -INFINITY, INFINITY, &result->number);
+}
+
+static pm_status prescribe_list(pm_scene_reader *r, const pm_scene_named *list, int count,
+                                pm_scene_prescribed *result) {
+    const char **at = pm_arena_array(r->arena, (size_t)count, sizeof *at);
+    if (at == NULL) {
+        return pm_scene_no_memory();
+    }
+    PM_TRY(pm_scene_read_places(r, list, count, at));
+    for (int i = 0; i < count; ++i) {
+        PM_TRY(prescribe(&list[i], &result[i]));
+        result[i].at = at[i];
+    }
+    return PM_OK;
+}
+
+static pm_status prescribe_groups(pm_scene_reader *r, pm_scene_world *load, const lists *lists) {
     const int nz = load->layout.nz;
-    pm_scene_prescribed *value = pm_arena_array(r->arena, 3 * (size_t)nz, sizeof *value);
+    pm_scene_prescribed *value = pm_arena_array(r->arena, NLIST * (size_t)nz, sizeof *value);
     if (value == NULL) {
         return pm_scene_no_memory();
     }
     for (int i = 0; i < load->layout.ngroup; ++i) {
         const pm_group *group = &load->layout.group[i];
-        pm_yaml key, block;
-        pm_yaml_entry(groups, i, &key, &block);
-        for (int k = 0; k < 3; ++k) {
-            PM_TRY(read_list(r, block, keys[k], group->size, &value[k * nz + group->first]));
+        for (int k = 0; k < NLIST; ++k) {
+            if (lists[i].list[k] != NULL) {
+                PM_TRY(prescribe_list(r, lists[i].list[k], group->size,
+                                      &value[k * nz + group->first]));
+            }
         }
     }
     load->value = value;
@@ -77,6 +90,7 @@ static pm_status read_values(pm_scene_reader *r, pm_scene_world *load, pm_yaml g
 }
 
 static pm_status read_load(pm_scene_reader *r, pm_scene_world *load, pm_yaml key, pm_yaml groups) {
+    lists written[PM_MAX_GROUPS] = {0};
     PM_TRY(pm_scene_read_name(r, key, &load->name));
     if (pm_scene_find_subsystem(r->scene, load->name) >= 0) {
         return pm_yaml_fail(key, "\"%s\" is the name of a subsystem already", load->name);
@@ -89,9 +103,9 @@ static pm_status read_load(pm_scene_reader *r, pm_scene_world *load, pm_yaml key
     for (int i = 0; i < pm_yaml_count(groups); ++i) {
         pm_yaml name, block;
         pm_yaml_entry(groups, i, &name, &block);
-        PM_TRY(read_group(r, load, name, block));
+        PM_TRY(read_group(r, load, name, block, &written[i]));
     }
-    return read_values(r, load, groups);
+    return prescribe_groups(r, load, written);
 }
 
 pm_status pm_scene_read_loads(pm_scene_reader *r) {

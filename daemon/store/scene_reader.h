@@ -1,4 +1,4 @@
-// Shared by the files that read a scene (scene.c, scene_subsystem.c, scene_load.c,
+// Shared by the files that read a scene (scene.c, scene_names.c, scene_subsystem.c, scene_load.c,
 // scene_model.c, scene_port.c, scene_process.c), and by them only.
 #ifndef PM_STORE_SCENE_READER_H
 #define PM_STORE_SCENE_READER_H
@@ -13,6 +13,7 @@ typedef struct pm_scene_reader {
     pm_scene *scene;
     pm_arena *arena; // the scene's
     pm_yaml root;
+    int nname; // of columns, read so far
 } pm_scene_reader;
 
 // Text and where it stands.
@@ -41,6 +42,13 @@ pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path);
 pm_status pm_scene_read_at(pm_scene_reader *r, pm_yaml value, const char **at);
 // An error at the later of two equal texts; sorts the list.
 pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *what);
+
+// A list of columns, or a single one, in which "f[0:180]" stands for f0, f1, ... f179.
+pm_status pm_scene_read_columns(pm_scene_reader *r, pm_yaml list, int *count,
+                                pm_scene_named **result);
+// Where each of them stands: at [count]. Columns of one range share the text.
+pm_status pm_scene_read_places(pm_scene_reader *r, const pm_scene_named *list, int count,
+                               const char **at);
 
 // "a, b, c" in the buffer, for messages that name what exists.
 const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size);

@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "store/names.h"
+
 #define MAX_COMPONENTS 100000 // of one group
 #define MAX_STATE 1000000     // components of the scene
 
@@ -11,7 +13,7 @@
 
 // One group of a state; `columns` receives its [size] dataset columns, or NULL.
 static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, pm_yaml block,
-                            const char ***columns) {
+                            pm_scene_named **columns) {
     static const char *const keys[] = {"unit", "columns", "size", "relative_to", NULL};
     pm_yaml unit;
     pm_group group = {.first = layout->nz};
@@ -30,11 +32,7 @@ static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, 
     if (pm_yaml_exists(size)) {
         PM_TRY(pm_yaml_int(size, 1, MAX_COMPONENTS, &group.size));
     } else {
-        PM_TRY(pm_yaml_texts(list, r->arena, &group.size, columns));
-        if (group.size < 1 || group.size > MAX_COMPONENTS) {
-            return pm_yaml_fail(list, "expected 1 to %d columns, found %d", MAX_COMPONENTS,
-                                group.size);
-        }
+        PM_TRY(pm_scene_read_columns(r, list, &group.size, columns));
     }
     layout->nz += group.size;
     layout->group[layout->ngroup++] = group;
@@ -42,8 +40,8 @@ static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, 
 }
 
 // Joins the groups' columns to those of the state.
-static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state,
-                              const char **const *columns) {
+static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
+                              pm_scene_named *const *columns) {
     const pm_layout *layout = &subsystem->layout;
     const char **column = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *column);
     const char **at = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *at);
@@ -52,14 +50,10 @@ static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
     }
     for (int i = 0; i < layout->ngroup; ++i) {
         const pm_group *group = &layout->group[i];
-        pm_yaml key, block;
-        pm_yaml_entry(state, i, &key, &block);
-        const pm_yaml list = pm_yaml_get(block, "columns");
         for (int j = 0; j < group->size; ++j) {
-            const pm_yaml item = pm_yaml_is_list(list) ? pm_yaml_item(list, j) : list;
-            column[group->first + j] = columns[i][j];
-            PM_TRY(pm_scene_read_at(r, item, &at[group->first + j]));
+            column[group->first + j] = columns[i][j].text;
         }
+        PM_TRY(pm_scene_read_places(r, columns[i], group->size, &at[group->first]));
     }
     subsystem->column = column;
     subsystem->column_at = at;
@@ -68,7 +62,7 @@ static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
 
 static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state) {
     pm_layout *layout = &subsystem->layout;
-    const char **columns[PM_MAX_GROUPS] = {NULL};
+    pm_scene_named *columns[PM_MAX_GROUPS] = {NULL};
     PM_TRY(pm_yaml_require_entries(state));
     if (pm_yaml_count(state) > PM_MAX_GROUPS) {
         return pm_yaml_fail(state, "%d groups, at most %d are possible", pm_yaml_count(state),
@@ -88,7 +82,7 @@ static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
                                 mapped ? "columns" : "size");
         }
     }
-    return columns[0] == NULL ? PM_OK : join_columns(r, subsystem, state, columns);
+    return columns[0] == NULL ? PM_OK : join_columns(r, subsystem, columns);
 }
 
 static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml initial) {
@@ -150,28 +144,30 @@ static pm_yaml group_block(pm_yaml subsystems, int subsystem_id, int group_id) {
     return value;
 }
 
-static pm_status check_columns(pm_scene_reader *r, pm_yaml subsystems) {
+static pm_status check_columns(pm_scene_reader *r) {
     const pm_scene *scene = r->scene;
     if (scene->subsystem->column == NULL) {
         return PM_OK;
     }
-    pm_scene_named *list = pm_arena_array(r->arena, (size_t)scene->nz, sizeof *list);
-    if (list == NULL) {
+    pm_names names;
+    const char **column = pm_arena_array(r->arena, (size_t)scene->nz, sizeof *column);
+    if (column == NULL) {
         return pm_scene_no_memory();
     }
-    int count = 0;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_scene_subsystem *subsystem = &scene->subsystem[i];
-        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
-            const pm_group *group = &subsystem->layout.group[g];
-            const pm_yaml at = pm_yaml_get(group_block(subsystems, i, g), "columns");
-            for (int j = 0; j < group->size; ++j) {
-                list[count++] = (pm_scene_named){subsystem->column[group->first + j],
-                                                 pm_yaml_is_list(at) ? pm_yaml_item(at, j) : at};
-            }
-        }
+        memcpy(column + subsystem->first, subsystem->column,
+               (size_t)subsystem->layout.nz * sizeof *column);
     }
-    return pm_scene_check_distinct(list, count, "dataset column");
+    PM_TRY(pm_names_sort(&names, column, scene->nz, r->arena));
+    const int twice = pm_names_twice(&names);
+    const pm_scene_subsystem *owner = scene->subsystem;
+    while (twice >= owner->first + owner->layout.nz) {
+        ++owner;
+    }
+    return twice < 0 ? PM_OK
+                     : pm_fail(PM_ECONFIG, "%s: columns: dataset column \"%.64s\" occurs twice",
+                               owner->column_at[twice - owner->first], column[twice]);
 }
 
 // --- positions measured from a neighbour ---
@@ -279,7 +275,7 @@ pm_status pm_scene_read_subsystems(pm_scene_reader *r) {
             return pm_yaml_fail(key, "more than %d components in all", MAX_STATE);
         }
     }
-    PM_TRY(check_columns(r, subsystems));
+    PM_TRY(check_columns(r));
     PM_TRY(read_relatives(r, subsystems));
     return check_chains(r, subsystems);
 }

@@ -257,6 +257,54 @@ static void repeated_columns_are_refused(void **state) {
     pm_dataset_free(d);
 }
 
+// More than one attribute holds, unless ranges are folded.
+static void many_columns_come_back(void **state) {
+    enum { COUNT = 15000 };
+    const char *path = scratch_path(*state, "many.h5");
+    pm_dataset *d = NULL;
+    pm_arena arena = {0};
+    static const char *name[COUNT];
+    for (int i = 0; i < COUNT; ++i) {
+        name[i] = i == 7 ? "alone" : pm_arena_printf(&arena, "upper_lower_slope_%d", i);
+    }
+    assert_int_equal(pm_dataset_new(&d, 1, 2, COUNT, 1.0, name), PM_OK);
+    assert_int_equal(pm_dataset_save(d, path), PM_OK);
+    pm_dataset_free(d);
+    assert_int_equal(pm_dataset_load(&d, path), PM_OK);
+    for (int i = 0; i < COUNT; ++i) {
+        assert_string_equal(d->column[i], name[i]);
+    }
+    pm_dataset_free(d);
+    pm_arena_free(&arena);
+}
+
+static void set_layout(const char *path, const char *layout) {
+    const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t space = H5Screate(H5S_SCALAR), type = H5Tcopy(H5T_C_S1);
+    H5Tset_size(type, strlen(layout) + 1);
+    H5Adelete(file, "state_layout");
+    const hid_t id = H5Acreate2(file, "state_layout", type, space, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(H5Awrite(id, type, layout) >= 0);
+    H5Aclose(id);
+    H5Tclose(type);
+    H5Sclose(space);
+    H5Fclose(file);
+}
+
+static void a_layout_may_hold_ranges(void **state) {
+    const char *path = saved(*state);
+    pm_dataset *d = NULL;
+    set_layout(path, "s q[4:6]");
+    assert_int_equal(pm_dataset_load(&d, path), PM_OK);
+    assert_string_equal(d->column[0], "s");
+    assert_string_equal(d->column[2], "q5");
+    pm_dataset_free(d);
+    set_layout(path, "s q[0:1000000000]");
+    assert_load_fails(path, PM_EDATA, "state_layout names 1000000001 columns, z has 3");
+    set_layout(path, "s q[5:5]");
+    assert_load_fails(path, PM_EDATA, "state_layout: expected a range PREFIX[A:B]");
+}
+
 static void the_public_double_pendulum_loads_as_it_is(void **state) {
     (void)state;
     const char *folder = getenv("PM_PUBLIC_DATA");
@@ -302,6 +350,8 @@ int main(void) {
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(a_failed_rename_leaves_nothing_behind, scratch_setup,
                                         scratch_teardown),
+        cmocka_unit_test_setup_teardown(many_columns_come_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_layout_may_hold_ranges, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(repeated_columns_are_refused, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test(the_public_double_pendulum_loads_as_it_is),

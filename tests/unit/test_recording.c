@@ -254,6 +254,23 @@ static void variables_and_units_are_written(void **state) {
     assert_int_equal(read_series(path, "/time", none), 0);
 }
 
+static void components_of_large_states_are_named_by_group(void **state) {
+    const char *path = scratch_path(*state, "run.h5");
+    pm_scene_subsystem body = {
+        .name = "body",
+        .layout = {.ngroup = 2,
+                   .nz = 10001,
+                   .group = {{.name = "q", .unit = "m", .size = 10000}, {"s", "J/K", 1, 10000}}}};
+    pm_scene large = {
+        .name = "large", .integrator = "euler", .nsubsystem = 1, .subsystem = &body, .nz = 10001};
+    pm_recording *recording = NULL;
+    assert_int_equal(pm_recording_open(&recording, path, &large), PM_OK);
+    assert_int_equal(pm_recording_close(recording), PM_OK);
+    const char *const variables[] = {"q[0:10000]", "s"}, *const units[] = {"m", "J/K"};
+    assert_texts(path, "/subsystems/body/z", "variables", 2, variables);
+    assert_texts(path, "/subsystems/body/z", "units", 2, units);
+}
+
 // Appends for a little over a second, so that a flush falls due, appends more, and is killed.
 static void record_and_die(const char *path) {
     const struct timespec pause = {.tv_nsec = 15000000};
@@ -372,6 +389,8 @@ int main(void) {
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(variables_and_units_are_written, scratch_setup,
                                         scratch_teardown),
+        cmocka_unit_test_setup_teardown(components_of_large_states_are_named_by_group,
+                                        scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(what_was_flushed_outlives_a_killed_writer, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(a_recording_that_cannot_be_made_says_so, scratch_setup,

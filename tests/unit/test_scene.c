@@ -103,6 +103,54 @@ static void test_subsystems(void **state) {
     pm_scene_free(scene);
 }
 
+static void ranges_stand_for_their_columns(void **state) {
+    (void)state;
+    pm_scene *scene = parsed("scene: one\n"
+                             "time: {dt: 1, steps: 1, integrator: euler}\n"
+                             "subsystems:\n"
+                             "  a:\n"
+                             "    weights: a.h5\n"
+                             "    state:\n"
+                             "      x: {unit: m, columns: \"x[0:3]\"}\n"
+                             "      y: {unit: m, columns: [y, \"y_[9:11]\", \"y[0]\"]}\n"
+                             "loads: {hand: {f: {unit: N, dE: [0.5, \"f[1:3]\"]}}}\n");
+    static const char *const columns[] = {"x0", "x1", "x2", "y", "y_9", "y_10", "y[0]"};
+    const pm_scene_subsystem *a = &scene->subsystem[0];
+    assert_int_equal(a->layout.nz, 7);
+    for (int i = 0; i < 7; ++i) {
+        assert_string_equal(a->column[i], columns[i]);
+    }
+    assert_int_equal(a->layout.group[1].size, 4);
+    assert_string_equal(a->column_at[0], "dir/t.yaml:7:29");
+    assert_string_equal(a->column_at[2], "dir/t.yaml:7:29");
+    assert_string_equal(a->column_at[5], "dir/t.yaml:8:33");
+    const pm_scene_prescribed *dE = scene->load[0].value + 3;
+    assert_int_equal(scene->load[0].layout.nz, 3);
+    assert_true(dE[0].column == NULL && dE[0].number == 0.5);
+    assert_string_equal(dE[1].column, "f1");
+    assert_string_equal(dE[2].column, "f2");
+    assert_string_equal(dE[2].at, "dir/t.yaml:9:39");
+    pm_scene_free(scene);
+}
+
+// Thousands of ranges of 100,000 columns each are a short text.
+static void ranges_do_not_exhaust_memory(void **state) {
+    (void)state;
+    char *text = NULL;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    fputs("scene: big\ntime: {dt: 1, steps: 1, integrator: euler}\nsubsystems:\n", file);
+    for (int i = 0; i < 20; ++i) {
+        fprintf(file, "  s%d: {weights: w, state: {x: {unit: m, columns: \"c%d_[0:100000]\"}}}\n",
+                i, i);
+    }
+    fclose(file);
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, text, "t.yaml"), PM_ECONFIG);
+    assert_string_equal(pm_error(), "t.yaml:14:51: columns: more than 1000000 columns in all");
+    free(text);
+}
+
 static void test_ports(void **state) {
     (void)state;
     pm_scene *scene = parsed(good);
@@ -195,6 +243,14 @@ static const yaml_case bad[] = {
     {"unit: J/K, columns: s1", "unit: J;K, columns: s1", "J;K",
      "unit: expected a unit without ';'"},
     {"columns: [q1x, q1y]", "columns: []", "[]", "expected 1 to"},
+    {"columns: [q1x, q1y]", "columns: {}", "{}", "columns: expected text, found a mapping"},
+    {"columns: [q1x, q1y]", "columns: [x, \"q[2:2]\"]", "\"q[2",
+     "columns: expected a range PREFIX[A:B] with A < B, such as f[0:3] for f0, f1 and f2, found "
+     "\"q[2:2]\""},
+    {"columns: [q1x, q1y]", "columns: \"q[0:100001]\"", "\"q[", "expected 1 to 100000 components"},
+    {"columns: [q1x, q1y]", "columns: [\"q[0:99999]\", x, y]", "y]", "1 to 100000 components"},
+    {"columns: [q1x, q1y]", "columns: [\"q[0:3]\", \"q[2:5]\"]", "\"q[2:5",
+     "columns: dataset column \"q2\" occurs twice"},
     {"columns: [q1x, q1y]", "columns: [q1x, q1x]", "q1x]", "dataset column \"q1x\" occurs twice"},
     {"columns: [s2]", "columns: [s1]", "s1]", "dataset column \"s1\" occurs twice"},
     {"{unit: J/K, columns: s1}", "{unit: J/K}", "{",
@@ -270,7 +326,9 @@ static const yaml_case bad_driven[] = {
     {"  pivot:\n", "  a:\n", "a:\n    p", "\"a\" is the name of a subsystem already"},
     {"  pivot:\n", "  7:\n", "7:\n    p", "expected a name of a letter"},
     {"hand: {x: {unit: m, dE: [1e3]}}", "hand: {}", "{}", "at least one entry"},
-    {"dE: [1e3]", "dE: []", "[]", "dE: expected 1 to 1000 components, found 0"},
+    {"dE: [1e3]", "dE: []", "[]", "dE: expected 1 to 100000 components, found 0"},
+    {"dE: [1e3]", "dE: \"f[0:x]\"", "\"f[0:x", "dE: expected a range PREFIX[A:B]"},
+    {"dE: [1e3]", "dE: \"f[0:3]\", dS: [1, 2]", "[1, 2]", "expected 3 as under \"dE\", found 2"},
     {"dE: [1e3]", "dE: 1x", "1x", "dE: expected a number, found \"1x\""},
     {"dE: [1e3]", "dE: [1e3], columns: [x]", "columns", "allowed: unit, dE, dS, value"},
     {"x: {unit: m, dE: [1e3]}", "x: {unit: m, dS: [1e3]}", "{unit: m", "x: missing key \"dE\""},
@@ -496,12 +554,20 @@ static void test_shipped(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_settings),      cmocka_unit_test(test_subsystems),
-        cmocka_unit_test(test_ports),         cmocka_unit_test(test_loads),
-        cmocka_unit_test(test_models),        cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_bad),           cmocka_unit_test(test_processes),
-        cmocka_unit_test(test_bad_processes), cmocka_unit_test(test_long_channel),
-        cmocka_unit_test(test_many_groups),   cmocka_unit_test(test_shipped),
+        cmocka_unit_test(test_settings),
+        cmocka_unit_test(test_subsystems),
+        cmocka_unit_test(ranges_stand_for_their_columns),
+        cmocka_unit_test(ranges_do_not_exhaust_memory),
+        cmocka_unit_test(test_ports),
+        cmocka_unit_test(test_loads),
+        cmocka_unit_test(test_models),
+        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_bad),
+        cmocka_unit_test(test_processes),
+        cmocka_unit_test(test_bad_processes),
+        cmocka_unit_test(test_long_channel),
+        cmocka_unit_test(test_many_groups),
+        cmocka_unit_test(test_shipped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

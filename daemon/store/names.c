@@ -1,0 +1,146 @@
+// Sorted names, and ranges written out and folded again.
+#include "store/names.h"
+
+#include <ctype.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MAX_PREFIX 64
+#define MAX_NUMBER 1000000000L
+#define SHORTEST_RANGE 3 // names: fewer are as easily read one by one
+
+// --- lookups ---
+
+static int compare(const void *a, const void *b) {
+    const pm_name *x = a, *y = b;
+    const int order = strcmp(x->text, y->text);
+    return order != 0 ? order : x->position - y->position;
+}
+
+static int compare_text(const void *text, const void *name) {
+    return strcmp(text, ((const pm_name *)name)->text);
+}
+
+pm_status pm_names_sort(pm_names *names, const char *const *text, int count, pm_arena *arena) {
+    pm_name *sorted = pm_arena_array(arena, (size_t)count, sizeof *sorted);
+    if (sorted == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for %d names", count);
+    }
+    for (int i = 0; i < count; ++i) {
+        sorted[i] = (pm_name){text[i], i};
+    }
+    qsort(sorted, (size_t)count, sizeof *sorted, compare);
+    *names = (pm_names){count, sorted};
+    return PM_OK;
+}
+
+int pm_names_find(const pm_names *names, const char *text) {
+    const pm_name *found =
+        bsearch(text, names->sorted, (size_t)names->count, sizeof *found, compare_text);
+    return found == NULL ? -1 : found->position;
+}
+
+int pm_names_twice(const pm_names *names) {
+    for (int i = 1; i < names->count; ++i) {
+        if (strcmp(names->sorted[i - 1].text, names->sorted[i].text) == 0) {
+            return names->sorted[i].position;
+        }
+    }
+    return -1;
+}
+
+// --- ranges ---
+
+// Reads a whole number; moves on behind it. -1: none stands there.
+static long read_number(const char **text) {
+    char *end;
+    if (!isdigit((unsigned char)**text)) {
+        return -1;
+    }
+    const long number = strtol(*text, &end, 10); // saturates: caught by the range
+    *text = end;
+    return number;
+}
+
+pm_status pm_name_range_parse(pm_name_range *range, const char *text) {
+    const char *open = strrchr(text, '[');
+    if (open == NULL || strchr(open, ':') == NULL || text[strlen(text) - 1] != ']') {
+        *range = (pm_name_range){.text = text, .prefix = -1, .count = 1};
+        return PM_OK;
+    }
+    const char *rest = open + 1;
+    const long first = read_number(&rest);
+    rest += *rest == ':';
+    const long end = read_number(&rest);
+    const ptrdiff_t prefix = open - text;
+    if (first < 0 || end <= first || end > MAX_NUMBER || strcmp(rest, "]") != 0 || prefix < 1 ||
+        prefix > MAX_PREFIX) {
+        return pm_fail(PM_ECONFIG,
+                       "expected a range PREFIX[A:B] with A < B, such as f[0:3] for f0, f1 and f2, "
+                       "found \"%.64s\"",
+                       text);
+    }
+    *range = (pm_name_range){text, (int)prefix, (int)first, (int)(end - first)};
+    return PM_OK;
+}
+
+const char *pm_name_range_text(const pm_name_range *range, int i, pm_arena *arena) {
+    return range->prefix < 0
+               ? range->text
+               : pm_arena_printf(arena, "%.*s%d", range->prefix, range->text, range->first + i);
+}
+
+// --- folding ---
+
+// Splits a name into prefix and number, as a range would put them together; -1: it has no number.
+static long split(const char *text, size_t *prefix) {
+    size_t at = strlen(text);
+    while (at > 0 && isdigit((unsigned char)text[at - 1])) {
+        --at;
+    }
+    *prefix = at;
+    const char *digits = text + at;
+    const bool plain = digits[0] != '\0' && (digits[0] != '0' || digits[1] == '\0');
+    const long number = plain ? strtol(digits, NULL, 10) : -1;
+    return at > 0 && at <= MAX_PREFIX && number < MAX_NUMBER ? number : -1;
+}
+
+// How many names, from the first on, one range stands for.
+static int run_length(const char *const *text, int count, size_t *prefix, long *first) {
+    *first = split(text[0], prefix);
+    int n = 1;
+    while (*first >= 0 && n < count) {
+        size_t other;
+        const long number = split(text[n], &other);
+        if (number != *first + n || other != *prefix || strncmp(text[0], text[n], other) != 0) {
+            break;
+        }
+        ++n;
+    }
+    return n;
+}
+
+const char *pm_names_fold(const char *const *text, int count, pm_arena *arena) {
+    size_t size = 1; // a range is not longer than three names with their blanks
+    for (int i = 0; i < count; ++i) {
+        size += strlen(text[i]) + 1;
+    }
+    char *folded = pm_arena_alloc(arena, size), *end = folded;
+    for (int i = 0; folded != NULL && i < count;) {
+        size_t prefix;
+        long first;
+        const int n = run_length(text + i, count - i, &prefix, &first);
+        end = i == 0 ? end : stpcpy(end, " ");
+        if (n < SHORTEST_RANGE) {
+            end = stpcpy(end, text[i++]);
+        } else {
+            end += snprintf(end, size - (size_t)(end - folded), "%.*s[%ld:%ld]", (int)prefix,
+                            text[i], first, first + n);
+            i += n;
+        }
+    }
+    return folded;
+}
