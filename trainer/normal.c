@@ -221,8 +221,7 @@ static void *work(void *context) {
         double *input = pm_program_value(l->program, n->input);
         for (int s = 0; s < batch; ++s) {
             const int sample = l->index[first + s];
-            memcpy(input + (size_t)s * width, samples->z + (size_t)sample * width,
-                   width * sizeof *input);
+            pm_samples_window(samples, sample, input + (size_t)s * width);
             root[s] = sqrt(pm_objective_sample_weight(n->objective, sample));
         }
         pm_program_run(l->program, batch);

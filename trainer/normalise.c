@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/linalg.h"
 #include "graph/program.h"
 #include "model/region.h"
 #include "step_graph.h"
@@ -14,10 +15,15 @@
 // A feature that never varies gets deviation 1.
 #define SMALLEST_DEVIATION 1e-12
 
+// Numbers in the windows that statistics are taken from at most; of more, some are taken.
+#define MOST_NUMBERS 100000000
+// What is small counts as if it were this large, relative to what is typical.
+#define SMALLEST_SNAPSHOT 0.1
+
 // One set of constants: where its values go, and the node that gives the data.
 typedef struct set {
     pm_normaliser_kind kind;
-    pm_param_entry *mean, *deviation; // scale and along use `deviation` alone
+    pm_param_entry *mean, *deviation; // all but features use `deviation` alone
     pm_node node;
     int count;                 // expressions
     int size[PM_MAX_FEATURES]; // components of each
@@ -54,7 +60,7 @@ static pm_status collect(void *context, const pm_normaliser *n) {
     if (c->count == MAX_SETS) {
         return pm_fail(PM_ECONFIG, "more than %d networks and operators", MAX_SETS);
     }
-    static const char *const name[] = {"deviation", "scale", "along"};
+    static const char *const name[] = {"deviation", "scale", "along", "patterns"};
     set *s = &c->set[c->count++];
     *s = (set){.kind = n->kind, .count = n->count};
     s->mean = n->kind == PM_NORMALISE_FEATURES ? entry_of(c, n->prefix, "mean") : NULL;
@@ -68,7 +74,7 @@ static pm_status collect(void *context, const pm_normaliser *n) {
     return PM_OK;
 }
 
-// --- the three kinds of statistics, over value [count][cols] ---
+// --- the kinds of statistics, over value [count][cols] ---
 
 static void fix_features(const set *s, const double *value, int count, int cols) {
     for (int c = 0; c < cols; ++c) {
@@ -124,10 +130,73 @@ static void fix_along(const set *s, const double *value, int count, int cols) {
     }
 }
 
-static void fix(const set *s, const double *value, int count, int cols) {
+// Snapshots [count][cols] divided by their lengths, so that small ones count as large ones do.
+static void scale_snapshots(const double *value, int count, int cols, double *snapshot) {
+    const double typical = pooled_rms(value, count, cols, 0, cols);
+    for (int i = 0; i < count; ++i) {
+        const double *from = value + (size_t)i * (size_t)cols;
+        const double own = pooled_rms(from, 1, cols, 0, cols);
+        const double length = fmax(own, SMALLEST_SNAPSHOT * typical);
+        for (int c = 0; c < cols; ++c) {
+            snapshot[(size_t)i * (size_t)cols + (size_t)c] = length > 0 ? from[c] / length : 0;
+        }
+    }
+}
+
+// The leading directions of the snapshots, by the eigenvectors of their products (Sirovich, Q.
+// Appl. Math. 45 (1987) 561). Rounded to what a weights file may keep.
+static pm_status find_patterns(const set *s, const double *snapshot, int count, int cols) {
+    const int npattern = s->deviation->cols;
+    double *product = malloc((size_t)count * (size_t)count * sizeof *product);
+    double *value = malloc((size_t)npattern * sizeof *value);
+    double *vector = malloc((size_t)npattern * (size_t)count * sizeof *vector);
+    double *pattern = malloc((size_t)npattern * (size_t)cols * sizeof *pattern);
+    pm_status status = PM_OK;
+    if (product == NULL || value == NULL || vector == NULL || pattern == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for patterns");
+        goto done;
+    }
+    pm_gemm(false, true, count, count, cols, snapshot, snapshot, product);
+    if (npattern > count || !pm_eigen_largest(count, product, npattern, value, vector)) {
+        status = pm_fail(PM_EDATA, "%d patterns cannot be found in %d states", npattern, count);
+        goto done;
+    }
+    pm_gemm(false, false, npattern, cols, count, vector, snapshot, pattern);
+    for (int k = 0; k < npattern; ++k) {
+        const double *from = pattern + (size_t)k * (size_t)cols;
+        const double rms = pooled_rms(from, 1, cols, 0, cols);
+        for (int c = 0; c < cols; ++c) {
+            s->deviation->value[(size_t)c * (size_t)npattern + (size_t)k] =
+                rms > 0 ? (float)(from[c] / rms) : 0;
+        }
+    }
+done:
+    free(product);
+    free(value);
+    free(vector);
+    free(pattern);
+    return status;
+}
+
+static pm_status fix_patterns(const set *s, const double *value, int count, int cols) {
+    double *snapshot = malloc((size_t)count * (size_t)cols * sizeof *snapshot);
+    if (snapshot == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for patterns");
+    }
+    scale_snapshots(value, count, cols, snapshot);
+    const pm_status status = find_patterns(s, snapshot, count, cols);
+    free(snapshot);
+    return status;
+}
+
+static pm_status fix(const set *s, const double *value, int count, int cols) {
     static void (*const rule[])(const set *, const double *, int, int) = {fix_features, fix_scale,
                                                                           fix_along};
+    if (s->kind == PM_NORMALISE_PATTERNS) {
+        return fix_patterns(s, value, count, cols);
+    }
     rule[s->kind](s, value, count, cols);
+    return PM_OK;
 }
 
 // --- running the graphs ---
@@ -155,6 +224,21 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
     return PM_OK;
 }
 
+// Every window, or as many as memory should hold, evenly chosen, each as another of its images.
+static int choose_windows(const pm_samples *samples) {
+    const int most = MOST_NUMBERS / pm_samples_width(samples) + 1;
+    return samples->count < most ? samples->count : most;
+}
+
+static void write_windows(const pm_samples *samples, int count, double *window) {
+    const int images = pm_samples_images(samples) / samples->count;
+    for (int i = 0; i < count; ++i) {
+        const int which = (int)((long)i * samples->count / count);
+        pm_samples_window(samples, which + i % images * samples->count,
+                          window + (size_t)i * (size_t)pm_samples_width(samples));
+    }
+}
+
 static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *samples) {
     if (c->count == 0) {
         return PM_OK;
@@ -164,16 +248,17 @@ static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *sa
         output[i] = c->set[i].node;
     }
     pm_program *program = NULL;
-    PM_TRY(pm_program_open(&program, c->g, c->count, output, samples->count));
-    memcpy(pm_program_value(program, window), samples->z,
-           (size_t)samples->count * (size_t)pm_samples_width(samples) * sizeof *samples->z);
-    pm_program_run(program, samples->count);
-    for (int i = 0; i < c->count; ++i) {
-        fix(&c->set[i], pm_program_value(program, output[i]), samples->count,
-            pm_graph_shape(c->g, output[i]).cols);
+    const int count = choose_windows(samples);
+    PM_TRY(pm_program_open(&program, c->g, c->count, output, count));
+    write_windows(samples, count, pm_program_value(program, window));
+    pm_program_run(program, count);
+    pm_status status = PM_OK;
+    for (int i = 0; i < c->count && status == PM_OK; ++i) {
+        status = fix(&c->set[i], pm_program_value(program, output[i]), count,
+                     pm_graph_shape(c->g, output[i]).cols);
     }
     pm_program_close(program);
-    return PM_OK;
+    return status;
 }
 
 static pm_status one_pass(pm_system *system, const pm_samples *samples) {

@@ -11,15 +11,18 @@
 
 // Keeps the robust scale away from zero when the fit is exact to rounding.
 #define SMALLEST_MEDIAN 1e-28
-#define LANES 2   // threads; fixed, so that sums have one order
-#define CHUNK 128 // samples per run of the graph at most: its values stay in the cache
+#define LANES 2 // threads; fixed, so that sums have one order
+// Samples per run of the graph: at most so many, and such that its values take no more than so many
+// bytes, as they should stay in the cache.
+#define CHUNK 128
+#define CHUNK_BYTES 33554432
 
 // What a lane owns: a program of the graph, and its share of the sums.
 typedef struct lane {
     pm_objective *objective;
     int id;
     pm_program *program;
-    double *window; // [CHUNK][pm_samples_width], the program's input
+    double *window; // [chunk][pm_samples_width], the program's input
     double loss;
     double *gradient; // [size]
     // The work at hand.
@@ -36,6 +39,7 @@ struct pm_objective {
     int size;
     double robust_square; // d^2, read by the graph
     pm_node input, sum, residual;
+    int chunk; // samples per run at most
     int nentry;
     pm_node *entry_gradient; // [nentry] per trained entry, PM_NO_NODE if the loss ignores it
     const pm_param_entry **entry;
@@ -63,6 +67,16 @@ static void build_loss(pm_objective *o, pm_graph *g, const pm_loss_nodes *nodes)
     }
 }
 
+static pm_status choose_chunk(pm_objective *o, const pm_graph *g, int count,
+                              const pm_node *output) {
+    pm_program *one = NULL;
+    PM_TRY(pm_program_open(&one, g, count, output, 1));
+    const size_t fit = CHUNK_BYTES / (pm_program_bytes(one) + 1);
+    pm_program_close(one);
+    o->chunk = fit > CHUNK ? CHUNK : fit < 1 ? 1 : (int)fit;
+    return PM_OK;
+}
+
 static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
     pm_loss_nodes nodes;
     PM_TRY(pm_loss_graph_build(g, o->system, o->samples, &o->loss, &nodes));
@@ -85,11 +99,12 @@ static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
             output[count++] = gradient[i];
         }
     }
+    PM_TRY_DONE(choose_chunk(o, g, count, output));
     for (int i = 0; i < LANES; ++i) {
         lane *l = &o->lane[i];
         l->objective = o;
         l->id = i;
-        PM_TRY_DONE(pm_program_open(&l->program, g, count, output, CHUNK));
+        PM_TRY_DONE(pm_program_open(&l->program, g, count, output, o->chunk));
         l->window = pm_program_value(l->program, o->input);
         l->gradient = calloc((size_t)o->size + 1, sizeof *l->gradient);
         if (l->gradient == NULL) {
@@ -185,12 +200,17 @@ int pm_objective_samples(const pm_objective *o) {
     return o->samples->count;
 }
 
+int pm_objective_images(const pm_objective *o) {
+    return pm_samples_images(o->samples);
+}
+
 pm_loss_context pm_objective_context(const pm_objective *o) {
     return (pm_loss_context){o->system, o->samples, &o->loss};
 }
 
 double pm_objective_sample_weight(const pm_objective *o, int sample) {
-    return o->loss.robust > 0 ? 1 / (1 + o->square[sample] / o->robust_square) : 1;
+    return o->loss.robust > 0 ? 1 / (1 + o->square[sample % o->samples->count] / o->robust_square)
+                              : 1;
 }
 
 void pm_objective_weights(const pm_objective *o, double *theta) {
@@ -225,14 +245,14 @@ static void add_gradient(lane *l) {
 }
 
 // Samples per run, such that all lanes have about as many.
-static int chunk_of(int count) {
-    const int runs = LANES * ((count + LANES * CHUNK - 1) / (LANES * CHUNK));
+static int chunk_of(int count, int most) {
+    const int runs = LANES * ((count + LANES * most - 1) / (LANES * most));
     return (count + runs - 1) / runs;
 }
 
 static void *work(void *context) {
     lane *l = context;
-    const int chunk = chunk_of(l->count);
+    const int chunk = chunk_of(l->count, l->objective->chunk);
     const pm_objective *o = l->objective;
     const size_t width = (size_t)pm_samples_width(o->samples);
     l->loss = 0;
@@ -241,15 +261,15 @@ static void *work(void *context) {
         const int batch = l->count - first < chunk ? l->count - first : chunk;
         for (int i = 0; i < batch; ++i) {
             const int sample = l->index == NULL ? first + i : l->index[first + i];
-            memcpy(l->window + (size_t)i * width, o->samples->z + (size_t)sample * width,
-                   width * sizeof *l->window);
+            pm_samples_window(o->samples, sample, l->window + (size_t)i * width);
         }
         pm_program_run(l->program, batch);
         l->loss += *pm_program_value(l->program, o->sum);
         add_gradient(l);
         const double *square = pm_program_value(l->program, o->residual);
         for (int i = 0; i < batch; ++i) {
-            o->square[l->index == NULL ? first + i : l->index[first + i]] = square[i];
+            const int sample = l->index == NULL ? first + i : l->index[first + i];
+            o->square[sample % o->samples->count] = square[i];
         }
     }
     return NULL;
@@ -299,7 +319,7 @@ static pm_status median_square(const pm_objective *o, int count, const int *inde
         return pm_fail(PM_ENOMEM, "out of memory for a median");
     }
     for (int i = 0; i < n; ++i) {
-        sorted[i] = o->square[index == NULL ? i : index[i]];
+        sorted[i] = o->square[index == NULL ? i : index[i] % o->samples->count];
     }
     qsort(sorted, (size_t)n, sizeof *sorted, compare);
     *median = sorted[n / 2];

@@ -18,13 +18,14 @@ pm_status pm_objective_open(pm_objective **objective, pm_system *system, const p
                             const pm_loss *loss);
 void pm_objective_close(pm_objective *objective); // NULL is allowed
 
-int pm_objective_samples(const pm_objective *o);                     // number of samples
-int pm_objective_size(const pm_objective *o);                        // number of weights
+int pm_objective_samples(const pm_objective *o); // number of samples
+int pm_objective_images(const pm_objective *o);  // with their symmetric images (samples.h)
+int pm_objective_size(const pm_objective *o);    // number of weights
 void pm_objective_weights(const pm_objective *o, double *theta);     // read from the system
 void pm_objective_set_weights(pm_objective *o, const double *theta); // written to the system
 
 // Loss and gradient [size] at the system's present weights, over the samples index[0 .. count), or
-// over all if index is NULL.
+// over all, as they stand, if index is NULL. An index names a sample or one of its images.
 double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);
 
 // Sets the robust scale from the residuals of these samples (all if index is NULL) in the last

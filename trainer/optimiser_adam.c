@@ -16,7 +16,8 @@ static double rate_at(const pm_schedule *s, double fraction) {
     return exp(weight * log(s->first_rate) + (1 - weight) * log(s->last_rate));
 }
 
-static void shuffle(int *index, int count, uint64_t seed, int epoch) {
+// All samples in random order, each as one of its `images`.
+static void shuffle(int *index, int count, int images, uint64_t seed, int epoch) {
     pm_rng rng;
     pm_rng_init(&rng, seed, (uint64_t)epoch);
     for (int i = 0; i < count; ++i) {
@@ -27,6 +28,9 @@ static void shuffle(int *index, int count, uint64_t seed, int epoch) {
         const int kept = index[i];
         index[i] = index[j];
         index[j] = kept;
+    }
+    for (int i = 0; i < count && images > 1; ++i) {
+        index[i] += count * (int)pm_rng_below(&rng, (uint64_t)images);
     }
 }
 
@@ -46,7 +50,7 @@ static void update(pm_optimisation *o, const double *gradient, double rate, long
 static double run_epoch(pm_optimisation *o, int count, int *index, double *gradient) {
     const pm_schedule *s = &o->schedule;
     const int batches = (count + s->batch - 1) / s->batch;
-    shuffle(index, count, o->seed, o->done);
+    shuffle(index, count, pm_objective_images(o->objective) / count, o->seed, o->done);
     double loss = 0;
     for (int i = 0; i < batches; ++i) {
         const int first = i * s->batch;

@@ -25,8 +25,9 @@ typedef struct solver {
     double *gradient, *hessian, *damped, *step, *trial; // [size], [size][size], ...
 } solver;
 
-// Moves a fresh batch to the front of the index.
+// Moves a fresh batch to the front of the index, each sample as one of its images.
 static void draw_batch(solver *s, int count) {
+    const int images = pm_objective_images(s->o->objective) / count;
     pm_rng rng;
     pm_rng_init(&rng, s->o->seed, (uint64_t)s->o->done);
     for (int i = 0; i < count; ++i) {
@@ -37,6 +38,9 @@ static void draw_batch(solver *s, int count) {
         const int kept = s->index[i];
         s->index[i] = s->index[j];
         s->index[j] = kept;
+    }
+    for (int i = 0; i < s->batch && images > 1; ++i) {
+        s->index[i] += count * (int)pm_rng_below(&rng, (uint64_t)images);
     }
 }
 

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "symmetry.h"
+
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for training samples");
 }
@@ -133,6 +135,20 @@ pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_d
 void pm_samples_rescale(pm_samples *samples, const double *scale) {
     for (int i = 0; i < samples->nz && scale != NULL; ++i) {
         samples->scale[i] = scale[i] > 0 ? scale[i] : samples->scale[i];
+    }
+}
+
+int pm_samples_images(const pm_samples *s) {
+    return s->symmetry == NULL ? s->count : PM_COPIES_OF_SQUARE * s->count;
+}
+
+void pm_samples_window(const pm_samples *s, int k, double *window) {
+    const int width = pm_samples_width(s), image = k / s->count;
+    const double *from = s->z + (size_t)(k % s->count) * (size_t)width;
+    if (image == 0) {
+        memcpy(window, from, (size_t)width * sizeof *window);
+    } else {
+        pm_symmetry_image(s->symmetry, image, width, from, window);
     }
 }
 

@@ -11,12 +11,15 @@ typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residua
 // steps, [unroll][PM_LOAD_ORDER][nload] (pm_load_interval). For the derivative residual unroll is 1
 // and the second state is z + dt zdot, with the data's rates, or if they have none with zdot by
 // central differences of fourth order.
+typedef struct pm_symmetry pm_symmetry; // symmetry.h
+
 typedef struct pm_samples {
-    pm_arena arena; // owns all that follows
+    pm_arena arena; // owns all that follows, but for the symmetry
     int count, unroll, nz;
     int nload;     // scene->nprescribed
     double *z;     // [count][pm_samples_width]
     double *scale; // [nz] root mean square of the one-step increment, pooled over each group
+    const pm_symmetry *symmetry; // whose images of each window count as samples too, or NULL
 } pm_samples;
 
 // From trajectories [first, end) of the data. PM_EDATA if they are too short; PM_ENOMEM.
@@ -33,5 +36,10 @@ static inline int pm_samples_load(const pm_samples *s, int step) {
 static inline int pm_samples_width(const pm_samples *s) {
     return pm_samples_load(s, s->unroll);
 }
+
+// Samples with all images: sample k is image k / count of window k % count.
+int pm_samples_images(const pm_samples *s);
+// Writes the window of sample k [pm_samples_width].
+void pm_samples_window(const pm_samples *s, int k, double *window);
 
 #endif

@@ -337,6 +337,7 @@ static pm_status read_data(pm_training *t, pm_yaml root) {
 
 static pm_status make_digest(pm_training *t) {
     uint64_t digest = pm_digest_integer(PM_DIGEST_INIT, (int64_t)t->seed);
+    digest = pm_digest_integer(digest, t->square);
     for (int i = 0; i < t->scene->nsubsystem; ++i) {
         const char *text = pm_part_spec_write(&t->system->part[i].spec, &t->arena);
         digest = pm_digest_text(digest, text == NULL ? "" : text);
@@ -377,8 +378,9 @@ static pm_status load_scene(pm_training *t, pm_yaml at, const char *path) {
 }
 
 static pm_status read_all(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"scene", "data", "seed",   "models", "subsystems",
-                                       "ports", "loss", "stages", NULL};
+    static const char *const keys[] = {"scene", "data", "seed",    "models", "subsystems",
+                                       "ports", "loss", "section", "stages", NULL};
+    static const char *const sections[] = {"any", "square", NULL};
     PM_TRY(pm_yaml_allow(root, keys));
     pm_yaml value;
     const char *scene = NULL;
@@ -395,6 +397,11 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
         PM_TRY(pm_yaml_int(value, 0, 2147483647, &seed));
     }
     t->seed = (uint64_t)seed;
+    if (pm_yaml_exists(value = pm_yaml_get(root, "section"))) {
+        int section = 0;
+        PM_TRY(pm_yaml_choice(value, sections, &section));
+        t->square = section == 1;
+    }
     PM_TRY(read_data(t, root));
     PM_TRY(read_models(t, root));
     PM_TRY(pm_system_check_loads(t->system));

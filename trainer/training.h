@@ -26,6 +26,7 @@ typedef struct pm_training {
                                 // "file:line:column", for errors found later
     const char *trajectories, *trajectories_at; // "A:B", or NULL: all
     uint64_t seed;
+    bool square; // samples have symmetric images (symmetry.h)
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];
     uint64_t digest; // of everything that decides the result but the data
