@@ -13,6 +13,7 @@ pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *s
 pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop);

@@ -39,6 +39,15 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
     return site;
 }
 
+// Whether an end has a boundary term. On a mesh there is one network for the fields of one end; a
+// load, at the other, has nothing that moves.
+static bool has_term(const pm_port_model *port, const pm_site *site) {
+    const pm_network_spec *rate = &port->spec.rate;
+    int size;
+    return rate->message == NULL ||
+           pm_feature_size(rate->feature[0], &site->symbols, &size) == PM_OK;
+}
+
 static pm_status check_form(const pm_port_spec *spec) {
     if (spec->form == PM_HARD) {
         return pm_fail(PM_ECONFIG, "law exchange cannot be hard: nothing in it makes the two ends' "
@@ -55,11 +64,16 @@ static pm_status check_form(const pm_port_spec *spec) {
 
 static pm_status declare(pm_port_model *port) {
     PM_TRY(pm_spec_locate(port->spec.at, check_form(&port->spec)));
+    bool any = false;
     static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
                                           {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     for (int own = 0; own < 2; ++own) {
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, NULL, (pm_end)own, none);
+        if (!has_term(port, &site)) {
+            continue;
+        }
+        any = true;
         if (port->spec.form == PM_FREE) {
             PM_TRY(pm_flow_declare(&port->spec.rate, &site, &port->params, b.rate));
             continue;
@@ -69,7 +83,10 @@ static pm_status declare(pm_port_model *port) {
         PM_TRY(pm_operator_declare(&b.L, &site, &port->params));
         PM_TRY(pm_operator_declare(&b.M, &site, &port->params));
     }
-    return PM_OK;
+    return any ? PM_OK
+               : pm_spec_locate(
+                     port->spec.rate.at,
+                     pm_fail(PM_ECONFIG, "neither end exposes \"%s\"", port->spec.rate.feature[0]));
 }
 
 static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
@@ -77,6 +94,9 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     const boundary b = boundary_of(port, own);
     const pm_site site = site_of(port, g, own, end);
     const pm_params *params = &port->params;
+    if (!has_term(port, &site)) {
+        return PM_NO_NODE;
+    }
     if (port->spec.form == PM_FREE) {
         return pm_flow_build(g, &port->spec.rate, &site, params, b.rate);
     }
@@ -98,6 +118,9 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, g, (pm_end)own, end);
         const pm_symbols *symbols = &site.symbols;
+        if (!has_term(port, &site)) {
+            continue;
+        }
         if (port->spec.form == PM_FREE) {
             PM_TRY(pm_flow_visit(&port->spec.rate, &site, b.rate, visitor, context));
             continue;

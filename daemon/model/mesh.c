@@ -4,10 +4,6 @@
 #include <math.h>
 #include <stdbool.h>
 
-static int node_at(const pm_mesh *m, const int at[3]) {
-    return at[0] - 1 + m->elements[0] * (at[1] + (m->elements[1] + 1) * at[2]);
-}
-
 // Indices of node n along x, y, z.
 static void place_of(const pm_mesh *m, int n, int at[3]) {
     at[0] = n % m->elements[0] + 1;
@@ -24,7 +20,7 @@ static bool source_of(const pm_mesh *m, int n, int d, int *source) {
     if (at[axis] < (axis == 0 ? 1 : 0) || at[axis] > m->elements[axis]) {
         return false;
     }
-    *source = node_at(m, at);
+    *source = pm_mesh_node(m, at);
     return true;
 }
 

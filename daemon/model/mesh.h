@@ -31,6 +31,11 @@ typedef struct pm_mesh {
 pm_status pm_mesh_make(const double size[3], const int elements[3], pm_arena *arena,
                        const pm_mesh **mesh);
 
+// The number of the node at indices along x, y, z, which must be one of them.
+static inline int pm_mesh_node(const pm_mesh *m, const int at[3]) {
+    return at[0] - 1 + m->elements[0] * (at[1] + (m->elements[1] + 1) * at[2]);
+}
+
 // feature [nnode][PM_MESH_NODE_FEATURES] and [PM_MESH_DIRECTIONS][PM_MESH_EDGE_FEATURES].
 void pm_mesh_node_features(const pm_mesh *mesh, double *feature);
 void pm_mesh_edge_features(const pm_mesh *mesh, double *feature);
