@@ -3,6 +3,8 @@
 
 // What a dataset may ask us to hold: 2 GiB.
 #define MAX_VALUES ((hsize_t)1 << 28)
+// Numbers from which on it is worth to store what allows it in half the space.
+#define WORTH_FLOATS 1024
 
 // --- groups and datasets ---
 
@@ -114,16 +116,27 @@ static hid_t without_times(void) {
     return list;
 }
 
+// Whether there are many numbers, all of which 4 bytes hold exactly.
+static bool are_floats(size_t count, const double *value) {
+    size_t i = 0;
+    while (i < count && (double)(float)value[i] == value[i]) {
+        ++i;
+    }
+    return i == count && count >= WORTH_FLOATS;
+}
+
 pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *extent,
                         const double *value) {
     hsize_t size[PM_HDF5_MAX_RANK];
+    size_t count = 1;
     for (int i = 0; i < rank; ++i) {
         size[i] = (hsize_t)extent[i];
+        count *= (size_t)extent[i];
     }
     const hid_t parents = with_parents(), list = without_times();
     const hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple(rank, size, NULL);
-    const hid_t id =
-        H5Dcreate2(file->file, name, H5T_IEEE_F64LE, space, parents, list, H5P_DEFAULT);
+    const hid_t type = are_floats(count, value) ? H5T_IEEE_F32LE : H5T_IEEE_F64LE;
+    const hid_t id = H5Dcreate2(file->file, name, type, space, parents, list, H5P_DEFAULT);
     const bool written =
         id >= 0 && H5Dwrite(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0;
     const pm_status status = written ? PM_OK : pm_hdf5_fail_write(file, name);

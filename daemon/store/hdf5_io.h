@@ -89,6 +89,7 @@ pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *ex
 // Reads a dataset that must have exactly these extents. Values may be non-finite.
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,
                        double *value);
+// Where 4 bytes hold each of many numbers exactly, they take 4 bytes in the file.
 pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *extent,
                         const double *value);
 
