@@ -9,7 +9,7 @@
 #include "options.h"
 
 typedef struct arguments {
-    const char *fields, *relaxation, *temperature, *trajectories, *output;
+    const char *fields, *relaxation, *temperature, *states, *trajectories, *output;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
@@ -18,6 +18,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "s, of the branches of the material's Prony series; without, it remembers nothing"},
         {"--temperature", NULL, "T", NULL, &a->temperature, false,
          "K, by which what is dissipated is divided (default: 300)"},
+        {"--states", NULL, "N", NULL, &a->states, false, "only the first N of each trajectory"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: up to the last"},
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
@@ -44,6 +45,21 @@ static pm_status read_positive(const char *option, const char **text, double *nu
         return pm_fail(PM_EUSAGE, "nodes: %s \"%s\": expected a number > 0", option, *text);
     }
     *text = end;
+    return PM_OK;
+}
+
+// The number of states to keep.
+static pm_status read_states(const arguments *a, const pm_field *field, pm_nodal_how *how) {
+    double count = field->ntime;
+    const char *text = a->states;
+    if (text != NULL) {
+        PM_TRY(read_positive("--states", &text, &count));
+    }
+    if (count != floor(count) || count > field->ntime || (text != NULL && *text != '\0')) {
+        return pm_fail(PM_EUSAGE, "nodes: --states \"%s\": expected a whole number up to %d",
+                       a->states, field->ntime);
+    }
+    how->nstate = (int)count;
     return PM_OK;
 }
 
@@ -122,6 +138,7 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     pm_status status;
     PM_TRY(read_how(&a, &how));
     PM_TRY_DONE(pm_field_load(&field, a.fields));
+    PM_TRY_DONE(read_states(&a, field, &how));
     PM_TRY_DONE(print_mesh(field));
     PM_TRY_DONE(write_nodes(&a, field, &how, command));
 done:

@@ -5,6 +5,7 @@
 
 #include "commands.h"
 #include "modal/field_report.h"
+#include "nodal.h"
 #include "options.h"
 #include "store/xdmf.h"
 
@@ -14,7 +15,8 @@ typedef struct arguments {
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
-        {"--basis", "-b", "FILE", NULL, &a->basis, true, "the basis that `reduce` made"},
+        {"--basis", "-b", "FILE", NULL, &a->basis, false,
+         "the basis that `reduce` made; without, MODES are nodal values as of `nodes`"},
         {"--body", NULL, "NAME", NULL, &a->body, false, "of this body of an assembly (`contact`)"},
         {"--truth", "-t", "FILE", NULL, &a->truth, false,
          "fields to score against, and whose forces there are (HDF5)"},
@@ -28,9 +30,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_options options = {
         .usage = "portmet-train reconstruct MODES --basis FILE [options]",
         .summary =
-            "Turns trajectories of modes, as `reduce` and `evaluate --record` write them, into\n"
-            "fields of the body: positions, velocities, stresses; and prints their relative\n"
-            "L2 errors per trajectory, stresses on free nodes.",
+            "Turns trajectories of modes, as `reduce` and `evaluate --record` write them, or of\n"
+            "nodal values (`nodes`), into fields of the body: positions, velocities, stresses;\n"
+            "and prints their relative L2 errors per trajectory, stresses on free nodes.",
         .positional_name = "MODES",
         .positional = &a->modes,
         .count = sizeof table / sizeof *table,
@@ -52,6 +54,22 @@ static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_fi
                ? PM_OK
                : pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the truth (--trajectories)",
                          modes->ntrajectory, count);
+}
+
+// Fields from modes, or from nodal values.
+static pm_status make_fields(const arguments *a, const pm_dataset *modes, const pm_field *truth,
+                             const int *which, pm_field **field) {
+    if (a->basis == NULL) {
+        return pm_nodal_fields(field, modes, truth, which);
+    }
+    pm_basis *basis = NULL;
+    PM_TRY(pm_basis_load(&basis, a->basis));
+    if (truth == NULL && basis->local.nsection > 0) {
+        printf("without --truth forces are not known: stress close to loads is left out\n");
+    }
+    const pm_status status = pm_reconstruct(field, basis, modes, a->body, truth, which);
+    pm_basis_free(basis);
+    return status;
 }
 
 static pm_status report_errors(const arguments *a, const pm_field *field, const pm_field *truth,
@@ -108,20 +126,19 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
-    pm_basis *basis = NULL;
     pm_dataset *modes = NULL;
     pm_field *field = NULL, *truth = NULL;
     int *which = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_basis_load(&basis, a.basis));
+    if (a.basis == NULL && a.truth == NULL) {
+        return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
+    }
     PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
     if (a.truth != NULL) {
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
         PM_TRY_DONE(choose(&a, modes, truth, &which));
-    } else if (basis->local.nsection > 0) {
-        printf("without --truth forces are not known: stress close to loads is left out\n");
     }
-    PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body, truth, which));
+    PM_TRY_DONE(make_fields(&a, modes, truth, which, &field));
     if (truth != NULL) {
         PM_TRY_DONE(report_errors(&a, field, truth, which));
     }
@@ -131,6 +148,5 @@ done:
     pm_field_free(truth);
     pm_field_free(field);
     pm_dataset_free(modes);
-    pm_basis_free(basis);
     return status;
 }

@@ -163,6 +163,9 @@ static void convert_state(const conversion *c, int trajectory, int time, const d
             ((size_t)trajectory * (size_t)field->ntime + (size_t)time) * PM_FIELD_ENERGIES;
         row[l->s] = energy[1] / c->how->temperature;
     }
+    for (int i = 0; i < l->count; ++i) {
+        row[i] = (float)row[i];
+    }
 }
 
 static pm_status begin(conversion *c, const pm_field *field, const pm_nodal_how *how,
@@ -188,9 +191,9 @@ static pm_status fill(pm_dataset **dataset, const conversion *c, int count, cons
         return pm_fail(PM_ENOMEM, "out of memory for columns");
     }
     PM_TRY(name_columns(l, arena, name));
-    PM_TRY(pm_dataset_new(dataset, count, c->field->ntime, l->count, c->field->dt, name));
+    PM_TRY(pm_dataset_new(dataset, count, c->how->nstate, l->count, c->field->dt, name));
     for (int i = 0; i < count; ++i) {
-        for (int j = 0; j < c->field->ntime; ++j) {
+        for (int j = 0; j < c->how->nstate; ++j) {
             convert_state(c, which[i], j, j == 0 ? NULL : pm_dataset_state(*dataset, i, j - 1),
                           pm_dataset_state(*dataset, i, j));
         }

@@ -9,6 +9,7 @@
 //   f[0:3n]      the world's force, N, at the end of the step that begins here: a body in
 //                equilibrium answers at once, and its next state is that under the next load
 //   s            dissipated so far over the temperature, J/K; 0 if not known
+// All are rounded to single precision, which is far below what is learned and halves the files.
 #ifndef PM_TRAINER_NODAL_H
 #define PM_TRAINER_NODAL_H
 
@@ -22,6 +23,7 @@ typedef struct pm_nodal_how {
     int nbranch;
     double tau[PM_NODAL_MOST_BRANCHES]; // s
     double temperature;                 // K
+    int nstate;                         // of each trajectory, from its first on
 } pm_nodal_how;
 
 // The mesh, and for each of its nodes the body's: node [mesh->nnode]; memory from the arena.
