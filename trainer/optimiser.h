@@ -10,6 +10,7 @@ typedef struct pm_schedule {
     int iterations;               // adam: epochs
     int batch;                    // adam, gauss_newton: samples per update
     double first_rate, last_rate; // adam: learning rate, falling along a cosine
+    double beta2;                 // adam: how much of the mean square of gradients stays
     int memory;                   // lbfgs: pairs kept
 } pm_schedule;
 

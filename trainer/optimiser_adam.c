@@ -7,7 +7,6 @@
 #include "optimiser_table.h"
 
 #define BETA1 0.9
-#define BETA2 0.999
 #define EPSILON 1e-8
 
 // The learning rate after a fraction of the stage: a half cosine on a logarithmic scale.
@@ -38,10 +37,11 @@ static void update(pm_optimisation *o, const double *gradient, double rate, long
     const int n = pm_objective_size(o->objective);
     double *first = o->moment, *second = o->moment + n;
     const double unbias1 = 1 / (1 - pow(BETA1, (double)t)),
-                 unbias2 = 1 / (1 - pow(BETA2, (double)t));
+                 unbias2 = 1 / (1 - pow(o->schedule.beta2, (double)t));
     for (int i = 0; i < n; ++i) {
         first[i] = BETA1 * first[i] + (1 - BETA1) * gradient[i];
-        second[i] = BETA2 * second[i] + (1 - BETA2) * gradient[i] * gradient[i];
+        second[i] =
+            o->schedule.beta2 * second[i] + (1 - o->schedule.beta2) * gradient[i] * gradient[i];
         o->theta[i] -= rate * first[i] * unbias1 / (sqrt(second[i] * unbias2) + EPSILON);
     }
     pm_objective_set_weights(o->objective, o->theta);

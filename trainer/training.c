@@ -245,8 +245,8 @@ static pm_status read_rates(pm_yaml value, pm_arena *arena, pm_schedule *schedul
 }
 
 static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
-    static const char *const keys[] = {"optimiser", "iterations", "batch", "rate",
-                                       "memory",    LOSS_KEYS,    NULL};
+    static const char *const keys[] = {"optimiser", "iterations", "batch",   "rate",
+                                       "beta2",     "memory",     LOSS_KEYS, NULL};
     PM_TRY(pm_yaml_allow(block, keys));
     pm_yaml value;
     const char *name = NULL;
@@ -257,8 +257,8 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
         return pm_yaml_fail(value, "unknown optimiser \"%s\", expected one of: %s", name,
                             pm_optimiser_names());
     }
-    stage->schedule =
-        (pm_schedule){.batch = 256, .first_rate = 1e-3, .last_rate = 1e-3, .memory = 30};
+    stage->schedule = (pm_schedule){
+        .batch = 256, .first_rate = 1e-3, .last_rate = 1e-3, .beta2 = 0.999, .memory = 30};
     PM_TRY(pm_yaml_require(block, "iterations", &value));
     PM_TRY(pm_yaml_int(value, 1, 100000000, &stage->schedule.iterations));
     if (pm_yaml_exists(value = pm_yaml_get(block, "batch"))) {
@@ -266,6 +266,9 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "memory"))) {
         PM_TRY(pm_yaml_int(value, 1, 1000, &stage->schedule.memory));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(block, "beta2"))) {
+        PM_TRY(pm_yaml_double(value, 0, 0.999999, &stage->schedule.beta2));
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "rate"))) {
         PM_TRY(read_rates(value, &t->arena, &stage->schedule));
@@ -348,8 +351,8 @@ static pm_status make_digest(pm_training *t) {
     }
     for (int i = 0; i < t->nstage; ++i) {
         const pm_stage *s = &t->stage[i];
-        const double number[] = {s->schedule.first_rate, s->schedule.last_rate, s->loss.degeneracy,
-                                 s->loss.robust};
+        const double number[] = {s->schedule.first_rate, s->schedule.last_rate, s->schedule.beta2,
+                                 s->loss.degeneracy, s->loss.robust};
         const int integer[] = {s->schedule.iterations, s->schedule.batch,
                                s->schedule.memory,     s->unroll,
                                s->loss.substeps,       (int)s->loss.residual};
