@@ -211,6 +211,7 @@ static void the_soft_form_pays_and_does_not_project(void **state) {
         if (!(*pm_program_value(p, n.degeneracy) > 0)) {
             world_fail(&w, "no penalty");
         }
+        // What is given in the other model is degenerate as it stands.
         for (int i = 0; i < n.part->layout.nz && seed % 2 == 1; ++i) {
             const double sum =
                 pm_program_value(p, output[2])[i] + pm_program_value(p, output[3])[i];
