@@ -79,7 +79,7 @@ static pm_status read_how(const arguments *a, pm_nodal_how *how) {
                            PM_NODAL_MOST_BRANCHES);
         }
         PM_TRY(read_positive("--relaxation", &text, &how->tau[how->nbranch++]));
-        if (*text != '\0' && *text++ != ',') {
+        if (*text != '\0' && (*text++ != ',' || *text == '\0')) {
             return pm_fail(PM_EUSAGE, "nodes: --relaxation \"%s\": expected times and commas",
                            a->relaxation);
         }

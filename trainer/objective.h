@@ -25,7 +25,8 @@ void pm_objective_weights(const pm_objective *o, double *theta);     // read fro
 void pm_objective_set_weights(pm_objective *o, const double *theta); // written to the system
 
 // Loss and gradient [size] at the system's present weights, over the samples index[0 .. count), or
-// over all, as they stand, if index is NULL. An index names a sample or one of its images.
+// over all, as they stand, if index is NULL. An index names a sample or one of its images, of each
+// sample one at most.
 double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);
 
 // Sets the robust scale from the residuals of these samples (all if index is NULL) in the last

@@ -5,11 +5,16 @@
 
 // --- the mesh ---
 
+static bool are_same(const pm_mesh *a, const pm_mesh *b) {
+    return memcmp(a->elements, b->elements, sizeof a->elements) == 0 &&
+           memcmp(a->size, b->size, sizeof a->size) == 0;
+}
+
 static pm_status take_mesh(const pm_mesh *one, const char *name, const pm_mesh **mesh) {
     if (one == NULL) {
         return PM_OK;
     }
-    if (*mesh != NULL && memcmp((*mesh)->elements, one->elements, sizeof one->elements) != 0) {
+    if (*mesh != NULL && !are_same(*mesh, one)) {
         return pm_fail(PM_ECONFIG, "section: %s is on another mesh than the models before", name);
     }
     *mesh = one;

@@ -16,6 +16,9 @@
 #define DECODE_GAIN 0.03
 // Learned places at which the moments of a driver are taken.
 #define LEVERS 6
+// Of what a network passes on over all edges, of patterns, and of matrices of all nodes: far above
+// any that can be trained, and memory that any host has. Sizes come from files.
+#define MOST_NUMBERS 16777216
 
 typedef char parameter_name[160];
 
@@ -385,15 +388,34 @@ static pm_status check_field(const pm_network_spec *spec, const pm_symbols *symb
                              const char *name) {
     int size = 0;
     PM_TRY(pm_feature_size(name, symbols, &size));
-    const int nnode = spec->message->mesh->nnode;
-    return size % nnode == 0 ? PM_OK
-                             : pm_fail(PM_ECONFIG,
-                                       "\"%s\" has %d components, which is no field on a mesh of "
-                                       "%d nodes",
-                                       name, size, nnode);
+    const int nnode = spec->message->mesh->nnode, patterns = spec->message->patterns;
+    if (size % nnode != 0) {
+        return pm_fail(PM_ECONFIG,
+                       "\"%s\" has %d components, which is no field on a mesh of %d nodes", name,
+                       size, nnode);
+    }
+    return (double)size * patterns <= MOST_NUMBERS
+               ? PM_OK
+               : pm_fail(PM_ECONFIG, "%d patterns of %d components: more than %d numbers", patterns,
+                         size, MOST_NUMBERS);
+}
+
+static pm_status check_sizes(const pm_network_spec *spec) {
+    const pm_message_spec *m = spec->message;
+    if ((double)m->mesh->nedge * m->width * (m->passes + 1) > MOST_NUMBERS) {
+        return pm_fail(PM_ECONFIG, "%d numbers over %d edges in %d passes: more than %d in all",
+                       m->width, m->mesh->nedge, m->passes, MOST_NUMBERS);
+    }
+    if (spec->nfeature + (m->driver != NULL) > PM_MAX_FEATURES) {
+        return pm_fail(PM_ECONFIG, "more than %d fields", PM_MAX_FEATURES);
+    }
+    return spec->nhidden == 0 || m->patterns > 0
+               ? PM_OK
+               : pm_fail(PM_ECONFIG, "hidden layers are of patterns, and there are none");
 }
 
 static pm_status check(const pm_network_spec *spec, const pm_symbols *symbols, bool may_drive) {
+    PM_TRY(check_sizes(spec));
     for (int i = 0; i < spec->nfeature; ++i) {
         PM_TRY(check_field(spec, symbols, spec->feature[i]));
     }
@@ -444,9 +466,20 @@ pm_status pm_message_declare_sum(const pm_network_spec *spec, const pm_symbols *
     return n.status;
 }
 
+static pm_status check_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout) {
+    PM_TRY(check(spec, symbols, false));
+    if (spec->message->patterns > 0) {
+        return pm_fail(PM_ECONFIG, "an operator on a mesh has no patterns");
+    }
+    return (double)spec->message->mesh->nnode * nout <= MOST_NUMBERS
+               ? PM_OK
+               : pm_fail(PM_ECONFIG, "matrices of %d entries at %d nodes: more than %d numbers",
+                         nout, spec->message->mesh->nnode, MOST_NUMBERS);
+}
+
 pm_status pm_message_declare_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                                    pm_params *params, const char *prefix) {
-    PM_TRY(pm_spec_locate(spec->at, check(spec, symbols, false)));
+    PM_TRY(pm_spec_locate(spec->at, check_nodes(spec, symbols, nout)));
     pm_graph *g = NULL;
     PM_TRY(pm_graph_open(&g));
     net n = begin(g, spec, symbols, params, prefix, params);
@@ -467,7 +500,7 @@ static pm_status visit_patterns(const pm_symbols *symbols, int which, const char
 
 static pm_status visit_inputs(const pm_network_spec *spec, const pm_symbols *symbols,
                               const char *prefix, pm_normaliser_visit *visit, void *context) {
-    const char *name[PM_MAX_FEATURES + 1];
+    const char *name[PM_MAX_FEATURES];
     int count = 0;
     for (; count < spec->nfeature; ++count) {
         name[count] = spec->feature[count];

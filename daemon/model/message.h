@@ -45,7 +45,7 @@ pm_status pm_message_declare_sum(const pm_network_spec *spec, const pm_symbols *
 pm_node pm_message_build_sum(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,
                              const pm_params *params, const char *prefix);
 
-// A network with `nout` outputs per node [nnode][nout].
+// A network with `nout` outputs per node [nnode][nout], without patterns.
 pm_status pm_message_declare_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                                    pm_params *params, const char *prefix);
 pm_node pm_message_build_nodes(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,

@@ -12,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "balance.h"
 #include "graph/program.h"
 #include "model/operator.h"
 #include "sim/assembly.h"
@@ -30,43 +31,6 @@
 // loses up to the ratio of what goes in to what is left.
 #define OPERATOR_TOLERANCE 1e-10
 #define RUN_AWAY 1e6
-
-// --- sums ---
-
-typedef struct balance {
-    double net, gross;
-} balance;
-
-static balance balance_of(int n, const double *x, const double *y) {
-    balance b = {0, 0};
-    for (int i = 0; i < n; ++i) {
-        b.net += x[i] * y[i];
-        b.gross += fabs(x[i] * y[i]);
-    }
-    return b;
-}
-
-static balance add(balance a, balance b) {
-    return (balance){a.net + b.net, a.gross + b.gross};
-}
-
-static double largest(int n, const double *x) {
-    double result = 0;
-    for (int i = 0; i < n; ++i) {
-        result = fmax(result, fabs(x[i]));
-    }
-    return result;
-}
-
-static void check_zero(const world *w, const char *what, balance b, double tolerance) {
-    world_check(w, what, b.net, 0, tolerance * b.gross);
-}
-
-static void check_not_negative(const world *w, const char *what, balance b, double tolerance) {
-    if (!(b.net >= -tolerance * b.gross)) {
-        world_fail(w, "%s: %.17g, expected >= 0 within %g of %g", what, b.net, tolerance, b.gross);
-    }
-}
 
 static void fill_normal(pm_rng *rng, int n, double *x) {
     for (int i = 0; i < n; ++i) {
@@ -127,7 +91,8 @@ static void check_operator(const test_bench *b, const pm_operator *operator) {
         const double *unprojected = pm_program_value(p, output[3]) + i;
         balance yKx = balance_of(nz, y, Kx);
         yKx.net = skew ? yKx.net : -yKx.net;
-        check_zero(b->w, "x.Ky +- y.Kx", add(balance_of(nz, x, Ky), yKx), OPERATOR_TOLERANCE);
+        check_zero(b->w, "x.Ky +- y.Kx", balance_add(balance_of(nz, x, Ky), yKx),
+                   OPERATOR_TOLERANCE);
         if (skew) {
             check_zero(b->w, "x.Lx", balance_of(nz, x, Kx), ENERGY_TOLERANCE);
         } else {
@@ -250,8 +215,8 @@ static void bracket_keeps_both_laws(void **state) {
             for (int k = 0; k < 2; ++k) {
                 const int ny = port->layout[k].nz;
                 const double *rate = item(g, p, output[k], i);
-                energy = add(energy, balance_of(ny, item(g, p, end[k].e, i), rate));
-                entropy = add(entropy, balance_of(ny, item(g, p, end[k].eta, i), rate));
+                energy = balance_add(energy, balance_of(ny, item(g, p, end[k].e, i), rate));
+                entropy = balance_add(entropy, balance_of(ny, item(g, p, end[k].eta, i), rate));
             }
             check_zero(&w, "energy fluxes a + b", energy, ENERGY_TOLERANCE);
             check_not_negative(&w, "entropy fluxes a + b", entropy, ENTROPY_TOLERANCE);

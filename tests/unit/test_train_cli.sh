@@ -47,7 +47,7 @@ succeed "Commands:" --help
 succeed "portmet-train " --version
 expect 2 "lists them"
 expect 2 '"walk"' walk
-for command in truth evaluate fit reduce contact reconstruct picture; do
+for command in truth evaluate fit nodes reduce contact reconstruct picture; do
     succeed "Usage: portmet-train $command" $command --help
     expect 2 "is missing" $command
     expect 2 '"--wrong"' $command x --wrong
@@ -144,6 +144,42 @@ succeed "modes.h5: 1 trajectories" reduce "$modes" --data "$folder/beam.h5" --ba
 expect 4 "$new: cannot make or write this folder" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
 expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
 expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
+
+# --- nodes, and a network on their mesh ---
+nodes=$folder/nodes.h5
+succeed "elements: [4, 1, 1]}   16 free nodes, 56 edges" nodes "$folder/beam.h5" --relaxation 0.2,0.5 -o "$nodes"
+grep -q "nodes.h5: 2 trajectories of 5 states, 289 columns" "$folder/out" || fail "nodes: what it wrote"
+succeed "1 trajectories of 5 states, 193 columns" nodes "$folder/beam.h5" --trajectories 1 -o "$folder/one/nodes.h5"
+mkdir "$folder/graph"
+sed -e 's/u\[0:2160\]/u[0:48]/; s/_\[0:2160\]/_[0:48]/; s/f\[0:2160\]/f[0:48]/; s/4320/96/; s/steps: 40/steps: 4/' \
+    -e "s|^reference: .*|reference: {file: $nodes, trajectory: 0}|" configs/beam_graph.yaml >"$folder/graph/scene.yaml"
+# with_graph SED-SCRIPT: the training of the configurations, small and changed by the script.
+with_graph() {
+    sed -e 's|^scene: .*|scene: scene.yaml|; s/\[20, 5, 5\]/[4, 1, 1]/; s/patterns: [0-9]*/patterns: 3/; /^stages/,$d' -e "$1" \
+        configs/train/beam_graph.yaml >"$folder/graph/train.yaml"
+    echo "stages: [{optimiser: adam, iterations: 1, batch: 4, rate: 1.0e-3}]" >>"$folder/graph/train.yaml"
+}
+with_graph ''
+succeed "stage 1/1 adam" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/weights/beam_graph"
+succeed "sigma    trajectory" evaluate "$folder/graph/scene.yaml" --data "$nodes"
+with_graph 's/^section: square/section: round/'
+expect 3 "section: expected one of any, square" fit "$folder/graph/train.yaml" --data "$nodes" -o "$new"
+with_graph 's/size: \[40, 10, 10\]/size: [40, 10, 9]/'
+expect 3 "the mesh has no square section" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
+with_graph 's/patterns: 3/patterns: 9/'
+expect 5 "9 patterns cannot be found in 8 states" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
+with_graph 's/\[4, 1, 1\]/[5, 1, 1]/'
+expect 3 "no field on a mesh of 20 nodes (model of body)" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
+for times in 0 -1 x 0.1,,0.2 0.1, '0.1 0.2' nan; do
+    expect 2 "--relaxation" nodes "$folder/beam.h5" --relaxation "$times" -o "$nodes"
+done
+expect 2 "at most 4 times" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
+expect 2 "--temperature \"0\": expected a number > 0" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
+expect 2 "--temperature \"1,2\": expected one number" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
+expect 2 "expected A:B" nodes "$folder/beam.h5" --trajectories 0:3 -o "$nodes"
+expect 4 "nowhere.h5" nodes "$folder/nowhere.h5" -o "$nodes"
+expect 5 "/z" nodes "$nodes" -o "$new"
+expect 4 "/nowhere/new.h5" nodes "$folder/beam.h5" -o /nowhere/new.h5
 
 # --- contact ---
 fields="lower=$folder/beams_lower.h5,upper=$folder/beams_upper.h5"

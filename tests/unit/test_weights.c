@@ -170,6 +170,58 @@ static void a_port_comes_back_bit_by_bit(void **state) {
     assert_load_fails(path, "weights of a \"port\", expected those of a subsystem");
 }
 
+static pm_yaml parse(const char *text, pm_yaml_document **document) {
+    pm_yaml root;
+    assert_int_equal(pm_yaml_parse(document, text, "t", &root), PM_OK);
+    return root;
+}
+
+// On 2 x 1 x 1 bricks with 8 free nodes.
+static void networks_on_a_mesh_come_back(void **state) {
+    (void)state;
+    static const char mesh_part[] =
+        "mesh: {size: [3, 1, 1], elements: [2, 1, 1]}\n"
+        "energy: [{given: s}, {nodes: [u], width: 3, passes: 1, patterns: 2, hidden: [4]}]\n"
+        "entropy: {given: s}\n"
+        "irreversible: {learned: {acts_on: [u], nodes: [u], width: 2, passes: 1, rank: 2}}\n";
+    static const char mesh_port[] =
+        "law: exchange\nform: free\nmesh: {size: [3, 1, 1], elements: [2, 1, 1]}\n"
+        "rate: {nodes: [own.u], driven_by: other.dE.f, width: 3, passes: 1, patterns: 2, "
+        "within: 0.1}\n";
+    pm_part body = {.layout = {2, {{"u", "m", 24, 0}, {"s", "J/K", 1, 24}}, 25}}, part2 = {0};
+    pm_port_model grip = {.layout = {{1, {{"u", "m", 24, 0}}, 24}, {1, {{"f", "m", 24, 0}}, 24}}};
+    pm_port_model port2 = {0};
+    pm_provenance found;
+    pm_yaml_document *document[2];
+    pm_rng rng;
+    pm_rng_init(&rng, 3, 0);
+    assert_int_equal(
+        pm_part_spec_read(parse(mesh_part, &document[0]), (pm_yaml){0}, &arena, &body.spec), PM_OK);
+    assert_int_equal(
+        pm_port_spec_read(parse(mesh_port, &document[1]), (pm_yaml){0}, &arena, &grip.spec), PM_OK);
+    assert_int_equal(pm_part_declare(&body), PM_OK);
+    assert_int_equal(pm_port_declare(&grip), PM_OK);
+    pm_params_randomise(&body.params, &rng);
+    pm_params_randomise(&grip.params, &rng);
+    const char *path = scratch_path(&folder, "body.h5");
+    assert_int_equal(pm_weights_save_part(path, &body, &provenance), PM_OK);
+    assert_int_equal(pm_weights_load_part(path, &arena, &part2, &found), PM_OK);
+    assert_same_params(&part2.params, &body.params);
+    assert_true(part2.spec.mesh->nnode == 8 && part2.spec.mesh->size[0] == 3);
+    path = scratch_path(&folder, "grip.h5");
+    assert_int_equal(pm_weights_save_port(path, &grip, &provenance), PM_OK);
+    assert_int_equal(pm_weights_load_port(path, &arena, &port2, &found), PM_OK);
+    assert_same_params(&port2.params, &grip.params);
+    assert_string_equal(port2.spec.rate.message->driver, "other.dE.f");
+    for (int i = 0; i < 2; ++i) {
+        pm_yaml_close(document[i]);
+    }
+    pm_part_free(&body);
+    pm_part_free(&part2);
+    pm_port_free(&grip);
+    pm_port_free(&port2);
+}
+
 static uint64_t saved_digest(void) {
     pm_part loaded = {0};
     pm_provenance p;
@@ -426,6 +478,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_subsystem_comes_back_bit_by_bit, setup, teardown),
         cmocka_unit_test_setup_teardown(a_region_comes_back, setup, teardown),
         cmocka_unit_test_setup_teardown(a_port_comes_back_bit_by_bit, setup, teardown),
+        cmocka_unit_test_setup_teardown(networks_on_a_mesh_come_back, setup, teardown),
         cmocka_unit_test_setup_teardown(the_digest_depends_on_content_only, setup, teardown),
         cmocka_unit_test_setup_teardown(files_that_are_not_weights_are_refused, setup, teardown),
         cmocka_unit_test_setup_teardown(every_truncation_is_noticed, setup, teardown),
