@@ -9,13 +9,18 @@
 #include "store/xdmf.h"
 
 typedef struct arguments {
-    const char *modes, *basis, *body, *truth, *trajectories, *trained, *plot, *output;
+    const char *modes, *basis, *body, *contact, *stiffness, *truth, *trajectories, *trained, *plot,
+        *output;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a->basis, true, "the basis that `reduce` made"},
         {"--body", NULL, "NAME", NULL, &a->body, false, "of this body of an assembly (`contact`)"},
+        {"--contact", NULL, "CONFIG", NULL, &a->contact, false,
+         "what presses on that body: bodies placed as CONFIG says, as for `contact`"},
+        {"--stiffness", NULL, "K", NULL, &a->stiffness, false,
+         "N/m, of a pair of their facing points in the scene"},
         {"--truth", "-t", "FILE", NULL, &a->truth, false,
          "fields to score against, and whose forces there are (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
@@ -37,6 +42,29 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .option = table,
     };
     return pm_options_read(&options, argc, argv, helped);
+}
+
+// What --contact needs.
+static pm_status check_contact(const arguments *a, double *stiffness) {
+    if ((a->contact == NULL) != (a->stiffness == NULL) || (a->contact != NULL && a->body == NULL)) {
+        return pm_fail(PM_EUSAGE, "--contact, --stiffness and --body belong together");
+    }
+    return a->stiffness == NULL ? PM_OK
+                                : pm_options_positive("--stiffness", a->stiffness, stiffness);
+}
+
+// Who else there is, and where the body touches them.
+static pm_status find_touch(const arguments *a, double stiffness, const pm_dataset *modes,
+                            pm_assembly *assembly, pm_touch *touch) {
+    PM_TRY(pm_assembly_load(assembly, a->contact));
+    int body = 0;
+    while (body < assembly->nbody && strcmp(assembly->body[body].name, a->body) != 0) {
+        ++body;
+    }
+    if (body == assembly->nbody) {
+        return pm_fail(PM_EUSAGE, "--body: %s places no \"%s\"", a->contact, a->body);
+    }
+    return pm_touch_open(touch, assembly, body, modes, stiffness, &assembly->arena);
 }
 
 // The truth's trajectories named on the command line; as many as there are of modes.
@@ -102,15 +130,19 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
+    double stiffness = 0;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
         return PM_OK;
     }
+    PM_TRY(check_contact(&a, &stiffness));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_basis *basis = NULL;
     pm_dataset *modes = NULL;
     pm_field *field = NULL, *truth = NULL;
+    pm_assembly assembly = {0};
+    pm_touch touch;
     int *which = NULL;
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a.basis));
@@ -121,13 +153,19 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     } else if (basis->local.nsection > 0) {
         printf("without --truth forces are not known: stress close to loads is left out\n");
     }
-    PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body, truth, which));
+    if (a.contact != NULL) {
+        assembly.basis = basis;
+        PM_TRY_DONE(find_touch(&a, stiffness, modes, &assembly, &touch));
+    }
+    PM_TRY_DONE(pm_reconstruct(&field, basis, modes, a.body, a.contact == NULL ? NULL : &touch,
+                               truth, which));
     if (truth != NULL) {
         PM_TRY_DONE(report_errors(&a, field, truth, which));
     }
     status = a.output == NULL ? PM_OK : save(field, &a, command);
 done:
     free(which);
+    pm_arena_free(&assembly.arena);
     pm_field_free(truth);
     pm_field_free(field);
     pm_dataset_free(modes);
