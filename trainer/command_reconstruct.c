@@ -153,6 +153,9 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     } else if (basis->local.nsection > 0) {
         printf("without --truth forces are not known: stress close to loads is left out\n");
     }
+    if (a.contact == NULL && truth != NULL && truth->contact != NULL) {
+        printf("without --contact what other bodies do to the stress is left out\n");
+    }
     if (a.contact != NULL) {
         assembly.basis = basis;
         PM_TRY_DONE(find_touch(&a, stiffness, modes, &assembly, &touch));

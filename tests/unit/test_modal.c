@@ -120,7 +120,8 @@ static void amplitudes_follow_the_loads(void **state) {
     pm_field *field = make_body();
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
-    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true, PM_LOADS_OF_WORLD),
+                     PM_OK);
     assert_int_equal(d->ntrajectory, 8 * NTRAJECTORY);
     assert_int_equal(d->ncolumn, 3 * 2 + 1 + 3);
     assert_string_equal(d->column[0], "a0");
@@ -157,7 +158,7 @@ static void fields_come_back(void **state) {
     pm_dataset *d = NULL;
     double error[2 * PM_FIELD_NERROR];
     // Trajectories from which the basis was not made.
-    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false, PM_LOADS_OF_WORLD), PM_OK);
     assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_OK);
     assert_int_equal(pm_field_errors(again, field, all + 4, error), PM_OK);
     for (int i = 0; i < 2; ++i) {
@@ -193,6 +194,37 @@ static pm_dataset *with_a_neighbour(const pm_dataset *one, double depth, pm_aren
     return d;
 }
 
+// What the world and another body share is what the world alone would do.
+static void forces_of_contact_are_loads(void **state) {
+    (void)state;
+    pm_field *field = make_body();
+    pm_basis *b = make_basis(field), *shared = NULL;
+    pm_dataset *d = NULL, *whole = NULL, *half = NULL;
+    const size_t count = 3 * (size_t)NTRAJECTORY * NTIME * NNODE;
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    field->contact = calloc(count, sizeof *field->contact);
+    for (size_t i = 0; i < count; ++i) {
+        field->contact[i] = field->f[i] /= 2;
+    }
+    shared = make_basis(field);
+    assert_memory_equal(shared->mode, b->mode, 3 * 3 * NNODE * sizeof *b->mode);
+    assert_memory_equal(shared->local.kernel, b->local.kernel, 9 * 9 * 6 * sizeof(double));
+    assert_int_equal(pm_reduce_project(&whole, b, field, 1, all, false, PM_LOADS_OF_ALL), PM_OK);
+    assert_int_equal(pm_reduce_project(&half, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    for (int i = 0; i < NTIME * d->ncolumn; ++i) {
+        const bool is_load = i % d->ncolumn >= d->ncolumn - b->nmode;
+        assert_true(whole->z[i] == d->z[i]);
+        assert_true(half->z[i] == d->z[i] / (is_load ? 2 : 1));
+    }
+    free(field->contact);
+    pm_dataset_free(d);
+    pm_dataset_free(whole);
+    pm_dataset_free(half);
+    pm_basis_free(b);
+    pm_basis_free(shared);
+    pm_field_free(field);
+}
+
 // What presses on a body does to its fields what a load of the same forces does.
 static void contact_is_a_load(void **state) {
     (void)state;
@@ -202,7 +234,7 @@ static void contact_is_a_load(void **state) {
     pm_field *field = make_body(), *pressed = NULL, *loaded = NULL;
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
-    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
     pm_dataset *two = with_a_neighbour(d, force / stiffness, &arena);
 
     pm_placed body[2] = {{.name = "one", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
@@ -274,7 +306,8 @@ static void variables_are_found_by_name(void **state) {
     assert_non_null(strstr(pm_error(), "has no \"sxx syy"));
     other->variable = "T";
     pm_dataset *none = NULL;
-    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false), PM_EDATA);
+    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false, PM_LOADS_OF_WORLD),
+                     PM_EDATA);
     assert_non_null(strstr(pm_error(), "no positions"));
     pm_basis_free(expected);
     pm_basis_free(b);
@@ -305,7 +338,7 @@ static void a_body_may_have_no_mesh(void **state) {
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
     assert_int_equal(b->nelement, 0);
-    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
     assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_OK);
     assert_int_equal(again->nelement, 0);
     pm_dataset_free(d);
@@ -481,6 +514,7 @@ int main(void) {
         cmocka_unit_test_prestate(spoiled_bases_are_refused, &folder),
         cmocka_unit_test_prestate(bases_of_many_modes_are_refused, &folder),
         cmocka_unit_test(a_body_may_have_no_mesh),
+        cmocka_unit_test(forces_of_contact_are_loads),
         cmocka_unit_test(contact_is_a_load),
         cmocka_unit_test(variables_are_found_by_name),
         cmocka_unit_test(only_like_fields_are_compared),
