@@ -68,7 +68,10 @@ static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int
     const pm_basis *b = assembly->basis;
     const int n = m->facing.npair, rows = PM_FACING_GROUPS * n;
     const char *name[2] = {assembly->body[m->body[0]].name, assembly->body[m->body[1]].name};
-    const pm_provenance provenance = {.command = command, .data = a->basis};
+    char coordinates[PM_BASIS_COORDINATES];
+    pm_basis_coordinates(b, coordinates);
+    const pm_provenance provenance = {
+        .command = command, .data = a->basis, .coordinates = coordinates};
     pm_port_model port = {0};
     port.layout[PM_END_A] = (pm_layout){1, {{"p", "J^0.5 s", b->nstate, 0}}, b->nstate};
     port.layout[PM_END_B] = (pm_layout){.nz = rows, .ngroup = PM_FACING_GROUPS};
@@ -144,7 +147,8 @@ static pm_status save_dataset(const pm_assembly *assembly, const pm_field *const
                               const chosen *c, const arguments *a, const char *command) {
     pm_dataset *modes = NULL;
     PM_TRY(pm_assembly_project(&modes, assembly, field, c->count, c->trajectory));
-    const pm_status status = pm_modes_save(modes, a->data, "contact", command, a->output);
+    const pm_status status =
+        pm_modes_save(modes, assembly->basis, a->data, "contact", command, a->output);
     pm_dataset_free(modes);
     return status;
 }
@@ -187,6 +191,7 @@ static pm_status score(const pm_assembly *assembly, const pm_field *const *field
     double *error = NULL;
     pm_status status;
     PM_TRY_DONE(pm_dataset_load(&modes, path));
+    PM_TRY_DONE(pm_basis_check(assembly->basis, pm_dataset_find_note(modes, "coordinates"), path));
     if (c->count != modes->ntrajectory) {
         status = pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the fields (--trajectories)",
                          modes->ntrajectory, c->count);

@@ -147,6 +147,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a.basis));
     PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
+    PM_TRY_DONE(pm_basis_check(basis, pm_dataset_find_note(modes, "coordinates"), a.modes));
     if (a.truth != NULL) {
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
         PM_TRY_DONE(choose(&a, modes, truth, &which));

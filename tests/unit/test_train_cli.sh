@@ -168,6 +168,12 @@ expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folde
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$folder/two"
 expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" -o "$new"
+# The same body in other coordinates: a different basis.
+with_modes 's/swing: .*/swing: 0.003/'
+succeed "modes.h5: 16" reduce "$modes" --data "$folder/beam.h5" -o "$folder/other"
+other=$folder/other/basis.h5
+expect 5 "two/modes.h5: made with basis " reconstruct "$folder/two/modes.h5" --body upper --basis "$other"
+expect 5 "two/modes.h5: made with basis " contact "$beam" --basis "$other" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
 expect 2 "nothing to do" contact "$beam" --basis "$basis" --data "$fields"
 expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
 expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --basis "$basis" \
