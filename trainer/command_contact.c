@@ -11,7 +11,6 @@
 #include "options.h"
 #include "sim/score.h"
 #include "store/weights.h"
-#include "store/yaml.h"
 
 typedef struct arguments {
     const char *configuration, *basis, *data, *modes, *stiffness, *trajectories, *output;
@@ -58,75 +57,8 @@ static pm_status check_arguments(const arguments *a, double *stiffness) {
     if ((a->modes == NULL) != (a->stiffness == NULL)) {
         return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0, and that a --score");
     }
-    if (a->stiffness != NULL) {
-        char *end;
-        *stiffness = strtod(a->stiffness, &end);
-        if (!(*stiffness > 0 && isfinite(*stiffness)) || *end != '\0') {
-            return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0, found \"%s\"",
-                           a->stiffness);
-        }
-    }
-    return PM_OK;
-}
-
-// --- bodies ---
-
-static pm_status read_axes(pm_yaml list, double axis[3][3]) {
-    static const char *const names[] = {"+x", "-x", "+y", "-y", "+z", "-z", NULL};
-    if (pm_yaml_count(list) != 3) {
-        return pm_yaml_fail(list, "expected [+x, +y, +z] or a rotation of it");
-    }
-    memset(axis, 0, 9 * sizeof **axis);
-    for (int d = 0; d < 3; ++d) {
-        int id = 0;
-        PM_TRY(pm_yaml_choice(pm_yaml_item(list, d), names, &id));
-        axis[d][id / 2] = id % 2 == 0 ? 1 : -1;
-    }
-    double volume = 0;
-    for (int d = 0; d < 3; ++d) {
-        const int e = (d + 1) % 3, f = (d + 2) % 3;
-        volume += axis[0][d] * (axis[1][e] * axis[2][f] - axis[1][f] * axis[2][e]);
-    }
-    return volume > 0 ? PM_OK : pm_yaml_fail(list, "expected three different axes, right-handed");
-}
-
-static pm_status read_body(pm_yaml map, const pm_basis *basis, pm_arena *arena, pm_placed *body) {
-    pm_yaml origin, axes;
-    double *number = NULL;
-    int count = 0;
-    PM_TRY(pm_yaml_require(map, "origin", &origin));
-    PM_TRY(pm_yaml_doubles(origin, arena, &count, &number));
-    if (count != 3) {
-        return pm_yaml_fail(origin, "expected three numbers");
-    }
-    memcpy(body->origin, number, sizeof body->origin);
-    PM_TRY(pm_yaml_require(map, "axes", &axes));
-    PM_TRY(read_axes(axes, body->axis));
-    body->nnode = basis->nnode;
-    body->nelement = basis->nelement;
-    body->position = basis->position;
-    body->hexahedron = basis->hexahedron;
-    return PM_OK;
-}
-
-static pm_status read_bodies(pm_yaml root, pm_assembly *assembly) {
-    pm_yaml system, beams, key, value;
-    PM_TRY(pm_yaml_require(root, "system", &system));
-    PM_TRY(pm_yaml_require(system, "beams", &beams));
-    PM_TRY(pm_yaml_require_entries(beams));
-    assembly->nbody = pm_yaml_count(beams);
-    assembly->body =
-        pm_arena_array(&assembly->arena, (size_t)assembly->nbody, sizeof *assembly->body);
-    if (assembly->body == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for bodies");
-    }
-    for (int i = 0; i < assembly->nbody; ++i) {
-        pm_placed *body = &assembly->body[i];
-        pm_yaml_entry(beams, i, &key, &value);
-        PM_TRY(pm_yaml_text(key, &assembly->arena, &body->name));
-        PM_TRY(read_body(value, assembly->basis, &assembly->arena, body));
-    }
-    return PM_OK;
+    return a->stiffness == NULL ? PM_OK
+                                : pm_options_positive("--stiffness", a->stiffness, stiffness);
 }
 
 // --- weights ---
@@ -136,7 +68,10 @@ static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int
     const pm_basis *b = assembly->basis;
     const int n = m->facing.npair, rows = PM_FACING_GROUPS * n;
     const char *name[2] = {assembly->body[m->body[0]].name, assembly->body[m->body[1]].name};
-    const pm_provenance provenance = {.command = command, .data = a->basis};
+    char coordinates[PM_BASIS_COORDINATES];
+    pm_basis_coordinates(b, coordinates);
+    const pm_provenance provenance = {
+        .command = command, .data = a->basis, .coordinates = coordinates};
     pm_port_model port = {0};
     port.layout[PM_END_A] = (pm_layout){1, {{"p", "J^0.5 s", b->nstate, 0}}, b->nstate};
     port.layout[PM_END_B] = (pm_layout){.nz = rows, .ngroup = PM_FACING_GROUPS};
@@ -212,7 +147,8 @@ static pm_status save_dataset(const pm_assembly *assembly, const pm_field *const
                               const chosen *c, const arguments *a, const char *command) {
     pm_dataset *modes = NULL;
     PM_TRY(pm_assembly_project(&modes, assembly, field, c->count, c->trajectory));
-    const pm_status status = pm_modes_save(modes, a->data, "contact", command, a->output);
+    const pm_status status =
+        pm_modes_save(modes, assembly->basis, a->data, "contact", command, a->output);
     pm_dataset_free(modes);
     return status;
 }
@@ -255,6 +191,7 @@ static pm_status score(const pm_assembly *assembly, const pm_field *const *field
     double *error = NULL;
     pm_status status;
     PM_TRY_DONE(pm_dataset_load(&modes, path));
+    PM_TRY_DONE(pm_basis_check(assembly->basis, pm_dataset_find_note(modes, "coordinates"), path));
     if (c->count != modes->ntrajectory) {
         status = pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the fields (--trajectories)",
                          modes->ntrajectory, c->count);
@@ -278,21 +215,6 @@ done:
 
 // --- all of it ---
 
-static pm_status find_assembly(pm_assembly *assembly, const pm_basis *basis, const char *path) {
-    pm_yaml_document *document = NULL;
-    pm_yaml root;
-    assembly->basis = basis;
-    pm_status status = pm_yaml_open(&document, path, &root);
-    if (status == PM_OK) {
-        status = read_bodies(root, assembly);
-    }
-    if (status == PM_OK) {
-        status = pm_assembly_meet(assembly);
-    }
-    pm_yaml_close(document);
-    return status;
-}
-
 pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     arguments a;
@@ -312,7 +234,8 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     chosen c = {0};
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a.basis));
-    PM_TRY_DONE(find_assembly(&assembly, basis, a.configuration));
+    assembly.basis = basis;
+    PM_TRY_DONE(pm_assembly_load(&assembly, a.configuration));
     field = pm_arena_array(&assembly.arena, (size_t)assembly.nbody, sizeof *field);
     if (field == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for fields");

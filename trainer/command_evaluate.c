@@ -70,26 +70,19 @@ static pm_status run(pm_evaluation **evaluation, const char *trajectories, const
     return status;
 }
 
-// The text of the dataset's note, or NULL.
-static const char *find_note(const pm_dataset *dataset, const char *name) {
-    for (int i = 0; i < dataset->nnote; ++i) {
-        if (strcmp(dataset->note[i].name, name) == 0) {
-            return dataset->note[i].text;
-        }
-    }
-    return NULL;
-}
-
 static pm_status record(const pm_evaluation *e, const arguments *a, const char *command) {
     pm_dataset *predicted = e->predicted;
-    const char *units = find_note(e->truth, "units");
+    static const char *const kept[] = {"units", "coordinates"};
     PM_TRY(pm_dataset_note(predicted, "title", "Rollouts of scene %s", e->system->scene->name));
     PM_TRY(pm_dataset_note(predicted, "source", "portmet-train evaluate"));
     PM_TRY(pm_dataset_note(predicted, "command", "%s", command));
     PM_TRY(pm_dataset_note(predicted, "first_trajectory", "%d", e->rollout[0].trajectory));
     PM_TRY(pm_dataset_note(predicted, "digest", "%016llx", (unsigned long long)e->system->digest));
-    if (units != NULL) {
-        PM_TRY(pm_dataset_note(predicted, "units", "%s", units));
+    for (size_t i = 0; i < sizeof kept / sizeof *kept; ++i) {
+        const char *text = pm_dataset_find_note(e->truth, kept[i]);
+        if (text != NULL) {
+            PM_TRY(pm_dataset_note(predicted, kept[i], "%s", text));
+        }
     }
     return pm_dataset_save(predicted, a->record);
 }
@@ -129,6 +122,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     PM_TRY_DONE(pm_scene_load(&scene, a.scene));
     PM_TRY_DONE(pm_system_load(&system, scene, a.weights));
     PM_TRY_DONE(pm_dataset_load(&truth, a.data));
+    PM_TRY_DONE(pm_system_check_dataset(system, truth, a.data));
     PM_TRY_DONE(run(&evaluation, a.trajectories, system, truth, stop));
     if (a.trained != NULL) {
         PM_TRY_DONE(run(&trained, a.trained, system, truth, stop));

@@ -201,12 +201,13 @@ static const char *weights_of(const pm_scene *scene, int component) {
 
 static pm_status save_weights(const fit *f) {
     const pm_scene *scene = f->training->scene;
-    const pm_provenance provenance = {.command = f->arguments->line,
-                                      .data = f->arguments->data != NULL ? f->arguments->data
-                                                                         : f->training->data,
-                                      .seed = f->training->seed,
-                                      .loss = f->loss,
-                                      .seconds = f->position[2]};
+    const pm_provenance provenance = {
+        .command = f->arguments->line,
+        .data = f->arguments->data != NULL ? f->arguments->data : f->training->data,
+        .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
+        .seed = f->training->seed,
+        .loss = f->loss,
+        .seconds = f->position[2]};
     for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
         const bool part = i < scene->nsubsystem;
         const int port = i - scene->nsubsystem;

@@ -10,7 +10,8 @@
 #include "store/xdmf.h"
 
 typedef struct arguments {
-    const char *modes, *basis, *body, *truth, *trajectories, *trained, *plot, *output;
+    const char *modes, *basis, *body, *contact, *stiffness, *truth, *trajectories, *trained, *plot,
+        *output;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
@@ -18,6 +19,10 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--basis", "-b", "FILE", NULL, &a->basis, false,
          "the basis that `reduce` made; without, MODES are nodal values as of `nodes`"},
         {"--body", NULL, "NAME", NULL, &a->body, false, "of this body of an assembly (`contact`)"},
+        {"--contact", NULL, "CONFIG", NULL, &a->contact, false,
+         "what presses on that body: bodies placed as CONFIG says, as for `contact`"},
+        {"--stiffness", NULL, "K", NULL, &a->stiffness, false,
+         "N/m, of a pair of their facing points in the scene"},
         {"--truth", "-t", "FILE", NULL, &a->truth, false,
          "fields to score against, and whose forces there are (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
@@ -41,6 +46,29 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
+// What --contact needs.
+static pm_status check_contact(const arguments *a, double *stiffness) {
+    if ((a->contact == NULL) != (a->stiffness == NULL) || (a->contact != NULL && a->body == NULL)) {
+        return pm_fail(PM_EUSAGE, "--contact, --stiffness and --body belong together");
+    }
+    return a->stiffness == NULL ? PM_OK
+                                : pm_options_positive("--stiffness", a->stiffness, stiffness);
+}
+
+// Who else there is, and where the body touches them.
+static pm_status find_touch(const arguments *a, double stiffness, const pm_dataset *modes,
+                            pm_assembly *assembly, pm_touch *touch) {
+    PM_TRY(pm_assembly_load(assembly, a->contact));
+    int body = 0;
+    while (body < assembly->nbody && strcmp(assembly->body[body].name, a->body) != 0) {
+        ++body;
+    }
+    if (body == assembly->nbody) {
+        return pm_fail(PM_EUSAGE, "--body: %s places no \"%s\"", a->contact, a->body);
+    }
+    return pm_touch_open(touch, assembly, body, modes, stiffness, &assembly->arena);
+}
+
 // The truth's trajectories named on the command line; as many as there are of modes.
 static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_field *truth,
                         int **which) {
@@ -56,18 +84,28 @@ static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_fi
                          modes->ntrajectory, count);
 }
 
-// Fields from modes, or from nodal values.
-static pm_status make_fields(const arguments *a, const pm_dataset *modes, const pm_field *truth,
-                             const int *which, pm_field **field) {
-    if (a->basis == NULL) {
-        return pm_nodal_fields(field, modes, truth, which);
-    }
+static pm_status make_from_modes(const arguments *a, double stiffness, const pm_dataset *modes,
+                                 const pm_field *truth, const int *which, pm_field **field) {
     pm_basis *basis = NULL;
-    PM_TRY(pm_basis_load(&basis, a->basis));
+    pm_assembly assembly = {0};
+    pm_touch touch;
+    pm_status status;
+    PM_TRY_DONE(pm_basis_load(&basis, a->basis));
+    PM_TRY_DONE(pm_basis_check(basis, pm_dataset_find_note(modes, "coordinates"), a->modes));
     if (truth == NULL && basis->local.nsection > 0) {
         printf("without --truth forces are not known: stress close to loads is left out\n");
     }
-    const pm_status status = pm_reconstruct(field, basis, modes, a->body, truth, which);
+    if (a->contact == NULL && truth != NULL && truth->contact != NULL) {
+        printf("without --contact what other bodies do to the stress is left out\n");
+    }
+    if (a->contact != NULL) {
+        assembly.basis = basis;
+        PM_TRY_DONE(find_touch(a, stiffness, modes, &assembly, &touch));
+    }
+    PM_TRY_DONE(pm_reconstruct(field, basis, modes, a->body, a->contact == NULL ? NULL : &touch,
+                               truth, which));
+done:
+    pm_arena_free(&assembly.arena);
     pm_basis_free(basis);
     return status;
 }
@@ -120,17 +158,19 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
+    double stiffness = 0;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
         return PM_OK;
     }
+    PM_TRY(check_contact(&a, &stiffness));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_dataset *modes = NULL;
     pm_field *field = NULL, *truth = NULL;
     int *which = NULL;
     pm_status status;
-    if (a.basis == NULL && a.truth == NULL) {
+    if (a.basis == NULL && (a.truth == NULL || a.body != NULL)) {
         return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
     }
     PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
@@ -138,7 +178,8 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
         PM_TRY_DONE(choose(&a, modes, truth, &which));
     }
-    PM_TRY_DONE(make_fields(&a, modes, truth, which, &field));
+    PM_TRY_DONE(a.basis == NULL ? pm_nodal_fields(&field, modes, truth, which)
+                                : make_from_modes(&a, stiffness, modes, truth, which, &field));
     if (truth != NULL) {
         PM_TRY_DONE(report_errors(&a, field, truth, which));
     }

@@ -141,8 +141,8 @@ static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *fi
 static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm_field *field,
                              int count, const int *which, bool square, const char *command) {
     pm_dataset *modes = NULL;
-    PM_TRY(pm_reduce_project(&modes, basis, field, count, which, square));
-    const pm_status status = pm_modes_save(modes, a->data, "reduce", command, a->output);
+    PM_TRY(pm_reduce_project(&modes, basis, field, count, which, square, PM_LOADS_OF_ALL));
+    const pm_status status = pm_modes_save(modes, basis, a->data, "reduce", command, a->output);
     pm_dataset_free(modes);
     return status;
 }

@@ -1,6 +1,7 @@
 // Reading a command line from its table.
 #include "options.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -91,6 +92,16 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
                            options->usage);
         }
     }
+    return PM_OK;
+}
+
+pm_status pm_options_positive(const char *name, const char *text, double *result) {
+    char *end;
+    const double number = strtod(text, &end);
+    if (end == text || *end != '\0' || !(number > 0 && isfinite(number))) {
+        return pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", name, text);
+    }
+    *result = number;
     return PM_OK;
 }
 

@@ -39,6 +39,9 @@ pm_status pm_options_range(const char *text, int count, int *first, int *end);
 // many there are. One named twice is an error.
 pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
 
+// A number > 0, the value of option `name`. PM_EUSAGE.
+pm_status pm_options_positive(const char *name, const char *text, double *result);
+
 // Makes the folder `path` and those above it, where they are missing. PM_EFILE: it cannot be made
 // or written; PM_ENOMEM.
 pm_status pm_options_folder(const char *path);

@@ -29,6 +29,7 @@ static pm_status load_reference(pm_setup *setup) {
         return pm_fail(status, "%s: %s", scene->reference_at, pm_error());
     }
     const pm_dataset *reference = setup->reference;
+    PM_TRY(pm_system_check_dataset(setup->system, reference, scene->reference));
     if (scene->reference_trajectory < 0 || scene->reference_trajectory >= reference->ntrajectory) {
         return pm_fail(PM_ECONFIG, "%s: trajectory %d of the reference: %s holds %d, from 0",
                        scene->reference_trajectory_at, scene->reference_trajectory,

@@ -119,6 +119,15 @@ pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *for
     return copy == NULL ? fail_memory() : note_keep(dataset, name, copy);
 }
 
+const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name) {
+    for (int i = 0; i < dataset->nnote; ++i) {
+        if (strcmp(dataset->note[i].name, name) == 0) {
+            return dataset->note[i].text;
+        }
+    }
+    return NULL;
+}
+
 // --- checks ---
 
 static pm_status check_columns(const pm_dataset *d, const char *path) {

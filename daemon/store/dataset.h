@@ -3,7 +3,8 @@
 //   /zdot (optional), like /z: its rate, for training on rates; otherwise taken by differences,
 //   attribute state_layout of /: the columns' names separated by blanks; "f[0:180]" stands for f0
 //   to f179 (names.h), and is written so where the names are longer than 60 kB;
-//   other text attributes of / are kept as notes (title, source, command, seed ...);
+//   other text attributes of / are kept as notes (title, source, command, seed ...; `coordinates`
+//   as in weights.h);
 //   /units attribute of / (optional): the columns' units separated by ';'.
 #ifndef PM_STORE_DATASET_H
 #define PM_STORE_DATASET_H
@@ -38,6 +39,8 @@ pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int n
 // Adds a note; replaces one of the same name.
 pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+// The text of a note, or NULL.
+const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name);
 // Adds rates to be filled, zeroed. PM_ENOMEM.
 pm_status pm_dataset_with_rates(pm_dataset *dataset);
 pm_status pm_dataset_save(const pm_dataset *dataset, const char *path);

@@ -260,6 +260,7 @@ pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *
                                                  : load_port(system, i, weights_dir));
     }
     PM_TRY_DONE(pm_system_check_loads(system));
+    PM_TRY_DONE(pm_system_check_coordinates(system));
     system->digest = digest_system(system);
     *result = system;
     system = NULL;

@@ -7,6 +7,7 @@
 #include "model/part.h"
 #include "model/port.h"
 #include "model/prediction.h"
+#include "store/dataset.h"
 #include "store/scene.h"
 #include "store/weights.h"
 
@@ -44,6 +45,13 @@ void pm_system_free(pm_system *system); // NULL is allowed
 // world's end would take no part in the exchange, and the rest would be wrong. PM_ECONFIG, at the
 // scene's entry. Part of pm_system_load; a caller that sets specs calls it after.
 pm_status pm_system_check_loads(const pm_system *system);
+
+// Whether each port's weights were made in the coordinates (weights.h) that those of its ends'
+// parts were; where either is not known, nothing is wrong. PM_EWEIGHTS. Part of pm_system_load.
+pm_status pm_system_check_coordinates(const pm_system *system);
+// The same of the parts' weights and a dataset's note `coordinates`; `path` names it. PM_EDATA.
+pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
+                                  const char *path);
 
 // Whether what one end of a port shows includes a dS.
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end);

@@ -153,6 +153,9 @@ static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_
     PM_TRY(pm_hdf5_write_text(file, "/", "created", created));
     PM_TRY(pm_hdf5_write_text(file, "/", "command", p->command == NULL ? "" : p->command));
     PM_TRY(pm_hdf5_write_text(file, "/", "data", p->data == NULL ? "" : p->data));
+    if (p->coordinates != NULL && *p->coordinates != '\0') {
+        PM_TRY(pm_hdf5_write_text(file, "/", "coordinates", p->coordinates));
+    }
     PM_TRY(pm_hdf5_write_integer(file, "/", "seed", p->seed));
     PM_TRY(pm_hdf5_write_number(file, "/", "loss", p->loss));
     return pm_hdf5_write_number(file, "/", "seconds", p->seconds);
@@ -274,7 +277,10 @@ static pm_status read_layout(const pm_hdf5 *file, const char *path, const char *
 // The digest read stands for the file; check_digest compares it with the content.
 static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena *arena,
                                  pm_provenance *p) {
-    *p = (pm_provenance){.path = pm_arena_strdup(arena, path)};
+    *p = (pm_provenance){.path = pm_arena_strdup(arena, path), .coordinates = ""};
+    if (pm_hdf5_is_text(file, "/", "coordinates")) {
+        PM_TRY(pm_hdf5_read_text(file, "/", "coordinates", arena, &p->coordinates));
+    }
     PM_TRY(pm_hdf5_read_text(file, "/", "command", arena, &p->command));
     PM_TRY(pm_hdf5_read_text(file, "/", "data", arena, &p->data));
     PM_TRY(pm_hdf5_read_integer(file, "/", "seed", &p->seed));

@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "base/rng.h"
 #include "modal/assembly.h"
 
 #define GAP 0.25
@@ -316,6 +317,44 @@ static void points_of_many_faces_are_refused(void **state) {
     }
 }
 
+static void shake(box *b, double size, pm_rng *rng) {
+    for (int n = 0; n < b->placed.nnode; ++n) {
+        for (int d = 0; d < 3; ++d) {
+            b->u[n][d] = size * pm_rng_normal(rng);
+        }
+    }
+}
+
+// The power of the forces is what the groups lose.
+static void forces_are_the_adjoint(void **state) {
+    (void)state;
+    scene s;
+    pm_rng rng;
+    pm_rng_init(&rng, 21, 0);
+    make_scene(&s);
+    const int count = PM_FACING_GROUPS * s.facing.npair;
+    double *effort = pm_arena_array(&s.arena, (size_t)count, sizeof *effort);
+    for (int end = 0; end < 2; ++end) {
+        box *b = end == 0 ? &s.lower : &s.upper;
+        double f[MOST_NODES][3] = {{0}}, power = 0, lost = 0;
+        shake(b, 1, &rng);
+        memset(s.value, 0, (size_t)count * sizeof *s.value);
+        pm_facing_measure(&s.facing, end, &b->placed, b->u[0], s.value);
+        for (int i = 0; i < count; ++i) {
+            effort[i] = pm_rng_normal(&rng);
+            lost -= effort[i] * s.value[i];
+        }
+        pm_facing_add_forces(&s.facing, end, &b->placed, effort, f[0]);
+        for (int n = 0; n < b->placed.nnode; ++n) {
+            for (int d = 0; d < 3; ++d) {
+                power += f[n][d] * b->u[n][d];
+            }
+        }
+        check("power", end, power, lost);
+    }
+    pm_arena_free(&s.arena);
+}
+
 // --- assemblies ---
 
 enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
@@ -499,6 +538,72 @@ static void forces_are_compared(void **state) {
     free_stack(&s);
 }
 
+// What the stack's columns are when its boxes are displaced by u, and the energy of its openings.
+static double fill_openings(const stack *s, double (*u)[MOST_NODES][3], const pm_dataset *d,
+                            double stiffness, double *row) {
+    static const char *const first[2] = {"bottom_middle_g0", "middle_top_g0"};
+    double energy = 0;
+    for (int m = 0; m < 2; ++m) {
+        const pm_meeting *meeting = &s->assembly.meeting[m];
+        double *value = row + column_of(d, first[m]);
+        for (int i = 0; i < PM_FACING_GROUPS * NPAIR; ++i) {
+            value[i] = i < NPAIR ? GAP : 0;
+        }
+        for (int end = 0; end < 2; ++end) {
+            const int body = meeting->body[end];
+            pm_facing_measure(&meeting->facing, end, &s->assembly.body[body], u[body][0], value);
+        }
+        for (int i = 0; i < NPAIR; ++i) {
+            const double opening = value[i] + value[NPAIR + i] * value[3 * NPAIR + i] +
+                                   value[2 * NPAIR + i] * value[4 * NPAIR + i];
+            energy += stiffness / 2 * fmin(opening, 0) * fmin(opening, 0);
+        }
+    }
+    return energy;
+}
+
+// Of the middle one, which is pressed from both sides.
+static void forces_are_the_slope_of_the_energy(void **state) {
+    (void)state;
+    static double u[NBODY][MOST_NODES][3];
+    const double stiffness = 30, h = 1e-5, tolerance = 1e-6;
+    stack s;
+    pm_touch touch;
+    pm_dataset *d = NULL;
+    pm_rng rng;
+    pm_rng_init(&rng, 22, 0);
+    make_stack(&s);
+    assert_int_equal(
+        pm_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
+        PM_OK);
+    assert_int_equal(pm_touch_open(&touch, &s.assembly, 1, d, stiffness, &s.assembly.arena), PM_OK);
+    for (int i = 0; i < NBODY * MOST_NODES; ++i) {
+        for (int k = 0; k < 3; ++k) {
+            u[i / MOST_NODES][i % MOST_NODES][k] = 0.2 * pm_rng_normal(&rng);
+        }
+    }
+    double f[MOST_NODES][3] = {{0}}, largest = 0, *row = pm_dataset_state(d, 0, 0);
+    fill_openings(&s, u, d, stiffness, row);
+    pm_touch_add_forces(&touch, row, f[0]);
+    for (int i = 0; i < 3 * s.box.placed.nnode; ++i) {
+        double *own = &u[1][i / 3][i % 3], force = f[i / 3][i % 3];
+        const double at = *own;
+        *own = at + h;
+        double slope = fill_openings(&s, u, d, stiffness, row);
+        *own = at - h;
+        slope = (slope - fill_openings(&s, u, d, stiffness, row)) / (2 * h);
+        *own = at;
+        largest = fmax(largest, fabs(slope));
+        if (!(fabs(force + slope) <= tolerance)) {
+            fail_msg("seed 22, component %d: %.9g, expected %.9g within %g", i, force, -slope,
+                     tolerance);
+        }
+    }
+    assert_true(largest > 1);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
 // Fields of another number of trajectories, states or nodes are not read.
 static void fields_that_do_not_fit_are_refused(void **state) {
     (void)state;
@@ -533,9 +638,11 @@ int main(void) {
         cmocka_unit_test(what_turns_together_stays_apart),
         cmocka_unit_test(what_slides_meets_the_slope),
         cmocka_unit_test(points_of_many_faces_are_refused),
+        cmocka_unit_test(forces_are_the_adjoint),
         cmocka_unit_test(neighbours_meet),
         cmocka_unit_test(matrices_give_the_gaps),
         cmocka_unit_test(forces_are_compared),
+        cmocka_unit_test(forces_are_the_slope_of_the_energy),
         cmocka_unit_test(fields_that_do_not_fit_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -120,7 +120,8 @@ static void amplitudes_follow_the_loads(void **state) {
     pm_field *field = make_body();
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
-    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true, PM_LOADS_OF_WORLD),
+                     PM_OK);
     assert_int_equal(d->ntrajectory, 8 * NTRAJECTORY);
     assert_int_equal(d->ncolumn, 3 * 2 + 1 + 3);
     assert_string_equal(d->column[0], "a0");
@@ -157,8 +158,8 @@ static void fields_come_back(void **state) {
     pm_dataset *d = NULL;
     double error[2 * PM_FIELD_NERROR];
     // Trajectories from which the basis was not made.
-    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_OK);
     assert_int_equal(pm_field_errors(again, field, all + 4, error), PM_OK);
     for (int i = 0; i < 2; ++i) {
         assert_true(error[i * PM_FIELD_NERROR + PM_ERROR_DISPLACEMENT] < 1e-3);
@@ -169,6 +170,105 @@ static void fields_come_back(void **state) {
     pm_basis_free(made);
     pm_basis_free(b);
     pm_field_free(field);
+}
+
+// A dataset of two bodies, the first of which has the numbers of `one`; the one pair of points
+// between them is closed by `depth`.
+static pm_dataset *with_a_neighbour(const pm_dataset *one, double depth, pm_arena *arena) {
+    static const char *const between[] = {"g", "u", "v", "slope_u", "slope_v"};
+    const char *name[32];
+    pm_dataset *d = NULL;
+    for (int i = 0; i < one->ncolumn; ++i) {
+        name[i] = pm_arena_printf(arena, "one_%s", one->column[i]);
+    }
+    for (int i = 0; i < 5; ++i) {
+        name[one->ncolumn + i] = pm_arena_printf(arena, "one_two_%s0", between[i]);
+    }
+    assert_int_equal(
+        pm_dataset_new(&d, one->ntrajectory, one->ntime, one->ncolumn + 5, one->dt, name), PM_OK);
+    for (int j = 0; j < one->ntrajectory * one->ntime; ++j) {
+        double *row = d->z + (ptrdiff_t)j * d->ncolumn;
+        memcpy(row, one->z + (ptrdiff_t)j * one->ncolumn, (size_t)one->ncolumn * sizeof *row);
+        row[one->ncolumn] = -depth;
+    }
+    return d;
+}
+
+// What the world and another body share is what the world alone would do.
+static void forces_of_contact_are_loads(void **state) {
+    (void)state;
+    pm_field *field = make_body();
+    pm_basis *b = make_basis(field), *shared = NULL;
+    pm_dataset *d = NULL, *whole = NULL, *half = NULL;
+    const size_t count = 3 * (size_t)NTRAJECTORY * NTIME * NNODE;
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    field->contact = calloc(count, sizeof *field->contact);
+    for (size_t i = 0; i < count; ++i) {
+        field->contact[i] = field->f[i] /= 2;
+    }
+    shared = make_basis(field);
+    assert_memory_equal(shared->mode, b->mode, 3 * 3 * NNODE * sizeof *b->mode);
+    assert_memory_equal(shared->local.kernel, b->local.kernel, 9 * 9 * 6 * sizeof(double));
+    assert_int_equal(pm_reduce_project(&whole, b, field, 1, all, false, PM_LOADS_OF_ALL), PM_OK);
+    assert_int_equal(pm_reduce_project(&half, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    for (int i = 0; i < NTIME * d->ncolumn; ++i) {
+        const bool is_load = i % d->ncolumn >= d->ncolumn - b->nmode;
+        assert_true(whole->z[i] == d->z[i]);
+        assert_true(half->z[i] == d->z[i] / (is_load ? 2 : 1));
+    }
+    free(field->contact);
+    pm_dataset_free(d);
+    pm_dataset_free(whole);
+    pm_dataset_free(half);
+    pm_basis_free(b);
+    pm_basis_free(shared);
+    pm_field_free(field);
+}
+
+// What presses on a body does to its fields what a load of the same forces does.
+static void contact_is_a_load(void **state) {
+    (void)state;
+    const int node = 4 * NX + NX - 1; // the one that carries loads
+    const double force = 20, stiffness = 50;
+    pm_arena arena = {0};
+    pm_field *field = make_body(), *pressed = NULL, *loaded = NULL;
+    pm_basis *b = make_basis(field);
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    pm_dataset *two = with_a_neighbour(d, force / stiffness, &arena);
+
+    pm_placed body[2] = {{.name = "one", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+                         {.name = "two"}};
+    pm_facing_pair pair = {.normal = {0, 0, 1}, .point = {{1, {node}, {1}, {{0}}, {0}}}};
+    pm_meeting meeting = {{0, 1}, {1, &pair}};
+    const pm_assembly assembly = {
+        .basis = b, .nbody = 2, .body = body, .nmeeting = 1, .meeting = &meeting};
+    pm_touch touch;
+    assert_int_equal(pm_touch_open(&touch, &assembly, 0, two, stiffness, &arena), PM_OK);
+    assert_int_equal(pm_reconstruct(&pressed, b, two, "one", &touch, NULL, NULL), PM_OK);
+
+    memset(field->f, 0, 3 * NTRAJECTORY * NTIME * NNODE * sizeof *field->f);
+    for (int j = 0; j < NTIME; ++j) {
+        double *load = pm_dataset_state(d, 0, j) + d->ncolumn - b->nmode;
+        pm_field_force(field, 0, j)[3 * node + 2] = -force; // what is above presses down
+        for (int i = 0; i < b->nmode; ++i) {
+            load[i] -= force * b->mode[3 * (i * NNODE + node) + 2];
+        }
+    }
+    assert_int_equal(pm_reconstruct(&loaded, b, d, NULL, NULL, field, all), PM_OK);
+    double largest = 0;
+    for (int i = 0; i < NTIME * NNODE * NVARIABLE; ++i) {
+        largest = fmax(largest, fabs(loaded->z[i]));
+        assert_true(fabs(pressed->z[i] - loaded->z[i]) <= 1e-12 * largest);
+    }
+    assert_true(largest > 1);
+    pm_dataset_free(two);
+    pm_dataset_free(d);
+    pm_field_free(pressed);
+    pm_field_free(loaded);
+    pm_basis_free(b);
+    pm_field_free(field);
+    pm_arena_free(&arena);
 }
 
 // The same with the variables in another order.
@@ -206,7 +306,8 @@ static void variables_are_found_by_name(void **state) {
     assert_non_null(strstr(pm_error(), "has no \"sxx syy"));
     other->variable = "T";
     pm_dataset *none = NULL;
-    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false), PM_EDATA);
+    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false, PM_LOADS_OF_WORLD),
+                     PM_EDATA);
     assert_non_null(strstr(pm_error(), "no positions"));
     pm_basis_free(expected);
     pm_basis_free(b);
@@ -237,8 +338,8 @@ static void a_body_may_have_no_mesh(void **state) {
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
     assert_int_equal(b->nelement, 0);
-    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_OK);
     assert_int_equal(again->nelement, 0);
     pm_dataset_free(d);
     pm_field_free(again);
@@ -312,7 +413,7 @@ static void what_does_not_fit_is_told(void **state) {
     pm_dataset *d = NULL;
     const char *column[] = {"a0", "a1"};
     assert_int_equal(pm_dataset_new(&d, 1, 2, 2, dt, column), PM_OK);
-    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL), PM_EDATA);
+    assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_EDATA);
     assert_non_null(strstr(pm_error(), "no column \"p0\""));
     field->position[3] += 0.3; // no longer like a square
     pm_basis *none = NULL;
@@ -413,6 +514,8 @@ int main(void) {
         cmocka_unit_test_prestate(spoiled_bases_are_refused, &folder),
         cmocka_unit_test_prestate(bases_of_many_modes_are_refused, &folder),
         cmocka_unit_test(a_body_may_have_no_mesh),
+        cmocka_unit_test(forces_of_contact_are_loads),
+        cmocka_unit_test(contact_is_a_load),
         cmocka_unit_test(variables_are_found_by_name),
         cmocka_unit_test(only_like_fields_are_compared),
         cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),

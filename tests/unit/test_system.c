@@ -53,10 +53,14 @@ static pm_scene *edited(scratch *folder, const char *from, const char *to) {
     return edited_from(good, folder, from, to);
 }
 
+// Of what is saved next.
+static const char *part_coordinates, *port_coordinates;
+
 static void save_part(pm_part *part, pm_arena *arena, const char *path) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
-    const pm_provenance provenance = {.command = "test", .data = ""};
+    const pm_provenance provenance = {
+        .command = "test", .data = "", .coordinates = part_coordinates};
     assert_int_equal(pm_yaml_parse(&document,
                                    "energy: {features: [\"|p|^2\", s], skip: linear}\n"
                                    "entropy: {given: s}\n",
@@ -71,7 +75,8 @@ static void save_part(pm_part *part, pm_arena *arena, const char *path) {
 static void save_port(pm_port_model *port, pm_arena *arena, const char *path) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
-    const pm_provenance provenance = {.command = "test", .data = ""};
+    const pm_provenance provenance = {
+        .command = "test", .data = "", .coordinates = port_coordinates};
     assert_int_equal(pm_yaml_parse(&document,
                                    "law: bracket\n"
                                    "irreversible: {learned: {acts_on: [a.s, b.s]}}\n",
@@ -83,16 +88,21 @@ static void save_port(pm_port_model *port, pm_arena *arena, const char *path) {
     assert_int_equal(pm_weights_save_port(path, port, &provenance), PM_OK);
 }
 
-static int setup(void **state) {
-    static scratch folder;
-    scratch_open(&folder);
-    pm_scene *scene = edited(&folder, "pair", "pair");
+static void save_weights(scratch *folder) {
+    pm_scene *scene = edited(folder, "pair", "pair");
     pm_system *system = NULL;
     assert_int_equal(pm_system_new(&system, scene), PM_OK);
     save_part(&system->part[0], &system->arena, scene->subsystem[0].weights);
     save_port(&system->port[0], &system->arena, scene->port[0].weights);
     pm_system_free(system);
     pm_scene_free(scene);
+}
+
+static int setup(void **state) {
+    static scratch folder;
+    scratch_open(&folder);
+    part_coordinates = port_coordinates = NULL;
+    save_weights(&folder);
     *state = &folder;
     return 0;
 }
@@ -262,6 +272,52 @@ static void test_mismatch(void **state) {
 }
 
 // Another folder's weights take the place of the scene's, by file name.
+static pm_dataset *dataset_in(const char *coordinates) {
+    static const char *const column = "x";
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 1, 1, 1, 1, &column), PM_OK);
+    if (coordinates != NULL) {
+        assert_int_equal(pm_dataset_note(d, "coordinates", "%s", coordinates), PM_OK);
+    }
+    return d;
+}
+
+static void coordinates_must_agree_where_they_are_known(void **state) {
+    static const struct {
+        const char *part, *port, *data;
+        pm_status loads, fits;
+    } cases[] = {
+        {"basis 1", "basis 1", "basis 1", PM_OK, PM_OK},
+        {"basis 1", "basis 2", NULL, PM_EWEIGHTS, PM_OK},
+        {"basis 1", NULL, "basis 2", PM_OK, PM_EDATA},
+        {"basis 1", NULL, NULL, PM_OK, PM_OK},
+        {NULL, "basis 2", "basis 1", PM_OK, PM_OK},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        part_coordinates = cases[i].part;
+        port_coordinates = cases[i].port;
+        save_weights(*state);
+        pm_scene *scene = edited(*state, "pair", "pair");
+        pm_system *system = NULL;
+        pm_dataset *data = dataset_in(cases[i].data);
+        assert_int_equal(pm_system_load(&system, scene, NULL), cases[i].loads);
+        if (system == NULL) {
+            assert_non_null(strstr(pm_error(), "t.yaml:8:20: port joint: the weights "));
+            assert_non_null(strstr(pm_error(), "joint.h5 are made for basis 2, those of upper, "));
+        } else {
+            assert_string_equal(system->part_provenance[0].coordinates,
+                                cases[i].part == NULL ? "" : cases[i].part);
+            assert_int_equal(pm_system_check_dataset(system, data, "data.h5"), cases[i].fits);
+            if (cases[i].fits != PM_OK) {
+                assert_non_null(strstr(pm_error(), "data.h5: made with basis 2; the weights "));
+            }
+        }
+        pm_dataset_free(data);
+        pm_system_free(system);
+        pm_scene_free(scene);
+    }
+}
+
 static void test_weights_folder(void **state) {
     scratch *folder = *state;
     pm_scene *scene = edited(folder, "joint.h5", "elsewhere/joint.h5");
@@ -278,9 +334,12 @@ static void test_weights_folder(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_digest),         cmocka_unit_test(test_known_models),
-        cmocka_unit_test(test_matrix),         cmocka_unit_test(test_mismatch),
+        cmocka_unit_test(test_digest),
+        cmocka_unit_test(test_known_models),
+        cmocka_unit_test(test_matrix),
+        cmocka_unit_test(test_mismatch),
         cmocka_unit_test(test_weights_folder),
+        cmocka_unit_test(coordinates_must_agree_where_they_are_known),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -189,15 +189,27 @@ succeed "lower_upper.upper.h5: 2 pairs of points, 1 m apart" contact "$beam" --b
 [ -e "$folder/two/lower_upper.lower.h5" ] && [ ! -e "$folder/two/modes.h5" ] || fail "contact: its files"
 succeed "modes.h5: 1 trajectories of 8 states" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0:1 -o "$folder/two"
 succeed "displacement" reconstruct "$folder/two/modes.h5" --body upper --basis "$basis" --truth "$folder/beams_upper.h5" --trajectories 0
+with_contact="reconstruct $folder/two/modes.h5 --basis $basis --contact $beam"
+succeed "stress" $with_contact --body upper --stiffness 1e6 --truth "$folder/beams_upper.h5" --trajectories 0
+expect 2 "belong together" $with_contact --stiffness 1e6
+expect 2 "belong together" $with_contact --body upper
+expect 2 "--stiffness: expected a number > 0, found \"-1\"" $with_contact --body upper --stiffness -1
+expect 2 'places no "middle"' $with_contact --body middle --stiffness 1e6
 succeed "in 1 of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
 succeed "touch in none of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 1 --score "$folder/two/modes.h5" --stiffness 1e6
 expect 5 'no column "middle_a0"' reconstruct "$folder/two/modes.h5" --body middle --basis "$basis"
 expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6
-expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6N
+expect 2 "--stiffness: expected a number > 0, found \"1e6N\"" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6N
 expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
 expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$folder/two"
 expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" -o "$new"
+# The same body in other coordinates: a different basis.
+with_modes 's/swing: .*/swing: 0.003/'
+succeed "modes.h5: 16" reduce "$modes" --data "$folder/beam.h5" -o "$folder/other"
+other=$folder/other/basis.h5
+expect 5 "two/modes.h5: made with basis " reconstruct "$folder/two/modes.h5" --body upper --basis "$other"
+expect 5 "two/modes.h5: made with basis " contact "$beam" --basis "$other" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
 expect 2 "nothing to do" contact "$beam" --basis "$basis" --data "$fields"
 expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
 expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --basis "$basis" \

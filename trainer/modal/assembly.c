@@ -221,7 +221,8 @@ pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *a,
     pm_dataset **part = calloc((size_t)a->nbody, sizeof *part);
     pm_status status = part == NULL ? no_memory() : PM_OK;
     for (int i = 0; i < a->nbody && status == PM_OK; ++i) {
-        status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false);
+        status = pm_reduce_project(&part[i], a->basis, field[i], count, trajectory, false,
+                                   PM_LOADS_OF_WORLD);
     }
     if (status == PM_OK) {
         status = join(dataset, a, (const pm_dataset *const *)part, field, trajectory);

@@ -28,6 +28,10 @@ extern const struct pm_meeting_group {
     const char *name, *unit;
 } pm_meeting_group[PM_FACING_GROUPS];
 
+// The bodies placed in a truth's configuration under system: beams:, and their meetings. `assembly`
+// is zero but for the basis. PM_EFILE, PM_ECONFIG, PM_EDATA, PM_ENOMEM.
+pm_status pm_assembly_load(pm_assembly *assembly, const char *path);
+
 // Finds the meetings of the bodies, without those that have a third body between them. PM_EDATA,
 // PM_ENOMEM.
 pm_status pm_assembly_meet(pm_assembly *assembly);
@@ -47,6 +51,23 @@ pm_status pm_assembly_check(const pm_assembly *assembly, const pm_field *const *
 // PM_ENOMEM.
 pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *assembly,
                               const pm_field *const *field, int count, const int *trajectory);
+
+// What presses on one body of an assembly, from the state of what lies between.
+typedef struct pm_touch {
+    const pm_assembly *assembly;
+    int body;
+    double stiffness;               // N/m of an opening, as in the scene
+    int (*first)[PM_FACING_GROUPS]; // [nmeeting] columns of the body's meetings
+    double *effort;                 // work space
+} pm_touch;
+
+// Finds the columns of the body's meetings in a dataset as pm_assembly_project writes it; memory
+// from the arena. PM_EDATA, PM_ENOMEM.
+pm_status pm_touch_open(pm_touch *touch, const pm_assembly *assembly, int body,
+                        const pm_dataset *modes, double stiffness, pm_arena *arena);
+// Adds to f [nnode][3] N, in the body's frame, the forces of contact on its nodes in a state `row`
+// of that dataset, where an opening x stores stiffness/2 min(x,0)^2.
+void pm_touch_add_forces(const pm_touch *touch, const double *row, double *f);
 
 // How far off the force of a meeting is in a dataset of modes: error [modes->ntrajectory], the
 // relative L2 error over a trajectory of the total normal force, where an opening x gives the force

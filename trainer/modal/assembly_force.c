@@ -1,4 +1,4 @@
-// Forces of contact, those of the openings against those of the truth.
+// Forces of contact: on the nodes, and in all against those of the truth.
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -42,13 +42,17 @@ static pm_status find_lone_end(const pm_assembly *a, const pm_meeting *m,
                    a->body[m->body[0]].name, a->body[m->body[1]].name);
 }
 
+// How far the points of a pair are apart.
+static double opening_of(const int *first, int pair, const double *row) {
+    return row[first[PM_FACING_GAP] + pair] +
+           row[first[PM_FACING_SLID_U] + pair] * row[first[PM_FACING_SLOPE_U] + pair] +
+           row[first[PM_FACING_SLID_V] + pair] * row[first[PM_FACING_SLOPE_V] + pair];
+}
+
 static double force_of_openings(const int *first, int npair, double stiffness, const double *row) {
     double force = 0;
     for (int i = 0; i < npair; ++i) {
-        const double x = row[first[PM_FACING_GAP] + i] +
-                         row[first[PM_FACING_SLID_U] + i] * row[first[PM_FACING_SLOPE_U] + i] +
-                         row[first[PM_FACING_SLID_V] + i] * row[first[PM_FACING_SLOPE_V] + i];
-        force -= stiffness * fmin(x, 0);
+        force -= stiffness * fmin(opening_of(first, i, row), 0);
     }
     return force;
 }
@@ -65,6 +69,58 @@ static double force_of_field(const pm_placed *body, const pm_meeting *m, int end
     }
     return end == 0 ? -force : force;
 }
+
+// --- on the nodes of a body ---
+
+pm_status pm_touch_open(pm_touch *touch, const pm_assembly *a, int body, const pm_dataset *modes,
+                        double stiffness, pm_arena *arena) {
+    int most = 0;
+    *touch = (pm_touch){.assembly = a, .body = body, .stiffness = stiffness};
+    touch->first = pm_arena_array(arena, (size_t)a->nmeeting, sizeof *touch->first);
+    for (int i = 0; i < a->nmeeting; ++i) {
+        most = a->meeting[i].facing.npair > most ? a->meeting[i].facing.npair : most;
+    }
+    touch->effort = pm_arena_array(arena, PM_FACING_GROUPS * (size_t)most, sizeof *touch->effort);
+    if (touch->first == NULL || touch->effort == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for forces of contact");
+    }
+    for (int i = 0; i < a->nmeeting; ++i) {
+        const pm_meeting *m = &a->meeting[i];
+        if (m->body[0] == body || m->body[1] == body) {
+            PM_TRY(find_groups(a, m, modes, arena, touch->first[i]));
+        }
+    }
+    return PM_OK;
+}
+
+// The derivatives of stiffness/2 min(x,0)^2, x the opening, by the groups.
+static void fill_effort(const pm_touch *touch, int meeting, const double *row) {
+    const int *first = touch->first[meeting], n = touch->assembly->meeting[meeting].facing.npair;
+    for (int i = 0; i < n; ++i) {
+        const double slope = touch->stiffness * fmin(opening_of(first, i, row), 0);
+        touch->effort[PM_FACING_GAP * n + i] = slope;
+        for (int t = 0; t < 2; ++t) {
+            const int slid = PM_FACING_SLID_U + t, slopes = PM_FACING_SLOPE_U + t;
+            touch->effort[slid * n + i] = slope * row[first[slopes] + i];
+            touch->effort[slopes * n + i] = slope * row[first[slid] + i];
+        }
+    }
+}
+
+void pm_touch_add_forces(const pm_touch *touch, const double *row, double *f) {
+    const pm_assembly *a = touch->assembly;
+    for (int i = 0; i < a->nmeeting; ++i) {
+        const pm_meeting *m = &a->meeting[i];
+        for (int end = 0; end < 2; ++end) {
+            if (m->body[end] == touch->body) {
+                fill_effort(touch, i, row);
+                pm_facing_add_forces(&m->facing, end, &a->body[touch->body], touch->effort, f);
+            }
+        }
+    }
+}
+
+// --- in all ---
 
 pm_status pm_meeting_force_errors(const pm_assembly *a, const pm_meeting *m,
                                   const pm_dataset *modes, double stiffness,

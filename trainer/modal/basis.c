@@ -2,12 +2,14 @@
 // names.
 #include "modal/basis.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/digest.h"
 #include "store/hdf5_io.h"
 
 #define LARGEST 100000 // nodes or elements that a file may ask for
@@ -62,6 +64,29 @@ void pm_basis_free(pm_basis *basis) {
         pm_arena_free(&basis->arena);
         free(basis);
     }
+}
+
+// --- identity ---
+
+void pm_basis_coordinates(const pm_basis *b, char text[PM_BASIS_COORDINATES]) {
+    const size_t nmode = (size_t)b->nmode;
+    uint64_t digest = pm_digest_integer(PM_DIGEST_INIT, b->nmode);
+    digest = pm_digest_integer(digest, b->nstate);
+    digest = pm_digest_doubles(digest, b->mode, 3 * nmode * (size_t)b->nnode);
+    digest = pm_digest_doubles(digest, b->stiffness, nmode);
+    digest = pm_digest_doubles(digest, b->tau, (size_t)b->nbranch);
+    digest = pm_digest_doubles(digest, &b->swing, 1);
+    digest = pm_digest_doubles(digest, &b->temperature, 1);
+    snprintf(text, PM_BASIS_COORDINATES, "basis %016" PRIx64, digest);
+}
+
+pm_status pm_basis_check(const pm_basis *basis, const char *text, const char *what) {
+    char own[PM_BASIS_COORDINATES];
+    pm_basis_coordinates(basis, own);
+    return text == NULL || *text == '\0' || strcmp(text, own) == 0
+               ? PM_OK
+               : pm_fail(PM_EDATA, "%s: made with %.64s, not with this one, which is %s", what,
+                         text, own);
 }
 
 // --- features ---

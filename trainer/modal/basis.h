@@ -76,6 +76,14 @@ pm_status pm_basis_add_mesh(pm_basis *basis, int nelement);
 pm_status pm_basis_add_pattern(pm_basis *basis, pm_pattern *pattern, int rank, int width);
 void pm_basis_free(pm_basis *basis); // NULL is allowed
 
+// Which coordinates a state in this basis is in, "basis " and a digest of all that gives its
+// numbers their meaning: modes, relaxation times, swing, temperature. Patterns do not count.
+#define PM_BASIS_COORDINATES 32
+void pm_basis_coordinates(const pm_basis *basis, char text[PM_BASIS_COORDINATES]);
+// Whether what was made in these coordinates (`text` NULL: nobody knows) is of this basis; `what`
+// names it in the error. PM_EDATA.
+pm_status pm_basis_check(const pm_basis *basis, const char *text, const char *what);
+
 // PM_EFILE, PM_EDATA, PM_ENOMEM.
 pm_status pm_basis_load(pm_basis **basis, const char *path);
 // With the command that made it.

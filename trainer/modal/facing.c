@@ -350,3 +350,31 @@ void pm_facing_measure(const pm_facing *facing, int end, const pm_placed *body, 
         }
     }
 }
+
+void pm_facing_add_forces(const pm_facing *facing, int end, const pm_placed *body,
+                          const double *effort, double *f) {
+    const double sign = end == 0 ? -1 : 1;
+    const int n = facing->npair;
+    for (int i = 0; i < n; ++i) {
+        const pm_facing_pair *pair = &facing->pair[i];
+        const pm_facing_point *point = &pair->point[end];
+        for (int k = 0; k < point->nnode; ++k) {
+            double along = -sign * point->value[k] * effort[PM_FACING_GAP * n + i];
+            double world[3] = {0};
+            for (int t = 0; t < 2; ++t) {
+                const double slid = sign * point->value[k] * effort[(PM_FACING_SLID_U + t) * n + i];
+                along -=
+                    point->share[t] * point->slope[t][k] * effort[(PM_FACING_SLOPE_U + t) * n + i];
+                for (int d = 0; d < 3; ++d) {
+                    world[d] += slid * pair->tangent[t][d];
+                }
+            }
+            for (int d = 0; d < 3; ++d) {
+                world[d] += along * pair->normal[d];
+            }
+            for (int d = 0; d < 3; ++d) {
+                f[3 * (ptrdiff_t)point->node[k] + d] += dot(body->axis[d], world);
+            }
+        }
+    }
+}

@@ -70,4 +70,10 @@ pm_status pm_facing_find(pm_facing *facing, const pm_placed *first, const pm_pla
 void pm_facing_measure(const pm_facing *facing, int end, const pm_placed *body, const double *u,
                        double *value);
 
+// The adjoint: adds to forces f [nnode][3] of one end's body, in its own frame, N, what gives the
+// power -effort.value for every u: the forces that an energy with the derivatives
+// effort [PM_FACING_GROUPS][npair] by the groups exerts on the nodes.
+void pm_facing_add_forces(const pm_facing *facing, int end, const pm_placed *body,
+                          const double *effort, double *f);
+
 #endif

@@ -6,11 +6,13 @@
 
 #include "base/linalg.h"
 
-pm_status pm_path_open(pm_path *p, const pm_field *field, int nmode, int nbranch, bool stress) {
+pm_status pm_path_open(pm_path *p, const pm_field *field, int nmode, int nbranch, pm_loads loads,
+                       bool stress) {
     *p = (pm_path){.ntime = field->ntime,
                    .nmode = nmode,
                    .nbranch = nbranch,
                    .nnode = field->nnode,
+                   .loads = loads,
                    .q = pm_field_columns(field, "qx qy qz"),
                    .sigma = stress ? pm_field_columns(field, "sxx syy szz sxy sxz syz") : -1};
     if (p->q < 0) {
@@ -53,6 +55,15 @@ static void drop_held_loads(const pm_path *p) {
     }
 }
 
+// Adds the forces of contact at a time to f [nnode][3].
+static void add_contact(pm_path *p, const pm_field *field, int trajectory, int time,
+                        const pm_copy *copy, double *f) {
+    pm_copy_vectors(copy, p->nnode, pm_field_contact(field, trajectory, time), 3, p->moved);
+    for (int i = 0; i < 3 * p->nnode; ++i) {
+        f[i] += p->moved[i];
+    }
+}
+
 void pm_path_take(pm_path *p, const pm_field *field, int trajectory, const pm_copy *copy) {
     const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
     for (int j = 0; j < p->ntime; ++j) {
@@ -66,6 +77,9 @@ void pm_path_take(pm_path *p, const pm_field *field, int trajectory, const pm_co
         }
         pm_copy_vectors(copy, p->nnode, p->moved, 3, p->u + j * width);
         pm_copy_vectors(copy, p->nnode, pm_field_force(field, trajectory, j), 3, p->f + j * width);
+        if (p->loads == PM_LOADS_OF_ALL && field->contact != NULL) {
+            add_contact(p, field, trajectory, j, copy, p->f + j * width);
+        }
         if (p->stress != NULL) {
             pm_copy_tensors(copy, p->nnode, state + p->sigma, field->nvariable,
                             p->stress + 2 * j * width);

@@ -6,10 +6,14 @@
 #include "modal/copies.h"
 #include "store/field.h"
 
+// Which forces on a body count as its loads: those of the world, or those of other bodies too.
+typedef enum pm_loads { PM_LOADS_OF_WORLD, PM_LOADS_OF_ALL } pm_loads;
+
 // Arrays by time. What is called [.][n] has all modes, also those outside the state.
 typedef struct pm_path {
     pm_arena arena; // owns all that follows
     int ntime, nmode, nbranch, nnode;
+    pm_loads loads;
     int q, sigma;   // first of the field's variables that are positions, and stress; -1: none
     double *u;      // [ntime][nnode][3] m, displacements
     double *f;      // [ntime][nnode][3] N, loads; none on clamped nodes, where u never changes
@@ -22,7 +26,8 @@ typedef struct pm_path {
 
 // Room for the trajectories of a field; with `stress` also for that, where the field has it.
 // PM_EDATA (no positions "qx qy qz"), PM_ENOMEM.
-pm_status pm_path_open(pm_path *path, const pm_field *field, int nmode, int nbranch, bool stress);
+pm_status pm_path_open(pm_path *path, const pm_field *field, int nmode, int nbranch, pm_loads loads,
+                       bool stress);
 void pm_path_close(pm_path *path);
 
 // Fills in displacements, loads and, where there is room, stress of a copy of a trajectory.

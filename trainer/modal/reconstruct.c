@@ -16,6 +16,7 @@ typedef struct reader {
     int *column, *momentum; // [nstate + nbranch nstate + nmode], [nstate]
     double *value;
     double *feature, *u, *v, *stress, *work;
+    double *force; // [nnode][3] of contact, then of loads too
 } reader;
 
 #define NO_COLUMN (-1)
@@ -82,22 +83,41 @@ static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, 
     r->u = pm_arena_array(arena, 3 * nnode, sizeof *r->u);
     r->work = pm_arena_array(arena, pm_local_work(&b->local), sizeof *r->work);
     r->v = pm_arena_array(arena, 3 * nnode, sizeof *r->v);
+    r->force = pm_arena_array(arena, 3 * nnode, sizeof *r->force);
     r->stress = pm_arena_array(arena, PM_BASIS_TENSOR * nnode, sizeof *r->stress);
     if (r->column == NULL || r->momentum == NULL || r->value == NULL || r->feature == NULL ||
-        r->u == NULL || r->v == NULL || r->work == NULL || r->stress == NULL) {
+        r->u == NULL || r->v == NULL || r->work == NULL || r->stress == NULL || r->force == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a reconstruction");
     }
     return find_columns(r, b, d, body);
 }
 
-// r->u, r->v and r->stress of one row of the dataset. Velocities are those of the state's modes.
-static void read_row(reader *r, const pm_basis *b, const double *row) {
+// r->force is what presses on the body, and joins the loads on its modes.
+static void read_touch(reader *r, const pm_basis *b, const pm_touch *touch, const double *row) {
+    const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
+    double *load = r->value + (1 + b->nbranch) * b->nstate;
+    memset(r->force, 0, (size_t)width * sizeof *r->force);
+    if (touch == NULL) {
+        return;
+    }
+    pm_touch_add_forces(touch, row, r->force);
+    for (int i = 0; i < b->nmode; ++i) {
+        for (ptrdiff_t k = 0; k < width; ++k) {
+            load[i] += b->mode[i * width + k] * r->force[k];
+        }
+    }
+}
+
+// r->u, r->v and r->stress of one row of the dataset, without what is local. Velocities are those
+// of the state's modes.
+static void read_row(reader *r, const pm_basis *b, const pm_touch *touch, const double *row) {
     const int n = b->nstate, count = (1 + b->nbranch) * n + b->nmode;
     const int nfeature = pm_basis_features(b);
     const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
     for (int i = 0; i < count; ++i) {
         r->value[i] = r->column[i] == NO_COLUMN ? 0 : row[r->column[i]];
     }
+    read_touch(r, b, touch, row);
     const pm_reading reading = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
     pm_basis_fill_features(b, &reading, r->feature);
     memset(r->u, 0, (size_t)width * sizeof *r->u);
@@ -114,8 +134,29 @@ static void read_row(reader *r, const pm_basis *b, const double *row) {
     pm_pattern_add(&b->stress, nfeature, r->feature, r->stress);
 }
 
+// Adds to r->stress what contact, and the world's `f` if it is known, do close to where they act.
+static void add_local(reader *r, const pm_basis *b, const double *f) {
+    for (ptrdiff_t k = 0; k < 3 * (ptrdiff_t)b->nnode && f != NULL; ++k) {
+        r->force[k] += f[k];
+    }
+    pm_local_add(&b->local, r->force, r->stress, r->work);
+}
+
+// positions, velocities and stresses of the nodes.
+static void write_state(const reader *r, const pm_basis *b, double *state) {
+    for (int k = 0; k < b->nnode; ++k, state += NVARIABLE) {
+        for (int c = 0; c < 3; ++c) {
+            state[Q + c] = b->position[3 * k + c] + r->u[3 * k + c];
+            state[V + c] = r->v[3 * k + c];
+        }
+        memcpy(state + SIGMA, r->stress + PM_BASIS_TENSOR * (ptrdiff_t)k,
+               PM_BASIS_TENSOR * sizeof *state);
+    }
+}
+
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body, const pm_field *loads, const int *which) {
+                         const char *body, const pm_touch *touch, const pm_field *loads,
+                         const int *which) {
     const pm_field_shape shape = {.ntrajectory = modes->ntrajectory,
                                   .ntime = modes->ntime,
                                   .nnode = basis->nnode,
@@ -139,19 +180,9 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     }
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
-            double *state = pm_field_state(d, i, j);
-            read_row(&r, basis, pm_dataset_state(modes, i, j));
-            if (loads != NULL) {
-                pm_local_add(&basis->local, pm_field_force(loads, which[i], j), r.stress, r.work);
-            }
-            for (int k = 0; k < d->nnode; ++k, state += NVARIABLE) {
-                for (int c = 0; c < 3; ++c) {
-                    state[Q + c] = d->position[3 * k + c] + r.u[3 * k + c];
-                    state[V + c] = r.v[3 * k + c];
-                }
-                memcpy(state + SIGMA, r.stress + PM_BASIS_TENSOR * (ptrdiff_t)k,
-                       PM_BASIS_TENSOR * sizeof *state);
-            }
+            read_row(&r, basis, touch, pm_dataset_state(modes, i, j));
+            add_local(&r, basis, loads == NULL ? NULL : pm_field_force(loads, which[i], j));
+            write_state(&r, basis, pm_field_state(d, i, j));
         }
     }
     *field = d;

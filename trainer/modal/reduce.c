@@ -35,7 +35,8 @@ pm_status pm_reduction_for_each(pm_reduction *r, pm_visit_path *visit, void *con
 
 // --- all of it ---
 
-static pm_status open_reduction(pm_reduction *r, int nmode, int nbranch, bool square, bool stress) {
+static pm_status open_reduction(pm_reduction *r, int nmode, int nbranch, bool square,
+                                pm_loads loads, bool stress) {
     if (square) {
         r->ncopy = PM_COPIES_OF_SQUARE;
         PM_TRY(pm_copies_make(r->copy, r->field, &r->arena));
@@ -43,7 +44,7 @@ static pm_status open_reduction(pm_reduction *r, int nmode, int nbranch, bool sq
         r->ncopy = 1;
         PM_TRY(pm_copies_none(&r->copy[0], r->field, &r->arena));
     }
-    return pm_path_open(&r->path, r->field, nmode, nbranch, stress);
+    return pm_path_open(&r->path, r->field, nmode, nbranch, loads, stress);
 }
 
 static void close_reduction(pm_reduction *r) {
@@ -57,7 +58,7 @@ pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, cons
     pm_basis *b = NULL;
     pm_status status;
     assert(how->nmode <= PM_BASIS_MAX_MODES && how->nbranch <= PM_BASIS_MAX_BRANCHES);
-    PM_TRY_DONE(open_reduction(&r, how->nmode, how->nbranch, how->square, true));
+    PM_TRY_DONE(open_reduction(&r, how->nmode, how->nbranch, how->square, PM_LOADS_OF_ALL, true));
     PM_TRY_DONE(pm_reduce_modes(&r, &b));
     PM_TRY_DONE(pm_reduce_patterns(&r, b));
     *basis = b;
@@ -143,7 +144,7 @@ static void write_row(const pm_path *p, const pm_basis *b, double dt, const doub
 }
 
 pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const pm_field *field,
-                            int count, const int *trajectory, bool square) {
+                            int count, const int *trajectory, bool square, pm_loads loads) {
     pm_reduction r = {.field = field};
     const int ncolumn = (2 + basis->nbranch) * basis->nstate + 1 + basis->nmode;
     pm_dataset *d = NULL;
@@ -152,7 +153,7 @@ pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const p
         return pm_fail(PM_EDATA, "the field has %d nodes, the basis %d", field->nnode,
                        basis->nnode);
     }
-    PM_TRY_DONE(open_reduction(&r, basis->nmode, basis->nbranch, square, false));
+    PM_TRY_DONE(open_reduction(&r, basis->nmode, basis->nbranch, square, loads, false));
     const char **name = name_columns(basis, ncolumn, &r.arena);
     if (name == NULL) {
         status = no_memory();

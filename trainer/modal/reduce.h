@@ -3,6 +3,7 @@
 #define PM_MODAL_REDUCE_H
 
 #include "modal/basis.h"
+#include "modal/path.h"
 #include "store/dataset.h"
 #include "store/field.h"
 
@@ -19,7 +20,8 @@ typedef struct pm_reduce_how {
     bool square; // learn from the eight symmetric copies (copies.h)
 } pm_reduce_how;
 
-// From `count` trajectories of the field. PM_EDATA, PM_ENUMERIC, PM_ENOMEM.
+// From `count` trajectories of the field; forces of contact are loads like any. PM_EDATA,
+// PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, const int *trajectory,
                         const pm_reduce_how *how);
 
@@ -27,6 +29,6 @@ pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, cons
 // dataset with columns a<i>, p<i>, c<k>_<i> of the state, entropy s, loads f<i> of the state's
 // modes and h<j> of the others, and with rates. PM_EDATA, PM_ENOMEM.
 pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const pm_field *field,
-                            int count, const int *trajectory, bool square);
+                            int count, const int *trajectory, bool square, pm_loads loads);
 
 #endif

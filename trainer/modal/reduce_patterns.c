@@ -1,5 +1,6 @@
 // The patterns of a basis: all that the state's modes leave of the displacements, and the stresses,
 // as functions of its features; and what of the stresses is local to the loads.
+#include <stdlib.h>
 #include <string.h>
 
 #include "modal/reduction.h"
@@ -10,6 +11,10 @@
 // The ridge of patterns is the square of how far off, relatively, a predicted state is taken to be:
 // the features depend on each other, and what tells them apart must not be taken for true.
 #define PATTERN_RIDGE 1e-4
+// The stress's pattern and what is local are fitted in turn, each to what the other leaves. After
+// the first round they still hold much of each other; after the fourth little changes.
+#define ROUNDS 4
+
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a reduction");
 }
@@ -18,10 +23,24 @@ static pm_status no_memory(void) {
 
 typedef struct remainder_fit {
     const pm_basis *b;
-    pm_regression displacement, stress;
-    double *feature, *displaced, *stressed; // [ntime] rows
-    double *work;                           // pm_local_work numbers
+    pm_regression regression;
+    double *feature, *rest; // [ntime] rows
+    double *work;           // pm_local_work numbers
 } remainder_fit;
+
+// Features of all times of a path, times the weight.
+static void fill_features(const remainder_fit *x, const pm_path *p, double weight) {
+    const int count = pm_basis_features(x->b);
+    double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
+    for (int j = 0; j < p->ntime; ++j) {
+        pm_reading reading;
+        pm_path_read(p, x->b, j, c, &reading);
+        pm_basis_fill_features(x->b, &reading, x->feature + (ptrdiff_t)j * count);
+    }
+    for (ptrdiff_t i = 0; i < (ptrdiff_t)p->ntime * count; ++i) {
+        x->feature[i] *= weight;
+    }
+}
 
 // u less what the state's modes are, times the weight.
 static void subtract_modes(const pm_path *p, const pm_basis *b, int time, double weight,
@@ -38,10 +57,23 @@ static void subtract_modes(const pm_path *p, const pm_basis *b, int time, double
     }
 }
 
+static pm_status add_displacement(pm_reduction *r, double weight, void *context) {
+    remainder_fit *x = context;
+    const pm_path *p = &r->path;
+    const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
+    pm_path_project(&r->path, x->b, r->field->dt);
+    fill_features(x, p, weight);
+    for (int j = 0; j < p->ntime; ++j) {
+        subtract_modes(p, x->b, j, weight, x->rest + j * width);
+    }
+    pm_regression_add(&x->regression, p->ntime, x->feature, x->rest);
+    return PM_OK;
+}
+
 // Stress less what is local, times the weight.
 static void subtract_local(const pm_path *p, const remainder_fit *x, int time, double weight) {
     const ptrdiff_t width = PM_BASIS_TENSOR * (ptrdiff_t)p->nnode, at = time * width;
-    double *rest = x->stressed + at;
+    double *rest = x->rest + at;
     memset(rest, 0, (size_t)width * sizeof *rest);
     pm_local_add(&x->b->local, p->f + 3 * (ptrdiff_t)time * p->nnode, rest, x->work);
     for (ptrdiff_t i = 0; i < width; ++i) {
@@ -49,71 +81,49 @@ static void subtract_local(const pm_path *p, const remainder_fit *x, int time, d
     }
 }
 
-static pm_status add_rest(pm_reduction *r, double weight, void *context) {
+// Weighed by its own size, so that its units do not matter.
+static double weigh_stress(const pm_path *p) {
+    return 1 / pm_reduction_norm(PM_BASIS_TENSOR * (size_t)p->nnode * (size_t)p->ntime, p->stress);
+}
+
+static pm_status add_stress(pm_reduction *r, double weight, void *context) {
+    (void)weight;
     remainder_fit *x = context;
     const pm_path *p = &r->path;
-    const int count = pm_basis_features(x->b), width = 3 * p->nnode;
-    double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
+    const double stressed = weigh_stress(p);
     pm_path_project(&r->path, x->b, r->field->dt);
-    // Stress is weighed by its own size, so that its units do not matter.
-    const double stressed =
-        p->stress == NULL ? 0
-                          : 1 / pm_reduction_norm(2 * (size_t)width * (size_t)p->ntime, p->stress);
+    fill_features(x, p, stressed);
     for (int j = 0; j < p->ntime; ++j) {
-        pm_reading reading;
-        double *feature = x->feature + (ptrdiff_t)j * count;
-        pm_path_read(p, x->b, j, c, &reading);
-        pm_basis_fill_features(x->b, &reading, feature);
-        for (int i = 0; i < count; ++i) {
-            feature[i] *= weight;
-        }
-        subtract_modes(p, x->b, j, weight, x->displaced + (ptrdiff_t)j * width);
+        subtract_local(p, x, j, stressed);
     }
-    pm_regression_add(&x->displacement, p->ntime, x->feature, x->displaced);
-    if (p->stress != NULL) {
-        for (ptrdiff_t i = 0; i < (ptrdiff_t)p->ntime * count; ++i) {
-            x->feature[i] *= stressed / weight;
-        }
-        for (int j = 0; j < p->ntime; ++j) {
-            subtract_local(p, x, j, stressed);
-        }
-        pm_regression_add(&x->stress, p->ntime, x->feature, x->stressed);
-    }
+    pm_regression_add(&x->regression, p->ntime, x->feature, x->rest);
     return PM_OK;
 }
 
-static pm_status make_pattern(pm_basis *b, pm_regression *fit, pm_pattern *pattern, int rank) {
-    const int most = fit->nfeature < fit->nresult ? fit->nfeature : fit->nresult;
-    PM_TRY(pm_basis_add_pattern(b, pattern, rank < most ? rank : most, fit->nresult));
-    PM_TRY(pm_regression_solve(fit, PATTERN_RIDGE));
-    return pm_regression_compress(fit, pattern->rank, pattern->coefficient, pattern->pattern);
-}
-
-static pm_status fit_patterns(pm_reduction *r, pm_basis *b) {
-    const int count = pm_basis_features(b), width = 3 * b->nnode;
+// The pattern, of `width` numbers, of what `add` leaves for it; it replaces one that is there.
+static pm_status fit_pattern(pm_reduction *r, pm_basis *b, pm_visit_path *add, int width, int rank,
+                             pm_pattern *pattern) {
+    const int count = pm_basis_features(b), most = count < width ? count : width;
     const size_t ntime = (size_t)r->path.ntime;
-    remainder_fit x = {
-        .b = b,
-        .feature = pm_arena_array(&r->arena, ntime * (size_t)count, sizeof(double)),
-        .displaced = pm_arena_array(&r->arena, ntime * (size_t)width, sizeof(double)),
-        .stressed = pm_arena_array(&r->arena, 2 * ntime * (size_t)width, sizeof(double)),
-        .work = pm_arena_array(&r->arena, pm_local_work(&b->local), sizeof(double)),
-    };
-    const bool stress = r->path.stress != NULL;
-    pm_status status;
-    if (x.feature == NULL || x.displaced == NULL || x.stressed == NULL || x.work == NULL) {
-        return no_memory();
+    remainder_fit x = {.b = b,
+                       .feature = calloc(ntime * (size_t)count, sizeof(double)),
+                       .rest = calloc(ntime * (size_t)width, sizeof(double)),
+                       .work = calloc(pm_local_work(&b->local), sizeof(double))};
+    pm_status status = x.feature == NULL || x.rest == NULL || x.work == NULL ? no_memory() : PM_OK;
+    PM_TRY_DONE(status);
+    if (pattern->pattern == NULL) {
+        PM_TRY_DONE(pm_basis_add_pattern(b, pattern, rank < most ? rank : most, width));
     }
-    PM_TRY_DONE(pm_regression_open(&x.displacement, count, width));
-    if (stress) {
-        PM_TRY_DONE(pm_regression_open(&x.stress, count, 2 * width));
-    }
-    PM_TRY_DONE(pm_reduction_for_each(r, add_rest, &x));
-    PM_TRY_DONE(make_pattern(b, &x.displacement, &b->displacement, r->how->displacement_rank));
-    status = stress ? make_pattern(b, &x.stress, &b->stress, r->how->stress_rank) : PM_OK;
+    PM_TRY_DONE(pm_regression_open(&x.regression, count, width));
+    PM_TRY_DONE(pm_reduction_for_each(r, add, &x));
+    PM_TRY_DONE(pm_regression_solve(&x.regression, PATTERN_RIDGE));
+    status = pm_regression_compress(&x.regression, pattern->rank, pattern->coefficient,
+                                    pattern->pattern);
 done:
-    pm_regression_close(&x.displacement);
-    pm_regression_close(&x.stress);
+    pm_regression_close(&x.regression);
+    free(x.feature);
+    free(x.rest);
+    free(x.work);
     return status;
 }
 
@@ -157,8 +167,7 @@ static pm_status add_local(pm_reduction *r, double weight, void *context) {
     const pm_path *p = &r->path;
     const pm_local *local = &x->b->local;
     const int count = pm_local_features(local), width = PM_LOCAL_TENSOR * local->nper;
-    const size_t all = (size_t)PM_LOCAL_TENSOR * (size_t)p->nnode * (size_t)p->ntime;
-    const double scale = 1 / pm_reduction_norm(all, p->stress);
+    const double scale = weigh_stress(p);
     pm_path_project(&r->path, x->b, r->field->dt);
     for (int j = STRIDE - 1; j < p->ntime; j += STRIDE) {
         subtract_pattern(x, p, j);
@@ -195,32 +204,43 @@ static pm_status open_local(pm_reduction *r, pm_basis *b, local_fit *x) {
     const size_t count = (size_t)pm_local_features(local), nsection = (size_t)local->nsection;
     x->local_feature = pm_arena_array(&r->arena, nsection * count, sizeof *x->local_feature);
     x->local_rest = pm_arena_array(&r->arena, PM_LOCAL_TENSOR * nnode, sizeof *x->local_rest);
-    if (x->local_feature == NULL || x->local_rest == NULL) {
-        return no_memory();
-    }
-    return pm_regression_open(&x->regression, (int)count, PM_LOCAL_TENSOR * local->nper);
+    return x->local_feature == NULL || x->local_rest == NULL ? no_memory() : PM_OK;
 }
 
-static pm_status fit_local(pm_reduction *r, pm_basis *b) {
-    local_fit x = {0};
+static pm_status fit_kernel(pm_reduction *r, pm_basis *b, local_fit *x) {
+    const int count = pm_local_features(&b->local), width = PM_LOCAL_TENSOR * b->local.nper;
     pm_status status;
-    PM_TRY_DONE(open_local(r, b, &x));
-    PM_TRY_DONE(pm_reduction_for_each(r, add_local, &x));
-    PM_TRY_DONE(pm_regression_solve(&x.regression, PATTERN_RIDGE));
-    memcpy(b->local.kernel, x.regression.cross,
-           (size_t)x.regression.nfeature * (size_t)x.regression.nresult * sizeof *b->local.kernel);
+    PM_TRY_DONE(pm_regression_open(&x->regression, count, width));
+    PM_TRY_DONE(pm_reduction_for_each(r, add_local, x));
+    PM_TRY_DONE(pm_regression_solve(&x->regression, PATTERN_RIDGE));
+    memcpy(b->local.kernel, x->regression.cross,
+           (size_t)count * (size_t)width * sizeof *b->local.kernel);
     status = PM_OK;
 done:
-    pm_regression_close(&x.regression);
+    pm_regression_close(&x->regression);
     return status;
 }
 
-// Patterns first; what they leave is local, where loads are; and then what that leaves.
+static pm_status fit_stress(pm_reduction *r, pm_basis *b) {
+    return fit_pattern(r, b, add_stress, PM_BASIS_TENSOR * b->nnode, r->how->stress_rank,
+                       &b->stress);
+}
+
 pm_status pm_reduce_patterns(pm_reduction *r, pm_basis *basis) {
-    PM_TRY(fit_patterns(r, basis));
-    if (r->how->reach == 0 || r->path.stress == NULL) {
+    local_fit local = {0};
+    PM_TRY(fit_pattern(r, basis, add_displacement, 3 * basis->nnode, r->how->displacement_rank,
+                       &basis->displacement));
+    if (r->path.stress == NULL) {
         return PM_OK;
     }
-    PM_TRY(fit_local(r, basis));
-    return fit_patterns(r, basis);
+    PM_TRY(fit_stress(r, basis));
+    if (r->how->reach == 0) {
+        return PM_OK;
+    }
+    PM_TRY(open_local(r, basis, &local));
+    for (int i = 0; i < ROUNDS; ++i) {
+        PM_TRY(fit_kernel(r, basis, &local));
+        PM_TRY(fit_stress(r, basis));
+    }
+    return PM_OK;
 }

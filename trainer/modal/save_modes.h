@@ -2,11 +2,12 @@
 #ifndef PM_MODAL_SAVE_MODES_H
 #define PM_MODAL_SAVE_MODES_H
 
+#include "modal/basis.h"
 #include "store/dataset.h"
 
-// Notes what the amplitudes are of (`data`) and who made them (`source`, `command`), writes
-// folder/modes.h5, and says so on standard output. PM_EFILE, PM_EDATA, PM_ENOMEM.
-pm_status pm_modes_save(pm_dataset *modes, const char *data, const char *source,
-                        const char *command, const char *folder);
+// Notes what the amplitudes are of (`data`), their basis, and who made them (`source`, `command`),
+// writes folder/modes.h5, and says so on standard output. PM_EFILE, PM_EDATA, PM_ENOMEM.
+pm_status pm_modes_save(pm_dataset *modes, const pm_basis *basis, const char *data,
+                        const char *source, const char *command, const char *folder);
 
 #endif
