@@ -186,14 +186,15 @@ static pm_status begin(conversion *c, const pm_field *field, const pm_nodal_how 
 static pm_status fill(pm_dataset **dataset, const conversion *c, int count, const int *which,
                       pm_arena *arena) {
     const row_layout *l = &c->layout;
+    const int nstate = c->how->nstate > 0 ? c->how->nstate : c->field->ntime;
     const char **name = pm_arena_array(arena, (size_t)l->count, sizeof *name);
     if (name == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for columns");
     }
     PM_TRY(name_columns(l, arena, name));
-    PM_TRY(pm_dataset_new(dataset, count, c->how->nstate, l->count, c->field->dt, name));
+    PM_TRY(pm_dataset_new(dataset, count, nstate, l->count, c->field->dt, name));
     for (int i = 0; i < count; ++i) {
-        for (int j = 0; j < c->how->nstate; ++j) {
+        for (int j = 0; j < nstate; ++j) {
             convert_state(c, which[i], j, j == 0 ? NULL : pm_dataset_state(*dataset, i, j - 1),
                           pm_dataset_state(*dataset, i, j));
         }

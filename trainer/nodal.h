@@ -23,7 +23,7 @@ typedef struct pm_nodal_how {
     int nbranch;
     double tau[PM_NODAL_MOST_BRANCHES]; // s
     double temperature;                 // K
-    int nstate;                         // of each trajectory, from its first on
+    int nstate;                         // of each trajectory, from its first on; 0: all
 } pm_nodal_how;
 
 // The mesh, and for each of its nodes the body's: node [mesh->nnode]; memory from the arena.

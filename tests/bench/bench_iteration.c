@@ -66,6 +66,7 @@ static pm_status time_optimiser(bench_table *table, const char *name, pm_objecti
     pm_optimisation o = {.objective = objective,
                          .schedule = {.iterations = ITERATIONS + 1,
                                       .batch = BATCH,
+                                      .beta2 = 0.999,
                                       .first_rate = 1e-4,
                                       .last_rate = 1e-4,
                                       .memory = 30},

@@ -328,13 +328,16 @@ static void training_lowers_the_penalty(void **state) {
     bench_open(&b, 6, true, 0);
     const double before = loss_with(&b, 1) - loss_with(&b, 0);
     double *moment = vector(2 * b.size);
-    pm_optimisation o = {
-        .objective = b.objective,
-        .schedule = {.iterations = 40, .batch = 32, .first_rate = 1e-2, .last_rate = 1e-3},
-        .seed = 1,
-        .theta = b.theta,
-        .moment = moment,
-        .report = go_on};
+    pm_optimisation o = {.objective = b.objective,
+                         .schedule = {.iterations = 40,
+                                      .batch = 32,
+                                      .first_rate = 1e-2,
+                                      .last_rate = 1e-3,
+                                      .beta2 = 0.999},
+                         .seed = 1,
+                         .theta = b.theta,
+                         .moment = moment,
+                         .report = go_on};
     assert_int_equal(pm_optimiser_find("adam")->run(&o), PM_OK);
     const double after = loss_with(&b, 1) - loss_with(&b, 0);
     if (!(before > 0 && after < 0.5 * before)) {

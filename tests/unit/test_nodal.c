@@ -88,7 +88,8 @@ static void check(const char *what, int node, double value, double expected, dou
     }
 }
 
-#define ROUNDING 1e-14
+// Nodal values are rounded to single precision.
+#define ROUNDING 1e-6
 
 static int column(const pm_dataset *nodes, const char *name) {
     for (int i = 0; i < nodes->ncolumn; ++i) {
@@ -209,8 +210,10 @@ static void back_again_is_the_body(void **state) {
                 check("position", n, z[q], expected, is_held(field, n) ? 0 : ROUNDING);
                 check("velocity", n, z[v], j == 0 ? old[v] : (z[q] - before[q]) / DT, ROUNDING);
             }
-            assert_memory_equal(z + 12 * (ptrdiff_t)n + SIGMA, old + 12 * (ptrdiff_t)n + SIGMA,
-                                6 * sizeof *z);
+            for (int k = SIGMA; k < SIGMA + 6; ++k) {
+                check("stress", n, z[12 * n + k], old[12 * n + k],
+                      is_held(field, n) ? 0 : ROUNDING);
+            }
         }
     }
     pm_field_free(back);
