@@ -206,6 +206,8 @@ static void failures_are_described(void **state) {
     (void)state;
     assert_int_equal(pm_fail(PM_EDATA, "row %d: %s", 3, "bad"), PM_EDATA);
     assert_string_equal(pm_error(), "row 3: bad");
+    pm_fail(PM_EDATA, "kind \"%s\"", "a\n\x1b[2Jb\x7f\xc3\xa4");
+    assert_string_equal(pm_error(), "kind \"a  [2Jb \xc3\xa4\"");
 }
 
 static void end_by(const void *signal_number) {
