@@ -4,8 +4,8 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
+#include "base/path.h"
 #include "base/progress.h"
 #include "store/xdmf.h"
 
@@ -104,9 +104,7 @@ static const char *path_of(const char *path, const char *name, pm_arena *arena) 
     if (name == NULL) {
         return path;
     }
-    const char *slash = strrchr(path, '/'), *dot = strrchr(path, '.');
-    const int stem =
-        dot == NULL || (slash != NULL && dot < slash) ? (int)strlen(path) : (int)(dot - path);
+    const int stem = (int)pm_path_stem(path);
     return pm_arena_printf(arena, "%.*s_%s%s", stem, path, name, path + stem);
 }
 

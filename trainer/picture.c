@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/path.h"
 #include "gnuplot.h"
 
 #define PASCAL_PER_UNIT 1e3 // of the colours: kPa
@@ -220,11 +221,8 @@ static pm_status write_file(const pm_picture *picture, const body *bodies, bool 
 }
 
 pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
-    const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
-    const bool ending = dot != NULL && (slash == NULL || dot > slash + 1);
     pm_arena arena = {NULL};
-    const char *script = pm_arena_printf(&arena, "%.*s.gp",
-                                         (int)(ending ? (size_t)(dot - path) : strlen(path)), path);
+    const char *script = pm_arena_printf(&arena, "%.*s.gp", (int)pm_path_stem(path), path);
     body *bodies = calloc((size_t)picture->count, sizeof *bodies);
     bool together = true;
     pm_status status = PM_OK;

@@ -14,6 +14,10 @@ pm_status pm_fail(pm_status code, const char *format, ...) {
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     snprintf(last_error, sizeof last_error, "%s", text);
+    // Text of files may be quoted in it.
+    for (char *at = last_error; *at != '\0'; ++at) {
+        *at = (unsigned char)*at < ' ' || *at == 0x7f ? ' ' : *at;
+    }
     return code;
 }
 

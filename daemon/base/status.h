@@ -22,7 +22,7 @@ typedef enum pm_status {
 } pm_status;
 
 // Stores the description of a failure for the calling thread and returns `code`. One line, without
-// newline: what, where, the offending value, what was expected.
+// newline: what, where, the offending value, what was expected. Control characters become blanks.
 pm_status pm_fail(pm_status code, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 // The calling thread's last description; "" if none. Valid until the next pm_fail in this thread.

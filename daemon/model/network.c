@@ -12,6 +12,8 @@
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
 
+#define MAX_SQUARED 4096 // features, each of which a quadratic skip multiplies with each
+
 typedef char parameter_name[160];
 
 static const char *join(parameter_name buffer, const char *prefix, const char *name) {
@@ -58,6 +60,11 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
     int nfeature = 0;
     PM_TRY(pm_spec_locate(spec->at,
                           pm_features_size(spec->nfeature, spec->feature, symbols, &nfeature)));
+    if (spec->skip == PM_SKIP_QUADRATIC && nfeature > MAX_SQUARED) {
+        return pm_spec_locate(spec->at,
+                              pm_fail(PM_ECONFIG, "%s: %d features, at most %d can be squared",
+                                      prefix, nfeature, MAX_SQUARED));
+    }
     PM_TRY(declare(&d, "mean", 1, nfeature, false, 0, NULL));
     if (pm_params_add(params, join(full, prefix, "deviation"), 1, nfeature, false, 0, 1) == NULL) {
         return PM_ENOMEM;

@@ -14,6 +14,7 @@
 // Where a learned M starts: not at zero, where its factor would have no gradient, and with signs
 // that alternate, since the projection takes away what all have in common.
 #define FACTOR_START 1.0
+#define MAX_ENTRIES (1 << 24) // of a learned matrix
 
 // --- the groups an operator touches ---
 
@@ -225,8 +226,15 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
                                 pm_params *params) {
     operator_name name;
     join(name, op->prefix, "matrix");
-    const int nout = matrix_rows(op, s) * matrix_columns(op, s);
     const pm_network_spec *network = &op->spec->network;
+    const int rows = matrix_rows(op, s), cols = matrix_columns(op, s);
+    if ((int64_t)rows * cols > MAX_ENTRIES) {
+        return pm_spec_locate(op->spec->at, pm_fail(PM_ECONFIG,
+                                                    "%s: a learned matrix of %d x %d, at most %d "
+                                                    "entries are possible",
+                                                    op->prefix, rows, cols, MAX_ENTRIES));
+    }
+    const int nout = rows * cols;
     if (network->message != NULL) {
         return pm_message_declare_nodes(network, &site->symbols, nout, params, name);
     }

@@ -5,6 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Of all parameters together: far above any model that can be trained, and memory that any host
+// has. Sizes come from files.
+#define MAX_NUMBERS ((size_t)1 << 24)
+
 static size_t entry_size(const pm_param_entry *entry) {
     return (size_t)entry->rows * (size_t)entry->cols;
 }
@@ -25,6 +29,15 @@ pm_param_entry *pm_params_find(const pm_params *params, const char *name) {
         }
     }
     return NULL;
+}
+
+// `rows` x `cols` numbers more are not too many. Each is below 2^31, so their product fits.
+static bool have_room(const pm_params *params, int rows, int cols) {
+    size_t count = (size_t)rows * (size_t)cols;
+    for (int i = 0; i < params->count && count <= MAX_NUMBERS; ++i) {
+        count += entry_size(&params->entry[i]);
+    }
+    return count <= MAX_NUMBERS;
 }
 
 static pm_param_entry *append(pm_params *params, const char *name, size_t size) {
@@ -56,6 +69,11 @@ pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int
             return NULL;
         }
         return entry;
+    }
+    if (!have_room(params, rows, cols)) {
+        pm_fail(PM_ENOMEM, "parameter %s (%d x %d): more than %zu numbers in all", name, rows, cols,
+                MAX_NUMBERS);
+        return NULL;
     }
     entry = append(params, name, (size_t)rows * (size_t)cols);
     if (entry == NULL) {

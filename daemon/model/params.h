@@ -30,7 +30,8 @@ void pm_params_free(pm_params *params);
 pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 
 // Returns the entry called `name`, made if it is not there yet with every value `start`.
-// NULL: out of memory, or an entry of another shape has this name (pm_error tells).
+// NULL: out of memory, more than 2^24 numbers in all, or an entry of another shape has this name
+// (pm_error tells).
 pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
                               double spread, double start);
 

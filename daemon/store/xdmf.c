@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/path.h"
+
 typedef struct writer {
     FILE *file;
     const pm_field *field;
@@ -175,10 +177,7 @@ static const char *escape_name(const char *path, pm_arena *arena) {
 }
 
 static const char *xdmf_path(const char *path, pm_arena *arena) {
-    const char *slash = strrchr(path, '/'), *dot = strrchr(path, '.');
-    const bool ending = dot != NULL && (slash == NULL || dot > slash + 1);
-    const size_t stem = ending ? (size_t)(dot - path) : strlen(path);
-    return pm_arena_printf(arena, "%.*s.xdmf", (int)stem, path);
+    return pm_arena_printf(arena, "%.*s.xdmf", (int)pm_path_stem(path), path);
 }
 
 static pm_status save(writer *w, const char *path) {

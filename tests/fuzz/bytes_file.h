@@ -12,7 +12,8 @@ static inline void bytes_file(const uint8_t *data, size_t size) {
     if (file < 0) {
         file = open(PM_FUZZ_FILE, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     }
-    if (file < 0 || ftruncate(file, 0) != 0 || pwrite(file, data, size, 0) != (ssize_t)size) {
+    if (file < 0 || pwrite(file, data, size, 0) != (ssize_t)size ||
+        ftruncate(file, (off_t)size) != 0) {
         abort();
     }
 }

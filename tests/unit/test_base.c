@@ -19,6 +19,7 @@
 #include "base/attempt.h"
 #include "base/digest.h"
 #include "base/linalg.h"
+#include "base/path.h"
 #include "base/rng.h"
 #include "base/status.h"
 
@@ -202,10 +203,24 @@ static void digests_tell_apart(void **state) {
                 pm_digest_text(pm_digest_text(start, "a"), "bc"));
 }
 
+static void endings_are_found(void **state) {
+    (void)state;
+    static const struct {
+        const char *path;
+        size_t stem;
+    } paths[] = {{"runs.d/a.h5", 8}, {"runs.d/a", 8}, {"runs.d/.h5", 10}, {"a.b.h5", 3}, {".h5", 3},
+                 {"a.", 1},          {"", 0}};
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; ++i) {
+        assert_int_equal(pm_path_stem(paths[i].path), paths[i].stem);
+    }
+}
+
 static void failures_are_described(void **state) {
     (void)state;
     assert_int_equal(pm_fail(PM_EDATA, "row %d: %s", 3, "bad"), PM_EDATA);
     assert_string_equal(pm_error(), "row 3: bad");
+    pm_fail(PM_EDATA, "kind \"%s\"", "a\n\x1b[2Jb\x7f\xc3\xa4");
+    assert_string_equal(pm_error(), "kind \"a  [2Jb \xc3\xa4\"");
 }
 
 static void end_by(const void *signal_number) {
@@ -251,6 +266,7 @@ int main(void) {
         cmocka_unit_test(positive_systems_are_solved),
         cmocka_unit_test(activations_are_accurate),
         cmocka_unit_test(digests_tell_apart),
+        cmocka_unit_test(endings_are_found),
         cmocka_unit_test(failures_are_described),
         cmocka_unit_test(attempts_tell_how_they_ended),
     };

@@ -103,6 +103,16 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
     }
 }
 
+enum { OWN = 77, FOREIGN = 78 }; // sessions
+
+// Whoever sends forged messages to a company, and what they are made of.
+typedef struct forger {
+    company c;
+    pm_transport *stranger;
+    double y[5];
+    int64_t n[1], first; // instance of the first node
+} forger;
+
 // Encodes a forged message and asserts why the node link1 or the coordinator drops it.
 #define DROPS(listener, type, channel, reason, ...)                              \
     do {                                                                         \
@@ -110,24 +120,24 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
         unsigned char data_[1024];                                               \
         const size_t size_ = pm_##type##_encode(&message_, data_, sizeof data_); \
         const bool node_ = strcmp(#listener, "node") == 0;                       \
-        assert_dropped(stranger, channel, data_, size_,                          \
-                       node_ ? c.transport[0] : c.coordinator_transport,         \
-                       node_ ? pm_lockstep_node_drops(c.node[0])                 \
-                             : pm_lockstep_coordinator_drops(c.coordinator),     \
+        assert_dropped(f->stranger, channel, data_, size_,                       \
+                       node_ ? f->c.transport[0] : f->c.coordinator_transport,   \
+                       node_ ? pm_lockstep_node_drops(f->c.node[0])              \
+                             : pm_lockstep_coordinator_drops(f->c.coordinator),  \
                        PM_DROP_##reason, __LINE__);                              \
     } while (0)
 
-#define FLUX(reason, session_, step_, round_)                                               \
-    DROPS(node, flux, "chain_FLUX_link2", reason, .session = session_, .step = step_,       \
-          .round = round_, .nend = 1, .energy_flux = y, .entropy_flux = y, .ny = 3, .y = y, \
-          .e = y, .eta = y)
-#define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                         \
-    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,          \
-          .instance = first, .kind = kind_, .step = step_, .npart = npart_, .energy = y,   \
-          .entropy = y, .bulk_energy = y, .bulk_entropy = y, .bulk_energy_gross = y,       \
-          .bulk_entropy_gross = y, .evaluated = n, .skipped = n, .outside = n, .error = y, \
-          .nend = nend_, .energy_flux = y, .entropy_flux = y, .energy_gross = y,           \
-          .entropy_gross = y, .nz = nz_, .z = y, .message = "forged")
+#define FLUX(reason, session_, step_, round_)                                             \
+    DROPS(node, flux, "chain_FLUX_link2", reason, .session = session_, .step = step_,     \
+          .round = round_, .nend = 1, .energy_flux = f->y, .entropy_flux = f->y, .ny = 3, \
+          .y = f->y, .e = f->y, .eta = f->y)
+#define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                               \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,                \
+          .instance = f->first, .kind = kind_, .step = step_, .npart = npart_, .energy = f->y,   \
+          .entropy = f->y, .bulk_energy = f->y, .bulk_entropy = f->y, .bulk_energy_gross = f->y, \
+          .bulk_entropy_gross = f->y, .evaluated = f->n, .skipped = f->n, .outside = f->n,       \
+          .error = f->y, .nend = nend_, .energy_flux = f->y, .entropy_flux = f->y,               \
+          .energy_gross = f->y, .entropy_gross = f->y, .nz = nz_, .z = f->y, .message = "forged")
 #define DONE(reason, session_, step_) \
     REPORT(reason, session_, PORTMET_REPORT_T_DONE, step_, 1, 1, 5)
 #define WORD(reason, session_, kind_) REPORT(reason, session_, kind_, 0, 0, 0, 0)
@@ -141,17 +151,9 @@ static void note_instance(void *context, const char *channel, const void *data, 
     *instance = *instance == 0 && hello.sender[0] != 0 ? hello.instance : *instance;
 }
 
-static void test_forged_messages_are_dropped(void **context) {
-    (void)context;
-    enum { OWN = 77, FOREIGN = 78 };
-    double y[5] = {1, 2, 3, 4, 5};
-    int64_t n[1] = {1}, first = 0;
-    pm_hub *hub = company_hub(NULL);
-    pm_transport *stranger;
-    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
-    company c;
-    company_open_all(&c, 2, 1, hub, OWN);
-    const int64_t digest = (int64_t)c.f.system->digest;
+// Before a node has begun.
+static void forge_beginnings(forger *f) {
+    const int64_t digest = (int64_t)f->c.f.system->digest;
     DROPS(node, tick, "chain_TICK", SESSION, .session = OWN, .digest = digest + 1, .steps = 20);
     DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .digest = digest, .steps = 20,
           .open = 1);
@@ -159,11 +161,10 @@ static void test_forged_messages_are_dropped(void **context) {
     DROPS(node, tick, "chain_TICK", RANGE, .session = OWN, .digest = digest, .steps = INT64_MAX);
     DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
     DROPS(node, request, "chain_REQUEST", SESSION, .sender = "", .channel = "");
-    assert_int_equal(pm_transport_subscribe(stranger, "chain_HELLO", note_instance, &first), PM_OK);
-    company_run_to(&c, 5);
-    assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
-    assert_true(first > 0);
+}
 
+// Within step 5.
+static void forge_for_node(forger *f) {
     FLUX(SESSION, FOREIGN, 5, 0);
     FLUX(REPEATED, OWN, 1, 0);
     FLUX(RANGE, OWN, 15, 0);
@@ -185,7 +186,9 @@ static void test_forged_messages_are_dropped(void **context) {
           .step = INT64_MAX);
     DROPS(node, request, "chain_REQUEST", RANGE, .session = OWN, .sender = "", .channel = "",
           .round = 8);
+}
 
+static void forge_for_coordinator(forger *f) {
     DONE(SESSION, FOREIGN, 6);
     DONE(REPEATED, OWN, 5);
     DONE(REPEATED, OWN, 1);
@@ -204,15 +207,30 @@ static void test_forged_messages_are_dropped(void **context) {
     WORD(SESSION, 0, PORTMET_REPORT_T_FAILED);
     WORD(RANGE, OWN, PORTMET_REPORT_T_BYE);
     WORD(RANGE, OWN, 9);
-    first += 1;
+    f->first += 1;
     DONE(REPEATED, OWN, 6); // by another node of that name
     DROPS(coordinator, request, "chain_REQUEST", SESSION, .session = FOREIGN, .sender = "",
           .channel = "");
+}
 
-    company_run(&c);
-    assert_all_ok(&c);
-    company_close(&c);
-    pm_transport_close(stranger);
+static void test_forged_messages_are_dropped(void **context) {
+    (void)context;
+    forger f = {.y = {1, 2, 3, 4, 5}, .n = {1}};
+    pm_hub *hub = company_hub(NULL);
+    assert_int_equal(pm_transport_open(&f.stranger, "memory://", hub), PM_OK);
+    company_open_all(&f.c, 2, 1, hub, OWN);
+    forge_beginnings(&f);
+    assert_int_equal(pm_transport_subscribe(f.stranger, "chain_HELLO", note_instance, &f.first),
+                     PM_OK);
+    company_run_to(&f.c, 5);
+    assert_int_equal(pm_transport_wait(f.stranger, 0, NULL), PM_OK);
+    assert_true(f.first > 0);
+    forge_for_node(&f);
+    forge_for_coordinator(&f);
+    company_run(&f.c);
+    assert_all_ok(&f.c);
+    company_close(&f.c);
+    pm_transport_close(f.stranger);
     pm_hub_close(hub);
 }
 

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
+#include "model/operator.h"
 #include "model/part.h"
 #include "model/port.h"
 #include "store/model_yaml.h"
@@ -51,6 +52,30 @@ static void parameters_are_found_and_copied(void **state) {
     assert_true(value[0] == 1 && value[5] == 1);
     pm_params_free(&params);
     assert_int_equal(params.count, 0);
+}
+
+// Sizes come from files: products of them must neither wrap around nor take all memory.
+static void sizes_are_bounded(void **state) {
+    (void)state;
+    static const char *const feature[] = {"q"}, *const acts_on[] = {"q"};
+    const pm_layout large = {1, {{"q", "m", 65537, 0}}, 65537};
+    const pm_network_spec quadratic = {
+        .nfeature = 1, .feature = feature, .skip = PM_SKIP_QUADRATIC};
+    const pm_operator_spec learned = {.learned = true, .nacts = 1, .acts_on = acts_on};
+    pm_params params = {0};
+    pm_site site = {0};
+    pm_symbols_add(&site.symbols, NULL, &large, "", PM_NO_NODE);
+    pm_site_add(&site, &large, "");
+    assert_int_equal(pm_network_declare(&quadratic, &site.symbols, 1, NULL, &params, "n"),
+                     PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "65537 features, at most 4096 can be squared"));
+    const pm_operator op = {&learned, PM_REVERSIBLE, PM_HARD, "reversible"};
+    assert_int_equal(pm_operator_declare(&op, &site, &params), PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "65537 x 65537"));
+    assert_non_null(pm_params_add(&params, "large", 4096, 4000, false, 0, 0));
+    assert_null(pm_params_add(&params, "larger", 4096, 96, false, 0, 0));
+    assert_non_null(strstr(pm_error(), "more than 16777216 numbers in all"));
+    pm_params_free(&params);
 }
 
 // --- features ---
@@ -264,6 +289,7 @@ static void mistakes_are_named(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parameters_are_found_and_copied),
+        cmocka_unit_test(sizes_are_bounded),
         cmocka_unit_test(features_are_their_formulas),
         cmocka_unit_test(features_stay_finite_at_zero),
         cmocka_unit_test(networks_are_their_formulas),

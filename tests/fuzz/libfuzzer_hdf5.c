@@ -1,0 +1,41 @@
+// Under libFuzzer, for targets that read HDF5: changes that leave a file's places where they are.
+// The format is full of addresses, so what is inserted or cut out moves all that follows and is
+// refused at once.
+#include <hdf5.h>
+#include <stdint.h>
+#include <string.h>
+
+#define LARGEST_CHANGE 32 // bytes
+
+int LLVMFuzzerInitialize(int *argc, char ***argv);
+size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t most);
+size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned seed);
+
+// The library takes half a megabyte for every open file. Let it keep that for the next one.
+int LLVMFuzzerInitialize(int *argc, char ***argv) {
+    (void)argc, (void)argv;
+    return H5set_free_list_limits(-1, -1, -1, -1, -1, -1) < 0;
+}
+
+// One number after another (Numerical Recipes, 7.1).
+static size_t below(unsigned *seed, size_t limit) {
+    *seed = *seed * 1664525u + 1013904223u;
+    return (size_t)((uint64_t)*seed * limit >> 32);
+}
+
+// One change in eight is any of libFuzzer's. Others stay within a few bytes, which seldom begin
+// with a zero: most zeros are room that nothing uses.
+size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned seed) {
+    if (size <= LARGEST_CHANGE || below(&seed, 8) == 0) {
+        return LLVMFuzzerMutate(data, size, most);
+    }
+    size_t at = below(&seed, size - LARGEST_CHANGE);
+    const size_t length = 1 + below(&seed, LARGEST_CHANGE);
+    while (data[at] == 0 && at + length < size && below(&seed, 64) > 0) {
+        ++at;
+    }
+    uint8_t piece[LARGEST_CHANGE];
+    memcpy(piece, data + at, length);
+    memcpy(data + at, piece, LLVMFuzzerMutate(piece, length, length));
+    return size;
+}
