@@ -266,7 +266,7 @@ static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
     if (scene == NULL) {
         return pm_scene_no_memory();
     }
-    pm_scene_reader r = {scene, &scene->arena, root};
+    pm_scene_reader r = {.scene = scene, .arena = &scene->arena, .root = root};
     scene->path = pm_arena_strdup(&scene->arena, path);
     const pm_status status = scene->path == NULL ? pm_scene_no_memory() : read_scene(&r);
     if (status != PM_OK) {
