@@ -12,17 +12,17 @@ typedef struct lists {
     pm_scene_named *list[NLIST]; // [size of the group]
 } lists;
 
-static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, lists *lists) {
+static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, lists *read) {
     pm_yaml list;
     PM_TRY(pm_yaml_require(block, list_key[DE], &list));
-    PM_TRY(pm_scene_read_columns(r, list, &group->size, &lists->list[DE]));
+    PM_TRY(pm_scene_read_columns(r, list, &group->size, &read->list[DE]));
     for (int k = 0; k < NLIST; ++k) {
         int count;
         list = pm_yaml_get(block, list_key[k]);
         if (k == DE || !pm_yaml_exists(list)) {
             continue;
         }
-        PM_TRY(pm_scene_read_columns(r, list, &count, &lists->list[k]));
+        PM_TRY(pm_scene_read_columns(r, list, &count, &read->list[k]));
         if (count != group->size) {
             return pm_yaml_fail(list, "expected %d as under \"dE\", found %d", group->size, count);
         }
@@ -31,7 +31,7 @@ static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, 
 }
 
 static pm_status read_group(pm_scene_reader *r, pm_scene_world *load, pm_yaml key, pm_yaml block,
-                            lists *lists) {
+                            lists *read) {
     static const char *const keys[] = {"unit", "dE", "dS", "value", NULL};
     pm_yaml unit;
     pm_group *group = &load->layout.group[load->layout.ngroup];
@@ -39,11 +39,11 @@ static pm_status read_group(pm_scene_reader *r, pm_scene_world *load, pm_yaml ke
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_yaml_require(block, "unit", &unit));
     PM_TRY(pm_yaml_text(unit, r->arena, &group->unit));
-    PM_TRY(read_lists(r, block, group, lists));
+    PM_TRY(read_lists(r, block, group, read));
     group->first = load->layout.nz;
     load->layout.nz += group->size;
     ++load->layout.ngroup;
-    load->entropy = load->entropy || lists->list[DS] != NULL;
+    load->entropy = load->entropy || read->list[DS] != NULL;
     return PM_OK;
 }
 
@@ -70,7 +70,7 @@ static pm_status prescribe_list(pm_scene_reader *r, const pm_scene_named *list, 
     return PM_OK;
 }
 
-static pm_status prescribe_groups(pm_scene_reader *r, pm_scene_world *load, const lists *lists) {
+static pm_status prescribe_groups(pm_scene_reader *r, pm_scene_world *load, const lists *read) {
     const int nz = load->layout.nz;
     pm_scene_prescribed *value = pm_arena_array(r->arena, NLIST * (size_t)nz, sizeof *value);
     if (value == NULL) {
@@ -79,9 +79,9 @@ static pm_status prescribe_groups(pm_scene_reader *r, pm_scene_world *load, cons
     for (int i = 0; i < load->layout.ngroup; ++i) {
         const pm_group *group = &load->layout.group[i];
         for (int k = 0; k < NLIST; ++k) {
-            if (lists[i].list[k] != NULL) {
-                PM_TRY(prescribe_list(r, lists[i].list[k], group->size,
-                                      &value[k * nz + group->first]));
+            if (read[i].list[k] != NULL) {
+                PM_TRY(
+                    prescribe_list(r, read[i].list[k], group->size, &value[k * nz + group->first]));
             }
         }
     }
