@@ -137,6 +137,23 @@ static void free_nodes_are_columns_in_the_order_of_the_mesh(void **state) {
     pm_field_free(field);
 }
 
+static void only_the_first_states_are_taken(void **state) {
+    (void)state;
+    pm_field *field = make_field();
+    pm_dataset *nodes = NULL;
+    pm_nodal_how fewer = how;
+    fewer.nstate = 2;
+    assert_int_equal(pm_nodal_dataset(&nodes, field, 1, (const int[]){1}, &fewer), PM_OK);
+    assert_int_equal(nodes->ntime, 2);
+    double x[3];
+    place_of(0, x);
+    // The next state is there, though it is not taken.
+    check("f", 0, pm_dataset_state(nodes, 0, 1)[column(nodes, "f0")], value_at(x, 1, 2, 12),
+          ROUNDING);
+    pm_dataset_free(nodes);
+    pm_field_free(field);
+}
+
 static void memories_follow_displacements(void **state) {
     (void)state;
     pm_field *field = make_field();
@@ -291,6 +308,7 @@ static void other_columns_than_the_bodys_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(free_nodes_are_columns_in_the_order_of_the_mesh),
+        cmocka_unit_test(only_the_first_states_are_taken),
         cmocka_unit_test(memories_follow_displacements),
         cmocka_unit_test(what_is_dissipated_is_entropy),
         cmocka_unit_test(back_again_is_the_body),
