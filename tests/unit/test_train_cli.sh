@@ -173,6 +173,10 @@ expect 3 "no field on a mesh of 20 nodes (model of body)" fit "$folder/graph/tra
 for times in 0 -1 x 0.1,,0.2 0.1, '0.1 0.2' nan; do
     expect 2 "--relaxation" nodes "$folder/beam.h5" --relaxation "$times" -o "$nodes"
 done
+for states in 6 0 1.5 3x; do
+    expect 2 "--states \"$states\": expected a" nodes "$folder/beam.h5" --states "$states" -o "$nodes"
+done
+succeed "2 trajectories of 3 states, 193 columns" nodes "$folder/beam.h5" --states 3 -o "$folder/one/nodes.h5"
 expect 2 "at most 4 times" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
 expect 2 "--temperature \"0\": expected a number > 0" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
 expect 2 "--temperature \"1,2\": expected one number" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
