@@ -73,7 +73,9 @@ pm_status pm_nodal_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **
     if (count != field->nnode) {
         return pm_fail(PM_EDATA, "%d nodes are no box of bricks", field->nnode);
     }
-    PM_TRY(pm_mesh_make(size, elements, arena, mesh));
+    if (pm_mesh_make(size, elements, arena, mesh) != PM_OK) {
+        return pm_fail(PM_EDATA, "%s", pm_error()); // of the data, not of a configuration
+    }
     int *found = pm_arena_array(arena, (size_t)(*mesh)->nnode, sizeof *found);
     if (found == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a mesh");
@@ -267,6 +269,7 @@ static pm_status restore(pm_field **field, const conversion *c, const pm_dataset
     const pm_field_shape shape = {nodes->ntrajectory, body->ntime,    body->nnode,
                                   body->nvariable,    body->nelement, false};
     PM_TRY(pm_field_new(field, shape, body->dt, body->variable));
+    (*field)->energy = (*field)->clamped = NULL; // not known
     const size_t nstate = (size_t)body->nnode * (size_t)body->nvariable;
     const size_t nforce = (size_t)body->nnode * 3;
     memcpy((*field)->position, body->position, nforce * sizeof *body->position);

@@ -258,24 +258,34 @@ int pm_field_columns(const pm_field *field, const char *names) {
 
 // --- saving ---
 
+// What only a simulator knows.
+static pm_status write_known(const pm_field *d, pm_hdf5 *file) {
+    const int energy[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
+    if (d->clamped != NULL) {
+        PM_TRY(pm_hdf5_write(file, "/clamped", 1, &d->nnode, d->clamped));
+    }
+    if (d->energy == NULL) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_write(file, "/energy", 3, energy, d->energy));
+    return pm_hdf5_write_text(file, "/energy", "description",
+                              "[trajectory][time][stored, dissipated, work of the forces], J");
+}
+
 static pm_status write_content(const pm_field *d, pm_hdf5 *file) {
     const int shape[4] = {d->ntrajectory, d->ntime, d->nnode, d->nvariable};
     const int force[4] = {d->ntrajectory, d->ntime, d->nnode, 3};
-    const int energy[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
     const int position[2] = {d->nnode, 3}, hexahedron[2] = {d->nelement, 8};
     PM_TRY(pm_hdf5_write_text(file, "/", LAYOUT, d->variable));
     PM_TRY(pm_hdf5_write(file, "/dt", 0, NULL, &d->dt));
     PM_TRY(pm_hdf5_write(file, "/t", 1, &shape[1], d->t));
     PM_TRY(pm_hdf5_write(file, "/z", 4, shape, d->z));
     PM_TRY(pm_hdf5_write(file, "/f", 4, force, d->f));
-    PM_TRY(pm_hdf5_write(file, "/energy", 3, energy, d->energy));
     PM_TRY(pm_hdf5_write(file, "/node_position_reference", 2, position, d->position));
     PM_TRY(pm_hdf5_write(file, "/hexahedra", 2, hexahedron, d->hexahedron));
-    PM_TRY(pm_hdf5_write(file, "/clamped", 1, &d->nnode, d->clamped));
     PM_TRY(pm_hdf5_write_text(file, "/z", "description", "[trajectory][time][node][variable]"));
     PM_TRY(pm_hdf5_write_text(file, "/f", "description", "[trajectory][time][node][xyz], N"));
-    return pm_hdf5_write_text(file, "/energy", "description",
-                              "[trajectory][time][stored, dissipated, work of the forces], J");
+    return write_known(d, file);
 }
 
 // The sum over the nodes of the forces of contact, at each time. PM_ENOMEM.

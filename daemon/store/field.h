@@ -36,7 +36,7 @@ typedef struct pm_field {
     double *contact_work; // [ntrajectory][ntime] J; NULL if read from a file
     double *position;     // [nnode][3] m
     double *hexahedron;   // [nelement][8]; NULL: not known
-    double *clamped;      // [nnode]; NULL if read from a file
+    double *clamped;      // [nnode]; NULL if read from a file, or not known
     double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL: not known
     const char *variable; // their names, separated by blanks
     bool placed;          // it says where it lies; else in the world's frame

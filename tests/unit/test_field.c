@@ -65,6 +65,16 @@ static void saved_comes_back(void **state) {
     pm_field_free(d);
 }
 
+// Energies that nobody knows are not zero.
+static void what_is_not_known_is_left_out(void **state) {
+    pm_field *d = made(false);
+    d->energy = d->clamped = NULL;
+    const char *path = save(*state, d, "title", "trial");
+    assert_int_equal(pm_field_load(&d, path), PM_OK);
+    assert_null(d->energy);
+    pm_field_free(d);
+}
+
 // The sum over the nodes is what a plot wants.
 static void forces_of_contact_come_back(void **state) {
     const char *path = saved_with(*state, true);
@@ -201,6 +211,8 @@ static void faults_are_told(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(saved_comes_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(what_is_not_known_is_left_out, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test_setup_teardown(forces_of_contact_come_back, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(missing_first_forces_are_zero, scratch_setup,

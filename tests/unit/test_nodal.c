@@ -210,6 +210,7 @@ static void back_again_is_the_body(void **state) {
         pm_dataset_state(nodes, 0, j)[column(nodes, "u0")] += 0.25;
     }
     assert_int_equal(pm_nodal_fields(&back, nodes, field, which), PM_OK);
+    assert_null(back->energy);
     assert_true(back->ntrajectory == 1 && back->ntime == NTIME && back->nnode == NNODE);
     assert_memory_equal(back->position, field->position, 3 * NNODE * sizeof(double));
     assert_memory_equal(pm_field_force(back, 0, 0), pm_field_force(field, 1, 0),

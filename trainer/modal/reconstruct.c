@@ -173,6 +173,7 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     }
     PM_TRY_DONE(open_reader(&r, basis, modes, body, &arena));
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
+    d->energy = d->clamped = NULL; // not known
     memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
     memcpy(d->position, basis->position, 3 * (size_t)d->nnode * sizeof *d->position);
     if (d->nelement > 0) {
