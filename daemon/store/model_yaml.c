@@ -84,8 +84,8 @@ static pm_status read_term(pm_yaml item, const reader *r, pm_network_spec *term)
     if (!pm_yaml_exists(rest)) {
         return PM_OK;
     }
-    if (term->nfeature == 0 || term->message != NULL) {
-        return pm_yaml_fail(rest, "only a network of features can be at rest");
+    if (term->nfeature == 0 || term->message != NULL || term->skip == PM_SKIP_NONE) {
+        return pm_yaml_fail(rest, "only a network of features with a skip can be at rest");
     }
     return pm_yaml_bool(rest, &term->rest);
 }

@@ -331,7 +331,7 @@ static const yaml_case bad[] = {
     {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, found \"cubic\""},
     {"rest: true", "rest: often", "often", "rest: expected one of false, true"},
     {"{features: [\"|p|^2\"], skip: linear}", "{rest: true}", "true",
-     "rest: only a network of features can be at rest"},
+     "rest: only a network of features with a skip can be at rest"},
     {"acts_on: [p, s]", "acts_on: [p, s], rest: true", "rest", "unknown key \"rest\""},
     {"[\"|p|^2\"]", "[[p]]", "[p]", "features: expected text, found a list"},
     {"{given: [u, w]}", "{given: [u, w], skip: linear}", "skip",
