@@ -469,7 +469,8 @@ static int column_of(const pm_dataset *d, const char *name) {
     return i;
 }
 
-// What the fields say about the gaps is what the matrices make of the amplitudes.
+// What the fields say about the gaps is what the matrices make of the amplitudes, with what has
+// slid taken half way to the axes, a quarter of the bodies' thickness below their sides.
 static void matrices_give_the_gaps(void **state) {
     (void)state;
     static const char *const a_names[2] = {"middle_a0", "top_a0"};
@@ -486,6 +487,7 @@ static void matrices_give_the_gaps(void **state) {
     }
     const int first = column_of(d, "middle_top_g0");
     assert_int_equal(column_of(d, "middle_top_slope_v0"), first + 4 * NPAIR);
+    assert_int_equal(column_of(d, "middle_top_s"), first + 5 * NPAIR);
     for (int j = 0; j < NTIME; ++j) {
         const double *row = pm_dataset_state(d, 0, j);
         for (int i = 0; i < PM_FACING_GROUPS * NPAIR; ++i) {
@@ -497,8 +499,17 @@ static void matrices_give_the_gaps(void **state) {
             }
             check("gap", i, row[first + i], expected);
         }
+        check("entropy", j, row[first + 5 * NPAIR], 0);
     }
     check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
+    // A tilt alone does not move a side along itself, but what lies below it counts as lagging.
+    for (int i = 0; i < 2 * NPAIR; ++i) {
+        const double slid = matrix[1][PM_FACING_SLID_U * NPAIR + i][0];
+        check("slid", i, slid, 0.5 * matrix[1][PM_FACING_SLOPE_U * NPAIR + i][0]);
+    }
+    check("slope", 0,
+          hypot(matrix[1][PM_FACING_SLOPE_U * NPAIR][0], matrix[1][PM_FACING_SLOPE_V * NPAIR][0]),
+          0.5);
     pm_dataset_free(d);
     free_stack(&s);
 }
