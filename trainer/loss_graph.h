@@ -10,10 +10,10 @@
 typedef struct pm_loss {
     pm_residual residual;
     const pm_integrator *integrator;
-    int substeps;      // per dt
-    double degeneracy; // weight
+    int substeps;        // per dt
+    double degeneracy;   // weight
     const double *scale; // [nz] of residuals, where > 0 in place of the samples'; or NULL
-    double robust;     // d in units of the median sample's root mean square residual; 0: plain
+    double robust;       // d in units of the median sample's root mean square residual; 0: plain
 } pm_loss;
 
 typedef struct pm_loss_nodes {
