@@ -1,5 +1,6 @@
 // Encode, process, decode. A network is described once, by what builds it: to declare its
-// parameters it is built on a graph that is thrown away.
+// parameters it is built on a graph that is thrown away. They are drawn in order of declaration, so
+// no call has two arguments that name any: C does not say which is evaluated first.
 #include "model/message.h"
 
 #include <math.h>
@@ -125,9 +126,9 @@ static void encode(net *n) {
         n->field[i] = scaled_field(n, i, n->spec->feature[i]);
     }
     const pm_node fields = pm_concat(g, n->spec->nfeature, n->field);
-    const pm_node sum = pm_add(g, linear(n, "encode.field", fields, n->width, 1),
-                               linear(n, "encode.where", n->where, n->width, 1));
-    n->h = pm_tanh(g, add_bias(n, "encode.bias", sum));
+    const pm_node by_place = linear(n, "encode.where", n->where, n->width, 1);
+    const pm_node by_field = linear(n, "encode.field", fields, n->width, 1);
+    n->h = pm_tanh(g, add_bias(n, "encode.bias", pm_add(g, by_field, by_place)));
 }
 
 // --- process ---
@@ -167,9 +168,8 @@ static void process(net *n) {
             pm_add(g, linear(n, join(name, "pass", p, "source"), n->h, w, 1), difference);
         const pm_node at_target =
             pm_sub(g, linear(n, join(name, "pass", p, "target"), n->h, w, 1), difference);
-        const pm_node message =
-            pm_tanh(g, gather_edges(n, "pass", p, at_source,
-                                    add_bias(n, join(name, "pass", p, "bias"), at_target)));
+        const pm_node biased = add_bias(n, join(name, "pass", p, "bias"), at_target);
+        const pm_node message = pm_tanh(g, gather_edges(n, "pass", p, at_source, biased));
         const pm_node sum = scatter_edges(n, message);
         pm_node change = linear(n, join(name, "pass", p, "sum"), sum, w, GATHER_GAIN);
         change = pm_add(g, change, linear(n, join(name, "pass", p, "own"), n->h, w, 1));
@@ -231,10 +231,10 @@ static void drive_locally(net *n, pm_node force, driven *d) {
         parameter_name name;
         const pm_node ends[2] = {n->h, n->where};
         const pm_node both = pm_concat(g, 2, ends);
-        const pm_node at_target = linear(n, join(name, "drive", p, "target"), both, w, 1);
-        const pm_node gate = pm_tanh(
-            g, gather_edges(n, "drive", p, linear(n, join(name, "drive", p, "source"), both, w, 1),
-                            add_bias(n, join(name, "drive", p, "bias"), at_target)));
+        pm_node at_target = linear(n, join(name, "drive", p, "target"), both, w, 1);
+        at_target = add_bias(n, join(name, "drive", p, "bias"), at_target);
+        const pm_node at_source = linear(n, join(name, "drive", p, "source"), both, w, 1);
+        const pm_node gate = pm_tanh(g, gather_edges(n, "drive", p, at_source, at_target));
         const pm_node carried = linear(n, join(name, "drive", p, "carried"), d->local, w, 1);
         const pm_node message =
             pm_mul(g, gate, pm_gather_rows(g, carried, n->mesh->nedge, n->mesh->source));

@@ -1,0 +1,99 @@
+// The parameters of networks on a mesh: what they are called, and in which order. Weights are drawn
+// in this order, so that another one would be another training.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <cmocka.h>
+
+#include "model/message.h"
+
+typedef struct network {
+    pm_arena arena;
+    pm_message_spec message;
+    pm_network_spec spec;
+    pm_symbols symbols;
+    pm_params params;
+} network;
+
+static void open_network(network *n) {
+    static const char *const field[] = {"u"};
+    static const int hidden[] = {5}, elements[3] = {2, 1, 1};
+    static const double size[3] = {2, 1, 1};
+    *n = (network){.message = {.width = 3, .passes = 1, .within = 1}};
+    assert_int_equal(pm_mesh_make(size, elements, &n->arena, &n->message.mesh), PM_OK);
+    n->spec = (pm_network_spec){
+        .message = &n->message, .nfeature = 1, .feature = field, .hidden = hidden};
+    n->symbols = (pm_symbols){2, {{"u", 24, PM_NO_NODE}, {"f", 24, PM_NO_NODE}}};
+}
+
+static void close_network(network *n) {
+    pm_params_free(&n->params);
+    pm_arena_free(&n->arena);
+}
+
+static void check_names(const pm_params *params, const char *expected) {
+    char all[1024] = "";
+    size_t used = 0;
+    for (int i = 0; i < params->count; ++i) {
+        used += (size_t)snprintf(all + used, sizeof all - used, "%s\n", params->entry[i].name);
+        assert_true(used < sizeof all);
+    }
+    assert_string_equal(all, expected);
+}
+
+#define ENCODE_AND_PROCESS                                                                  \
+    "r.position\nr.where0.weight\nr.where0.bias\nr.where1.weight\nr.where1.bias\nr.along\n" \
+    "r.encode.where\nr.encode.field\nr.encode.bias\n"                                       \
+    "r.pass0.difference\nr.pass0.source\nr.pass0.target\nr.pass0.bias\nr.edge\n"            \
+    "r.pass0.edge\nr.pass0.sum\nr.pass0.own\nr.pass0.where\n"
+#define PATTERNS "r.field0.patterns\nr.layer0.weight\nr.layer0.bias\n"
+
+static void parameters_of_rates_are_in_order(void **state) {
+    (void)state;
+    network n;
+    open_network(&n);
+    const pm_fields out = {1, n.spec.feature};
+    n.message.driver = "f";
+    n.message.patterns = 2;
+    n.spec.nhidden = 1;
+    assert_int_equal(pm_message_declare_fields(&n.spec, &n.symbols, out, &n.params, "r"), PM_OK);
+    check_names(&n.params, ENCODE_AND_PROCESS PATTERNS
+                "r.drive.where\nr.drive.bias\nr.drive.force\n"
+                "r.drive0.target\nr.drive0.bias\nr.drive0.source\nr.drive0.edge\n"
+                "r.drive0.carried\nr.drive0.sum\n"
+                "r.lever.where\nr.lever.bias\nr.together.weight\n"
+                "r.out.along\nr.out0.local\nr.out0.gate\nr.out0.gated\nr.out0.together\n");
+    close_network(&n);
+}
+
+static void parameters_of_sums_are_in_order(void **state) {
+    (void)state;
+    network n;
+    open_network(&n);
+    n.message.patterns = 2;
+    n.spec.nhidden = 1;
+    assert_int_equal(pm_message_declare_sum(&n.spec, &n.symbols, &n.params, "r"), PM_OK);
+    check_names(&n.params, ENCODE_AND_PROCESS PATTERNS "r.decode.weight\nr.together.weight\n");
+    close_network(&n);
+}
+
+static void parameters_of_nodes_are_in_order(void **state) {
+    (void)state;
+    network n;
+    open_network(&n);
+    assert_int_equal(pm_message_declare_nodes(&n.spec, &n.symbols, 4, &n.params, "r"), PM_OK);
+    check_names(&n.params, ENCODE_AND_PROCESS "r.decode.weight\nr.decode.bias\n");
+    close_network(&n);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(parameters_of_rates_are_in_order),
+        cmocka_unit_test(parameters_of_sums_are_in_order),
+        cmocka_unit_test(parameters_of_nodes_are_in_order),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
