@@ -5,7 +5,7 @@
 
 #include "commands.h"
 #include "modal/field_report.h"
-#include "nodal.h"
+#include "nodes.h"
 #include "options.h"
 #include "store/xdmf.h"
 
@@ -178,7 +178,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
         PM_TRY_DONE(choose(&a, modes, truth, &which));
     }
-    PM_TRY_DONE(a.basis == NULL ? pm_nodal_fields(&field, modes, truth, which)
+    PM_TRY_DONE(a.basis == NULL ? pm_nodes_fields(&field, modes, truth, which)
                                 : make_from_modes(&a, stiffness, modes, truth, which, &field));
     if (truth != NULL) {
         PM_TRY_DONE(report_errors(&a, field, truth, which));

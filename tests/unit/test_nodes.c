@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "nodal.h"
+#include "nodes.h"
 
 #define NNODE 36 // of 3 x 2 x 2 bricks, 27 of them free
 #define NFREE 27
@@ -23,7 +23,7 @@
 #define SIGMA 6
 
 static const double corner[3] = {-1, 5, 0.5}, brick[3] = {2, 0.3, 1};
-static const pm_nodal_how how = {.nbranch = 2, .tau = {0.2, 0.7}, .temperature = 250};
+static const pm_nodes_how how = {.nbranch = 2, .tau = {0.2, 0.7}, .temperature = 250};
 
 // What the body does at a place: any smooth functions that tell places, times and components apart.
 static double value_at(const double *x, int trajectory, int time, int component) {
@@ -68,7 +68,7 @@ static pm_field *make_field(void) {
 
 static pm_dataset *make_nodes(const pm_field *field, int count, const int *which) {
     pm_dataset *nodes = NULL;
-    if (pm_nodal_dataset(&nodes, field, count, which, &how) != PM_OK) {
+    if (pm_nodes_dataset(&nodes, field, count, which, &how) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return nodes;
@@ -141,9 +141,9 @@ static void only_the_first_states_are_taken(void **state) {
     (void)state;
     pm_field *field = make_field();
     pm_dataset *nodes = NULL;
-    pm_nodal_how fewer = how;
+    pm_nodes_how fewer = how;
     fewer.nstate = 2;
-    assert_int_equal(pm_nodal_dataset(&nodes, field, 1, (const int[]){1}, &fewer), PM_OK);
+    assert_int_equal(pm_nodes_dataset(&nodes, field, 1, (const int[]){1}, &fewer), PM_OK);
     assert_int_equal(nodes->ntime, 2);
     double x[3];
     place_of(0, x);
@@ -209,7 +209,7 @@ static void back_again_is_the_body(void **state) {
     for (int j = 0; j < NTIME; ++j) { // so that something is not simply copied
         pm_dataset_state(nodes, 0, j)[column(nodes, "u0")] += 0.25;
     }
-    assert_int_equal(pm_nodal_fields(&back, nodes, field, which), PM_OK);
+    assert_int_equal(pm_nodes_fields(&back, nodes, field, which), PM_OK);
     assert_null(back->energy);
     assert_true(back->ntrajectory == 1 && back->ntime == NTIME && back->nnode == NNODE);
     assert_memory_equal(back->position, field->position, 3 * NNODE * sizeof(double));
@@ -243,7 +243,7 @@ static void back_again_is_the_body(void **state) {
 
 static void assert_refused(const pm_field *field, const char *words) {
     pm_dataset *nodes = NULL;
-    const pm_status status = pm_nodal_dataset(&nodes, field, 1, (const int[]){0}, &how);
+    const pm_status status = pm_nodes_dataset(&nodes, field, 1, (const int[]){0}, &how);
     if (status != PM_EDATA || strstr(pm_error(), words) == NULL || nodes != NULL) {
         fail_msg("status %d, error \"%s\", expected %d and \"%s\"", status, pm_error(), PM_EDATA,
                  words);
@@ -295,12 +295,12 @@ static void other_columns_than_the_bodys_are_refused(void **state) {
     for (int i = 0; i < 3; ++i) {
         const char *kept = name[at[i]];
         name[at[i]] = "x";
-        assert_int_equal(pm_nodal_fields(&back, nodes, field, which), PM_EDATA);
+        assert_int_equal(pm_nodes_fields(&back, nodes, field, which), PM_EDATA);
         assert_non_null(strstr(pm_error(), "expected columns u[0:81], sigma[0:162] and 5 states"));
         name[at[i]] = kept;
     }
     nodes->ntime = NTIME - 1;
-    assert_int_equal(pm_nodal_fields(&back, nodes, field, which), PM_EDATA);
+    assert_int_equal(pm_nodes_fields(&back, nodes, field, which), PM_EDATA);
     assert_null(back);
     pm_dataset_free(nodes);
     pm_field_free(field);
