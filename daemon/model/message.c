@@ -251,11 +251,10 @@ static pm_node levers(net *n, pm_node force) {
     const pm_node place =
         add_bias(n, "lever.bias", linear(n, "lever.where", n->where, LEVERS, 0.5));
     pm_node moment[PM_MAX_FEATURES];
-    const int count = cols < PM_MAX_FEATURES ? cols : PM_MAX_FEATURES;
-    for (int c = 0; c < count; ++c) {
+    for (int c = 0; c < cols; ++c) {
         moment[c] = pm_mul(g, force, pm_slice(g, n->field[0], c, 1));
     }
-    const pm_node sum = pm_matmul(g, place, true, pm_concat(g, count, moment), false);
+    const pm_node sum = pm_matmul(g, place, true, pm_concat(g, cols, moment), false);
     const pm_shape shape = pm_graph_shape(g, sum);
     return pm_reshape(g, pm_scale(g, sum, 1 / sqrt(n->mesh->nnode)), 1, shape.rows * shape.cols);
 }
@@ -384,11 +383,23 @@ pm_node pm_message_build_nodes(pm_graph *g, const pm_network_spec *spec, const p
 
 // --- declaration ---
 
+static bool is_group(const pm_symbols *symbols, const char *name) {
+    for (int i = 0; i < symbols->count; ++i) {
+        if (strcmp(symbols->symbol[i].name, name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static pm_status check_field(const pm_network_spec *spec, const pm_symbols *symbols,
                              const char *name) {
     int size = 0;
     PM_TRY(pm_feature_size(name, symbols, &size));
     const int nnode = spec->message->mesh->nnode, patterns = spec->message->patterns;
+    if (!is_group(symbols, name)) {
+        return pm_fail(PM_ECONFIG, "\"%s\" is an expression, expected a group", name);
+    }
     if (size % nnode != 0) {
         return pm_fail(PM_ECONFIG,
                        "\"%s\" has %d components, which is no field on a mesh of %d nodes", name,
@@ -414,23 +425,37 @@ static pm_status check_sizes(const pm_network_spec *spec) {
                : pm_fail(PM_ECONFIG, "hidden layers are of patterns, and there are none");
 }
 
+static pm_status check_driver(const pm_network_spec *spec, const pm_symbols *symbols) {
+    const pm_message_spec *m = spec->message;
+    PM_TRY(check_field(spec, symbols, m->driver));
+    for (int i = 0; i < spec->nfeature; ++i) {
+        if (strcmp(spec->feature[i], m->driver) == 0) {
+            return pm_fail(PM_ECONFIG, "driven_by \"%s\": a driver cannot be one of nodes too",
+                           m->driver);
+        }
+    }
+    const int size = size_of(symbols, m->driver), components = size / m->mesh->nnode;
+    if (size != size_of(symbols, spec->feature[0])) {
+        return pm_fail(PM_ECONFIG, "driven_by \"%s\": expected a field like the first of nodes",
+                       m->driver);
+    }
+    return m->patterns == 0 || components <= PM_MAX_FEATURES
+               ? PM_OK
+               : pm_fail(PM_ECONFIG,
+                         "driven_by \"%s\": %d components per node, at most %d with patterns",
+                         m->driver, components, PM_MAX_FEATURES);
+}
+
 static pm_status check(const pm_network_spec *spec, const pm_symbols *symbols, bool may_drive) {
     PM_TRY(check_sizes(spec));
     for (int i = 0; i < spec->nfeature; ++i) {
         PM_TRY(check_field(spec, symbols, spec->feature[i]));
     }
-    const char *driver = spec->message->driver;
-    if (driver == NULL) {
+    if (spec->message->driver == NULL) {
         return PM_OK;
     }
-    PM_TRY(check_field(spec, symbols, driver));
-    if (!may_drive) {
-        return pm_fail(PM_ECONFIG, "only a rate can be driven_by a field");
-    }
-    return size_of(symbols, driver) == size_of(symbols, spec->feature[0])
-               ? PM_OK
-               : pm_fail(PM_ECONFIG, "driven_by \"%s\": expected a field like the first of nodes",
-                         driver);
+    return may_drive ? check_driver(spec, symbols)
+                     : pm_fail(PM_ECONFIG, "only a rate can be driven_by a field");
 }
 
 static pm_status check_out(const pm_network_spec *spec, const pm_symbols *symbols, pm_fields out) {

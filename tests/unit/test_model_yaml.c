@@ -312,6 +312,10 @@ static const yaml_case bad_grip[] = {
      "\"other.dE.g\" has 2 components, which is no field on a mesh of 24 nodes"},
     {"[own.u], driven_by: other.dE.f", "[own.u], driven_by: other.dE.t", "[own.u]",
      "driven_by \"other.dE.t\": expected a field like the first of nodes"},
+    {"[own.u], driven_by", "[own.u, own.m, other.dE.f], driven_by", "[own.u",
+     "driven_by \"other.dE.f\": a driver cannot be one of nodes too"},
+    {"[own.u]", "[own.u, own.m/|own.m|]", "[own.u",
+     "\"own.m/|own.m|\" is an expression, expected a group"},
     {"[own.u]", "[" SIXTEEN_OWN ", " SIXTEEN_OWN "]", "[own", "more than 32 fields"},
 };
 

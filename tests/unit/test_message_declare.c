@@ -1,5 +1,5 @@
-// The parameters of networks on a mesh: what they are called, and in which order. Weights are drawn
-// in this order, so that another one would be another training.
+// Networks on a mesh when they are declared: what their parameters are called, in which order
+// (weights are drawn in it, so that another one would be another training), and what is refused.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -89,11 +89,33 @@ static void parameters_of_nodes_are_in_order(void **state) {
     close_network(&n);
 }
 
+// The moments of a driver are of each component: none is left out.
+static void a_driver_of_too_many_components_is_refused(void **state) {
+    (void)state;
+    for (int components = PM_MAX_FEATURES; components <= PM_MAX_FEATURES + 1; ++components) {
+        network n;
+        open_network(&n);
+        const pm_fields out = {1, n.spec.feature};
+        n.message.driver = "f";
+        n.message.patterns = 2;
+        n.symbols.symbol[0].size = n.symbols.symbol[1].size = 8 * components;
+        const pm_status status =
+            pm_message_declare_fields(&n.spec, &n.symbols, out, &n.params, "r");
+        assert_int_equal(status, components <= PM_MAX_FEATURES ? PM_OK : PM_ECONFIG);
+        if (status != PM_OK) {
+            assert_string_equal(
+                pm_error(), "driven_by \"f\": 33 components per node, at most 32 with patterns");
+        }
+        close_network(&n);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parameters_of_rates_are_in_order),
         cmocka_unit_test(parameters_of_sums_are_in_order),
         cmocka_unit_test(parameters_of_nodes_are_in_order),
+        cmocka_unit_test(a_driver_of_too_many_components_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
