@@ -3,9 +3,12 @@
 // no call has two arguments that name any: C does not say which is evaluated first.
 #include "model/message.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+#include "graph/node.h"
 
 // Spread of initial biases, and the gain of what reads differences between neighbours, which are
 // small against the fields.
@@ -32,7 +35,7 @@ typedef struct net {
     const char *prefix;
     const pm_params *params;
     pm_params *declaring; // where parameters that are new go; NULL: they are all there
-    pm_status status;
+    pm_status status;     // of declaring; after a failure nothing more is declared
     const pm_symbols *symbols;
     pm_node where;                  // [nnode][width] the learned features of a node's place
     pm_node field[PM_MAX_FEATURES]; // [nnode][components] of rms 1
@@ -51,15 +54,16 @@ typedef struct shape_of {
 static pm_node parameter(net *n, const char *name, shape_of s) {
     parameter_name full;
     snprintf(full, sizeof full, "%s.%s", n->prefix, name);
-    const pm_param_entry *entry = pm_params_find(n->params, full);
-    if (entry == NULL && n->declaring != NULL) {
-        entry = pm_params_add(n->declaring, full, s.rows, s.cols, s.trained, s.spread,
-                              s.trained ? 0 : 1);
+    if (n->declaring != NULL && n->status == PM_OK) {
+        n->status = pm_params_add(n->declaring, full, s.rows, s.cols, s.trained, s.spread,
+                                  s.trained ? 0 : 1);
     }
-    if (entry == NULL) {
-        n->status = PM_ENOMEM;
+    if (n->status != PM_OK) {
         return pm_constant(n->g, 0, s.rows, s.cols);
     }
+    const pm_param_entry *entry = pm_params_find(n->params, full);
+    assert(entry != NULL &&
+           (pm_graph_exhausted(n->g) || (entry->rows == s.rows && entry->cols == s.cols)));
     return s.trained ? pm_weight(n->g, entry->value, s.rows, s.cols)
                      : pm_param(n->g, entry->value, s.rows, s.cols);
 }
@@ -92,15 +96,19 @@ static pm_node mesh_features(net *n, const char *name, int rows, int cols,
 
 // --- encode ---
 
+// Of a group that has passed check_field.
+static int size_of(const pm_symbols *symbols, const char *name) {
+    int size = 0;
+    (void)pm_feature_size(name, symbols, &size);
+    return size;
+}
+
 // A group's value [1][size]; while parameters are declared, where values are not known, an input.
 static pm_node value_of(net *n, const char *name) {
     if (n->declaring == NULL) {
         return pm_feature_build(n->g, name, n->symbols);
     }
-    int size = n->mesh->nnode;
-    const pm_status status = pm_feature_size(name, n->symbols, &size);
-    n->status = n->status == PM_OK ? status : n->status;
-    return pm_input(n->g, true, 1, size);
+    return pm_input(n->g, true, 1, size_of(n->symbols, name));
 }
 
 // The field as rows of nodes, divided by its typical component.
@@ -216,9 +224,9 @@ static void find_amplitudes(net *n) {
 
 // Outputs that are proportional to a driver.
 typedef struct driven {
-    pm_node local; // [nnode][width] what messages made of it
-    pm_node
-        together; // [1][..] its work on the patterns, its moments, and these as the state has it
+    pm_node local;    // [nnode][width] what messages made of it
+    pm_node together; // [1][..] its work on patterns, its moments, and functions of the shape times
+                      // these; PM_NO_NODE: no patterns
 } driven;
 
 static void drive_locally(net *n, pm_node force, driven *d) {
@@ -315,12 +323,6 @@ static net begin(pm_graph *g, const pm_network_spec *spec, const pm_symbols *sym
     encode(&n);
     process(&n);
     return n;
-}
-
-static int size_of(const pm_symbols *symbols, const char *name) {
-    int size = 0;
-    (void)pm_feature_size(name, symbols, &size);
-    return size;
 }
 
 static pm_node build_fields(net *n, pm_fields out) {
@@ -469,26 +471,39 @@ static pm_status check_out(const pm_network_spec *spec, const pm_symbols *symbol
                          out.name[0]);
 }
 
+// A network on a graph of its own.
+static pm_status begin_declaring(net *n, const pm_network_spec *spec, const pm_symbols *symbols,
+                                 pm_params *params, const char *prefix) {
+    pm_graph *g = NULL;
+    PM_TRY(pm_graph_open(&g));
+    *n = begin(g, spec, symbols, params, prefix, params);
+    return PM_OK;
+}
+
+static pm_status end_declaring(net *n) {
+    if (pm_graph_exhausted(n->g)) { // then no shape was right
+        n->status = pm_fail(PM_ENOMEM, "out of memory for the graph of a network");
+    }
+    pm_graph_close(n->g);
+    return n->status;
+}
+
 pm_status pm_message_declare_fields(const pm_network_spec *spec, const pm_symbols *symbols,
                                     pm_fields out, pm_params *params, const char *prefix) {
     PM_TRY(pm_spec_locate(spec->at, check_out(spec, symbols, out)));
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    net n = begin(g, spec, symbols, params, prefix, params);
+    net n;
+    PM_TRY(begin_declaring(&n, spec, symbols, params, prefix));
     build_fields(&n, out);
-    pm_graph_close(g);
-    return n.status;
+    return end_declaring(&n);
 }
 
 pm_status pm_message_declare_sum(const pm_network_spec *spec, const pm_symbols *symbols,
                                  pm_params *params, const char *prefix) {
     PM_TRY(pm_spec_locate(spec->at, check(spec, symbols, false)));
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    net n = begin(g, spec, symbols, params, prefix, params);
+    net n;
+    PM_TRY(begin_declaring(&n, spec, symbols, params, prefix));
     build_sum(&n);
-    pm_graph_close(g);
-    return n.status;
+    return end_declaring(&n);
 }
 
 static pm_status check_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout) {
@@ -505,12 +520,10 @@ static pm_status check_nodes(const pm_network_spec *spec, const pm_symbols *symb
 pm_status pm_message_declare_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                                    pm_params *params, const char *prefix) {
     PM_TRY(pm_spec_locate(spec->at, check_nodes(spec, symbols, nout)));
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    net n = begin(g, spec, symbols, params, prefix, params);
+    net n;
+    PM_TRY(begin_declaring(&n, spec, symbols, params, prefix));
     build_nodes(&n, nout);
-    pm_graph_close(g);
-    return n.status;
+    return end_declaring(&n);
 }
 
 // --- constants fixed from the data ---

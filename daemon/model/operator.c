@@ -264,15 +264,12 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
     PM_TRY(pm_spec_locate(spec->at, check_nodal(op, &s)));
     operator_name name;
-    if (pm_params_add(params, join(name, op->prefix, "scale"), 1, s.n, false, 0, 1) == NULL ||
-        (spec->nalong > 0 && pm_params_add(params, join(name, op->prefix, "along"), 1, spec->nalong,
-                                           false, 0, 1) == NULL)) {
-        return PM_ENOMEM;
+    PM_TRY(pm_params_add(params, join(name, op->prefix, "scale"), 1, s.n, false, 0, 1));
+    if (spec->nalong > 0) {
+        join(name, op->prefix, "along");
+        PM_TRY(pm_params_add(params, name, 1, spec->nalong, false, 0, 1));
     }
-    if (!spec->learned) {
-        return PM_OK;
-    }
-    return declare_matrix(op, site, &s, params);
+    return spec->learned ? declare_matrix(op, site, &s, params) : PM_OK;
 }
 
 pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,

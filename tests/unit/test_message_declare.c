@@ -8,6 +8,8 @@
 
 #include <cmocka.h>
 
+#include "allocations.h"
+#include "graph/node.h"
 #include "model/message.h"
 
 typedef struct network {
@@ -27,6 +29,13 @@ static void open_network(network *n) {
     n->spec = (pm_network_spec){
         .message = &n->message, .nfeature = 1, .feature = field, .hidden = hidden};
     n->symbols = (pm_symbols){2, {{"u", 24, PM_NO_NODE}, {"f", 24, PM_NO_NODE}}};
+}
+
+static void open_driven(network *n) {
+    open_network(n);
+    n->message.driver = "f";
+    n->message.patterns = 2;
+    n->spec.nhidden = 1;
 }
 
 static void close_network(network *n) {
@@ -54,11 +63,8 @@ static void check_names(const pm_params *params, const char *expected) {
 static void parameters_of_rates_are_in_order(void **state) {
     (void)state;
     network n;
-    open_network(&n);
+    open_driven(&n);
     const pm_fields out = {1, n.spec.feature};
-    n.message.driver = "f";
-    n.message.patterns = 2;
-    n.spec.nhidden = 1;
     assert_int_equal(pm_message_declare_fields(&n.spec, &n.symbols, out, &n.params, "r"), PM_OK);
     check_names(&n.params, ENCODE_AND_PROCESS PATTERNS
                 "r.drive.where\nr.drive.bias\nr.drive.force\n"
@@ -110,12 +116,67 @@ static void a_driver_of_too_many_components_is_refused(void **state) {
     }
 }
 
+static void parameters_of_other_shapes_are_refused(void **state) {
+    (void)state;
+    network n;
+    open_network(&n);
+    assert_int_equal(pm_params_add(&n.params, "r.encode.field", 2, 3, true, 1, 0), PM_OK);
+    assert_int_equal(pm_message_declare_sum(&n.spec, &n.symbols, &n.params, "r"), PM_ECONFIG);
+    assert_string_equal(pm_error(), "parameter r.encode.field is 2 x 3, expected 3 x 3");
+    close_network(&n);
+}
+
+// Whichever allocation fails.
+static void running_out_of_memory_is_an_error(void **state) {
+    (void)state;
+    int failures = -1;
+    for (pm_status status = PM_ENOMEM; status != PM_OK; ++failures) {
+        network n;
+        open_driven(&n);
+        allocations = 0;
+        failing = failures + 2;
+        status = pm_message_declare_fields(&n.spec, &n.symbols, (pm_fields){1, n.spec.feature},
+                                           &n.params, "r");
+        failing = 0;
+        assert_true(status == PM_OK || status == PM_ENOMEM);
+        close_network(&n);
+    }
+    assert_true(failures > 50);
+}
+
+// The graph says so when it is to be run.
+static void building_goes_on_without_memory(void **state) {
+    (void)state;
+    const pm_fields out = {1, (const char *const[]){"u"}};
+    network n;
+    open_driven(&n);
+    assert_int_equal(pm_message_declare_fields(&n.spec, &n.symbols, out, &n.params, "r"), PM_OK);
+    int failures = -1;
+    for (bool exhausted = true; exhausted; ++failures) {
+        pm_graph *g = NULL;
+        assert_int_equal(pm_graph_open(&g), PM_OK);
+        allocations = 0;
+        failing = failures + 2;
+        n.symbols.symbol[0].node = pm_input(g, true, 1, 24);
+        n.symbols.symbol[1].node = pm_input(g, true, 1, 24);
+        pm_message_build_fields(g, &n.spec, &n.symbols, out, &n.params, "r");
+        failing = 0;
+        exhausted = pm_graph_exhausted(g);
+        pm_graph_close(g);
+    }
+    assert_true(failures > 2);
+    close_network(&n);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parameters_of_rates_are_in_order),
         cmocka_unit_test(parameters_of_sums_are_in_order),
         cmocka_unit_test(parameters_of_nodes_are_in_order),
         cmocka_unit_test(a_driver_of_too_many_components_is_refused),
+        cmocka_unit_test(parameters_of_other_shapes_are_refused),
+        cmocka_unit_test(running_out_of_memory_is_an_error),
+        cmocka_unit_test(building_goes_on_without_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
