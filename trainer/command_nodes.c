@@ -1,8 +1,7 @@
-// portmet-train nodes: fields of a body as trajectories of nodal values, and back.
+// portmet-train nodes: fields of a body as trajectories of nodal values.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "commands.h"
 #include "nodes.h"
@@ -37,54 +36,29 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// A number > 0 up to `end`.
-static pm_status read_positive(const char *option, const char **text, double *number) {
-    char *end;
-    *number = strtod(*text, &end);
-    if (end == *text || !isfinite(*number) || *number <= 0) {
-        return pm_fail(PM_EUSAGE, "nodes: %s \"%s\": expected a number > 0", option, *text);
-    }
-    *text = end;
-    return PM_OK;
-}
-
 // The number of states to keep.
 static pm_status read_states(const arguments *a, const pm_field *field, pm_nodes_how *how) {
     double count = field->ntime;
-    const char *text = a->states;
-    if (text != NULL) {
-        PM_TRY(read_positive("--states", &text, &count));
+    if (a->states != NULL) {
+        PM_TRY(pm_options_positive("--states", a->states, &count));
     }
-    if (count != floor(count) || count > field->ntime || (text != NULL && *text != '\0')) {
-        return pm_fail(PM_EUSAGE, "nodes: --states \"%s\": expected a whole number up to %d",
-                       a->states, field->ntime);
+    if (count != floor(count) || count > field->ntime) {
+        return pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found \"%s\"",
+                       field->ntime, a->states);
     }
     how->nstate = (int)count;
     return PM_OK;
 }
 
 static pm_status read_how(const arguments *a, pm_nodes_how *how) {
-    const char *text = a->temperature;
     how->temperature = 300;
-    if (text != NULL) {
-        PM_TRY(read_positive("--temperature", &text, &how->temperature));
-        if (*text != '\0') {
-            return pm_fail(PM_EUSAGE, "nodes: --temperature \"%s\": expected one number",
-                           a->temperature);
-        }
+    if (a->temperature != NULL) {
+        PM_TRY(pm_options_positive("--temperature", a->temperature, &how->temperature));
     }
-    for (text = a->relaxation; text != NULL && *text != '\0';) {
-        if (how->nbranch == PM_NODES_MOST_BRANCHES) {
-            return pm_fail(PM_EUSAGE, "nodes: --relaxation: at most %d times",
-                           PM_NODES_MOST_BRANCHES);
-        }
-        PM_TRY(read_positive("--relaxation", &text, &how->tau[how->nbranch++]));
-        if (*text != '\0' && (*text++ != ',' || *text == '\0')) {
-            return pm_fail(PM_EUSAGE, "nodes: --relaxation \"%s\": expected times and commas",
-                           a->relaxation);
-        }
-    }
-    return PM_OK;
+    return a->relaxation == NULL
+               ? PM_OK
+               : pm_options_positives("--relaxation", a->relaxation, PM_NODES_MOST_BRANCHES,
+                                      how->tau, &how->nbranch);
 }
 
 static pm_status print_mesh(const pm_field *field) {
