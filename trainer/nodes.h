@@ -3,8 +3,8 @@
 // x = lowest are held. Columns, each by node in the order of pm_mesh, components innermost:
 //   u[0:3n]      displacement, m
 //   m<k>_[0:3n]  for each relaxation time tau of the material: what a branch that follows u with
-//                it remembers, dm/dt = (u - m)/tau, such that euler's step over dt is exact with
-//                the rate (u - m) (1 - exp(-dt/tau))/dt
+//                it remembers, dm/dt = (u - m)/tau and 0 at first, such that euler's step over dt
+//                is exact with the rate (u - m) (1 - exp(-dt/tau))/dt
 //   sigma[0:6n]  stress, Pa
 //   f[0:3n]      the world's force, N, at the end of the step that begins here: a body in
 //                equilibrium answers at once, and its next state is that under the next load
@@ -27,7 +27,7 @@ typedef struct pm_nodes_how {
 } pm_nodes_how;
 
 // The mesh, and for each of its nodes the body's: node [mesh->nnode]; memory from the arena.
-// PM_EDATA: the nodes are no box of bricks; PM_ENOMEM.
+// PM_EDATA: the nodes are no box of bricks, at least one along each axis, or too many; PM_ENOMEM.
 pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **mesh,
                         const int **node);
 
@@ -36,9 +36,10 @@ pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **
 pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int count, const int *which,
                            const pm_nodes_how *how);
 
-// Back: positions, velocities by differences over the last step, and stresses; what is held, and
-// which[i], the body's trajectory that nodes' trajectory i is about (its forces), from `body`.
-// PM_EDATA: columns or shapes that do not fit; PM_ENOMEM. The caller frees.
+// Back: positions and stresses of the free nodes, and velocities by differences over the last step.
+// All else is that of `body`, of its trajectory which[i] for nodes' trajectory i: what is held, the
+// first velocities, other variables, forces; energies are not known. PM_EDATA: columns or shapes
+// that do not fit; PM_ENOMEM. The caller frees.
 pm_status pm_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
                           const int *which);
 

@@ -18,7 +18,7 @@
 #define GATHER_GAIN 0.4
 // Decoders begin small, so that training begins with what is given.
 #define DECODE_GAIN 0.03
-// Learned places at which the moments of a driver are taken.
+// Learned functions of the place that weigh the products of a driver with the first field.
 #define LEVERS 6
 // Of what a network passes on over all edges, of patterns, and of matrices of all nodes: far above
 // any that can be trained, and memory that any host has. Sizes come from files.
@@ -225,8 +225,8 @@ static void find_amplitudes(net *n) {
 // Outputs that are proportional to a driver.
 typedef struct driven {
     pm_node local;    // [nnode][width] what messages made of it
-    pm_node together; // [1][..] its work on patterns, its moments, and functions of the shape times
-                      // these; PM_NO_NODE: no patterns
+    pm_node together; // [1][..] its work on patterns, its products with the first field, and
+                      // combinations of these times n->hidden; PM_NO_NODE: no patterns
 } driven;
 
 static void drive_locally(net *n, pm_node force, driven *d) {
@@ -252,7 +252,8 @@ static void drive_locally(net *n, pm_node force, driven *d) {
     }
 }
 
-// Moments of the force about the displaced nodes, summed over learned places: [1][..].
+// Each component of the force times each of the first field, weighted by learned functions of the
+// place and summed over the nodes: [1][LEVERS cols^2].
 static pm_node levers(net *n, pm_node force) {
     pm_graph *g = n->g;
     const int cols = pm_graph_shape(g, n->field[0]).cols;
@@ -448,16 +449,19 @@ static pm_status check_driver(const pm_network_spec *spec, const pm_symbols *sym
                          m->driver, components, PM_MAX_FEATURES);
 }
 
-static pm_status check(const pm_network_spec *spec, const pm_symbols *symbols, bool may_drive) {
+static pm_status check(const pm_network_spec *spec, const pm_symbols *symbols, bool is_rate) {
     PM_TRY(check_sizes(spec));
     for (int i = 0; i < spec->nfeature; ++i) {
         PM_TRY(check_field(spec, symbols, spec->feature[i]));
     }
+    if (!is_rate && spec->message->within != 1) {
+        return pm_fail(PM_ECONFIG, "only a rate has within");
+    }
     if (spec->message->driver == NULL) {
         return PM_OK;
     }
-    return may_drive ? check_driver(spec, symbols)
-                     : pm_fail(PM_ECONFIG, "only a rate can be driven_by a field");
+    return is_rate ? check_driver(spec, symbols)
+                   : pm_fail(PM_ECONFIG, "only a rate can be driven_by a field");
 }
 
 static pm_status check_out(const pm_network_spec *spec, const pm_symbols *symbols, pm_fields out) {

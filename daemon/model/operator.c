@@ -12,7 +12,8 @@
 // Keeps the projection finite where the normal vanishes: then there is nothing to project out.
 #define SMALLEST_NORMAL 1e-300
 // Where a learned M starts: not at zero, where its factor would have no gradient, and with signs
-// that alternate, since the projection takes away what all have in common.
+// that alternate, since the projection takes away what all have in common. (On a mesh the decoder's
+// weights are drawn.)
 #define FACTOR_START 1.0
 #define MAX_ENTRIES (1 << 24) // of a learned matrix
 

@@ -289,6 +289,7 @@ static const yaml_case bad_mesh[] = {
     {"patterns: 16", "within: 0", "0", "within: expected a time > 0"},
     {"nodes: [u, m]", "features: [u, m]", "8,", "only a network of nodes has width"},
     {"[u, m], width", "[u, m], driven_by: m, width", "[u", "only a rate can be driven_by a field"},
+    {"[u, m], width", "[u, m], within: 0.5, width", "[u", "only a rate has within"},
     {"[u, m], width: 8, passes: 1, patterns: 16", "[u, m], width: 8, passes: 1", "[u",
      "hidden layers are of patterns, and there are none"},
     {"elements: [4, 2, 1]}\nenergy:\n  - {given: s}\n  - {nodes: [u, m], width: 8, passes: 1",
