@@ -149,13 +149,15 @@ static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
 }
 
 // With images of them, if the training file says so.
-static pm_status make_samples(fit *f, pm_residual residual, int unroll, pm_samples *samples) {
+static pm_status make_samples(fit *f, pm_residual residual, int unroll, int load_order,
+                              pm_samples *samples) {
     pm_symmetry *symmetry = NULL;
     if (f->training->square) {
-        PM_TRY(pm_symmetry_make(&symmetry, f->training->system, unroll, &f->training->arena));
+        PM_TRY(pm_symmetry_make(&symmetry, f->training->system, unroll, load_order,
+                                &f->training->arena));
     }
     PM_TRY(pm_samples_make(samples, f->training->scene, f->dataset, f->first, f->end, residual,
-                           unroll));
+                           unroll, load_order));
     samples->symmetry = symmetry;
     return PM_OK;
 }
@@ -163,7 +165,8 @@ static pm_status make_samples(fit *f, pm_residual residual, int unroll, pm_sampl
 static pm_status run_stage(fit *f, int stage_id) {
     const pm_stage *stage = &f->training->stage[stage_id];
     pm_samples samples;
-    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, &samples));
+    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, pm_loss_load_order(&stage->loss),
+                        &samples));
     pm_samples_rescale(&samples, stage->loss.scale);
     pm_objective *objective = NULL;
     pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
@@ -305,7 +308,7 @@ static pm_status initialise(fit *f) {
         theta += pm_params_trained(params);
     }
     pm_samples samples;
-    PM_TRY(make_samples(f, PM_RESIDUAL_STEP, 1, &samples));
+    PM_TRY(make_samples(f, PM_RESIDUAL_STEP, 1, 1, &samples));
     const pm_status status = pm_normalise_system(system, &samples);
     pm_samples_free(&samples);
     return status;
