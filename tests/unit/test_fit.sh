@@ -82,6 +82,16 @@ gauss_newton 0.05 {optimiser: gauss_newton, iterations: 15, batch: 66, substeps:
 LIST
 [ ! -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left its checkpoint"
 
+# --- weights say by what steps they were made, if by any ---
+# made_by DIR TEXT: so many components say TEXT
+made_by() {
+    "$portmetd" check "$folder/scene.yaml" --weights "$folder/$1" | grep -c "$2"
+}
+config derivative '{optimiser: adam, iterations: 1, residual: derivative}'
+fit derivative derivative || fail "fit derivative"
+[ "$(made_by lbfgs 'by steps of 0.15 s of rk4')" -eq 3 ] || fail "lbfgs: expected its steps"
+[ "$(made_by derivative 'by steps of')" -eq 0 ] || fail "derivative: expected no steps"
+
 # --- a part that the scene knows stays as it is, and the others are learned beside it ---
 sed -e "s|file: reference|file: $PWD/configs/reference|" configs/half_analytic_double_pendulum.yaml \
     >"$folder/half.yaml"

@@ -162,6 +162,9 @@ with_graph() {
 with_graph ''
 succeed "stage 1/1 adam" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/weights/beam_graph"
 succeed "sigma    trajectory" evaluate "$folder/graph/scene.yaml" --data "$nodes"
+sed 's/integrator: euler/integrator: euler, substeps: 2/' "$folder/graph/scene.yaml" >"$folder/graph/halved.yaml"
+expect 6 "within a step of 0.05 s of euler, and hold for no other; the scene takes steps of 0.025 s" \
+    evaluate "$folder/graph/halved.yaml" --data "$nodes"
 with_graph 's/^section: square/section: round/'
 expect 3 "section: expected one of any, square" fit "$folder/graph/train.yaml" --data "$nodes" -o "$new"
 with_graph 's/size: \[40, 10, 10\]/size: [40, 10, 9]/'
