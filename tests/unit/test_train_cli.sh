@@ -137,7 +137,7 @@ succeed "modes.h5: 1 trajectories of 5 states" reduce "$modes" --data "$folder/b
 succeed "stress  " reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 -o "$new"
 succeed "displacement                 0         0         0" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$new"
 succeed "Trained on, %" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 --trained 1
-expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
+expect 2 "1 trajectories in $folder/one/modes.h5, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
 expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
 expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
 succeed "modes.h5: 1 trajectories" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/new/deep"
@@ -180,6 +180,11 @@ for states in 6 0 1.5 3x; do
     expect 2 "--states \"$states\": expected a" nodes "$folder/beam.h5" --states "$states" -o "$nodes"
 done
 succeed "2 trajectories of 3 states, 193 columns" nodes "$folder/beam.h5" --states 3 -o "$folder/one/nodes.h5"
+expect 5 "one/nodes.h5: trajectories of 3 states, those of $folder/beam.h5 have 5: only whole ones" \
+    reconstruct "$folder/one/nodes.h5" --truth "$folder/beam.h5"
+succeed "stress  " reconstruct "$nodes" --truth "$folder/beam.h5" -o "$folder/again.h5"
+grep -qa "Fields reconstructed from nodal values" "$folder/again.h5" || fail "reconstruct: title of fields of nodal values"
+expect 2 "nodal values need --truth, modes a --basis" reconstruct "$nodes"
 expect 2 "at most 4 times" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
 expect 2 "--temperature \"0\": expected a number > 0" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
 expect 2 "--temperature \"1,2\": expected one number" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
