@@ -83,14 +83,15 @@ LIST
 [ ! -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left its checkpoint"
 
 # --- weights say by what steps they were made, if by any ---
-# made_by DIR TEXT: so many components say TEXT
-made_by() {
-    "$portmetd" check "$folder/scene.yaml" --weights "$folder/$1" | grep -c "$2"
+# say DIR COUNT TEXT: so many of the weights in a folder say TEXT
+say() {
+    "$portmetd" check "$folder/scene.yaml" --weights "$folder/$1" >"$folder/out" 2>"$folder/err" || fail "check $1"
+    [ "$(grep -c "$3" "$folder/out")" -eq "$2" ] || fail "$1: expected \"$3\" $2 times"
 }
 config derivative '{optimiser: adam, iterations: 1, residual: derivative}'
 fit derivative derivative || fail "fit derivative"
-[ "$(made_by lbfgs 'by steps of 0.15 s of rk4')" -eq 3 ] || fail "lbfgs: expected its steps"
-[ "$(made_by derivative 'by steps of')" -eq 0 ] || fail "derivative: expected no steps"
+say lbfgs 3 'by steps of 0.15 s of rk4'
+say derivative 0 'by steps of'
 
 # --- a part that the scene knows stays as it is, and the others are learned beside it ---
 sed -e "s|file: reference|file: $PWD/configs/reference|" configs/half_analytic_double_pendulum.yaml \
