@@ -6,7 +6,7 @@
 
 #include "commands.h"
 #include "modal/field_report.h"
-#include "nodal.h"
+#include "nodes.h"
 #include "options.h"
 #include "store/xdmf.h"
 
@@ -95,7 +95,7 @@ static pm_status make_from_nodes(const arguments *a, const pm_dataset *nodes, co
                        "made fields again (`nodes` without --states)",
                        a->dataset, nodes->ntime, a->truth, truth->ntime);
     }
-    const pm_status status = pm_nodal_fields(field, nodes, truth, which);
+    const pm_status status = pm_nodes_fields(field, nodes, truth, which);
     return status == PM_EDATA
                ? pm_fail(status, "%s as nodal values of %s: %s", a->dataset, a->truth, pm_error())
                : status;
