@@ -201,10 +201,14 @@ static const char *weights_of(const pm_scene *scene, int component) {
 
 static pm_status save_weights(const fit *f) {
     const pm_scene *scene = f->training->scene;
+    const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
+    const bool steps = loss->residual == PM_RESIDUAL_STEP;
     const pm_provenance provenance = {
         .command = f->arguments->line,
         .data = f->arguments->data != NULL ? f->arguments->data : f->training->data,
         .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
+        .integrator = steps ? loss->integrator->name : NULL,
+        .step = steps ? scene->dt / loss->substeps : 0,
         .seed = f->training->seed,
         .loss = f->loss,
         .seconds = f->position[2]};
