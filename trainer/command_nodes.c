@@ -14,7 +14,7 @@ typedef struct arguments {
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--relaxation", NULL, "TAU[,TAU...]", NULL, &a->relaxation, false,
-         "s, of the branches of the material's Prony series; without, it remembers nothing"},
+         "s, of a viscoelastic body's Prony series, e.g. 0.2,0.5; without, it remembers nothing"},
         {"--temperature", NULL, "T", NULL, &a->temperature, false,
          "K, by which what is dissipated is divided (default: 300)"},
         {"--states", NULL, "N", NULL, &a->states, false, "only the first N of each trajectory"},

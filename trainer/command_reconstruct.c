@@ -89,12 +89,16 @@ static pm_status choose(const arguments *a, const pm_dataset *dataset, const pm_
 
 static pm_status make_from_nodes(const arguments *a, const pm_dataset *nodes, const pm_field *truth,
                                  const int *which, pm_field **field) {
-    return nodes->ntime == truth->ntime
-               ? pm_nodes_fields(field, nodes, truth, which)
-               : pm_fail(PM_EDATA,
-                         "%s: trajectories of %d states, those of %s have %d: only whole ones can "
-                         "be made fields again (`nodes` without --states)",
-                         a->dataset, nodes->ntime, a->truth, truth->ntime);
+    if (nodes->ntime != truth->ntime) {
+        return pm_fail(PM_EDATA,
+                       "%s: trajectories of %d states, those of %s have %d: only whole ones can be "
+                       "made fields again (`nodes` without --states)",
+                       a->dataset, nodes->ntime, a->truth, truth->ntime);
+    }
+    const pm_status status = pm_nodes_fields(field, nodes, truth, which);
+    return status == PM_EDATA
+               ? pm_fail(status, "%s as nodal values of %s: %s", a->dataset, a->truth, pm_error())
+               : status;
 }
 
 static pm_status make_from_modes(const arguments *a, double stiffness, const pm_dataset *modes,

@@ -188,6 +188,8 @@ expect 5 "one/nodes.h5: trajectories of 3 states, those of $folder/beam.h5 have 
 succeed "stress  " reconstruct "$nodes" --truth "$folder/beam.h5" -o "$folder/again.h5"
 grep -qa "Fields reconstructed from nodal values" "$folder/again.h5" || fail "reconstruct: title of fields of nodal values"
 expect 2 "nodal values need --truth, modes a --basis" reconstruct "$nodes"
+expect 5 "$folder/one/modes.h5 as nodal values of $folder/beam.h5: expected columns u[0:48], sigma[0:96]" \
+    reconstruct "$folder/one/modes.h5" --truth "$folder/beam.h5" --trajectories 1
 expect 2 "expected A:B" nodes "$folder/beam.h5" --trajectories 0:3 -o "$nodes"
 expect 4 "nowhere.h5" nodes "$folder/nowhere.h5" -o "$nodes"
 expect 5 "/z" nodes "$nodes" -o "$new"
