@@ -150,13 +150,15 @@ static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
 }
 
 // With images of them, if the training file says so.
-static pm_status make_samples(fit *f, pm_residual residual, int unroll, pm_samples *samples) {
+static pm_status make_samples(fit *f, pm_residual residual, int unroll, int load_order,
+                              pm_samples *samples) {
     pm_symmetry *symmetry = NULL;
     if (f->training->square) {
-        PM_TRY(pm_symmetry_make(&symmetry, f->training->system, unroll, &f->training->arena));
+        PM_TRY(pm_symmetry_make(&symmetry, f->training->system, unroll, load_order,
+                                &f->training->arena));
     }
     PM_TRY(pm_samples_make(samples, f->training->scene, f->dataset, f->first, f->end, residual,
-                           unroll));
+                           unroll, load_order));
     samples->symmetry = symmetry;
     return PM_OK;
 }
@@ -164,7 +166,8 @@ static pm_status make_samples(fit *f, pm_residual residual, int unroll, pm_sampl
 static pm_status run_stage(fit *f, int stage_id) {
     const pm_stage *stage = &f->training->stage[stage_id];
     pm_samples samples;
-    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, &samples));
+    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, pm_loss_load_order(&stage->loss),
+                        &samples));
     pm_samples_rescale(&samples, stage->loss.scale);
     pm_objective *objective = NULL;
     pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
@@ -202,10 +205,14 @@ static const char *weights_of(const pm_scene *scene, int component) {
 
 static pm_status save_weights(const fit *f) {
     const pm_scene *scene = f->training->scene;
+    const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
+    const bool steps = loss->residual == PM_RESIDUAL_STEP;
     const pm_provenance provenance = {
         .command = f->arguments->line,
         .data = f->arguments->data != NULL ? f->arguments->data : f->training->data,
         .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
+        .integrator = steps ? loss->integrator->name : NULL,
+        .step = steps ? scene->dt / loss->substeps : 0,
         .seed = f->training->seed,
         .loss = f->loss,
         .seconds = f->position[2]};
@@ -307,7 +314,7 @@ static pm_status initialise(fit *f) {
         theta += pm_params_trained(params);
     }
     pm_samples samples;
-    PM_TRY(make_samples(f, PM_RESIDUAL_STEP, 1, &samples));
+    PM_TRY(make_samples(f, PM_RESIDUAL_STEP, 1, 1, &samples));
     const pm_status status = pm_normalise_system(system, &samples);
     pm_samples_free(&samples);
     return status;

@@ -1,23 +1,24 @@
-// portmet-train reconstruct: trajectories of modes as fields of the body, and how far off they are.
+// portmet-train reconstruct: trajectories of modes or nodal values as fields of the body, and how
+// far off they are.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "commands.h"
 #include "modal/field_report.h"
-#include "nodal.h"
+#include "nodes.h"
 #include "options.h"
 #include "store/xdmf.h"
 
 typedef struct arguments {
-    const char *modes, *basis, *body, *contact, *stiffness, *truth, *trajectories, *trained, *plot,
-        *output;
+    const char *dataset, *basis, *body, *contact, *stiffness, *truth, *trajectories, *trained,
+        *plot, *output;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a->basis, false,
-         "the basis that `reduce` made; without, MODES are nodal values as of `nodes`"},
+         "the basis that `reduce` made; without, DATASET has nodal values as of `nodes`"},
         {"--body", NULL, "NAME", NULL, &a->body, false, "of this body of an assembly (`contact`)"},
         {"--contact", NULL, "CONFIG", NULL, &a->contact, false,
          "what presses on that body: bodies placed as CONFIG says, as for `contact`"},
@@ -26,20 +27,22 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--truth", "-t", "FILE", NULL, &a->truth, false,
          "fields to score against, and whose forces there are (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "the truth's trajectories that MODES are about"},
+         "the truth's trajectories that DATASET is about"},
         {"--trained", NULL, "LIST", NULL, &a->trained, false,
          "those of them that training saw: their errors apart"},
         {"--plot", NULL, "DIR", NULL, &a->plot, false, "draw box plots of the errors (gnuplot)"},
         {"--output", "-o", "FILE", NULL, &a->output, false, "write the fields (HDF5)"},
     };
     const pm_options options = {
-        .usage = "portmet-train reconstruct MODES --basis FILE [options]",
+        .usage = "portmet-train reconstruct DATASET {--basis FILE | --truth FILE} [options]",
         .summary =
-            "Turns trajectories of modes, as `reduce` and `evaluate --record` write them, or of\n"
-            "nodal values (`nodes`), into fields of the body: positions, velocities, stresses;\n"
-            "and prints their relative L2 errors per trajectory, stresses on free nodes.",
-        .positional_name = "MODES",
-        .positional = &a->modes,
+            "Turns trajectories of modes, as of `reduce`, or of nodal values, as of `nodes`, both\n"
+            "also as `evaluate --record` writes them, into fields of the body: positions,\n"
+            "velocities, stresses; and prints their relative L2 errors per trajectory, stresses\n"
+            "on free nodes. Modes need the --basis. Nodal values need the --truth, which knows\n"
+            "the body, with all its states, whatever --relaxation `nodes` was given.",
+        .positional_name = "DATASET",
+        .positional = &a->dataset,
         .count = sizeof table / sizeof *table,
         .option = table,
     };
@@ -69,8 +72,8 @@ static pm_status find_touch(const arguments *a, double stiffness, const pm_datas
     return pm_touch_open(touch, assembly, body, modes, stiffness, &assembly->arena);
 }
 
-// The truth's trajectories named on the command line; as many as there are of modes.
-static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_field *truth,
+// The truth's trajectories named on the command line; as many as the dataset has.
+static pm_status choose(const arguments *a, const pm_dataset *dataset, const pm_field *truth,
                         int **which) {
     int count = 0;
     *which = calloc((size_t)truth->ntrajectory, sizeof **which);
@@ -78,10 +81,24 @@ static pm_status choose(const arguments *a, const pm_dataset *modes, const pm_fi
         return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
     }
     PM_TRY(pm_options_list(a->trajectories, truth->ntrajectory, *which, &count));
-    return count == modes->ntrajectory
+    return count == dataset->ntrajectory
                ? PM_OK
-               : pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the truth (--trajectories)",
-                         modes->ntrajectory, count);
+               : pm_fail(PM_EUSAGE, "%d trajectories in %s, %d of the truth (--trajectories)",
+                         dataset->ntrajectory, a->dataset, count);
+}
+
+static pm_status make_from_nodes(const arguments *a, const pm_dataset *nodes, const pm_field *truth,
+                                 const int *which, pm_field **field) {
+    if (nodes->ntime != truth->ntime) {
+        return pm_fail(PM_EDATA,
+                       "%s: trajectories of %d states, those of %s have %d: only whole ones can be "
+                       "made fields again (`nodes` without --states)",
+                       a->dataset, nodes->ntime, a->truth, truth->ntime);
+    }
+    const pm_status status = pm_nodes_fields(field, nodes, truth, which);
+    return status == PM_EDATA
+               ? pm_fail(status, "%s as nodal values of %s: %s", a->dataset, a->truth, pm_error())
+               : status;
 }
 
 static pm_status make_from_modes(const arguments *a, double stiffness, const pm_dataset *modes,
@@ -91,7 +108,7 @@ static pm_status make_from_modes(const arguments *a, double stiffness, const pm_
     pm_touch touch;
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a->basis));
-    PM_TRY_DONE(pm_basis_check(basis, pm_dataset_find_note(modes, "coordinates"), a->modes));
+    PM_TRY_DONE(pm_basis_check(basis, pm_dataset_find_note(modes, "coordinates"), a->dataset));
     if (truth == NULL && basis->local.nsection > 0) {
         printf("without --truth forces are not known: stress close to loads is left out\n");
     }
@@ -142,7 +159,8 @@ done:
 
 static pm_status save(const pm_field *field, const arguments *a, const char *command) {
     const char *const notes[][2] = {
-        {"title", "Fields reconstructed from modes"},
+        {"title", a->basis == NULL ? "Fields reconstructed from nodal values"
+                                   : "Fields reconstructed from modes"},
         {"source", "portmet-train reconstruct"},
         {"command", command},
     };
@@ -166,20 +184,20 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     PM_TRY(check_contact(&a, &stiffness));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
-    pm_dataset *modes = NULL;
+    pm_dataset *dataset = NULL;
     pm_field *field = NULL, *truth = NULL;
     int *which = NULL;
     pm_status status;
     if (a.basis == NULL && (a.truth == NULL || a.body != NULL)) {
         return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
     }
-    PM_TRY_DONE(pm_dataset_load(&modes, a.modes));
+    PM_TRY_DONE(pm_dataset_load(&dataset, a.dataset));
     if (a.truth != NULL) {
         PM_TRY_DONE(pm_field_load(&truth, a.truth));
-        PM_TRY_DONE(choose(&a, modes, truth, &which));
+        PM_TRY_DONE(choose(&a, dataset, truth, &which));
     }
-    PM_TRY_DONE(a.basis == NULL ? pm_nodal_fields(&field, modes, truth, which)
-                                : make_from_modes(&a, stiffness, modes, truth, which, &field));
+    PM_TRY_DONE(a.basis == NULL ? make_from_nodes(&a, dataset, truth, which, &field)
+                                : make_from_modes(&a, stiffness, dataset, truth, which, &field));
     if (truth != NULL) {
         PM_TRY_DONE(report_errors(&a, field, truth, which));
     }
@@ -188,6 +206,6 @@ done:
     free(which);
     pm_field_free(truth);
     pm_field_free(field);
-    pm_dataset_free(modes);
+    pm_dataset_free(dataset);
     return status;
 }

@@ -1,9 +1,21 @@
 // Unrolling steps from the first state of a window and comparing with the others.
 #include "loss_graph.h"
 
+#include <assert.h>
 #include <stdlib.h>
 
 #include "step_graph.h"
+
+int pm_loss_load_order(const pm_loss *loss) {
+    if (loss->residual == PM_RESIDUAL_DERIVATIVE) {
+        return 1;
+    }
+    bool later = loss->substeps > 1;
+    for (int i = 0; i < loss->integrator->nstage; ++i) {
+        later = later || pm_integrator_time(loss->integrator, i) > 0;
+    }
+    return later ? PM_LOAD_ORDER : 1;
+}
 
 // What is needed while building; all [nsubsystem] or [unroll].
 typedef struct scratch {
@@ -29,7 +41,7 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
         const pm_node load = samples->nload == 0
                                  ? PM_NO_NODE
                                  : pm_slice(g, nodes->input, pm_samples_load(samples, step),
-                                            PM_LOAD_ORDER * samples->nload);
+                                            samples->load_order * samples->nload);
         pm_build_step(g, system, rk, scene->dt / substeps, substeps, s->z, load, &nodes->degeneracy,
                       &s->work);
         const pm_node target = pm_slice(g, nodes->input, (step + 1) * nz, nz);
@@ -45,6 +57,7 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
 pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_samples *samples,
                               const pm_loss *loss, pm_loss_nodes *nodes) {
     const size_t count = (size_t)system->scene->nsubsystem;
+    assert(samples->nload == 0 || samples->load_order >= pm_loss_load_order(loss));
     scratch s = {
         .z = calloc(count, sizeof *s.z),
         .residual = calloc((size_t)samples->unroll, sizeof *s.residual),

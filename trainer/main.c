@@ -16,7 +16,7 @@ static const command commands[] = {
     {"correct", "correct a simulation by known fields", pm_command_correct},
     {"reduce", "find the modes of a body in its fields", pm_command_reduce},
     {"nodes", "write fields of a body as nodal values", pm_command_nodes},
-    {"reconstruct", "turn modes into fields of the body", pm_command_reconstruct},
+    {"reconstruct", "turn modes or nodal values into fields of the body", pm_command_reconstruct},
     {"contact", "find where bodies face each other", pm_command_contact},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},

@@ -226,7 +226,7 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
 
 // Every window, or as many as memory should hold, evenly chosen, each as another of its images.
 static int choose_windows(const pm_samples *samples) {
-    const int most = MOST_NUMBERS / pm_samples_width(samples) + 1;
+    const int most = MOST_NUMBERS / (pm_samples_width(samples) + pm_samples_left_out(samples)) + 1;
     return samples->count < most ? samples->count : most;
 }
 
@@ -282,7 +282,7 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples) {
     pm_build_coenergies(g, system, state);
     const pm_node load = samples->nload == 0 ? PM_NO_NODE
                                              : pm_slice(g, window, pm_samples_load(samples, 0),
-                                                        PM_LOAD_ORDER * samples->nload);
+                                                        samples->load_order * samples->nload);
     PM_TRY_DONE(visit_all(c, system, state, pm_build_load(g, system, load, 0)));
     PM_TRY_DONE(run_and_fix(c, window, samples));
 done:

@@ -71,7 +71,8 @@ static pm_status choose_chunk(pm_objective *o, const pm_graph *g, int count,
                               const pm_node *output) {
     pm_program *one = NULL;
     PM_TRY(pm_program_open(&one, g, count, output, 1));
-    const size_t fit = CHUNK_BYTES / (pm_program_bytes(one) + 1);
+    const size_t left_out = (size_t)pm_samples_left_out(o->samples) * sizeof(double);
+    const size_t fit = CHUNK_BYTES / (pm_program_bytes(one) + left_out + 1);
     pm_program_close(one);
     o->chunk = fit > CHUNK ? CHUNK : fit < 1 ? 1 : (int)fit;
     return PM_OK;

@@ -95,14 +95,32 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
     return PM_OK;
 }
 
-pm_status pm_options_positive(const char *name, const char *text, double *result) {
-    char *end;
-    const double number = strtod(text, &end);
-    if (end == text || *end != '\0' || !(number > 0 && isfinite(number))) {
+// Up to `end`: one of `separators`, or the end of the text.
+static pm_status read_positive(const char *name, const char *text, const char *separators,
+                               char **end, double *result) {
+    const double number = strtod(text, end);
+    if (*end == text || strchr(separators, **end) == NULL || !(number > 0 && isfinite(number))) {
         return pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", name, text);
     }
     *result = number;
     return PM_OK;
+}
+
+pm_status pm_options_positive(const char *name, const char *text, double *result) {
+    char *end;
+    return read_positive(name, text, "", &end, result);
+}
+
+pm_status pm_options_positives(const char *name, const char *text, int most, double *result,
+                               int *count) {
+    char *end;
+    for (*count = 0; *count < most; text = end + 1) {
+        PM_TRY(read_positive(name, text, ",", &end, &result[(*count)++]));
+        if (*end == '\0') {
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EUSAGE, "%s: at most %d numbers", name, most);
 }
 
 pm_status pm_options_range(const char *text, int count, int *first, int *end) {

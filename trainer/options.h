@@ -42,6 +42,10 @@ pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
 // A number > 0, the value of option `name`. PM_EUSAGE.
 pm_status pm_options_positive(const char *name, const char *text, double *result);
 
+// At most `most` of them joined by commas: result [most], and how many there are.
+pm_status pm_options_positives(const char *name, const char *text, int most, double *result,
+                               int *count);
+
 // Makes the folder `path` and those above it, where they are missing. PM_EFILE: it cannot be made
 // or written; PM_ENOMEM.
 pm_status pm_options_folder(const char *path);

@@ -55,7 +55,7 @@ static void pool_scales(pm_samples *s, const pm_scene *scene, const double *squa
 static double *cut(const pm_samples *s, const double *state, const double *rate,
                    const pm_dataset *d, pm_residual residual, const pm_load *load, double *window,
                    double *square) {
-    const size_t nz = (size_t)s->nz, nload = PM_LOAD_ORDER * (size_t)s->nload;
+    const size_t nz = (size_t)s->nz, nload = (size_t)s->load_order * (size_t)s->nload;
     const int margin = margin_of(residual, d);
     // A load has no interval behind the last state.
     const int last = d->ntime - (margin > 0 ? margin : s->unroll);
@@ -119,9 +119,10 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
 }
 
 pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_dataset *dataset,
-                          int first, int end, pm_residual residual, int unroll) {
+                          int first, int end, pm_residual residual, int unroll, int load_order) {
     *samples = (pm_samples){.nz = scene->nz,
                             .nload = scene->nprescribed,
+                            .load_order = load_order,
                             .unroll = residual == PM_RESIDUAL_DERIVATIVE ? 1 : unroll};
     pm_arena scratch = {0};
     const pm_status status = make(samples, scene, dataset, first, end, residual, &scratch);

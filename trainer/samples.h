@@ -8,7 +8,7 @@
 typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residual;
 
 // count windows of 1 + unroll states [1 + unroll][nz], each with what the loads prescribe over its
-// steps, [unroll][PM_LOAD_ORDER][nload] (pm_load_interval). For the derivative residual unroll is 1
+// steps, [unroll][load_order][nload] (pm_load_interval). For the derivative residual unroll is 1
 // and the second state is z + dt zdot, with the data's rates, or if they have none with zdot by
 // central differences of fourth order.
 typedef struct pm_symmetry pm_symmetry; // symmetry.h
@@ -16,25 +16,32 @@ typedef struct pm_symmetry pm_symmetry; // symmetry.h
 typedef struct pm_samples {
     pm_arena arena; // owns all that follows, but for the symmetry
     int count, unroll, nz;
-    int nload;     // scene->nprescribed
-    double *z;     // [count][pm_samples_width]
-    double *scale; // [nz] root mean square of the one-step increment, pooled over each group
+    int nload;      // scene->nprescribed
+    int load_order; // PM_LOAD_ORDER, or 1: only what they prescribe as steps begin
+    double *z;      // [count][pm_samples_width]
+    double *scale;  // [nz] root mean square of the one-step increment, pooled over each group
     const pm_symmetry *symmetry; // whose images of each window count as samples too, or NULL
 } pm_samples;
 
 // From trajectories [first, end) of the data. PM_EDATA if they are too short; PM_ENOMEM.
 pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_dataset *dataset,
-                          int first, int end, pm_residual residual, int unroll);
+                          int first, int end, pm_residual residual, int unroll, int load_order);
 // Takes scale [nz] where it is > 0; NULL: nothing to do.
 void pm_samples_rescale(pm_samples *samples, const double *scale);
 void pm_samples_free(pm_samples *samples);
 
 // Where a window's loads over step `step` begin, and numbers in a window.
 static inline int pm_samples_load(const pm_samples *s, int step) {
-    return (1 + s->unroll) * s->nz + step * PM_LOAD_ORDER * s->nload;
+    return (1 + s->unroll) * s->nz + step * s->load_order * s->nload;
 }
 static inline int pm_samples_width(const pm_samples *s) {
     return pm_samples_load(s, s->unroll);
+}
+
+// Numbers that a window has not because of load_order. Whatever chooses by size counts them too, so
+// that training has the same bits however much of the loads is kept.
+static inline int pm_samples_left_out(const pm_samples *s) {
+    return s->unroll * (PM_LOAD_ORDER - s->load_order) * s->nload;
 }
 
 // Samples with all images: sample k is image k / count of window k % count.

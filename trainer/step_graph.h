@@ -19,7 +19,8 @@ typedef struct pm_state_nodes {
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state);
 
 // What all loads prescribe [1][nprescribed] at a fraction of the interval whose polynomials are
-// `load` [1][PM_LOAD_ORDER nprescribed] (store/load.h). PM_NO_NODE: there are no loads.
+// `load` [1][PM_LOAD_ORDER nprescribed] (store/load.h), of which the fraction 0 needs the first
+// nprescribed alone. PM_NO_NODE: there are no loads.
 pm_node pm_build_load(pm_graph *g, const pm_system *system, pm_node load, double fraction);
 
 // What a port shows at both ends, from the subsystems' states and what the loads prescribe.

@@ -76,7 +76,7 @@ static void list_layout(listing *l, const pm_layout *layout, int first) {
 }
 
 // The states of a window, then what the loads prescribe over its steps, as samples.h has them.
-static void list_fields(listing *l, const pm_scene *scene, int unroll) {
+static void list_fields(listing *l, const pm_scene *scene, int unroll, int load_order) {
     const int nz = scene->nz, nload = scene->nprescribed;
     l->count = 0;
     for (int state = 0; state <= unroll; ++state) {
@@ -85,7 +85,7 @@ static void list_fields(listing *l, const pm_scene *scene, int unroll) {
             list_layout(l, &s->layout, state * nz + s->first);
         }
     }
-    for (int k = 0; k < unroll * PM_LOAD_ORDER; ++k) {
+    for (int k = 0; k < unroll * load_order; ++k) {
         for (int i = 0; i < scene->nload; ++i) {
             const pm_scene_world *load = &scene->load[i];
             for (int kind = 0; kind < (load->entropy ? 3 : 2); ++kind) {
@@ -97,7 +97,7 @@ static void list_fields(listing *l, const pm_scene *scene, int unroll) {
 }
 
 pm_status pm_symmetry_make(pm_symmetry **symmetry, const pm_system *system, int unroll,
-                           pm_arena *arena) {
+                           int load_order, pm_arena *arena) {
     const pm_mesh *mesh;
     PM_TRY(find_mesh(system, &mesh));
     pm_symmetry *s = pm_arena_alloc(arena, sizeof *s);
@@ -106,12 +106,12 @@ pm_status pm_symmetry_make(pm_symmetry **symmetry, const pm_system *system, int 
     }
     PM_TRY(make_copies(s, mesh, arena));
     listing l = {.nnode = mesh->nnode};
-    list_fields(&l, system->scene, unroll);
+    list_fields(&l, system->scene, unroll, load_order);
     l.field = pm_arena_array(arena, (size_t)l.count, sizeof *l.field);
     if (l.field == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for symmetric copies");
     }
-    list_fields(&l, system->scene, unroll);
+    list_fields(&l, system->scene, unroll, load_order);
     s->nnode = mesh->nnode;
     s->nfield = l.count;
     s->field = l.field;

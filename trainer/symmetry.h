@@ -18,11 +18,12 @@ struct pm_symmetry {
     const pm_window_field *field; // [nfield]
 };
 
-// For windows of `unroll` steps. All groups with 1, 3 or 6 numbers per node of the mesh are fields,
-// of subsystems and of loads; all others are the same in all copies. Memory from the arena.
-// PM_ECONFIG: no model has a mesh, or two differ, or it is not square; PM_ENOMEM.
+// For windows of `unroll` steps with `load_order` coefficients of the loads. All groups with 1, 3
+// or 6 numbers per node of the mesh are fields, of subsystems and of loads; all others are the same
+// in all copies. Memory from the arena. PM_ECONFIG: no model has a mesh, or two differ, or it is
+// not square; PM_ENOMEM.
 pm_status pm_symmetry_make(pm_symmetry **symmetry, const pm_system *system, int unroll,
-                           pm_arena *arena);
+                           int load_order, pm_arena *arena);
 
 // The image number `copy` of a window; both [width], not the same.
 void pm_symmetry_image(const pm_symmetry *s, int copy, int width, const double *window,

@@ -75,6 +75,9 @@ static void print_weights(const pm_params *params, const pm_provenance *provenan
     printf("             made by: %s\n", provenance->command);
     printf("             data %s, seed %" PRIu64 ", loss %.3g, trained for %.0f s\n",
            provenance->data, provenance->seed, provenance->loss, provenance->seconds);
+    if (provenance->step > 0) {
+        printf("             by steps of %.9g s of %s\n", provenance->step, provenance->integrator);
+    }
     if (*provenance->coordinates != '\0') {
         printf("             in the coordinates of %s\n", provenance->coordinates);
     }

@@ -22,9 +22,7 @@ pm_status pm_flow_declare(const pm_network_spec *spec, const pm_site *site, pm_p
     }
     char name[96];
     snprintf(name, sizeof name, "%s.scale", prefix);
-    if (pm_params_add(params, name, 1, site->n, false, 0, 1) == NULL) {
-        return PM_ENOMEM;
-    }
+    PM_TRY(pm_params_add(params, name, 1, site->n, false, 0, 1));
     return pm_network_declare(spec, &site->symbols, site->n, NULL, params, prefix);
 }
 

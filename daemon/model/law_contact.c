@@ -42,10 +42,8 @@ static pm_status declare(pm_port_model *port) {
     const int rows = port->layout[PM_END_B].nz, cols = port->layout[PM_END_A].nz;
     PM_TRY(pm_spec_locate(port->spec.at, check_spec(&port->spec)));
     PM_TRY(pm_spec_locate(matrix->at, check_matrix(port, rows, cols)));
-    pm_param_entry *H = pm_params_add(&port->params, "matrix", rows, cols, false, 0, NAN);
-    if (H == NULL) {
-        return PM_ENOMEM;
-    }
+    PM_TRY(pm_params_add(&port->params, "matrix", rows, cols, false, 0, NAN));
+    const pm_param_entry *H = pm_params_find(&port->params, "matrix");
     for (int i = 0; matrix->value != NULL && i < rows * cols; ++i) {
         H->value[i] = matrix->value[i];
     }

@@ -1,9 +1,8 @@
 // The port law `exchange`, the boundary terms of equation (1): each end has potentials and
 // operators of its own over its exposed groups ("own.q"), whose networks also see what the
-// neighbour shows
-// ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun); in the free form the rate
-// is one network of all these.
-// Nothing makes the two ends' fluxes cancel: the ledger measures how well they do.
+// neighbour shows ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun); in the
+// free form the rate is one network of all these. Nothing makes the two ends' fluxes cancel: the
+// ledger measures how well they do.
 #include "model/flow.h"
 #include "model/port.h"
 #include "model/potential.h"

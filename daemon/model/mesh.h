@@ -6,17 +6,17 @@
 #include "base/arena.h"
 #include "base/status.h"
 
-// Of a node: its place in the box, each coordinate from -1 to 1, and its type: whether it lies on
-// the free end, and on a face across y, z.
+// Of a node: its place in the box, each coordinate from -1 (along x the held face, which has no
+// nodes) to 1, and its type: whether it lies on the free end, and on a face across y, z.
 #define PM_MESH_NODE_FEATURES 6
 // Edges have six directions. Of one: the vector from its source to its target, in bricks, and its
-// length in units of the bricks' longest side.
+// length over the bricks' longest side.
 #define PM_MESH_DIRECTIONS 6
 #define PM_MESH_EDGE_FEATURES 4
 
 // Node (i, j, k), 1 <= i <= elements[0], 0 <= j <= elements[1], 0 <= k <= elements[2], has the
-// number (i - 1) + elements[0] (j + (elements[1] + 1) k). Along every edge of a brick there are two
-// edges of the graph, one each way.
+// number (i - 1) + elements[0] (j + (elements[1] + 1) k). Along every edge of a brick between two
+// of these nodes there are two edges of the graph, one each way.
 typedef struct pm_mesh {
     double size[3]; // m, along x, y, z
     int elements[3];

@@ -1,10 +1,14 @@
 // Encode, process, decode. A network is described once, by what builds it: to declare its
-// parameters it is built on a graph that is thrown away.
+// parameters it is built on a graph that is thrown away. They are drawn in order of declaration, so
+// no call has two arguments that name any: C does not say which is evaluated first.
 #include "model/message.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+#include "graph/node.h"
 
 // Spread of initial biases, and the gain of what reads differences between neighbours, which are
 // small against the fields.
@@ -14,7 +18,7 @@
 #define GATHER_GAIN 0.4
 // Decoders begin small, so that training begins with what is given.
 #define DECODE_GAIN 0.03
-// Learned places at which the moments of a driver are taken.
+// Learned functions of the place that weigh the products of a driver with the first field.
 #define LEVERS 6
 // Of what a network passes on over all edges, of patterns, and of matrices of all nodes: far above
 // any that can be trained, and memory that any host has. Sizes come from files.
@@ -31,7 +35,7 @@ typedef struct net {
     const char *prefix;
     const pm_params *params;
     pm_params *declaring; // where parameters that are new go; NULL: they are all there
-    pm_status status;
+    pm_status status;     // of declaring; after a failure nothing more is declared
     const pm_symbols *symbols;
     pm_node where;                  // [nnode][width] the learned features of a node's place
     pm_node field[PM_MAX_FEATURES]; // [nnode][components] of rms 1
@@ -50,15 +54,16 @@ typedef struct shape_of {
 static pm_node parameter(net *n, const char *name, shape_of s) {
     parameter_name full;
     snprintf(full, sizeof full, "%s.%s", n->prefix, name);
-    const pm_param_entry *entry = pm_params_find(n->params, full);
-    if (entry == NULL && n->declaring != NULL) {
-        entry = pm_params_add(n->declaring, full, s.rows, s.cols, s.trained, s.spread,
-                              s.trained ? 0 : 1);
+    if (n->declaring != NULL && n->status == PM_OK) {
+        n->status = pm_params_add(n->declaring, full, s.rows, s.cols, s.trained, s.spread,
+                                  s.trained ? 0 : 1);
     }
-    if (entry == NULL) {
-        n->status = PM_ENOMEM;
+    if (n->status != PM_OK) {
         return pm_constant(n->g, 0, s.rows, s.cols);
     }
+    const pm_param_entry *entry = pm_params_find(n->params, full);
+    assert(entry != NULL &&
+           (pm_graph_exhausted(n->g) || (entry->rows == s.rows && entry->cols == s.cols)));
     return s.trained ? pm_weight(n->g, entry->value, s.rows, s.cols)
                      : pm_param(n->g, entry->value, s.rows, s.cols);
 }
@@ -91,15 +96,19 @@ static pm_node mesh_features(net *n, const char *name, int rows, int cols,
 
 // --- encode ---
 
+// Of a group that has passed check_field.
+static int size_of(const pm_symbols *symbols, const char *name) {
+    int size = 0;
+    (void)pm_feature_size(name, symbols, &size);
+    return size;
+}
+
 // A group's value [1][size]; while parameters are declared, where values are not known, an input.
 static pm_node value_of(net *n, const char *name) {
     if (n->declaring == NULL) {
         return pm_feature_build(n->g, name, n->symbols);
     }
-    int size = n->mesh->nnode;
-    const pm_status status = pm_feature_size(name, n->symbols, &size);
-    n->status = n->status == PM_OK ? status : n->status;
-    return pm_input(n->g, true, 1, size);
+    return pm_input(n->g, true, 1, size_of(n->symbols, name));
 }
 
 // The field as rows of nodes, divided by its typical component.
@@ -125,9 +134,9 @@ static void encode(net *n) {
         n->field[i] = scaled_field(n, i, n->spec->feature[i]);
     }
     const pm_node fields = pm_concat(g, n->spec->nfeature, n->field);
-    const pm_node sum = pm_add(g, linear(n, "encode.field", fields, n->width, 1),
-                               linear(n, "encode.where", n->where, n->width, 1));
-    n->h = pm_tanh(g, add_bias(n, "encode.bias", sum));
+    const pm_node by_place = linear(n, "encode.where", n->where, n->width, 1);
+    const pm_node by_field = linear(n, "encode.field", fields, n->width, 1);
+    n->h = pm_tanh(g, add_bias(n, "encode.bias", pm_add(g, by_field, by_place)));
 }
 
 // --- process ---
@@ -167,9 +176,8 @@ static void process(net *n) {
             pm_add(g, linear(n, join(name, "pass", p, "source"), n->h, w, 1), difference);
         const pm_node at_target =
             pm_sub(g, linear(n, join(name, "pass", p, "target"), n->h, w, 1), difference);
-        const pm_node message =
-            pm_tanh(g, gather_edges(n, "pass", p, at_source,
-                                    add_bias(n, join(name, "pass", p, "bias"), at_target)));
+        const pm_node biased = add_bias(n, join(name, "pass", p, "bias"), at_target);
+        const pm_node message = pm_tanh(g, gather_edges(n, "pass", p, at_source, biased));
         const pm_node sum = scatter_edges(n, message);
         pm_node change = linear(n, join(name, "pass", p, "sum"), sum, w, GATHER_GAIN);
         change = pm_add(g, change, linear(n, join(name, "pass", p, "own"), n->h, w, 1));
@@ -216,9 +224,9 @@ static void find_amplitudes(net *n) {
 
 // Outputs that are proportional to a driver.
 typedef struct driven {
-    pm_node local; // [nnode][width] what messages made of it
-    pm_node
-        together; // [1][..] its work on the patterns, its moments, and these as the state has it
+    pm_node local;    // [nnode][width] what messages made of it
+    pm_node together; // [1][..] its work on patterns, its products with the first field, and
+                      // combinations of these times n->hidden; PM_NO_NODE: no patterns
 } driven;
 
 static void drive_locally(net *n, pm_node force, driven *d) {
@@ -231,10 +239,10 @@ static void drive_locally(net *n, pm_node force, driven *d) {
         parameter_name name;
         const pm_node ends[2] = {n->h, n->where};
         const pm_node both = pm_concat(g, 2, ends);
-        const pm_node at_target = linear(n, join(name, "drive", p, "target"), both, w, 1);
-        const pm_node gate = pm_tanh(
-            g, gather_edges(n, "drive", p, linear(n, join(name, "drive", p, "source"), both, w, 1),
-                            add_bias(n, join(name, "drive", p, "bias"), at_target)));
+        pm_node at_target = linear(n, join(name, "drive", p, "target"), both, w, 1);
+        at_target = add_bias(n, join(name, "drive", p, "bias"), at_target);
+        const pm_node at_source = linear(n, join(name, "drive", p, "source"), both, w, 1);
+        const pm_node gate = pm_tanh(g, gather_edges(n, "drive", p, at_source, at_target));
         const pm_node carried = linear(n, join(name, "drive", p, "carried"), d->local, w, 1);
         const pm_node message =
             pm_mul(g, gate, pm_gather_rows(g, carried, n->mesh->nedge, n->mesh->source));
@@ -244,18 +252,18 @@ static void drive_locally(net *n, pm_node force, driven *d) {
     }
 }
 
-// Moments of the force about the displaced nodes, summed over learned places: [1][..].
+// Each component of the force times each of the first field, weighted by learned functions of the
+// place and summed over the nodes: [1][LEVERS cols^2].
 static pm_node levers(net *n, pm_node force) {
     pm_graph *g = n->g;
     const int cols = pm_graph_shape(g, n->field[0]).cols;
     const pm_node place =
         add_bias(n, "lever.bias", linear(n, "lever.where", n->where, LEVERS, 0.5));
     pm_node moment[PM_MAX_FEATURES];
-    const int count = cols < PM_MAX_FEATURES ? cols : PM_MAX_FEATURES;
-    for (int c = 0; c < count; ++c) {
+    for (int c = 0; c < cols; ++c) {
         moment[c] = pm_mul(g, force, pm_slice(g, n->field[0], c, 1));
     }
-    const pm_node sum = pm_matmul(g, place, true, pm_concat(g, count, moment), false);
+    const pm_node sum = pm_matmul(g, place, true, pm_concat(g, cols, moment), false);
     const pm_shape shape = pm_graph_shape(g, sum);
     return pm_reshape(g, pm_scale(g, sum, 1 / sqrt(n->mesh->nnode)), 1, shape.rows * shape.cols);
 }
@@ -318,12 +326,6 @@ static net begin(pm_graph *g, const pm_network_spec *spec, const pm_symbols *sym
     return n;
 }
 
-static int size_of(const pm_symbols *symbols, const char *name) {
-    int size = 0;
-    (void)pm_feature_size(name, symbols, &size);
-    return size;
-}
-
 static pm_node build_fields(net *n, pm_fields out) {
     pm_graph *g = n->g;
     driven d, *driver = NULL;
@@ -384,11 +386,23 @@ pm_node pm_message_build_nodes(pm_graph *g, const pm_network_spec *spec, const p
 
 // --- declaration ---
 
+static bool is_group(const pm_symbols *symbols, const char *name) {
+    for (int i = 0; i < symbols->count; ++i) {
+        if (strcmp(symbols->symbol[i].name, name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static pm_status check_field(const pm_network_spec *spec, const pm_symbols *symbols,
                              const char *name) {
     int size = 0;
     PM_TRY(pm_feature_size(name, symbols, &size));
     const int nnode = spec->message->mesh->nnode, patterns = spec->message->patterns;
+    if (!is_group(symbols, name)) {
+        return pm_fail(PM_ECONFIG, "\"%s\" is an expression, expected a group", name);
+    }
     if (size % nnode != 0) {
         return pm_fail(PM_ECONFIG,
                        "\"%s\" has %d components, which is no field on a mesh of %d nodes", name,
@@ -414,23 +428,40 @@ static pm_status check_sizes(const pm_network_spec *spec) {
                : pm_fail(PM_ECONFIG, "hidden layers are of patterns, and there are none");
 }
 
-static pm_status check(const pm_network_spec *spec, const pm_symbols *symbols, bool may_drive) {
+static pm_status check_driver(const pm_network_spec *spec, const pm_symbols *symbols) {
+    const pm_message_spec *m = spec->message;
+    PM_TRY(check_field(spec, symbols, m->driver));
+    for (int i = 0; i < spec->nfeature; ++i) {
+        if (strcmp(spec->feature[i], m->driver) == 0) {
+            return pm_fail(PM_ECONFIG, "driven_by \"%s\": a driver cannot be one of nodes too",
+                           m->driver);
+        }
+    }
+    const int size = size_of(symbols, m->driver), components = size / m->mesh->nnode;
+    if (size != size_of(symbols, spec->feature[0])) {
+        return pm_fail(PM_ECONFIG, "driven_by \"%s\": expected a field like the first of nodes",
+                       m->driver);
+    }
+    return m->patterns == 0 || components <= PM_MAX_FEATURES
+               ? PM_OK
+               : pm_fail(PM_ECONFIG,
+                         "driven_by \"%s\": %d components per node, at most %d with patterns",
+                         m->driver, components, PM_MAX_FEATURES);
+}
+
+static pm_status check(const pm_network_spec *spec, const pm_symbols *symbols, bool is_rate) {
     PM_TRY(check_sizes(spec));
     for (int i = 0; i < spec->nfeature; ++i) {
         PM_TRY(check_field(spec, symbols, spec->feature[i]));
     }
-    const char *driver = spec->message->driver;
-    if (driver == NULL) {
+    if (!is_rate && spec->message->within != 1) {
+        return pm_fail(PM_ECONFIG, "only a rate has within");
+    }
+    if (spec->message->driver == NULL) {
         return PM_OK;
     }
-    PM_TRY(check_field(spec, symbols, driver));
-    if (!may_drive) {
-        return pm_fail(PM_ECONFIG, "only a rate can be driven_by a field");
-    }
-    return size_of(symbols, driver) == size_of(symbols, spec->feature[0])
-               ? PM_OK
-               : pm_fail(PM_ECONFIG, "driven_by \"%s\": expected a field like the first of nodes",
-                         driver);
+    return is_rate ? check_driver(spec, symbols)
+                   : pm_fail(PM_ECONFIG, "only a rate can be driven_by a field");
 }
 
 static pm_status check_out(const pm_network_spec *spec, const pm_symbols *symbols, pm_fields out) {
@@ -444,26 +475,39 @@ static pm_status check_out(const pm_network_spec *spec, const pm_symbols *symbol
                          out.name[0]);
 }
 
+// A network on a graph of its own.
+static pm_status begin_declaring(net *n, const pm_network_spec *spec, const pm_symbols *symbols,
+                                 pm_params *params, const char *prefix) {
+    pm_graph *g = NULL;
+    PM_TRY(pm_graph_open(&g));
+    *n = begin(g, spec, symbols, params, prefix, params);
+    return PM_OK;
+}
+
+static pm_status end_declaring(net *n) {
+    if (pm_graph_exhausted(n->g)) { // then no shape was right
+        n->status = pm_fail(PM_ENOMEM, "out of memory for the graph of a network");
+    }
+    pm_graph_close(n->g);
+    return n->status;
+}
+
 pm_status pm_message_declare_fields(const pm_network_spec *spec, const pm_symbols *symbols,
                                     pm_fields out, pm_params *params, const char *prefix) {
     PM_TRY(pm_spec_locate(spec->at, check_out(spec, symbols, out)));
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    net n = begin(g, spec, symbols, params, prefix, params);
+    net n;
+    PM_TRY(begin_declaring(&n, spec, symbols, params, prefix));
     build_fields(&n, out);
-    pm_graph_close(g);
-    return n.status;
+    return end_declaring(&n);
 }
 
 pm_status pm_message_declare_sum(const pm_network_spec *spec, const pm_symbols *symbols,
                                  pm_params *params, const char *prefix) {
     PM_TRY(pm_spec_locate(spec->at, check(spec, symbols, false)));
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    net n = begin(g, spec, symbols, params, prefix, params);
+    net n;
+    PM_TRY(begin_declaring(&n, spec, symbols, params, prefix));
     build_sum(&n);
-    pm_graph_close(g);
-    return n.status;
+    return end_declaring(&n);
 }
 
 static pm_status check_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout) {
@@ -480,12 +524,10 @@ static pm_status check_nodes(const pm_network_spec *spec, const pm_symbols *symb
 pm_status pm_message_declare_nodes(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                                    pm_params *params, const char *prefix) {
     PM_TRY(pm_spec_locate(spec->at, check_nodes(spec, symbols, nout)));
-    pm_graph *g = NULL;
-    PM_TRY(pm_graph_open(&g));
-    net n = begin(g, spec, symbols, params, prefix, params);
+    net n;
+    PM_TRY(begin_declaring(&n, spec, symbols, params, prefix));
     build_nodes(&n, nout);
-    pm_graph_close(g);
-    return n.status;
+    return end_declaring(&n);
 }
 
 // --- constants fixed from the data ---

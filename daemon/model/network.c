@@ -31,13 +31,11 @@ typedef struct declaration {
 static pm_status declare(const declaration *d, const char *name, int rows, int cols, bool trained,
                          double spread, const double *start) {
     parameter_name full;
-    const pm_param_entry *entry =
-        pm_params_add(d->params, join(full, d->prefix, name), rows, cols, trained, spread, 0);
-    if (entry == NULL) {
-        return PM_ENOMEM;
-    }
+    join(full, d->prefix, name);
+    PM_TRY(pm_params_add(d->params, full, rows, cols, trained, spread, 0));
     if (start != NULL) {
-        memcpy(entry->value, start, (size_t)rows * (size_t)cols * sizeof *start);
+        memcpy(pm_params_find(d->params, full)->value, start,
+               (size_t)rows * (size_t)cols * sizeof *start);
     }
     return PM_OK;
 }
@@ -66,9 +64,7 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
                                       prefix, nfeature, MAX_SQUARED));
     }
     PM_TRY(declare(&d, "mean", 1, nfeature, false, 0, NULL));
-    if (pm_params_add(params, join(full, prefix, "deviation"), 1, nfeature, false, 0, 1) == NULL) {
-        return PM_ENOMEM;
-    }
+    PM_TRY(pm_params_add(params, join(full, prefix, "deviation"), 1, nfeature, false, 0, 1));
     int width = nfeature;
     for (int i = 0; i < spec->nhidden; ++i) {
         PM_TRY(declare_layer(&d, i, width, spec->hidden[i]));

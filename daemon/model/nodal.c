@@ -37,17 +37,38 @@ static pm_node from_nodes(pm_graph *g, pm_nodal_fields f, pm_node nodes) {
     return pm_concat(g, f.count, part);
 }
 
-// index [nnode * rows]: the node of each row of all nodes' matrices; NULL: out of memory.
-static int *nodes_of_rows(pm_graph *g, int nnode, int rows) {
-    int *index = malloc((size_t)nnode * (size_t)rows * sizeof *index);
+// [count]; NULL: out of memory.
+static int *new_index(pm_graph *g, int count) {
+    int *index = malloc((size_t)count * sizeof *index);
     if (index == NULL) {
         pm_graph_exhaust(g);
-        return NULL;
     }
-    for (int r = 0; r < nnode * rows; ++r) {
+    return index;
+}
+
+// index [nnode * rows]: the node of each row of all nodes' matrices; NULL: out of memory.
+static int *nodes_of_rows(pm_graph *g, int nnode, int rows) {
+    int *index = new_index(g, nnode * rows);
+    for (int r = 0; index != NULL && r < nnode * rows; ++r) {
         index[r] = r / rows;
     }
     return index;
+}
+
+// Each node's matrix [rows][rows] transposed, all of them [nnode * rows][rows].
+static pm_node transposed(pm_graph *g, int nnode, int rows, pm_node matrix) {
+    const int count = nnode * rows * rows;
+    int *index = new_index(g, count);
+    if (index == NULL) {
+        return matrix;
+    }
+    for (int i = 0; i < count; ++i) {
+        const int row = i / rows;
+        index[i] = (row / rows * rows + i % rows) * rows + row % rows;
+    }
+    const pm_node entries = pm_gather_rows(g, pm_reshape(g, matrix, count, 1), count, index);
+    free(index);
+    return pm_reshape(g, entries, nnode * rows, rows);
 }
 
 // Row r of each node's matrix [nnode * rows][columns] times the node's x [nnode][columns].
@@ -69,9 +90,11 @@ pm_node pm_nodal_skew(pm_graph *g, pm_nodal_fields fields, pm_node matrix, pm_no
     if (node == NULL) {
         return x;
     }
-    const pm_node c = pm_reshape(g, matrix, nnode * rows, rows), v = to_nodes(g, fields, x);
-    const pm_node rate =
-        pm_sub(g, times(g, nnode, rows, node, c, v), times_transposed(g, nnode, rows, node, c, v));
+    // C - C^T is formed before it is applied, as in operator.c: C x and C^T x share the diagonal's
+    // terms, whose rounding would stay behind.
+    const pm_node c = pm_reshape(g, matrix, nnode * rows, rows);
+    const pm_node skew = pm_sub(g, c, transposed(g, nnode, rows, matrix));
+    const pm_node rate = times(g, nnode, rows, node, skew, to_nodes(g, fields, x));
     free(node);
     return from_nodes(g, fields, rate);
 }

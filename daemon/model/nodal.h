@@ -1,5 +1,6 @@
-// Operators made of one small matrix per node of a mesh: L and M of every node by themselves, so
-// that what leaves one component of a node enters another of the same node.
+// Operators made of one small matrix per node of a mesh: L and M of every node by themselves. What
+// x . rate counts, such as power, (C - C^T) x moves between components of one node; G G^T x makes
+// some of it at every node, never less than 0.
 #ifndef PM_MODEL_NODAL_H
 #define PM_MODEL_NODAL_H
 

@@ -12,7 +12,8 @@
 // Keeps the projection finite where the normal vanishes: then there is nothing to project out.
 #define SMALLEST_NORMAL 1e-300
 // Where a learned M starts: not at zero, where its factor would have no gradient, and with signs
-// that alternate, since the projection takes away what all have in common.
+// that alternate, since the projection takes away what all have in common. (On a mesh the decoder's
+// weights are drawn.)
 #define FACTOR_START 1.0
 #define MAX_ENTRIES (1 << 24) // of a learned matrix
 
@@ -264,15 +265,12 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
     PM_TRY(pm_spec_locate(spec->at, check_nodal(op, &s)));
     operator_name name;
-    if (pm_params_add(params, join(name, op->prefix, "scale"), 1, s.n, false, 0, 1) == NULL ||
-        (spec->nalong > 0 && pm_params_add(params, join(name, op->prefix, "along"), 1, spec->nalong,
-                                           false, 0, 1) == NULL)) {
-        return PM_ENOMEM;
+    PM_TRY(pm_params_add(params, join(name, op->prefix, "scale"), 1, s.n, false, 0, 1));
+    if (spec->nalong > 0) {
+        join(name, op->prefix, "along");
+        PM_TRY(pm_params_add(params, name, 1, spec->nalong, false, 0, 1));
     }
-    if (!spec->learned) {
-        return PM_OK;
-    }
-    return declare_matrix(op, site, &s, params);
+    return spec->learned ? declare_matrix(op, site, &s, params) : PM_OK;
 }
 
 pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,

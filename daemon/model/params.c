@@ -59,26 +59,22 @@ static pm_param_entry *append(pm_params *params, const char *name, size_t size) 
     return entry;
 }
 
-pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
-                              double spread, double start) {
+pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
+                        double spread, double start) {
     pm_param_entry *entry = pm_params_find(params, name);
     if (entry != NULL) {
-        if (entry->rows != rows || entry->cols != cols) {
-            pm_fail(PM_ECONFIG, "parameter %s is %d x %d, expected %d x %d", name, entry->rows,
-                    entry->cols, rows, cols);
-            return NULL;
-        }
-        return entry;
+        return entry->rows == rows && entry->cols == cols
+                   ? PM_OK
+                   : pm_fail(PM_ECONFIG, "parameter %s is %d x %d, expected %d x %d", name,
+                             entry->rows, entry->cols, rows, cols);
     }
     if (!have_room(params, rows, cols)) {
-        pm_fail(PM_ENOMEM, "parameter %s (%d x %d): more than %zu numbers in all", name, rows, cols,
-                MAX_NUMBERS);
-        return NULL;
+        return pm_fail(PM_ENOMEM, "parameter %s (%d x %d): more than %zu numbers in all", name,
+                       rows, cols, MAX_NUMBERS);
     }
     entry = append(params, name, (size_t)rows * (size_t)cols);
     if (entry == NULL) {
-        pm_fail(PM_ENOMEM, "out of memory for parameter %s (%d x %d)", name, rows, cols);
-        return NULL;
+        return pm_fail(PM_ENOMEM, "out of memory for parameter %s (%d x %d)", name, rows, cols);
     }
     entry->rows = rows;
     entry->cols = cols;
@@ -87,7 +83,7 @@ pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int
     for (size_t i = 0; i < entry_size(entry); ++i) {
         entry->value[i] = start;
     }
-    return entry;
+    return PM_OK;
 }
 
 pm_status pm_params_check_given(const pm_params *params) {

@@ -29,11 +29,10 @@ void pm_params_free(pm_params *params);
 // The entry called `name`, or NULL.
 pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 
-// Returns the entry called `name`, made if it is not there yet with every value `start`.
-// NULL: out of memory, more than 2^24 numbers in all, or an entry of another shape has this name
-// (pm_error tells).
-pm_param_entry *pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
-                              double spread, double start);
+// Makes the entry called `name`, every value `start`, if it is not there yet. PM_ECONFIG: one of
+// another shape has this name; PM_ENOMEM: also, more than 2^24 numbers in all.
+pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
+                        double spread, double start);
 
 // PM_ECONFIG: a number that neither training nor data determine was not given (it is not finite).
 pm_status pm_params_check_given(const pm_params *params);

@@ -9,9 +9,8 @@ static const char low_name[] = "region.low", high_name[] = "region.high";
 // Finite, as all that weights files hold; the first state replaces both.
 pm_status pm_region_declare(pm_part *part) {
     const int n = part->layout.ngroup;
-    const bool made = pm_params_add(&part->params, low_name, 1, n, false, 0, DBL_MAX) != NULL &&
-                      pm_params_add(&part->params, high_name, 1, n, false, 0, -DBL_MAX) != NULL;
-    return made ? PM_OK : PM_ENOMEM;
+    PM_TRY(pm_params_add(&part->params, low_name, 1, n, false, 0, DBL_MAX));
+    return pm_params_add(&part->params, high_name, 1, n, false, 0, -DBL_MAX);
 }
 
 static double measure(const pm_group *group, const double *z) {

@@ -75,7 +75,7 @@ typedef struct pm_message_spec {
     int passes;         // of messages
     int patterns;       // in which all nodes answer together; 0: none
     const char *driver; // the field that its outputs are proportional to, or NULL
-    double within;      // s, by which rates are outputs divided
+    double within;      // s: rates are what the network gives divided by this; of rates only
 } pm_message_spec;
 
 // A network from features to numbers. Features are expressions over named groups (feature.h):
@@ -85,7 +85,7 @@ typedef struct pm_network_spec {
                                     // groups, each a field on the mesh's nodes
     int nfeature;
     const char *const *feature;
-    int nhidden; // hidden layers; 0: the skip alone
+    int nhidden; // hidden layers; 0: the skip alone. On a mesh, of the patterns' amplitudes
     const int *hidden;
     pm_activation activation;
     pm_skip skip;
@@ -122,7 +122,8 @@ typedef struct pm_given_pair {
 
 // A skew operator (reversible: L) or a positive semi-definite one (irreversible: M), acting on the
 // groups `acts_on`. Its matrix is U^T (C - C^T) U or U^T G G^T U in scaled coordinates, where a
-// network gives C or G (of `rank` columns) and the frame U is
+// network gives C or G (of `rank` columns); a network on a mesh gives one for each node, of the
+// node's components of the groups, and U is the identity. The frame U is
 //   - without `along`: the identity, so C is a plain matrix (of any features);
 //   - with `along`: for each vector group in acts_on one row per vector of `along` (expressions:
 //     "q", "q/|q|", "q/|q|^2"), for each scalar group one row. With invariant features, rotating

@@ -43,6 +43,7 @@ struct pm_lockstep_coordinator {
     int nmemory;
     double *memory; // [nmemory] steps completed, then the ledger's, then the observer's
     char ledger_channel[PM_CHANNEL_SIZE];
+    double ledger_at; // s, when the next one may be published
 };
 
 // Handlers cannot return a failure; they leave it here.

@@ -18,6 +18,7 @@
 #define ALIVE 3
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
+#define LEDGER_INTERVAL 0.001 // s between two ledgers at least: who looks sees no more
 
 // --- the end ---
 
@@ -60,7 +61,8 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
     return pm_transport_publish(c->party.transport, c->party.tick_channel, data, size);
 }
 
-static pm_status publish_ledger(const pm_lockstep_coordinator *c, const pm_sample *sample) {
+static pm_status publish_ledger(pm_lockstep_coordinator *c, const pm_sample *sample) {
+    c->ledger_at = c->party.now + LEDGER_INTERVAL;
     const portmet_ledger_t message = {
         .session = c->party.session,
         .step = sample->step,
@@ -130,7 +132,8 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     while (c->completed < complete) {
         c->completed += 1;
         PM_TRY(book(c, pm_gathering_sample(&c->gathering, c->completed)));
-        if (c->completed == complete) {
+        const bool due = c->party.now >= c->ledger_at || complete == c->party.steps;
+        if (c->completed == complete && due) {
             PM_TRY(publish_ledger(c, pm_gathering_sample(&c->gathering, complete)));
         }
         pm_gathering_move_on(&c->gathering, c->completed);

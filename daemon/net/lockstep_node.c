@@ -55,7 +55,7 @@ static pm_status await(pm_lockstep_node *node) {
                        "no word from the coordinator for %.3g s, in round %d of step %lld",
                        now - waiting->since, node->round, (long long)node->step);
     }
-    const pm_flux_link *l = node->started ? node->missing : NULL;
+    const pm_flux_link *l = node->started && pm_node_is_granted(node) ? node->missing : NULL;
     if (pm_waiting_ask(waiting, now) && node->step < node->party.steps) {
         // Who waits has time to tell what it has.
         PM_TRY(pm_reporter_flush(&node->reporter));

@@ -60,6 +60,9 @@ void pm_node_check(pm_lockstep_node *node, pm_status status);
 // The present round, counted from the start of the run.
 int64_t pm_node_key(const pm_lockstep_node *node);
 
+// Is the present step granted?
+bool pm_node_is_granted(const pm_lockstep_node *node);
+
 // May the next round begin?
 bool pm_node_may_start(const pm_lockstep_node *node);
 

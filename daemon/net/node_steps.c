@@ -73,8 +73,20 @@ static pm_status finish_round(pm_lockstep_node *node) {
     return report(node);
 }
 
+bool pm_node_is_granted(const pm_lockstep_node *node) {
+    return node->step < node->granted;
+}
+
+// What a state shows does not depend on the grant, unless that chooses the substeps: it is sent
+// ahead, so that the neighbours have it when they are granted the step; the first one when all are
+// there to hear it.
+static bool may_show_ahead(const pm_lockstep_node *node) {
+    return node->party.system->scene->tolerance == 0 && node->granted > 0 &&
+           node->step == node->granted && node->step < node->party.steps;
+}
+
 bool pm_node_may_start(const pm_lockstep_node *node) {
-    return !node->started && node->step < node->granted;
+    return !node->started && (pm_node_is_granted(node) || may_show_ahead(node));
 }
 
 pm_status pm_node_compute(pm_lockstep_node *node) {
@@ -82,6 +94,9 @@ pm_status pm_node_compute(pm_lockstep_node *node) {
     while (node->step < end && (node->started || pm_node_may_start(node))) {
         if (!node->started) {
             PM_TRY(start_round(node));
+        }
+        if (!pm_node_is_granted(node)) {
+            return PM_OK;
         }
         bool used;
         node->missing = pm_crew_couple(&node->crew, pm_node_key(node), &used);

@@ -245,22 +245,20 @@ pm_status pm_receiver_wait(pm_receiver *receiver, double seconds, int *handled) 
     if (!r->sorted) {
         PM_TRY(sort_subscriptions(r));
     }
-    int count;
-    PM_TRY(take_batch(r, &count));
-    if (count == 0 && seconds > 0) {
+    if (seconds > 0) {
         const double whole = floor(seconds);
         const struct timespec timeout = {(time_t)whole, (long)(1e9 * (seconds - whole))};
         struct pollfd file = {r->file, POLLIN, 0};
         if (ppoll(&file, 1, &timeout, NULL) < 0 && errno != EINTR) {
             return pm_fail(PM_ENET, "waiting for messages: %s", strerror(errno));
         }
-        PM_TRY(take_batch(r, &count));
     }
-    *handled = count;
-    while (count == BATCH && *handled < BURST) {
+    int count;
+    *handled = 0;
+    do {
         PM_TRY(take_batch(r, &count));
         *handled += count;
-    }
+    } while (count == BATCH && *handled < BURST);
     return PM_OK;
 }
 

@@ -13,6 +13,10 @@
 //     given: [[p, s, "0.1*dE.s"]]   # coefficients are numbers or formulas
 //     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
 //   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
+//   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh.h), whose
+//                                 # networks may have, in the place of features, activation, skip,
+//                                 # {nodes: [u], width: 8, passes: 1, patterns: 16, hidden: [48]}
+//                                 # and in a rate driven_by: other.dE.f, within: 0.05
 //
 // Networks: features and hidden are empty unless given, activation tanh (or softplus, silu, exp),
 // skip none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names

@@ -53,6 +53,12 @@ pm_status pm_system_check_coordinates(const pm_system *system);
 pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
                                   const char *path);
 
+// Whether the scene takes the steps by which such weights were trained as hold for these alone: of
+// a network of nodes that says what happens `within` (spec.h) one of them, or less. Others say
+// rates, of which every integrator makes steps; and where a file does not say, nothing is wrong.
+// PM_EWEIGHTS. Part of pm_system_load.
+pm_status pm_system_check_steps(const pm_system *system);
+
 // Whether what one end of a port shows includes a dS.
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end);
 

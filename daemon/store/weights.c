@@ -156,6 +156,10 @@ static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_
     if (p->coordinates != NULL && *p->coordinates != '\0') {
         PM_TRY(pm_hdf5_write_text(file, "/", "coordinates", p->coordinates));
     }
+    if (p->integrator != NULL && *p->integrator != '\0') {
+        PM_TRY(pm_hdf5_write_text(file, "/", "integrator", p->integrator));
+        PM_TRY(pm_hdf5_write_number(file, "/", "step", p->step));
+    }
     PM_TRY(pm_hdf5_write_integer(file, "/", "seed", p->seed));
     PM_TRY(pm_hdf5_write_number(file, "/", "loss", p->loss));
     return pm_hdf5_write_number(file, "/", "seconds", p->seconds);
@@ -274,13 +278,27 @@ static pm_status read_layout(const pm_hdf5 *file, const char *path, const char *
     return PM_OK;
 }
 
+// By what steps, if the file knows it.
+static pm_status read_steps(const pm_hdf5 *file, const char *path, pm_arena *arena,
+                            pm_provenance *p) {
+    if (!pm_hdf5_is_text(file, "/", "integrator")) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_read_text(file, "/", "integrator", arena, &p->integrator));
+    PM_TRY(pm_hdf5_read_number(file, "/", "step", &p->step));
+    return p->step > 0 && isfinite(p->step)
+               ? PM_OK
+               : pm_fail(PM_EWEIGHTS, "%s: step is %g s, expected a time > 0", path, p->step);
+}
+
 // The digest read stands for the file; check_digest compares it with the content.
 static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena *arena,
                                  pm_provenance *p) {
-    *p = (pm_provenance){.path = pm_arena_strdup(arena, path), .coordinates = ""};
+    *p = (pm_provenance){.path = pm_arena_strdup(arena, path), .coordinates = "", .integrator = ""};
     if (pm_hdf5_is_text(file, "/", "coordinates")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "coordinates", arena, &p->coordinates));
     }
+    PM_TRY(read_steps(file, path, arena, p));
     PM_TRY(pm_hdf5_read_text(file, "/", "command", arena, &p->command));
     PM_TRY(pm_hdf5_read_text(file, "/", "data", arena, &p->data));
     PM_TRY(pm_hdf5_read_integer(file, "/", "seed", &p->seed));

@@ -1,8 +1,9 @@
 // Weights files: one HDF5 file per subsystem or port, readable by a person with h5dump.
 //   attributes of /: format "portmet weights", version, kind (subsystem | port), model (YAML text),
 //     digest (over kind, layout, model text and values as read into double), command, seed,
-//     data (what they were trained on), loss, seconds (training time), created (UTC), and, where
-//     the numbers of a state mean nothing without another file, coordinates (which)
+//     data (what they were trained on), loss, seconds (training time), created (UTC); where steps
+//     were fitted, integrator and step (s); and, where the numbers of a state mean nothing without
+//     another file, coordinates (which)
 //   /layout (port: /layout_a, /layout_b): attributes names, units, sizes
 //   /parameters/<name>: [rows][cols] double (float32 is read too), attribute trained
 // Written under a temporary name, synced and renamed: never half-written.
@@ -24,6 +25,10 @@ typedef struct pm_provenance {
     // Whose coordinates the variables are, e.g. "basis 0123456789abcdef" (a dataset's note says the
     // same); "" or, on saving, NULL: the variables' names say all.
     const char *coordinates;
+    // By what steps they were trained: the method ("" or, on saving, NULL: not known, or rates were
+    // fitted and no steps), and the length of one of its steps.
+    const char *integrator;
+    double step; // s; 0 without integrator
     uint64_t seed;
     double loss;
     double seconds;  // training time

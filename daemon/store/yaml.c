@@ -14,6 +14,7 @@
 #include <yaml.h>
 
 #define MAX_BYTES ((size_t)1 << 20) // far above any configuration; bounds the work of hostile text
+#define FIRST_BYTES 4096            // of a file: most configurations are smaller
 #define MAX_BRACKETS 200  // open at once; libyaml's time grows with the square of the depth
 #define MAX_ENTRIES 10000 // of one mapping, whose keys are compared pairwise
 
@@ -224,15 +225,16 @@ static pm_status check_end(yaml_parser_t *parser, const char *name, const char *
 }
 
 // Counts brackets wherever they stand, in text and comments too: a configuration has few of either.
-static pm_status check_depth(const char *name, const char *text, size_t size) {
+// Nothing behind a NUL counts, since libyaml reads no further.
+static pm_status check_depth(const char *name, const char *text) {
+    static const char brackets[] = "[]{}";
     int depth = 0;
-    for (size_t i = 0; i < size; ++i) {
-        const bool opens = text[i] == '[' || text[i] == '{';
-        const bool closes = text[i] == ']' || text[i] == '}';
-        depth = opens ? depth + 1 : closes && depth > 0 ? depth - 1 : depth;
+    for (const char *at = strpbrk(text, brackets); at != NULL; at = strpbrk(at + 1, brackets)) {
+        const bool opens = *at == '[' || *at == '{';
+        depth = opens ? depth + 1 : depth > 0 ? depth - 1 : 0;
         if (depth > MAX_BRACKETS) {
             size_t line, column;
-            locate(text, i, &line, &column);
+            locate(text, (size_t)(at - text), &line, &column);
             return pm_fail(PM_ECONFIG, "%s:%zu:%zu: more than %d brackets open at once", name, line,
                            column, MAX_BRACKETS);
         }
@@ -243,7 +245,7 @@ static pm_status check_depth(const char *name, const char *text, size_t size) {
 static pm_status compose(pm_yaml_document *document, const char *text, size_t size) {
     pm_status status = PM_OK;
     yaml_parser_t parser;
-    PM_TRY(check_depth(document->name, text, size));
+    PM_TRY(check_depth(document->name, text));
     if (!yaml_parser_initialize(&parser)) {
         return no_memory();
     }
@@ -291,25 +293,36 @@ pm_status pm_yaml_parse(pm_yaml_document **document, const char *text, const cha
     return parse(document, text, strlen(text), name, root);
 }
 
+// A file's text with a NUL behind it, in memory that doubles until it is enough, or until parse()
+// will see that there is more than allowed. The caller frees `text`, whatever comes back.
+static pm_status read_text(FILE *file, const char *path, char **text, size_t *size) {
+    size_t room = 0;
+    *text = NULL;
+    *size = 0;
+    while (*size + 1 >= room && *size <= MAX_BYTES) {
+        room = room == 0 ? FIRST_BYTES : 2 * room;
+        char *larger = realloc(*text, room);
+        if (larger == NULL) {
+            return no_memory();
+        }
+        *text = larger;
+        *size += fread(*text + *size, 1, room - 1 - *size, file);
+    }
+    (*text)[*size] = '\0';
+    return ferror(file) ? pm_fail(PM_EFILE, "%s: cannot read: %s", path, strerror(errno)) : PM_OK;
+}
+
 pm_status pm_yaml_open(pm_yaml_document **document, const char *path, pm_yaml *root) {
-    pm_status status = PM_OK;
-    char *text = NULL;
+    char *text;
+    size_t size;
     FILE *file = fopen(path, "rb");
     if (file == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot open: %s", path, strerror(errno));
     }
-    text = malloc(MAX_BYTES + 1); // one more than allowed, so that parse() sees the excess
-    if (text == NULL) {
-        status = no_memory();
-        goto done;
+    pm_status status = read_text(file, path, &text, &size);
+    if (status == PM_OK) {
+        status = parse(document, text, size, path, root);
     }
-    const size_t size = fread(text, 1, MAX_BYTES + 1, file);
-    if (ferror(file)) {
-        status = pm_fail(PM_EFILE, "%s: cannot read: %s", path, strerror(errno));
-        goto done;
-    }
-    status = parse(document, text, size, path, root);
-done:
     free(text);
     fclose(file);
     return status;

@@ -174,7 +174,7 @@ static pm_status open_fitting(fitting *f) {
     for (int i = 0; i < (BATCH + 1) * NZ; ++i) {
         f->data->z[i] = pm_rng_normal(&rng);
     }
-    PM_TRY(pm_samples_make(&f->samples, f->scene, f->data, 0, 1, PM_RESIDUAL_STEP, 1));
+    PM_TRY(pm_samples_make(&f->samples, f->scene, f->data, 0, 1, PM_RESIDUAL_STEP, 1, 1));
     const pm_loss loss = {
         .residual = PM_RESIDUAL_STEP, .integrator = pm_integrator_find("euler"), .substeps = 1};
     PM_TRY(pm_objective_open(&f->objective, f->system, &f->samples, &loss));

@@ -1,5 +1,6 @@
 // Any text must read as the model of a subsystem and of a port, or fail with one line; a model that
-// declares its parameters must build all its expressions and plan them.
+// reads must write text that reads to the same text again; one that declares its parameters must
+// build all its expressions and plan them.
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -79,10 +80,35 @@ static void run(pm_graph *g, pm_node first, pm_node second) {
     pm_program_close(program);
 }
 
+// What is written of a model, once it was read from `text` as a part or as a port.
+static const char *part_again(const char *text, pm_arena *arena) {
+    pm_yaml_document *document;
+    pm_yaml root;
+    pm_part_spec spec;
+    check(pm_yaml_parse(&document, text, "again.yaml", &root) == PM_OK &&
+          pm_part_spec_read(root, (pm_yaml){0}, arena, &spec) == PM_OK);
+    pm_yaml_close(document);
+    return pm_part_spec_write(&spec, arena);
+}
+
+static const char *port_again(const char *text, pm_arena *arena) {
+    pm_yaml_document *document;
+    pm_yaml root;
+    pm_port_spec spec;
+    check(pm_yaml_parse(&document, text, "again.yaml", &root) == PM_OK &&
+          pm_port_spec_read(root, (pm_yaml){0}, arena, &spec) == PM_OK);
+    pm_yaml_close(document);
+    return pm_port_spec_write(&spec, arena);
+}
+
 static void try_part(pm_yaml root, pm_arena *arena) {
     pm_part part = {0};
-    if (pm_part_spec_read(root, (pm_yaml){0}, arena, &part.spec) != PM_OK ||
-        !is_small_potential(&part.spec.energy) || !is_small_potential(&part.spec.entropy) ||
+    if (pm_part_spec_read(root, (pm_yaml){0}, arena, &part.spec) != PM_OK) {
+        return;
+    }
+    const char *text = pm_part_spec_write(&part.spec, arena);
+    check(strcmp(text, part_again(text, arena)) == 0);
+    if (!is_small_potential(&part.spec.energy) || !is_small_potential(&part.spec.entropy) ||
         !is_small_operator(&part.spec.reversible) || !is_small_operator(&part.spec.irreversible)) {
         return;
     }
@@ -102,8 +128,12 @@ static void try_part(pm_yaml root, pm_arena *arena) {
 
 static void try_port(pm_yaml root, pm_arena *arena) {
     pm_port_model port = {0};
-    if (pm_port_spec_read(root, (pm_yaml){0}, arena, &port.spec) != PM_OK ||
-        !is_small_potential(&port.spec.energy) || !is_small_potential(&port.spec.entropy) ||
+    if (pm_port_spec_read(root, (pm_yaml){0}, arena, &port.spec) != PM_OK) {
+        return;
+    }
+    const char *text = pm_port_spec_write(&port.spec, arena);
+    check(strcmp(text, port_again(text, arena)) == 0);
+    if (!is_small_potential(&port.spec.energy) || !is_small_potential(&port.spec.entropy) ||
         !is_small_operator(&port.spec.reversible) || !is_small_operator(&port.spec.irreversible)) {
         return;
     }

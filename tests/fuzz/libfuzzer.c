@@ -4,6 +4,6 @@
 const char *__asan_default_options(void);
 
 const char *__asan_default_options(void) {
-    return "quarantine_size_mb=4:allocator_release_to_os_interval_ms=-1:"
+    return "quarantine_size_mb=1:allocator_release_to_os_interval_ms=-1:"
            "clear_shadow_mmap_threshold=10000000:malloc_context_size=8";
 }

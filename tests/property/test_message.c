@@ -473,8 +473,12 @@ static void co_energies_are_the_slope_of_the_energy(void **state) {
 // Windows of one step, with the forces over it, around the world's state.
 static pm_samples draw_windows(world *w) {
     const pm_scene *s = w->scene;
-    pm_samples samples = {
-        .count = COUNT, .unroll = 1, .nz = s->nz, .nload = s->nprescribed, .scale = NULL};
+    pm_samples samples = {.count = COUNT,
+                          .unroll = 1,
+                          .nz = s->nz,
+                          .nload = s->nprescribed,
+                          .load_order = 1,
+                          .scale = NULL};
     const int width = pm_samples_width(&samples);
     samples.z = pm_arena_array(&w->scene->arena, (size_t)(COUNT * width), sizeof(double));
     samples.scale = pm_arena_array(&w->scene->arena, (size_t)s->nz, sizeof(double));

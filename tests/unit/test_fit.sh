@@ -82,6 +82,17 @@ gauss_newton 0.05 {optimiser: gauss_newton, iterations: 15, batch: 66, substeps:
 LIST
 [ ! -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left its checkpoint"
 
+# --- weights say by what steps they were made, if by any ---
+# say DIR COUNT TEXT: so many of the weights in a folder say TEXT
+say() {
+    "$portmetd" check "$folder/scene.yaml" --weights "$folder/$1" >"$folder/out" 2>"$folder/err" || fail "check $1"
+    [ "$(grep -c "$3" "$folder/out")" -eq "$2" ] || fail "$1: expected \"$3\" $2 times"
+}
+config derivative '{optimiser: adam, iterations: 1, residual: derivative}'
+fit derivative derivative || fail "fit derivative"
+say lbfgs 3 'by steps of 0.15 s of rk4'
+say derivative 0 'by steps of'
+
 # --- a part that the scene knows stays as it is, and the others are learned beside it ---
 sed -e "s|file: reference|file: $PWD/configs/reference|" configs/half_analytic_double_pendulum.yaml \
     >"$folder/half.yaml"

@@ -31,12 +31,14 @@ static void check(const char *what, double value, double expected, double tolera
 static void parameters_are_found_and_copied(void **state) {
     (void)state;
     pm_params params = {0};
-    pm_param_entry *a = pm_params_add(&params, "a", 2, 3, true, 0.5, 1);
-    double *value = a->value;
-    assert_non_null(pm_params_add(&params, "fixed", 1, 2, false, 0.5, 7));
-    assert_non_null(pm_params_add(&params, "b", 1, 1, true, 0, -2));
-    assert_ptr_equal(pm_params_add(&params, "a", 2, 3, true, 0, 0)->value, value);
-    assert_null(pm_params_add(&params, "a", 3, 2, true, 0, 0));
+    assert_int_equal(pm_params_add(&params, "a", 2, 3, true, 0.5, 1), PM_OK);
+    double *value = pm_params_find(&params, "a")->value;
+    assert_int_equal(pm_params_add(&params, "fixed", 1, 2, false, 0.5, 7), PM_OK);
+    assert_int_equal(pm_params_add(&params, "b", 1, 1, true, 0, -2), PM_OK);
+    assert_int_equal(pm_params_add(&params, "a", 2, 3, true, 0, 0), PM_OK);
+    assert_ptr_equal(pm_params_find(&params, "a")->value, value);
+    assert_int_equal(params.count, 3);
+    assert_int_equal(pm_params_add(&params, "a", 3, 2, true, 0, 0), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "2 x 3, expected 3 x 2"));
     assert_null(pm_params_find(&params, "c"));
     assert_int_equal(pm_params_trained(&params), 7);
@@ -72,8 +74,8 @@ static void sizes_are_bounded(void **state) {
     const pm_operator op = {&learned, PM_REVERSIBLE, PM_HARD, "reversible"};
     assert_int_equal(pm_operator_declare(&op, &site, &params), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "65537 x 65537"));
-    assert_non_null(pm_params_add(&params, "large", 4096, 4000, false, 0, 0));
-    assert_null(pm_params_add(&params, "larger", 4096, 96, false, 0, 0));
+    assert_int_equal(pm_params_add(&params, "large", 4096, 4000, false, 0, 0), PM_OK);
+    assert_int_equal(pm_params_add(&params, "larger", 4096, 96, false, 0, 0), PM_ENOMEM);
     assert_non_null(strstr(pm_error(), "more than 16777216 numbers in all"));
     pm_params_free(&params);
 }

@@ -291,6 +291,7 @@ static const yaml_case bad_mesh[] = {
     {"patterns: 16", "within: 0", "0", "within: expected a time > 0"},
     {"nodes: [u, m]", "features: [u, m]", "8,", "only a network of nodes has width"},
     {"[u, m], width", "[u, m], driven_by: m, width", "[u", "only a rate can be driven_by a field"},
+    {"[u, m], width", "[u, m], within: 0.5, width", "[u", "only a rate has within"},
     {"[u, m], width: 8, passes: 1, patterns: 16", "[u, m], width: 8, passes: 1", "[u",
      "hidden layers are of patterns, and there are none"},
     {"elements: [4, 2, 1]}\nenergy:\n  - {given: s}\n  - {nodes: [u, m], width: 8, passes: 1",
@@ -314,6 +315,10 @@ static const yaml_case bad_grip[] = {
      "\"other.dE.g\" has 2 components, which is no field on a mesh of 24 nodes"},
     {"[own.u], driven_by: other.dE.f", "[own.u], driven_by: other.dE.t", "[own.u]",
      "driven_by \"other.dE.t\": expected a field like the first of nodes"},
+    {"[own.u], driven_by", "[own.u, own.m, other.dE.f], driven_by", "[own.u",
+     "driven_by \"other.dE.f\": a driver cannot be one of nodes too"},
+    {"[own.u]", "[own.u, own.m/|own.m|]", "[own.u",
+     "\"own.m/|own.m|\" is an expression, expected a group"},
     {"[own.u]", "[" SIXTEEN_OWN ", " SIXTEEN_OWN "]", "[own", "more than 32 fields"},
 };
 

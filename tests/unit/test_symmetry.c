@@ -42,7 +42,7 @@ static const char grip[] = GRIP "width: 3, passes: 1}\n";
 
 static pm_symmetry *make(const world *w, int unroll) {
     pm_symmetry *s = NULL;
-    if (pm_symmetry_make(&s, w->system, unroll, &w->scene->arena) != PM_OK) {
+    if (pm_symmetry_make(&s, w->system, unroll, PM_LOAD_ORDER, &w->scene->arena) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return s;
@@ -169,8 +169,13 @@ static void bench_open(bench *b) {
     for (int i = 0; i < NZ; ++i) {
         b->scale[i] = 1;
     }
-    b->samples = (pm_samples){
-        .count = COUNT, .unroll = UNROLL, .nz = NZ, .nload = NLOAD, .z = b->z, .scale = b->scale};
+    b->samples = (pm_samples){.count = COUNT,
+                              .unroll = UNROLL,
+                              .nz = NZ,
+                              .nload = NLOAD,
+                              .load_order = PM_LOAD_ORDER,
+                              .z = b->z,
+                              .scale = b->scale};
     const pm_loss loss = {
         .residual = PM_RESIDUAL_STEP, .integrator = pm_integrator_find("euler"), .substeps = 1};
     b->objective = NULL;
@@ -238,7 +243,7 @@ static void what_is_not_square_is_refused(void **state) {
         world w;
         pm_symmetry *s = NULL;
         world_of_text(&w, 1, scene, bad[i].part, bad[i].port);
-        assert_int_equal(pm_symmetry_make(&s, w.system, 1, &w.scene->arena), PM_ECONFIG);
+        assert_int_equal(pm_symmetry_make(&s, w.system, 1, 1, &w.scene->arena), PM_ECONFIG);
         if (s != NULL || strcmp(pm_error(), bad[i].words) != 0) {
             world_fail(&w, "error \"%s\", expected \"%s\"", pm_error(), bad[i].words);
         }
@@ -300,8 +305,12 @@ static void patterns_span_the_data(void **state) {
     b = (bench){0};
     world_of_text(&b.w, 5, scene, patterned, grip);
     draw_of_rank(&b, basis, z);
-    const pm_samples samples = {
-        .count = STATES, .unroll = UNROLL, .nz = NZ, .nload = NLOAD, .z = z};
+    const pm_samples samples = {.count = STATES,
+                                .unroll = UNROLL,
+                                .nz = NZ,
+                                .nload = NLOAD,
+                                .load_order = PM_LOAD_ORDER,
+                                .z = z};
     assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
     const pm_params *params = &b.w.system->part[0].params;
     const pm_param_entry *found = pm_params_find(params, "energy.0.field0.patterns");
@@ -332,8 +341,12 @@ static void small_states_count_as_large_ones_do(void **state) {
             z[i * WIDTH + c] = i % 4 == 0 ? 5 * basis[0][c] : basis[1][c];
         }
     }
-    const pm_samples samples = {
-        .count = STATES, .unroll = UNROLL, .nz = NZ, .nload = NLOAD, .z = z};
+    const pm_samples samples = {.count = STATES,
+                                .unroll = UNROLL,
+                                .nz = NZ,
+                                .nload = NLOAD,
+                                .load_order = PM_LOAD_ORDER,
+                                .z = z};
     assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
     const pm_params *params = &b.w.system->part[0].params;
     const double *pattern = pm_params_find(params, "energy.0.field0.patterns")->value;
@@ -348,8 +361,12 @@ static void more_patterns_than_states_are_refused(void **state) {
     b = (bench){0};
     world_of_text(&b.w, 5, scene, patterned, grip);
     draw(&b.w.rng, COUNT * WIDTH, b.z);
-    const pm_samples samples = {
-        .count = COUNT, .unroll = UNROLL, .nz = NZ, .nload = NLOAD, .z = b.z};
+    const pm_samples samples = {.count = COUNT,
+                                .unroll = UNROLL,
+                                .nz = NZ,
+                                .nload = NLOAD,
+                                .load_order = PM_LOAD_ORDER,
+                                .z = b.z};
     assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_EDATA);
     assert_non_null(strstr(pm_error(), "9 patterns cannot be found in 3 states"));
     world_close(&b.w);

@@ -156,7 +156,7 @@ succeed "modes.h5: 1 trajectories of 5 states" reduce "$modes" --data "$folder/b
 succeed "stress  " reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 -o "$new"
 succeed "displacement                 0         0         0" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$new"
 succeed "Trained on, %" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 --trained 1
-expect 2 "1 trajectories of modes, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
+expect 2 "1 trajectories in $folder/one/modes.h5, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
 expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
 expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
 succeed "modes.h5: 1 trajectories" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/new/deep"
@@ -181,6 +181,9 @@ with_graph() {
 with_graph ''
 succeed "stage 1/1 adam" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/weights/beam_graph"
 succeed "sigma    trajectory" evaluate "$folder/graph/scene.yaml" --data "$nodes"
+sed 's/integrator: euler/integrator: euler, substeps: 2/' "$folder/graph/scene.yaml" >"$folder/graph/halved.yaml"
+expect 6 "within a step of 0.05 s of euler, and hold for no other; the scene takes steps of 0.025 s" \
+    evaluate "$folder/graph/halved.yaml" --data "$nodes"
 with_graph 's/^section: square/section: round/'
 expect 3 "section: expected one of any, square" fit "$folder/graph/train.yaml" --data "$nodes" -o "$new"
 with_graph 's/size: \[40, 10, 10\]/size: [40, 10, 9]/'
@@ -189,16 +192,23 @@ with_graph 's/patterns: 3/patterns: 9/'
 expect 5 "9 patterns cannot be found in 8 states" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
 with_graph 's/\[4, 1, 1\]/[5, 1, 1]/'
 expect 3 "no field on a mesh of 20 nodes (model of body)" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
-for times in 0 -1 x 0.1,,0.2 0.1, '0.1 0.2' nan; do
-    expect 2 "--relaxation" nodes "$folder/beam.h5" --relaxation "$times" -o "$nodes"
+for times in '' 0 -1 x 0.1,,0.2 0.1, '0.1 0.2' nan; do
+    expect 2 "--relaxation: expected a number > 0" nodes "$folder/beam.h5" --relaxation "$times" -o "$nodes"
 done
-for states in 6 0 1.5 3x; do
-    expect 2 "--states \"$states\": expected a" nodes "$folder/beam.h5" --states "$states" -o "$nodes"
+for states in 6 1.5 0 3x; do
+    expect 2 "--states: expected a" nodes "$folder/beam.h5" --states "$states" -o "$nodes"
 done
 succeed "2 trajectories of 3 states, 193 columns" nodes "$folder/beam.h5" --states 3 -o "$folder/one/nodes.h5"
-expect 2 "at most 4 times" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
-expect 2 "--temperature \"0\": expected a number > 0" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
-expect 2 "--temperature \"1,2\": expected one number" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
+expect 2 "--relaxation: at most 4 numbers" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
+expect 2 "--temperature: expected a number > 0, found \"0\"" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
+expect 2 "--temperature: expected a number > 0, found \"1,2\"" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
+expect 5 "one/nodes.h5: trajectories of 3 states, those of $folder/beam.h5 have 5: only whole ones" \
+    reconstruct "$folder/one/nodes.h5" --truth "$folder/beam.h5"
+succeed "stress  " reconstruct "$nodes" --truth "$folder/beam.h5" -o "$folder/again.h5"
+grep -qa "Fields reconstructed from nodal values" "$folder/again.h5" || fail "reconstruct: title of fields of nodal values"
+expect 2 "nodal values need --truth, modes a --basis" reconstruct "$nodes"
+expect 5 "$folder/one/modes.h5 as nodal values of $folder/beam.h5: expected columns u[0:48], sigma[0:96]" \
+    reconstruct "$folder/one/modes.h5" --truth "$folder/beam.h5" --trajectories 1
 expect 2 "expected A:B" nodes "$folder/beam.h5" --trajectories 0:3 -o "$nodes"
 expect 4 "nowhere.h5" nodes "$folder/nowhere.h5" -o "$nodes"
 expect 5 "/z" nodes "$nodes" -o "$new"

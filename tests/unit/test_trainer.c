@@ -64,7 +64,8 @@ static void bench_close(bench *b) {
 }
 
 static void make(const bench *b, pm_samples *samples, pm_residual residual, int unroll) {
-    if (pm_samples_make(samples, b->w.scene, b->data, 1, 3, residual, unroll) != PM_OK) {
+    if (pm_samples_make(samples, b->w.scene, b->data, 1, 3, residual, unroll, PM_LOAD_ORDER) !=
+        PM_OK) {
         fail_msg("%s", pm_error());
     }
 }
@@ -148,13 +149,13 @@ static void too_short_is_an_error(void **state) {
     bench b;
     pm_samples samples;
     bench_open(&b);
-    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_STEP, NTIME),
+    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_STEP, NTIME, 1),
                      PM_EDATA);
-    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 2, 2, PM_RESIDUAL_STEP, 1),
+    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 2, 2, PM_RESIDUAL_STEP, 1, 1),
                      PM_EDATA);
     b.data->ntime = 4;
-    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_DERIVATIVE, 1),
-                     PM_EDATA);
+    assert_int_equal(
+        pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_DERIVATIVE, 1, 1), PM_EDATA);
     bench_close(&b);
 }
 
@@ -238,6 +239,17 @@ static void windows_carry_their_loads(void **state) {
                         value_at(trajectory, 2, (first + step + 0.5) * DT), 1e-12);
             assert_true(load[2] == 1 && load[5] == 0);
         }
+    }
+    pm_samples_free(&samples);
+    // Or only what they prescribe as each step begins.
+    assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 1, 3, PM_RESIDUAL_STEP, 3, 1),
+                     PM_OK);
+    assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * 3);
+    assert_int_equal(pm_samples_left_out(&samples), 3 * 3 * (PM_LOAD_ORDER - 1));
+    for (int step = 0; step < 3; ++step) {
+        const double *load = samples.z + pm_samples_load(&samples, step);
+        world_check(&b.w, "at its beginning", load[1], value_at(1, 2, step * DT), 1e-12);
+        assert_true(load[2] == 1);
     }
     pm_samples_free(&samples);
     make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);

@@ -32,6 +32,8 @@ static const pm_layout exposed = {.ngroup = 1, .nz = 1, .group = {{"s", "J/K", 1
 
 static const pm_provenance provenance = {.command = "portmet-train fit train.yaml",
                                          .data = "data.h5 0123456789abcdef",
+                                         .integrator = "rk4",
+                                         .step = 0.0375,
                                          .seed = UINT64_MAX - 1,
                                          .loss = 1.25e-7,
                                          .seconds = 12.5};
@@ -126,6 +128,8 @@ static void a_subsystem_comes_back_bit_by_bit(void **state) {
     assert_string_equal(p.path, path);
     assert_string_equal(p.command, provenance.command);
     assert_string_equal(p.data, provenance.data);
+    assert_string_equal(p.integrator, provenance.integrator);
+    assert_true(p.step == provenance.step);
     assert_true(p.seed == provenance.seed);
     assert_true(p.loss == provenance.loss && p.seconds == provenance.seconds);
     assert_true(p.digest != 0);
@@ -321,6 +325,13 @@ static void set_text(hid_t file, const char *object, const char *name, const cha
     H5Sclose(space);
 }
 
+static void set_step(hid_t file) {
+    const double step = -0.0;
+    const hid_t id = H5Aopen(file, "step", H5P_DEFAULT);
+    H5Awrite(id, H5T_NATIVE_DOUBLE, &step);
+    H5Aclose(id);
+}
+
 static void set_format(hid_t file) {
     set_text(file, "/", "format", "somebody's weights");
 }
@@ -429,6 +440,7 @@ static void changed_content_is_refused(void **state) {
     (void)state;
     char words[256];
     assert_load_fails(with_change(set_version), "version of the format is 2, expected 1");
+    assert_load_fails(with_change(set_step), "step is -0 s, expected a time > 0");
     assert_load_fails(with_change(set_format), "format is \"somebody's weights\"");
     assert_load_fails(with_change(set_broken_model), "model: ");
     assert_load_fails(with_change(set_other_model), "height");

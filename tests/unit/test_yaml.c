@@ -212,6 +212,39 @@ static void test_file(void **state) {
     scratch_close(&folder);
 }
 
+// Files of the sizes around which memory grows, up to the largest: to the last byte, and no more.
+static void test_file_sizes(void **state) {
+    (void)state;
+    static const size_t largest = (size_t)1 << 20;
+    const size_t size[] = {4094, 4095, 4096, 8191, 8192, largest, largest + 1, 2 * largest};
+    static const char end[] = "\nlast: 7";
+    char *text = malloc(2 * largest);
+    assert_non_null(text);
+    memset(text, '#', 2 * largest);
+    scratch folder;
+    scratch_open(&folder);
+    const char *path = scratch_path(&folder, "a.yaml");
+    for (size_t i = 0; i < sizeof size / sizeof *size; ++i) {
+        pm_yaml_document *document = NULL;
+        pm_yaml root;
+        int last;
+        memcpy(text + size[i] - strlen(end), end, strlen(end));
+        scratch_write(path, text, size[i]);
+        memset(text + size[i] - strlen(end), '#', strlen(end));
+        const pm_status status = pm_yaml_open(&document, path, &root);
+        assert_int_equal(status, size[i] > largest ? PM_ECONFIG : PM_OK);
+        if (status == PM_OK) {
+            assert_int_equal(pm_yaml_int(pm_yaml_get(root, "last"), 0, 9, &last), PM_OK);
+            assert_int_equal(last, 7);
+        } else {
+            assert_non_null(strstr(pm_error(), "larger than 1048576 bytes"));
+        }
+        pm_yaml_close(document);
+    }
+    scratch_close(&folder);
+    free(text);
+}
+
 // Hostile text of `size` bytes made of `unit` repeated: it must end, whatever it says.
 static void feed(const char *unit, size_t size) {
     char *text = malloc(size + 1);
@@ -259,7 +292,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_scalars), cmocka_unit_test(test_lists),
         cmocka_unit_test(test_bad),     cmocka_unit_test(test_empty),
-        cmocka_unit_test(test_file),    cmocka_unit_test(test_hostile),
+        cmocka_unit_test(test_file),    cmocka_unit_test(test_file_sizes),
+        cmocka_unit_test(test_hostile),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -82,9 +82,12 @@ void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
     const int face = patches->face < 0 ? (int)pm_rng_below(rng, PM_BEAM_FACES) : patches->face;
     const double along[2] = {nearest * mesh->size[0], mesh->size[0]};
     const double across[2] = {0, mesh->size[axis_across(face)]};
-    const double centre[2] = {draw_between(rng, along), draw_between(rng, across)};
-    const double half[2] = {draw_between(rng, patches->length) / 2,
-                            draw_between(rng, patches->width) / 2};
+    // One statement each: C does not say which of a list's members is evaluated first.
+    double centre[2], half[2];
+    centre[0] = draw_between(rng, along);
+    centre[1] = draw_between(rng, across);
+    half[0] = draw_between(rng, patches->length) / 2;
+    half[1] = draw_between(rng, patches->width) / 2;
     add_rectangle(load, mesh, face, centre, half);
     draw_force(load, patches, face, rng);
     load->time[1] = draw_between(rng, patches->ramp);

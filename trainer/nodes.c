@@ -1,5 +1,5 @@
 // Nodes of a box in order, and their values by columns.
-#include "nodal.h"
+#include "nodes.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -57,7 +57,7 @@ static pm_status number_nodes(const pm_field *field, const pm_mesh *mesh, const 
     return PM_OK;
 }
 
-pm_status pm_nodal_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **mesh,
+pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **mesh,
                         const int **node) {
     double low[3], high, size[3];
     int elements[3], count = 1;
@@ -130,7 +130,7 @@ static pm_status name_columns(const row_layout *l, pm_arena *arena, const char *
 
 typedef struct conversion {
     const pm_field *field;
-    const pm_nodal_how *how;
+    const pm_nodes_how *how;
     const int *node;
     row_layout layout;
     int q, stress; // columns of the field
@@ -170,10 +170,10 @@ static void convert_state(const conversion *c, int trajectory, int time, const d
     }
 }
 
-static pm_status begin(conversion *c, const pm_field *field, const pm_nodal_how *how,
+static pm_status begin(conversion *c, const pm_field *field, const pm_nodes_how *how,
                        pm_arena *arena) {
     const pm_mesh *mesh;
-    PM_TRY(pm_nodal_mesh(field, arena, &mesh, &c->node));
+    PM_TRY(pm_nodes_mesh(field, arena, &mesh, &c->node));
     c->field = field;
     c->how = how;
     c->layout = layout_of(mesh->nnode, how == NULL ? 0 : how->nbranch);
@@ -204,8 +204,8 @@ static pm_status fill(pm_dataset **dataset, const conversion *c, int count, cons
     return PM_OK;
 }
 
-pm_status pm_nodal_dataset(pm_dataset **dataset, const pm_field *field, int count, const int *which,
-                           const pm_nodal_how *how) {
+pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int count, const int *which,
+                           const pm_nodes_how *how) {
     pm_arena arena = {0};
     conversion c = {0};
     pm_status status = begin(&c, field, how, &arena);
@@ -292,7 +292,7 @@ static pm_status restore(pm_field **field, const conversion *c, const pm_dataset
     return PM_OK;
 }
 
-pm_status pm_nodal_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
+pm_status pm_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
                           const int *which) {
     pm_arena arena = {0};
     conversion c = {0};
