@@ -50,19 +50,24 @@ done:
     return status;
 }
 
-pm_status pm_settle(pm_part *part, pm_arena *arena) {
-    pm_potential_spec *energy = &part->spec.energy;
-    pm_network_spec *term = pm_arena_array(arena, (size_t)energy->nterm, sizeof *term);
+static pm_status settle_potential(const pm_part *part, pm_potential_spec *potential,
+                                  const char *name, pm_arena *arena) {
+    pm_network_spec *term = pm_arena_array(arena, (size_t)potential->nterm, sizeof *term);
     if (term == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for networks at rest");
     }
-    for (int i = 0; i < energy->nterm; ++i) {
+    for (int i = 0; i < potential->nterm; ++i) {
         char prefix[32];
-        snprintf(prefix, sizeof prefix, "energy.%d", i);
-        term[i] = energy->term[i];
+        snprintf(prefix, sizeof prefix, "%s.%d", name, i);
+        term[i] = potential->term[i];
         term[i].rest = false;
-        PM_TRY(energy->term[i].rest ? settle_network(part, &term[i], prefix) : PM_OK);
+        PM_TRY(potential->term[i].rest ? settle_network(part, &term[i], prefix) : PM_OK);
     }
-    energy->term = term;
+    potential->term = term;
     return PM_OK;
+}
+
+pm_status pm_settle(pm_part *part, pm_arena *arena) {
+    PM_TRY(settle_potential(part, &part->spec.energy, "energy", arena));
+    return settle_potential(part, &part->spec.entropy, "entropy", arena);
 }

@@ -5,8 +5,8 @@
 #include "model/part.h"
 
 // Takes the tangent at features of 0 from the linear form and the bias of each network at rest in
-// the part's energy, which is the same function then, no longer marked; they must have a skip.
-// Specs are made in the arena. PM_ENOMEM.
+// the part's energy and entropy, which is the same function then, no longer marked; they must have
+// a skip. Specs are made in the arena. PM_ENOMEM.
 pm_status pm_settle(pm_part *part, pm_arena *arena);
 
 #endif

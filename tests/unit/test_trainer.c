@@ -284,19 +284,21 @@ static void worlds_scale_as_what_they_load(void **state) {
     bench_close(&b);
 }
 
-// The energy of the part at q = (x, -x), s = x.
-static double energy_at(const pm_part *p, double x) {
+// The energy and the entropy of the part at q = (x, -x), s = x.
+static void potentials_at(const pm_part *p, double x, double value[2]) {
     pm_graph *g = NULL;
     pm_program *program = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
-    const pm_node z = pm_input(g, true, 1, 3), energy = pm_part_energy(g, p, z);
-    assert_int_equal(pm_program_open(&program, g, 1, &energy, 1), PM_OK);
+    const pm_node z = pm_input(g, true, 1, 3);
+    const pm_node out[2] = {pm_part_energy(g, p, z), pm_part_entropy(g, p, z)};
+    assert_int_equal(pm_program_open(&program, g, 2, out, 1), PM_OK);
     memcpy(pm_program_value(program, z), (const double[]){x, -x, x}, 3 * sizeof x);
     pm_program_run(program, 1);
-    const double value = *pm_program_value(program, energy);
+    for (int i = 0; i < 2; ++i) {
+        value[i] = *pm_program_value(program, out[i]);
+    }
     pm_program_close(program);
     pm_graph_close(g);
-    return value;
 }
 
 // A settled network is the same function, and no longer at rest by its word but by its numbers.
@@ -307,7 +309,7 @@ static void settled_networks_are_the_same(void **state) {
         "  - {features: [s], hidden: [2], skip: linear}\n"
         "  - {features: [q, s], hidden: [3], skip: linear, rest: true}\n"
         "  - {features: [q], hidden: [2, 2], skip: quadratic, rest: true}\n"
-        "entropy: {given: s}\n";
+        "entropy: {features: [s, q], hidden: [2], skip: linear, rest: true}\n";
     world w;
     pm_arena arena = {0};
     world_of_text(&w, 3, scene, resting, NULL);
@@ -318,17 +320,20 @@ static void settled_networks_are_the_same(void **state) {
             e->value[k] += 0.3 + 0.1 * ((i + k) % 5); // means, deviations and biases too
         }
     }
-    double before[4];
+    double before[4][2], after[2];
     for (int i = 0; i < 4; ++i) {
-        before[i] = energy_at(p, 0.7 * i - 1);
+        potentials_at(p, 0.7 * i - 1, before[i]);
     }
     assert_int_equal(pm_settle(p, &arena), PM_OK);
     for (int i = 0; i < 4; ++i) {
-        world_check(&w, "energy", energy_at(p, 0.7 * i - 1), before[i], 1e-12);
+        potentials_at(p, 0.7 * i - 1, after);
+        world_check(&w, "energy", after[0], before[i][0], 1e-12);
+        world_check(&w, "entropy", after[1], before[i][1], 1e-12);
     }
     for (int i = 0; i < 3; ++i) {
         assert_false(p->spec.energy.term[i].rest);
     }
+    assert_false(p->spec.entropy.term[0].rest);
     pm_arena_free(&arena);
     world_close(&w);
 }
