@@ -9,6 +9,7 @@
 #include "commands.h"
 #include "normalise.h"
 #include "options.h"
+#include "settle.h"
 #include "store/checkpoint.h"
 #include "symmetry.h"
 #include "training.h"
@@ -223,6 +224,7 @@ static pm_status save_weights(const fit *f) {
             continue;
         }
         snprintf(path, sizeof path, "%s/%s", f->arguments->output, base_name(weights_of(scene, i)));
+        PM_TRY(part ? pm_settle(&f->training->system->part[i], &f->training->arena) : PM_OK);
         PM_TRY(part ? pm_weights_save_part(path, &f->training->system->part[i], &provenance)
                     : pm_weights_save_port(path, &f->training->system->port[port], &provenance));
         printf("wrote %s\n", path);

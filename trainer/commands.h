@@ -10,6 +10,7 @@
 #include "base/status.h"
 
 pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop);

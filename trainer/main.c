@@ -13,6 +13,7 @@ typedef struct command {
 
 static const command commands[] = {
     {"truth", "simulate ground truth into a dataset", pm_command_truth},
+    {"correct", "correct a simulation by known fields", pm_command_correct},
     {"reduce", "find the modes of a body in its fields", pm_command_reduce},
     {"nodes", "write fields of a body as nodal values", pm_command_nodes},
     {"reconstruct", "turn modes or nodal values into fields of the body", pm_command_reconstruct},

@@ -130,8 +130,8 @@ pm_node pm_network_build(pm_graph *g, const pm_network_spec *spec, const pm_symb
     return pm_network_build_from(g, spec, features, nout, params, prefix);
 }
 
-pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
-                              const pm_params *params, const char *prefix) {
+static pm_node build_layers(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
+                            const pm_params *params, const char *prefix) {
     const pm_node x = pm_div(g, pm_sub(g, features, pm_network_param(g, params, prefix, "mean")),
                              pm_network_param(g, params, prefix, "deviation"));
     const int n = pm_graph_shape(g, x).cols;
@@ -152,4 +152,24 @@ pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     // Without layers and skip only the bias is left: a constant all the same.
     return out == PM_NO_NODE ? pm_broadcast_to(g, bias, (pm_shape){true, 1, nout})
                              : pm_add(g, out, bias);
+}
+
+// What the network is beyond its value and slope at features of 0.
+static pm_node build_from_rest(pm_graph *g, const pm_network_spec *spec, pm_node features,
+                               const pm_params *params, const char *prefix) {
+    const pm_node zero = pm_constant(g, 0, 1, 1);
+    const pm_node origin = pm_broadcast_to(g, zero, pm_graph_shape(g, features));
+    const pm_node there = build_layers(g, spec, origin, 1, params, prefix);
+    const pm_node out = build_layers(g, spec, features, 1, params, prefix);
+    pm_node slope;
+    pm_gradient(g, there, PM_NO_NODE, 1, &origin, &slope);
+    const pm_node above = pm_sub(g, out, there);
+    return slope == PM_NO_NODE ? above : pm_sub(g, above, pm_dot(g, slope, features));
+}
+
+pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
+                              const pm_params *params, const char *prefix) {
+    assert(!spec->rest || nout == 1);
+    return spec->rest ? build_from_rest(g, spec, features, params, prefix)
+                      : build_layers(g, spec, features, nout, params, prefix);
 }

@@ -89,6 +89,7 @@ typedef struct pm_network_spec {
     const int *hidden;
     pm_activation activation;
     pm_skip skip;
+    bool rest;      // less its tangent at features of 0, where it is 0 and flat then: of energies
     const char *at; // its features
 } pm_network_spec;
 

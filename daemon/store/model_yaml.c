@@ -75,17 +75,30 @@ static pm_status read_formula(pm_yaml text, const reader *r, pm_formula *formula
     return pm_yaml_text(text, r->arena, &formula->text);
 }
 
+// A network; with "rest" one that is at rest where its features are zero.
+static pm_status read_term(pm_yaml item, const reader *r, pm_network_spec *term) {
+    static const char *const keys[] = {PM_NETWORK_KEYS, "rest", NULL};
+    const pm_yaml rest = pm_yaml_get(item, "rest");
+    PM_TRY(pm_yaml_allow(item, keys));
+    PM_TRY(pm_network_read(item, r->mesh, r->arena, term));
+    if (!pm_yaml_exists(rest)) {
+        return PM_OK;
+    }
+    if (term->nfeature == 0 || term->message != NULL || term->skip == PM_SKIP_NONE) {
+        return pm_yaml_fail(rest, "only a network of features with a skip can be at rest");
+    }
+    return pm_yaml_bool(rest, &term->rest);
+}
+
 // Adds one summand to a potential; `formulas` and `terms` have room for it.
 static pm_status read_summand(pm_yaml item, const reader *r, pm_potential_spec *potential,
                               pm_formula *formulas, pm_network_spec *terms) {
-    static const char *const network_keys[] = {PM_NETWORK_KEYS, NULL};
     static const char *const given_keys[] = {"given", NULL};
     if (!pm_yaml_is_map(item)) {
         return read_formula(item, r, &formulas[potential->nformula++]);
     }
     if (!pm_yaml_exists(pm_yaml_get(item, "given"))) {
-        PM_TRY(pm_yaml_allow(item, network_keys));
-        return pm_network_read(item, r->mesh, r->arena, &terms[potential->nterm++]);
+        return read_term(item, r, &terms[potential->nterm++]);
     }
     PM_TRY(pm_yaml_allow(item, given_keys));
     return read_given(pm_yaml_get(item, "given"), r->arena, potential);

@@ -218,7 +218,7 @@ void pm_network_write(FILE *file, const pm_network_spec *network) {
     if (message) {
         write_message(file, network->message);
     } else {
-        fprintf(file, ", activation: %s, skip: %s", activation_names[network->activation],
-                skip_names[network->skip]);
+        fprintf(file, ", activation: %s, skip: %s%s", activation_names[network->activation],
+                skip_names[network->skip], network->rest ? ", rest: true" : "");
     }
 }

@@ -25,7 +25,7 @@ static const char every_feature[] =
     "  - {given: {s: 25.0}}\n"
     "  - \"0.3*|min(p,0)|^2 + |min(q,0)|\"\n"
     "  - {features: [\"ln|q|\", \"|p|\", s], hidden: [5, 4], skip: quadratic}\n"
-    "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear}\n"
+    "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear, rest: true}\n"
     "entropy: [{given: s}, {features: [\"ln|q|\", s], hidden: [3]}]\n"
     "reversible: {given: [[q, p, 1.0]]}\n"
     "irreversible: {learned: {acts_on: [s], rank: 1}}\n";

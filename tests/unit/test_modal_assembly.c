@@ -142,6 +142,7 @@ static void matrices_give_the_gaps(void **state) {
     }
     const int first = column_of(d, "middle_top_g0");
     assert_int_equal(column_of(d, "middle_top_slope_v0"), first + 4 * NPAIR);
+    assert_int_equal(column_of(d, "middle_top_s"), first + 5 * NPAIR);
     for (int j = 0; j < NTIME; ++j) {
         const double *row = pm_dataset_state(d, 0, j);
         for (int i = 0; i < PM_FACING_GROUPS * NPAIR; ++i) {
@@ -153,8 +154,17 @@ static void matrices_give_the_gaps(void **state) {
             }
             boxes_check("gap", i, row[first + i], expected);
         }
+        boxes_check("entropy", j, row[first + 5 * NPAIR], 0);
     }
     boxes_check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
+    // A tilt alone does not move a side along itself, but what lies below it counts as lagging.
+    for (int i = 0; i < 2 * NPAIR; ++i) {
+        const double slid = matrix[1][PM_FACING_SLID_U * NPAIR + i][0];
+        boxes_check("slid", i, slid, 0.5 * matrix[1][PM_FACING_SLOPE_U * NPAIR + i][0]);
+    }
+    const double slope_u = matrix[1][PM_FACING_SLOPE_U * NPAIR][0];
+    const double slope_v = matrix[1][PM_FACING_SLOPE_V * NPAIR][0];
+    boxes_check("slope", 0, hypot(slope_u, slope_v), 0.5);
     pm_dataset_free(d);
     free_stack(&s);
 }

@@ -209,6 +209,52 @@ static void networks_are_their_formulas(void **state) {
     }
 }
 
+// One at rest is f(s) - f(0) - f'(0) s, flat at 0 although its features are normalised about 2.
+static void networks_at_rest_are_flat_at_zero(void **state) {
+    (void)state;
+    static const char *const feature[] = {"s"};
+    static const int hidden[] = {1};
+    const pm_network_spec spec = {.nfeature = 1,
+                                  .feature = feature,
+                                  .nhidden = 1,
+                                  .hidden = hidden,
+                                  .skip = PM_SKIP_QUADRATIC,
+                                  .rest = true};
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    pm_params params = {0};
+    pm_symbols symbols = {0};
+    const pm_node z = pm_input(g, true, 1, 5);
+    pm_symbols_add(&symbols, g, &layout, "", z);
+    assert_int_equal(pm_network_declare(&spec, &symbols, 1, NULL, &params, "n"), PM_OK);
+    set(&params, "n.mean", 1, (const double[]){2});
+    set(&params, "n.layer0.weight", 1, (const double[]){0.5});
+    set(&params, "n.layer0.bias", 1, (const double[]){0.3});
+    set(&params, "n.output.weight", 1, (const double[]){1.5});
+    set(&params, "n.output.bias", 1, (const double[]){7});
+    set(&params, "n.linear", 1, (const double[]){11});
+    set(&params, "n.quadratic", 1, (const double[]){0.25});
+    pm_node out[2] = {pm_network_build(g, &spec, &symbols, 1, &params, "n"), PM_NO_NODE};
+    pm_gradient(g, out[0], PM_NO_NODE, 1, &z, &out[1]);
+    pm_program *p = NULL;
+    assert_int_equal(pm_program_open(&p, g, 2, out, 2), PM_OK);
+    const double s[2] = {0, 0.8}, at_zero = tanh(-0.7);
+    for (int i = 0; i < 2; ++i) {
+        pm_program_value(p, z)[5 * i + 4] = s[i];
+    }
+    pm_program_run(p, 2);
+    for (int i = 0; i < 2; ++i) {
+        const double expected = 1.5 * (tanh(0.5 * s[i] - 0.7) - at_zero) -
+                                0.75 * (1 - at_zero * at_zero) * s[i] + 0.25 * s[i] * s[i];
+        check("value", pm_program_value(p, out[0])[i], expected, 1e-14);
+    }
+    check("slope at zero", pm_program_value(p, out[1])[4], 0, 1e-14);
+    assert_true(fabs(pm_program_value(p, out[1])[9]) > 0.1);
+    pm_program_close(p);
+    pm_params_free(&params);
+    pm_graph_close(g);
+}
+
 // --- mistakes ---
 
 typedef struct mistake {
@@ -295,6 +341,7 @@ int main(void) {
         cmocka_unit_test(features_are_their_formulas),
         cmocka_unit_test(features_stay_finite_at_zero),
         cmocka_unit_test(networks_are_their_formulas),
+        cmocka_unit_test(networks_at_rest_are_flat_at_zero),
         cmocka_unit_test(mistakes_are_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -12,7 +12,8 @@ static const char good[] =
     "  - \"|p|^2/(2*m)\"\n"
     "  - {features: [\"|p|^2\"], skip: linear}\n"
     "  - {given: [u, w]}\n"
-    "  - {features: [\"ln|q|\", s], hidden: [16, 8], activation: silu, skip: quadratic}\n"
+    "  - {features: [\"ln|q|\", s], hidden: [16, 8], activation: silu, skip: quadratic, rest: "
+    "true}\n"
     "entropy: {given: s}\n"
     "reversible:\n"
     "  given: [[q, p, 1.0], [v, \"a\\\"b\\\\c\", -0.1]]\n"
@@ -56,6 +57,7 @@ static void assert_good(const pm_part_spec *spec) {
     assert_names(first->nfeature, first->feature, "|p|^2");
     assert_true(first->nhidden == 0 && first->activation == PM_TANH);
     assert_int_equal(first->skip, PM_SKIP_LINEAR);
+    assert_true(!first->rest && second->rest);
     assert_names(second->nfeature, second->feature, "ln|q| s");
     assert_true(second->nhidden == 2 && second->hidden[0] == 16 && second->hidden[1] == 8);
     assert_true(second->activation == PM_SILU && second->skip == PM_SKIP_QUADRATIC);
@@ -332,6 +334,10 @@ static const yaml_case bad[] = {
     {"activation: silu", "activation: relu", "relu",
      "one of tanh, softplus, silu, exp, found \"relu\""},
     {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, found \"cubic\""},
+    {"rest: true", "rest: often", "often", "rest: expected one of false, true"},
+    {"{features: [\"|p|^2\"], skip: linear}", "{rest: true}", "true",
+     "rest: only a network of features with a skip can be at rest"},
+    {"acts_on: [p, s]", "acts_on: [p, s], rest: true", "rest", "unknown key \"rest\""},
     {"[\"|p|^2\"]", "[[p]]", "[p]", "features: expected text, found a list"},
     {"{given: [u, w]}", "{given: [u, w], skip: linear}", "skip",
      "unknown key \"skip\"; allowed: given"},

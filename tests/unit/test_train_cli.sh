@@ -123,6 +123,25 @@ with_beams 's/face: +z/face: +x/'
 expect 3 "face: expected one of" truth "$beam" -o "$new"
 succeed "2 of 2 trajectories to 1e-10" truth $slow --trajectories=45:47 --output "$new"
 
+# --- correct ---
+rows=$folder/rows.yaml
+# with_rows SED-SCRIPT: rows of an elastic beam, small and changed by the script.
+with_rows() {
+    sed -e 's/elements: .*/elements: [4, 1, 1]/; s/states: .*/states: 3/; s/positions: 13/positions: 3/; s/trajectories: 52/trajectories: 12/' \
+        -e "$1" configs/truth/beam_elastic.yaml >"$rows"
+}
+with_rows ''
+succeed "wrote" truth "$rows" -o "$folder/own.h5" --trajectories 0:3
+with_rows 's/C10: 1.5e5/C10: 1.6e5/'
+succeed "wrote" truth "$rows" -o "$folder/known.h5" --trajectories 0:6
+succeed "3 trajectories of 3 states, 20 nodes" correct "$folder/own.h5" --by "$folder/known.h5" --trajectories 0,2 -o "$folder/corrected.h5"
+expect 5 "no load as that of trajectory 3 of what is known" correct "$folder/own.h5" --by "$folder/known.h5" -o "$new"
+expect 5 "in a row with that of trajectory 3 of the simulation" correct "$folder/known.h5" --by "$folder/own.h5" -o "$new"
+expect 5 "the simulation has 20 nodes at 5 times" correct "$folder/beam.h5" --by "$folder/own.h5" -o "$new"
+expect 2 "expected A:B" correct "$folder/own.h5" --by "$folder/known.h5" --trajectories 0:7 -o "$new"
+expect 2 "by" correct "$folder/own.h5" -o "$new"
+expect 4 "/nowhere/new.h5" correct "$folder/own.h5" --by "$folder/known.h5" --trajectories 0 -o /nowhere/new.h5
+
 # --- reduce, reconstruct ---
 modes=$folder/modes.yaml
 # with_modes SED-SCRIPT: the modes of the configurations, few and changed by the script.

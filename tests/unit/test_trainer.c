@@ -9,8 +9,10 @@
 
 #include <cmocka.h>
 
+#include "graph/program.h"
 #include "normalise.h"
 #include "samples.h"
+#include "settle.h"
 #include "tests/property/world.h"
 
 #define NTRAJECTORY 3
@@ -282,6 +284,55 @@ static void worlds_scale_as_what_they_load(void **state) {
     bench_close(&b);
 }
 
+// The energy of the part at q = (x, -x), s = x.
+static double energy_at(const pm_part *p, double x) {
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z = pm_input(g, true, 1, 3), energy = pm_part_energy(g, p, z);
+    assert_int_equal(pm_program_open(&program, g, 1, &energy, 1), PM_OK);
+    memcpy(pm_program_value(program, z), (const double[]){x, -x, x}, 3 * sizeof x);
+    pm_program_run(program, 1);
+    const double value = *pm_program_value(program, energy);
+    pm_program_close(program);
+    pm_graph_close(g);
+    return value;
+}
+
+// A settled network is the same function, and no longer at rest by its word but by its numbers.
+static void settled_networks_are_the_same(void **state) {
+    (void)state;
+    static const char resting[] =
+        "energy:\n"
+        "  - {features: [s], hidden: [2], skip: linear}\n"
+        "  - {features: [q, s], hidden: [3], skip: linear, rest: true}\n"
+        "  - {features: [q], hidden: [2, 2], skip: quadratic, rest: true}\n"
+        "entropy: {given: s}\n";
+    world w;
+    pm_arena arena = {0};
+    world_of_text(&w, 3, scene, resting, NULL);
+    pm_part *p = &w.system->part[0];
+    for (int i = 0; i < p->params.count; ++i) {
+        pm_param_entry *e = &p->params.entry[i];
+        for (int k = 0; k < e->rows * e->cols; ++k) {
+            e->value[k] += 0.3 + 0.1 * ((i + k) % 5); // means, deviations and biases too
+        }
+    }
+    double before[4];
+    for (int i = 0; i < 4; ++i) {
+        before[i] = energy_at(p, 0.7 * i - 1);
+    }
+    assert_int_equal(pm_settle(p, &arena), PM_OK);
+    for (int i = 0; i < 4; ++i) {
+        world_check(&w, "energy", energy_at(p, 0.7 * i - 1), before[i], 1e-12);
+    }
+    for (int i = 0; i < 3; ++i) {
+        assert_false(p->spec.energy.term[i].rest);
+    }
+    pm_arena_free(&arena);
+    world_close(&w);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(windows_are_cut_in_order),
@@ -291,6 +342,7 @@ int main(void) {
         cmocka_unit_test(constants_are_the_statistics_of_the_data),
         cmocka_unit_test(windows_carry_their_loads),
         cmocka_unit_test(worlds_scale_as_what_they_load),
+        cmocka_unit_test(settled_networks_are_the_same),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

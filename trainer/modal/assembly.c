@@ -77,9 +77,44 @@ pm_status pm_assembly_meet(pm_assembly *a) {
     return PM_OK;
 }
 
+// From a side half way to the axis of the body: a quarter of its thickness along the normal.
+static double depth_of(const pm_placed *body, const double normal[3]) {
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < body->nnode; ++i) {
+        double at = 0;
+        for (int d = 0; d < 3; ++d) {
+            for (int k = 0; k < 3; ++k) {
+                at += normal[d] * body->axis[k][d] * body->position[3 * i + k];
+            }
+        }
+        low = fmin(low, at);
+        high = fmax(high, at);
+    }
+    return (high - low) / 4;
+}
+
+static void move_slid(const pm_meeting *m, double depth, double *value) {
+    const int n = m->facing.npair;
+    for (int i = 0; i < n; ++i) {
+        value[PM_FACING_SLID_U * n + i] += depth * value[PM_FACING_SLOPE_U * n + i];
+        value[PM_FACING_SLID_V * n + i] += depth * value[PM_FACING_SLOPE_V * n + i];
+    }
+}
+
+// Adds what displacements u of one end's body contribute to value [PM_FACING_GROUPS][npair], with
+// what has slid taken half way to the axis; slopes of the other end have no part in that.
+static void measure(const pm_meeting *m, int end, const pm_placed *body, const double *u,
+                    double *value) {
+    const double depth = depth_of(body, m->facing.pair[0].normal);
+    move_slid(m, -depth, value);
+    pm_facing_measure(&m->facing, end, body, u, value);
+    move_slid(m, depth, value);
+}
+
 pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeting, int end,
                             double *matrix) {
     const pm_basis *b = assembly->basis;
+    const pm_placed *body = &assembly->body[meeting->body[end]];
     const int rows = PM_FACING_GROUPS * meeting->facing.npair;
     double *column = malloc((size_t)rows * sizeof *column);
     if (column == NULL) {
@@ -87,8 +122,7 @@ pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeti
     }
     for (int m = 0; m < b->nstate; ++m) {
         memset(column, 0, (size_t)rows * sizeof *column);
-        pm_facing_measure(&meeting->facing, end, &assembly->body[meeting->body[end]],
-                          b->mode + 3 * (ptrdiff_t)m * b->nnode, column);
+        measure(meeting, end, body, b->mode + 3 * (ptrdiff_t)m * b->nnode, column);
         for (int i = 0; i < rows; ++i) {
             matrix[(ptrdiff_t)i * b->nstate + m] = column[i];
         }
@@ -99,13 +133,18 @@ pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeti
 
 // --- dataset ---
 
+// Columns of a meeting: its groups, and its entropy.
+static int count_meeting(const pm_meeting *m) {
+    return PM_FACING_GROUPS * m->facing.npair + 1;
+}
+
 static int count_columns(const pm_assembly *a, const pm_dataset *const *part) {
     int count = 0;
     for (int i = 0; i < a->nbody; ++i) {
         count += part[i]->ncolumn;
     }
     for (int i = 0; i < a->nmeeting; ++i) {
-        count += PM_FACING_GROUPS * a->meeting[i].facing.npair;
+        count += count_meeting(&a->meeting[i]);
     }
     return count;
 }
@@ -127,6 +166,8 @@ static const char **name_columns(const pm_assembly *a, const pm_dataset *const *
                 pm_arena_printf(arena, "%s_%s_%s%d", a->body[m->body[0]].name,
                                 a->body[m->body[1]].name, pm_meeting_group[k / n].name, k % n);
         }
+        name[at++] =
+            pm_arena_printf(arena, "%s_%s_s", a->body[m->body[0]].name, a->body[m->body[1]].name);
     }
     for (int i = 0; i < at; ++i) {
         if (name[i] == NULL) {
@@ -165,9 +206,9 @@ static void write_row(const pm_assembly *a, const pm_dataset *const *part, int m
         for (int end = 0; end < 2; ++end) {
             const pm_placed *body = &a->body[m->body[end]];
             displace(body, field[m->body[end]], trajectory, time, u);
-            pm_facing_measure(&m->facing, end, body, u, row);
+            measure(m, end, body, u, row);
         }
-        row += PM_FACING_GROUPS * m->facing.npair;
+        row += count_meeting(m); // the last, entropy, is 0: contact does not dissipate
     }
 }
 

@@ -37,7 +37,10 @@ pm_status pm_assembly_load(pm_assembly *assembly, const char *path);
 pm_status pm_assembly_meet(pm_assembly *assembly);
 
 // How fast the groups change per rate of the amplitudes of the state's modes of one end's body:
-// matrix [PM_FACING_GROUPS npair][nstate]. PM_ENOMEM.
+// matrix [PM_FACING_GROUPS npair][nstate]. Modes are linear: where a section turns they leave out
+// that its sides come h/2 slope^2 closer to the axis, which lies h below (basis.h: what is carried
+// along). So u and v are not those of the sides but half way to the axis, h/2 slope more.
+// PM_ENOMEM.
 pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeting, int end,
                             double *matrix);
 
@@ -47,8 +50,8 @@ pm_status pm_assembly_check(const pm_assembly *assembly, const pm_field *const *
 
 // `count` trajectories of the fields of all bodies, field [nbody], as one dataset: the columns of
 // pm_reduce_project with the body's name and "_" in front, and for each meeting columns A_B_g<i>,
-// A_B_u<i>, A_B_v<i>, A_B_slope_u<i>, A_B_slope_v<i>. PM_EDATA (fields that do not fit together),
-// PM_ENOMEM.
+// A_B_u<i>, A_B_v<i>, A_B_slope_u<i>, A_B_slope_v<i>, and an entropy A_B_s, 0: the truth's contact
+// dissipates nothing. PM_EDATA (fields that do not fit together), PM_ENOMEM.
 pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *assembly,
                               const pm_field *const *field, int count, const int *trajectory);
 
