@@ -4,15 +4,18 @@
 #include <errno.h>
 #include <math.h>
 #include <poll.h>
+#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "base/progress.h"
 #include "net/channel_filter.h"
 #include "net/datagram.h"
 #include "net/multicast.h"
+#include "net/spin.h"
 
 #define BATCH 16            // datagrams taken from the kernel at once
 #define DATAGRAM_SIZE 65536 // bytes, of the largest
@@ -35,7 +38,9 @@ struct pm_receiver {
     int count, capacity;
     subscription *subscription; // [count], by channel, once sorted
     bool sorted;                // and the filter is in place
-    unsigned char *data;        // [BATCH][DATAGRAM_SIZE]
+    bool spins;
+    pm_spin spin;
+    unsigned char *data; // [BATCH][DATAGRAM_SIZE]
     struct mmsghdr head[BATCH];
     struct iovec vector[BATCH];
     struct sockaddr_in sender[BATCH];
@@ -70,6 +75,7 @@ pm_status pm_receiver_open(pm_receiver **receiver, const char *url, const pm_lcm
     }
     pm_status status = PM_OK;
     r->drops = drops;
+    r->spins = address->spins;
     r->data = malloc((size_t)BATCH * DATAGRAM_SIZE);
     r->file = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (r->data == NULL) {
@@ -240,25 +246,59 @@ static pm_status take_batch(pm_receiver *r, int *count) {
     return PM_OK;
 }
 
+static pm_status sleep_for(const pm_receiver *r, double seconds) {
+    const double whole = floor(seconds);
+    const struct timespec timeout = {(time_t)whole, (long)(1e9 * (seconds - whole))};
+    struct pollfd file = {r->file, POLLIN, 0};
+    return ppoll(&file, 1, &timeout, NULL) >= 0 || errno == EINTR
+               ? PM_OK
+               : pm_fail(PM_ENET, "waiting for messages: %s", strerror(errno));
+}
+
+// Looks without sleeping, for as long as that pays; `count` receives how many datagrams.
+static pm_status look(pm_receiver *r, double start, double seconds, int *count) {
+    const double most = pm_spin_time(&r->spin, start);
+    const double end = start + (seconds < most ? seconds : most);
+    *count = 0;
+    for (double now = start, before = start; now < end && *count == 0; before = now) {
+        PM_TRY(take_batch(r, count));
+        if (*count == 0) {
+            sched_yield();
+            now = pm_clock();
+            pm_spin_note_yield(&r->spin, now - before, now);
+        }
+    }
+    return PM_OK;
+}
+
+// The first batch of messages, if one comes within `seconds`.
+static pm_status await_batch(pm_receiver *r, double seconds, int *count) {
+    const double start = pm_clock();
+    *count = 0;
+    if (r->spins) {
+        PM_TRY(look(r, start, seconds, count));
+    }
+    if (*count == 0) {
+        const double left = start + seconds - pm_clock();
+        PM_TRY(sleep_for(r, left > 0 ? left : 0));
+        PM_TRY(take_batch(r, count));
+    }
+    pm_spin_note_wait(&r->spin, pm_clock() - start);
+    return PM_OK;
+}
+
 pm_status pm_receiver_wait(pm_receiver *receiver, double seconds, int *handled) {
     pm_receiver *r = receiver;
     if (!r->sorted) {
         PM_TRY(sort_subscriptions(r));
     }
-    if (seconds > 0) {
-        const double whole = floor(seconds);
-        const struct timespec timeout = {(time_t)whole, (long)(1e9 * (seconds - whole))};
-        struct pollfd file = {r->file, POLLIN, 0};
-        if (ppoll(&file, 1, &timeout, NULL) < 0 && errno != EINTR) {
-            return pm_fail(PM_ENET, "waiting for messages: %s", strerror(errno));
-        }
-    }
     int count;
-    *handled = 0;
-    do {
+    PM_TRY(seconds > 0 ? await_batch(r, seconds, &count) : take_batch(r, &count));
+    *handled = count;
+    while (count == BATCH && *handled < BURST) {
         PM_TRY(take_batch(r, &count));
         *handled += count;
-    } while (count == BATCH && *handled < BURST);
+    }
     return PM_OK;
 }
 

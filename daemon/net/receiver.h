@@ -1,6 +1,7 @@
 // Receives LCM messages on a socket of our own, for what liblcm's receiving costs: a thread, a pipe
 // and a wake-up of every process for every message of the group. Here the kernel hands over only
-// the wanted channels (channel_filter.h), several messages per call. Publishing stays with liblcm.
+// the wanted channels (channel_filter.h), several messages per call, and waits begin without sleep
+// where that pays (spin.h). Publishing stays with liblcm.
 #ifndef PM_NET_RECEIVER_H
 #define PM_NET_RECEIVER_H
 

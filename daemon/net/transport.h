@@ -1,6 +1,5 @@
 // Carries messages, as bytes, between processes or within one. The URL's beginning chooses how:
-//   udpm://, mpudpm://       LCM, best effort over UDP multicast (transport_lcm.c); udpm is
-//   received
+//   udpm://, mpudpm://       LCM, best effort over UDP multicast (transport_lcm.c); udpm is heard
 //                            on a filtered socket of our own unless "?receive=lcm" says otherwise
 //   memory://                between endpoints of one hub in this thread (transport_memory.c)
 // A transport is a table of functions (transport_table.h) and one line in transport.c. With a key,

@@ -57,6 +57,10 @@ static const char *find_option(const char *url, const char *name, size_t *length
     return NULL;
 }
 
+static bool is(const char *value, size_t length, const char *word) {
+    return value != NULL && length == strlen(word) && strncmp(value, word, length) == 0;
+}
+
 static pm_status read_options(const char *url, pm_lcm_url *parsed) {
     size_t length = 0;
     const char *value = find_option(url, "recv_buf_size", &length);
@@ -70,9 +74,14 @@ static pm_status read_options(const char *url, pm_lcm_url *parsed) {
         }
         parsed->receive_buffer = (int)bytes;
     }
+    value = find_option(url, "spin", &length);
+    const bool no = is(value, length, "no");
+    if (value != NULL && !no && !is(value, length, "yes")) {
+        return pm_fail(PM_ECONFIG, "expected yes or no as spin, found \"%.64s\"", url);
+    }
+    parsed->spins = !no;
     value = find_option(url, "receive", &length);
-    const bool own = value != NULL && length == 3 && strncmp(value, "own", length) == 0;
-    const bool lcm = value != NULL && length == 3 && strncmp(value, "lcm", length) == 0;
+    const bool own = is(value, length, "own"), lcm = is(value, length, "lcm");
     const bool udpm = strncmp(url, "udpm:", 5) == 0;
     if ((value != NULL && !own && !lcm) || (own && !udpm)) {
         return pm_fail(PM_ECONFIG, "expected own (udpm only) or lcm as receive, found \"%.64s\"",

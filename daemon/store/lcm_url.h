@@ -14,6 +14,8 @@ typedef struct pm_lcm_url {
     int receive_buffer;       // bytes asked of the kernel: recv_buf_size=N
     // receive=own (read by net/receiver.h, the default of udpm) or receive=lcm (by liblcm).
     bool receives_itself;
+    // spin=yes (the default): may wait without sleeping (net/spin.h), where it receives itself.
+    bool spins;
 } pm_lcm_url;
 
 // PM_ECONFIG: another scheme, not a multicast group and a port, or one of the options above has a

@@ -9,7 +9,7 @@
 address='udpm://239.255.76.67:7667?ttl=0'
 start left node "$scene" left --url "$address&receive=lcm"
 left=$pid
-start right node "$scene" right --url "$address&receive=own"
+start right node "$scene" right --url "$address&receive=own&spin=no"
 right=$pid
 start coordinator coordinator "$scene" --quiet --record "$folder/mixed.h5" --url "$address"
 ends coordinator $pid 0 ""
@@ -18,7 +18,7 @@ ends right $right 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/mixed.h5" || fail "mixed"
 
 for refused in "$address&receive=both" 'mpudpm://239.255.76.67:7667?receive=own' \
-    "$address&recv_buf_size=much"; do
+    "$address&recv_buf_size=much" "$address&spin=maybe"; do
     start refused run "$scene" --url "$refused"
     ends refused $pid 3 'expected'
 done

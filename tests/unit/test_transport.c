@@ -166,9 +166,9 @@ static void test_refused_urls(void **context) {
 
 static void test_urls_are_checked_without_opening(void **context) {
     (void)context;
-    static const char *const good[] = {"udpm://239.255.76.67:7667",
-                                       "udpm://239.255.76.67:7667?ttl=0",
-                                       "mpudpm://239.255.76.67:7667", "memory://"};
+    static const char *const good[] = {
+        "udpm://239.255.76.67:7667", "udpm://239.255.76.67:7667?ttl=0",
+        "udpm://239.255.76.67:7667?spin=no", "mpudpm://239.255.76.67:7667", "memory://"};
     for (size_t i = 0; i < sizeof good / sizeof good[0]; ++i) {
         assert_int_equal(pm_transport_check(good[i]), PM_OK);
     }
