@@ -367,15 +367,12 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
         pm_model_write_quoted(file, potential->formula[i].text);
         fputc('\n', file);
     }
-    if (potential->ngiven > 0) {
+    // A mapping each: the same group may be given twice.
+    for (int i = 0; i < potential->ngiven; ++i) {
+        const double *coefficient = potential->given_coefficient;
         fputs("  - {given: {", file);
-        for (int i = 0; i < potential->ngiven; ++i) {
-            const double *coefficient = potential->given_coefficient;
-            fputs(i == 0 ? "" : ", ", file);
-            pm_model_write_text(file, potential->given[i]);
-            fprintf(file, ": %.17g", coefficient == NULL ? 1 : coefficient[i]);
-        }
-        fputs("}}\n", file);
+        pm_model_write_text(file, potential->given[i]);
+        fprintf(file, ": %.17g}}\n", coefficient == NULL ? 1 : coefficient[i]);
     }
     for (int i = 0; i < potential->nterm; ++i) {
         fputs("  - {", file);

@@ -12,6 +12,7 @@ static const char good[] =
     "  - \"|p|^2/(2*m)\"\n"
     "  - {features: [\"|p|^2\"], skip: linear}\n"
     "  - {given: [u, w]}\n"
+    "  - {given: {u: -2.5}}\n"
     "  - {features: [\"ln|q|\", s], hidden: [16, 8], activation: silu, skip: quadratic, rest: "
     "true}\n"
     "entropy: {given: s}\n"
@@ -51,7 +52,9 @@ static void assert_good(const pm_part_spec *spec) {
     assert_true(spec->energy.nformula == 1 && spec->entropy.nformula == 0);
     assert_string_equal(spec->energy.formula[0].text, "|p|^2/(2*m)");
     assert_ptr_equal(spec->energy.formula[0].constants, spec->constants);
-    assert_names(spec->energy.ngiven, spec->energy.given, "u w");
+    assert_names(spec->energy.ngiven, spec->energy.given, "u w u");
+    assert_true(spec->energy.given_coefficient[0] == 1 &&
+                spec->energy.given_coefficient[2] == -2.5);
     assert_names(spec->entropy.ngiven, spec->entropy.given, "s");
     const pm_network_spec *first = &spec->energy.term[0], *second = &spec->energy.term[1];
     assert_names(first->nfeature, first->feature, "|p|^2");
