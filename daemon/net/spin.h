@@ -14,12 +14,12 @@
 
 // Storage the caller owns; zero-initialise. Times in s, monotonic.
 typedef struct pm_spin {
-    double usual;         // how long the last wait took
+    double usual;         // how long waits take, the longest of the last few
     double pause, resume; // after the last loss, and when it is over
 } pm_spin;
 
-// For how long, from `now` on, to look before sleeping, as the last wait is a guess of this one; 0:
-// not at all.
+// For how long, from `now` on, to look before sleeping, as the last waits foretell this one; 0: not
+// at all.
 double pm_spin_time(const pm_spin *spin, double now);
 
 // A wait for messages took `seconds`, slept or not.

@@ -22,8 +22,12 @@ static void test_long_waits_are_slept_through(void **context) {
     assert_spins(&spin, 100, true);
     pm_spin_note_wait(&spin, 2 * PM_SPIN_LONGEST);
     assert_spins(&spin, 100, false);
-    pm_spin_note_wait(&spin, SHORT);
-    assert_spins(&spin, 100, true);
+    int count = 0; // a single long one is forgotten after some
+    while (pm_spin_time(&spin, 100) == 0 && count < 20) {
+        pm_spin_note_wait(&spin, SHORT);
+        ++count;
+    }
+    assert_in_range(count, 2, 19);
 }
 
 static void test_quick_yields_change_nothing(void **context) {
