@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SAME 1e-5 // of the body's size, of a force: single precision
+#define SAME 1e-5       // of the body's size, of a force: single precision
+#define SAME_TOTAL 1e-3 // of a total force
 
 // A place of a load: of a trajectory of own's, or of a known one.
 typedef struct place {
@@ -111,21 +112,48 @@ static pm_status renumber(correction *c, const pm_field *own) {
 
 // --- loads ---
 
-static place place_of(const pm_field *d, int trajectory) {
+static pm_status find_place(const pm_field *d, int trajectory, const char *whose, place *at) {
     const double *f = pm_field_force(d, trajectory, d->ntime - 1);
-    place p = {{0}};
-    double sum = 0;
+    double *x = at->x, sum = 0;
+    x[0] = x[1] = x[2] = 0;
     for (int i = 0; i < d->nnode; ++i, f += 3) {
         const double size = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
         for (int k = 0; k < 3; ++k) {
-            p.x[k] += size * d->position[3 * i + k];
+            x[k] += size * d->position[3 * i + k];
         }
         sum += size;
     }
     for (int k = 0; k < 3 && sum > 0; ++k) {
-        p.x[k] /= sum;
+        x[k] /= sum;
     }
-    return p;
+    return sum > 0 ? PM_OK
+                   : pm_fail(PM_EDATA, "trajectory %d of %s ends without a load: it has no place",
+                             trajectory, whose);
+}
+
+// The sum of a trajectory's forces at one time.
+static void add_up(const pm_field *d, int trajectory, int time, double sum[3]) {
+    const double *f = pm_field_force(d, trajectory, time);
+    sum[0] = sum[1] = sum[2] = 0;
+    for (int i = 0; i < 3 * d->nnode; ++i) {
+        sum[i % 3] += f[i];
+    }
+}
+
+// Relatively, how far the history of the total force of a trajectory of own's is from that of a
+// known one.
+static double total_apart(const correction *c, int own, int known) {
+    double off = 0, whole = 0;
+    for (int j = 0; j < c->known->ntime; ++j) {
+        double a[3], b[3];
+        add_up(c->result, own, j, a);
+        add_up(c->known, known, j, b);
+        for (int k = 0; k < 3; ++k) {
+            off += (a[k] - b[k]) * (a[k] - b[k]);
+            whole += b[k] * b[k];
+        }
+    }
+    return off == 0 ? 0 : sqrt(off / whole);
 }
 
 // Relatively, how far the forces of a trajectory of own's are from those of a known one.
@@ -164,14 +192,16 @@ static pm_status find_differences(correction *c) {
     return PM_OK;
 }
 
-// The known load next to a place along x, in direction `sign`; -1: none in a row with it.
-static int next_known(const correction *c, const place *p, double sign) {
+// The known load of the same size and direction next to that of a trajectory of own's along x, in
+// direction `sign`; -1: none in a row with it.
+static int next_known(const correction *c, int own, double sign) {
+    const place *p = &c->own[own];
     int best = -1;
     for (int k = 0; k < c->count; ++k) {
         const double *x = c->at[k].x;
         const double ahead = sign * (x[0] - p->x[0]);
         const bool in_row = fabs(x[1] - p->x[1]) <= c->near && fabs(x[2] - p->x[2]) <= c->near;
-        if (in_row && ahead >= -c->near &&
+        if (in_row && ahead >= -c->near && total_apart(c, own, c->trajectory[k]) <= SAME_TOTAL &&
             (best < 0 || ahead < sign * (c->at[best].x[0] - p->x[0]))) {
             best = k;
         }
@@ -181,11 +211,11 @@ static int next_known(const correction *c, const place *p, double sign) {
 
 static pm_status correct_one(const correction *c, int own) {
     const place *p = &c->own[own];
-    int low = next_known(c, p, -1), high = next_known(c, p, 1);
+    int low = next_known(c, own, -1), high = next_known(c, own, 1);
     if (low < 0 && high < 0) {
         return pm_fail(PM_EDATA,
-                       "no known load lies in a row with that of trajectory %d of the "
-                       "simulation, at %g, %g, %g",
+                       "no known load of the same size and direction lies in a row with that of "
+                       "trajectory %d of the simulation, at %g, %g, %g",
                        own, p->x[0], p->x[1], p->x[2]);
     }
     low = low < 0 ? high : low;
@@ -210,10 +240,10 @@ static pm_status correct_all(correction *c) {
         return pm_fail(PM_ENOMEM, "out of memory for differences of fields");
     }
     for (int i = 0; i < n; ++i) {
-        c->own[i] = place_of(c->result, i);
+        PM_TRY(find_place(c->result, i, "the simulation", &c->own[i]));
     }
     for (int k = 0; k < c->count; ++k) {
-        c->at[k] = place_of(c->known, c->trajectory[k]);
+        PM_TRY(find_place(c->known, c->trajectory[k], "what is known", &c->at[k]));
     }
     PM_TRY(find_differences(c));
     for (int i = 0; i < n; ++i) {

@@ -81,13 +81,13 @@ static pm_status read_term(pm_yaml item, const reader *r, pm_network_spec *term)
     const pm_yaml rest = pm_yaml_get(item, "rest");
     PM_TRY(pm_yaml_allow(item, keys));
     PM_TRY(pm_network_read(item, r->mesh, r->arena, term));
-    if (!pm_yaml_exists(rest)) {
-        return PM_OK;
+    if (pm_yaml_exists(rest)) {
+        PM_TRY(pm_yaml_bool(rest, &term->rest));
     }
-    if (term->nfeature == 0 || term->message != NULL || term->skip == PM_SKIP_NONE) {
-        return pm_yaml_fail(rest, "only a network of features with a skip can be at rest");
-    }
-    return pm_yaml_bool(rest, &term->rest);
+    const bool able = term->nfeature > 0 && term->message == NULL && term->skip != PM_SKIP_NONE;
+    return able || !term->rest
+               ? PM_OK
+               : pm_yaml_fail(rest, "only a network of features with a skip can be at rest");
 }
 
 // Adds one summand to a potential; `formulas` and `terms` have room for it.

@@ -115,6 +115,17 @@ static void what_does_not_fit_is_refused(void **state) {
     pm_field_force(p.own, 1, 1)[3 * 1] = 1; // the same place, other forces
     refuse(&p, "no load as that of trajectory 2");
     p = make_pair();
+    for (int j = 0; j < NTIME; ++j) { // between the known ones, but twice as strong
+        pm_field_force(p.own, 2, j)[3 * 2 + 1] *= 2;
+    }
+    refuse(&p, "same size and direction lies in a row with that of trajectory 2");
+    p = make_pair();
+    memset(pm_field_force(p.own, 2, NTIME - 1), 0, 3 * NNODE * sizeof(double));
+    refuse(&p, "trajectory 2 of the simulation ends without a load");
+    p = make_pair();
+    memset(pm_field_force(p.known, 2, NTIME - 1), 0, 3 * NNODE * sizeof(double));
+    refuse(&p, "trajectory 2 of what is known ends without a load");
+    p = make_pair();
     p.own->position[0] = 0.5;
     refuse(&p, "the simulation has no node at 0, 0, 0");
     p = make_pair();
