@@ -2,7 +2,6 @@
 // that their projection (model/operator.h) leaves nothing of them.
 #include "app/skipped.h"
 
-#include <ctype.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -36,42 +35,6 @@ static bool acts_on(const pm_operator_spec *spec, const char *group) {
     return false;
 }
 
-static bool is_letter(char c) {
-    return isalnum((unsigned char)c) || c == '_';
-}
-
-// Whether a feature is an expression of this group.
-static bool mentions(const char *feature, const char *group) {
-    const size_t length = strlen(group);
-    for (const char *at = feature; (at = strstr(at, group)) != NULL; ++at) {
-        if ((at == feature || !is_letter(at[-1])) && !is_letter(at[length])) {
-            return true;
-        }
-    }
-    return false;
-}
-
-static bool depends_on(const pm_potential_spec *potential, const char *group) {
-    for (int i = 0; i < potential->nformula; ++i) {
-        if (pm_formula_mentions(&potential->formula[i], group)) {
-            return true;
-        }
-    }
-    for (int i = 0; i < potential->ngiven; ++i) {
-        if (strcmp(potential->given[i], group) == 0) {
-            return true;
-        }
-    }
-    for (int i = 0; i < potential->nterm; ++i) {
-        for (int k = 0; k < potential->term[i].nfeature; ++k) {
-            if (mentions(potential->term[i].feature[k], group)) {
-                return true;
-            }
-        }
-    }
-    return false;
-}
-
 // The components an operator acts on. `constrained`: its normal, dS of a reversible and dE of an
 // irreversible one, has a part in them.
 static int count_components(const pm_operator_spec *spec, pm_operator_kind kind, int nside,
@@ -86,11 +49,12 @@ static int count_components(const pm_operator_spec *spec, pm_operator_kind kind,
             snprintf(name, sizeof name, "%s%s", sides[i].prefix, group->name);
             if (acts_on(spec, name)) {
                 count += group->size;
-                *constrained = *constrained || (part == NULL ? kind == PM_IRREVERSIBLE
-                                                             : depends_on(kind == PM_REVERSIBLE
-                                                                              ? &part->spec.entropy
-                                                                              : &part->spec.energy,
-                                                                          group->name));
+                const pm_potential_spec *normal = part == NULL            ? NULL
+                                                  : kind == PM_REVERSIBLE ? &part->spec.entropy
+                                                                          : &part->spec.energy;
+                *constrained =
+                    *constrained || (part == NULL ? kind == PM_IRREVERSIBLE
+                                                  : pm_part_depends(part, normal, group->name));
             }
         }
     }

@@ -388,13 +388,5 @@ void pm_formula_read_again(pm_formula_steps *steps, const pm_formula *formula,
 }
 
 bool pm_formula_mentions(const pm_formula *formula, const char *group) {
-    const size_t length = strlen(group);
-    for (const char *at = formula->text; (at = strstr(at, group)) != NULL; ++at) {
-        const bool begins =
-            at == formula->text || (!isalnum((unsigned char)at[-1]) && at[-1] != '_');
-        if (begins && !isalnum((unsigned char)at[length]) && at[length] != '_') {
-            return true;
-        }
-    }
-    return false;
+    return pm_feature_mentions(formula->text, group);
 }
