@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "model/operator.h"
+#include "sim/bounding.h"
 
 // --- operators that do nothing ---
 
@@ -80,6 +81,18 @@ static void print_operator(const char *owner, const char *what, const pm_operato
 
 // --- the list ---
 
+// Whether the part is looked at only where a box of open states ends (sim/bounding.h).
+static void print_clearance(const char *name, const pm_part *part) {
+    pm_arena arena = {0};
+    pm_bounding bounding = {0};
+    if (pm_bounding_open(&bounding, &arena, part) == PM_OK && bounding.loose != NULL) {
+        printf("  %s: while it is open, its %d facing points: a box that its state stays in\n",
+               name, bounding.n);
+    }
+    pm_bounding_close(&bounding);
+    pm_arena_free(&arena);
+}
+
 static void print_part(const char *name, const pm_part *part) {
     if (part->spec.form == PM_FREE) {
         printf("  %s: free: energy and entropy are not defined, and neither law is checked\n",
@@ -89,6 +102,7 @@ static void print_part(const char *name, const pm_part *part) {
     if (!pm_part_has_entropy(part)) {
         printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
     }
+    print_clearance(name, part);
     const side state = {"", &part->layout, part};
     print_operator(name, "reversible bulk", &part->spec.reversible, PM_REVERSIBLE, part->spec.form,
                    1, &state);

@@ -1,6 +1,7 @@
 // How far a state may move while nothing closes.
 #include "model/clearance.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "model/formula_steps.h"
@@ -11,8 +12,21 @@
 
 // --- what is loose ---
 
-// The position of the sum |min(x,0)|^2 that a formula is, but for a factor; or -1.
-static int find_sum(const pm_formula_steps *f) {
+// The image x of |min(x,0)|^2, where this is read as a feature; or -1.
+static int find_image(const pm_part *part, const pm_step *s, const pm_symbols *symbols) {
+    for (int i = part->layout.ngroup; i < symbols->count && s->kind == PM_STEP_FEATURE; ++i) {
+        char squared[PM_MAX_STEP_FEATURE];
+        snprintf(squared, sizeof squared, "|min(%s,0)|^2", symbols->symbol[i].name);
+        if (strcmp(s->feature, squared) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+// The position of the sum |min(x,0)|^2 that a formula is, but for a factor; or -1. (Not where x is
+// a group: then it is no more work than a comparison.)
+static int find_sum(const pm_part *part, const pm_formula_steps *f, const pm_symbols *symbols) {
     int at = f->whole;
     while (f->step[at].kind == PM_STEP_MULTIPLY) {
         const pm_step *s = &f->step[at];
@@ -21,13 +35,16 @@ static int find_sum(const pm_formula_steps *f) {
         }
         at = f->step[s->a].kind == PM_STEP_NUMBER ? s->b : s->a;
     }
-    return f->step[at].kind == PM_STEP_NEGATIVE_SQUARED ? at : -1;
+    return f->step[at].kind == PM_STEP_NEGATIVE_SQUARED ||
+                   find_image(part, &f->step[at], symbols) >= 0
+               ? at
+               : -1;
 }
 
-static bool is_sum(const pm_formula *formula, const pm_symbols *symbols) {
+static bool is_sum(const pm_part *part, const pm_formula *formula, const pm_symbols *symbols) {
     pm_formula_steps steps;
     pm_formula_read_again(&steps, formula, symbols);
-    return find_sum(&steps) >= 0;
+    return find_sum(part, &steps, symbols) >= 0;
 }
 
 // Whether a potential depends on the group by anything else.
@@ -39,7 +56,7 @@ static bool depends_otherwise(const pm_part *part, const pm_potential_spec *pote
     for (int i = 0; i < potential->nformula; ++i) {
         const pm_potential_spec alone = {.nformula = 1, .formula = &potential->formula[i]};
         depends = depends || (pm_part_depends(part, &alone, group) &&
-                              !is_sum(&potential->formula[i], symbols));
+                              !is_sum(part, &potential->formula[i], symbols));
     }
     return depends;
 }
@@ -126,23 +143,29 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
 }
 
 // x and its spread in the sum that the formula is.
-static bool bound_formula(pm_graph *g, const pm_formula *formula, const pm_symbols *symbols,
-                          const pm_node *radius, pm_node *value, pm_node *spread) {
+static bool bound_formula(pm_graph *g, const pm_part *part, const pm_formula *formula,
+                          const pm_symbols *symbols, const pm_node *radius, pm_node *value,
+                          pm_node *spread) {
     pm_formula_steps f;
     pm_node values[PM_MAX_STEPS], spreads[PM_MAX_STEPS];
     pm_formula_read_again(&f, formula, symbols);
+    const int sum = find_sum(part, &f, symbols), image = find_image(part, &f.step[sum], symbols);
+    if (image >= 0) {
+        *value = symbols->symbol[image].node;
+        *spread = radius[image];
+        return *spread != PM_NO_NODE;
+    }
     pm_formula_build_steps(g, &f, symbols, values);
-    const int x = f.step[find_sum(&f)].a;
+    const int x = f.step[sum].a;
     for (int i = 0; i <= x; ++i) {
         if (!bound_step(g, &f.step[i], symbols, radius, values, spreads, &spreads[i])) {
             return false;
         }
     }
-    const pm_shape shape = {true, 1, f.step[x].width};
-    const pm_node none = pm_constant(g, 0, 1, 1);
-    *value = pm_broadcast_to(g, values[x], shape);
-    *spread = pm_broadcast_to(g, spreads[x] == PM_NO_NODE ? none : spreads[x], shape);
-    return true;
+    *value = values[x];
+    *spread = spreads[x] == PM_NO_NODE ? PM_NO_NODE
+                                       : pm_broadcast_to(g, spreads[x], pm_graph_shape(g, *value));
+    return *spread != PM_NO_NODE;
 }
 
 bool pm_clearance_build(pm_graph *g, const pm_part *part, pm_node z, pm_node width, bool *loose,
@@ -158,11 +181,11 @@ bool pm_clearance_build(pm_graph *g, const pm_part *part, pm_node z, pm_node wid
     for (int p = 0; p < 2; ++p) {
         for (int i = 0; i < potential[p]->nformula; ++i) {
             const pm_formula *formula = &potential[p]->formula[i];
-            if (!is_sum(formula, &symbols)) {
+            if (!is_sum(part, formula, &symbols)) {
                 continue;
             }
-            if (count == MOST_SUMS ||
-                !bound_formula(g, formula, &symbols, radius, &values[count], &spreads[count])) {
+            if (count == MOST_SUMS || !bound_formula(g, part, formula, &symbols, radius,
+                                                     &values[count], &spreads[count])) {
                 return false;
             }
             ++count;
