@@ -220,7 +220,7 @@ static void boxes_change_no_bit(void **state) {
         for (uint64_t seed = 1; seed <= 10; ++seed) {
             check_same_bits(texts[k % 2], integrator, seed, &with, &without);
         }
-        if (!(without > 1000 && with < 0.8 * (double)without)) {
+        if (!(without > 1000 && 5 * with < 4 * without)) {
             fail_msg("%s: %ld terms of the gap evaluated, without boxes %ld", integrator, with,
                      without);
         }
