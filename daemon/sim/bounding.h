@@ -33,8 +33,7 @@ void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, cons
                          const double *rate);
 
 // Whether there is a box around `centre` [nz] and z [nz] is in it, with what is not loose as it is
-// in `fixed` [nz], to the bit.
-bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *fixed,
-                       const double *z);
+// there, to the bit.
+bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *z);
 
 #endif
