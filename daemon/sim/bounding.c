@@ -91,10 +91,9 @@ static double least_ratio(pm_bounding *b, double duration) {
     return least > 0 ? least : 0;
 }
 
-void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *dS,
-                         const double *rate) {
+void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *rate) {
     b->enclosed = false;
-    if (b->loose == NULL || !is_flat(b, dE) || !is_flat(b, dS)) {
+    if (b->loose == NULL || !is_flat(b, dE)) {
         return;
     }
     memcpy(b->program_z, z, (size_t)b->nz * sizeof *z);

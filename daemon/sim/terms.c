@@ -111,7 +111,7 @@ static bool is_bounded(const pm_terms *t, const double *z, const double *from) {
 
 // What was evaluated is that of a box if both ends are in it.
 static void enclose(pm_terms *t, const double *rate) {
-    pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, t->dS, rate);
+    pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, rate);
     if (!is_bounded(t, t->exposure_z, t->exposure_from)) {
         t->bounding.enclosed = false;
     }

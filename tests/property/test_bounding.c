@@ -131,7 +131,7 @@ static void boxes_are_open(void **state) {
             rate[c] = c < 2 ? pm_rng_normal(&rng) : 0;
         }
         pm_bounding_forget(&b);
-        pm_bounding_enclose(&b, z, flat, NULL, trial % 2 == 0 ? NULL : rate);
+        pm_bounding_enclose(&b, z, flat, trial % 2 == 0 ? NULL : rate);
         closed += !b.enclosed;
         assert_true(!b.enclosed || pm_bounding_holds(&b, z, z));
         for (int point = 0; b.enclosed && point < 200; ++point) {
@@ -168,7 +168,7 @@ static void boxes_are_open(void **state) {
     assert_true(boxes > 1500 && closed > 50);
     assert_true(nearest < 0.1); // boxes are not needlessly small
     const double pressed[6] = {0, 1e-3, 0, 0, 0, 300}, origin[6] = {0};
-    pm_bounding_enclose(&b, origin, pressed, NULL, NULL);
+    pm_bounding_enclose(&b, origin, pressed, NULL);
     assert_false(b.enclosed);
     pm_bounding_close(&b);
     pm_arena_free(&arena);
@@ -256,7 +256,7 @@ static void rounding_is_in_the_bound(void **state) {
         require(pm_bounding_open(&b, &arena, &r.system->part[0]));
         assert_non_null(b.loose);
         pm_bounding_forget(&b);
-        pm_bounding_enclose(&b, &z, &flat, NULL, NULL);
+        pm_bounding_enclose(&b, &z, &flat, NULL);
         assert_false(b.enclosed);
         pm_bounding_close(&b);
         pm_arena_free(&arena);
@@ -330,11 +330,11 @@ static void boxes_change_no_bit(void **state) {
     "  body: {model: body, state: {q: {unit: m, size: 1}, p: {unit: m/s, size: 1}}}\n"         \
     "  gap: {model: gap, state: {f: {unit: \"1\", size: 1}, h: {unit: m, size: 1},\n"          \
     "                            x: {unit: m, size: 1}}}\n"                                    \
-    "loads: {hand: {y: {unit: 1/s, dE: [1]}, w: {unit: m/s, dE: [1]}}}\n"                      \
+    "loads: {hand: {y: {unit: 1/s, dE: [1]}}, other: {w: {unit: m/s, dE: [1]}}}\n"             \
     "ports:\n"                                                                                 \
     "  floor: {law: contact, between: [body, gap], expose: {body: p, gap: x}, model: meets}\n" \
-    "  drive: {law: contact, between: [hand, gap], expose: {hand: [y, w], gap: [f, h]},\n"     \
-    "          model: meets}\n"
+    "  drive: {law: contact, between: [hand, gap], expose: {hand: y, gap: f}, model: meets}\n" \
+    "  lift: {law: contact, between: [other, gap], expose: {other: w, gap: h}, model: meets}\n"
 
 static void both_ends_of_a_step_are_in_the_box(void **state) {
     (void)state;
@@ -353,7 +353,7 @@ static void both_ends_of_a_step_are_in_the_box(void **state) {
         const pm_sample *two = pm_assembly_sample(r[1].assembly);
         require(pm_assembly_step(r[0].assembly));
         require(pm_assembly_step(r[1].assembly));
-        for (int port = 0; port < 2; ++port) {
+        for (int port = 0; port < 3; ++port) {
             if (one->flux[port][1].energy != two->flux[port][1].energy) {
                 fail_msg("step %d, port %d: %.17g W, without boxes %.17g", step + 1, port,
                          one->flux[port][1].energy, two->flux[port][1].energy);
