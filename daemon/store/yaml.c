@@ -158,10 +158,18 @@ static pm_status adopt_map(pm_yaml_document *document, int id) {
     return PM_OK;
 }
 
+// Whether UTF-8 begins with a control character, or with what YAML takes for the end of a line,
+// too: U+0080 to U+009F, U+2028 and U+2029.
+static bool is_control(const char *text) {
+    const unsigned char *c = (const unsigned char *)text;
+    return c[0] < ' ' || c[0] == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
+           (c[0] == 0xe2 && c[1] == 0x80 && (c[2] == 0xa8 || c[2] == 0xa9));
+}
+
 static pm_status check_scalar(pm_yaml value) {
     const yaml_node_t *node = node_of(value);
-    for (size_t i = 0; i < node->data.scalar.length; ++i) {
-        if (node->data.scalar.value[i] < ' ' || node->data.scalar.value[i] == 0x7f) {
+    for (size_t i = 0; i < node->data.scalar.length; ++i) { // a zero stands behind it
+        if (is_control((const char *)node->data.scalar.value + i)) {
             return pm_yaml_fail(value,
                                 "text must stand on one line and hold no control characters");
         }

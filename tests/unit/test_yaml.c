@@ -148,6 +148,9 @@ static const yaml_case bad[] = {
     {"count: 12", "count: !celsius 12", "!celsius", "tags are not supported, found !celsius"},
     {"count: 12", "count: \"1\\0\"", "\"1", "control characters"},
     {"count: 12", "count: |\n  12\n  13", "|", "one line"},
+    {"count: 12", "count: \"1\\N2\"", "\"1", "one line"},
+    {"count: 12", "count: \"1\\L2\"", "\"1", "one line"},
+    {"count: 12", "count: \"1\\P2\"", "\"1", "one line"},
     // not YAML
     {"count: 12", "count: [12", ": [1,", "not valid YAML: did not find expected ',' or ']'"},
     {"count: 12", "\tcount: 12", "\tcount", "not valid YAML"},
