@@ -13,7 +13,8 @@
 #include "store/weights.h"
 
 typedef struct arguments {
-    const char *configuration, *basis, *data, *modes, *stiffness, *trajectories, *output;
+    const char *configuration, *basis, *data, *modes, *stiffness, *creep, *trajectories, *output;
+    pm_gap_constants gap;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
@@ -24,8 +25,10 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--output", "-o", "DIR", NULL, &a->output, false, "write into DIR"},
         {"--score", NULL, "MODES", NULL, &a->modes, false,
          "print how far off forces of contact are in this recording (needs --data)"},
-        {"--stiffness", NULL, "K", NULL, &a->stiffness, false,
-         "N/m, of a pair of points in that recording's scene"},
+        {"--stiffness", "-k", "K", NULL, &a->stiffness, true,
+         "N/m, of a pair of points: of the bodies' edges, which their modes do not have"},
+        {"--creep", "-c", "C", NULL, &a->creep, false,
+         "m/(N s), by which a pair of points opens while it is pressed; none without"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "only these of the fields, such as 0:4,7,9:; for --score the recording's"},
     };
@@ -33,11 +36,12 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .usage = "portmet-train contact CONFIG --basis FILE [options]",
         .summary =
             "Finds where bodies with the same basis, placed as CONFIG says under system: beams:,\n"
-            "face each other, and writes for each two of them A and B the weights A_B.A.h5 and\n"
-            "A_B.B.h5 of ports of the law contact between the bodies and what lies between them:\n"
-            "a subsystem with groups g, u, v, slope_u, slope_v, one number each per pair of "
-            "facing\n"
-            "points, open by g + u slope_u + v slope_v. Sliding is taken to be small.",
+            "face each other, and writes for each two of them A and B the weights A_B.h5 of the\n"
+            "subsystem that lies between: its groups A and B say how far either has travelled,\n"
+            "mode by mode (ports of the law contact join them to the bodies' p), `creep` what "
+            "each\n"
+            "pair of facing points has crept; they are open by g + creep + u slope_u + v slope_v,\n"
+            "images of the travel. Sliding is taken to be small.",
         .positional_name = "CONFIG",
         .positional = &a->configuration,
         .count = sizeof table / sizeof *table,
@@ -47,60 +51,42 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
 }
 
 // That there is something to do, and what it needs.
-static pm_status check_arguments(const arguments *a, double *stiffness) {
+static pm_status check_arguments(arguments *a) {
     if (a->output == NULL && a->modes == NULL) {
         return pm_fail(PM_EUSAGE, "contact: nothing to do: give -o or --score");
     }
     if (a->modes != NULL && a->data == NULL) {
         return pm_fail(PM_EUSAGE, "--score needs --data");
     }
-    if ((a->modes == NULL) != (a->stiffness == NULL)) {
-        return pm_fail(PM_EUSAGE, "--score needs a --stiffness > 0, and that a --score");
-    }
-    return a->stiffness == NULL ? PM_OK
-                                : pm_options_positive("--stiffness", a->stiffness, stiffness);
+    PM_TRY(pm_options_positive("--stiffness", a->stiffness, &a->gap.stiffness));
+    return a->creep == NULL ? PM_OK : pm_options_positive("--creep", a->creep, &a->gap.creep);
 }
 
 // --- weights ---
 
-static pm_status save_port(const pm_assembly *assembly, const pm_meeting *m, int end,
-                           const arguments *a, const char *command) {
-    const pm_basis *b = assembly->basis;
-    const int n = m->facing.npair, rows = PM_FACING_GROUPS * n;
-    const char *name[2] = {assembly->body[m->body[0]].name, assembly->body[m->body[1]].name};
+static pm_status save_gap(const pm_assembly *assembly, const pm_meeting *m, const arguments *a,
+                          const char *command) {
     char coordinates[PM_BASIS_COORDINATES];
-    pm_basis_coordinates(b, coordinates);
+    pm_basis_coordinates(assembly->basis, coordinates);
     const pm_provenance provenance = {
         .command = command, .data = a->basis, .coordinates = coordinates};
-    pm_port_model port = {0};
-    port.layout[PM_END_A] = (pm_layout){1, {{"p", "J^0.5 s", b->nstate, 0}}, b->nstate};
-    port.layout[PM_END_B] = (pm_layout){.nz = rows, .ngroup = PM_FACING_GROUPS};
-    for (int i = 0; i < PM_FACING_GROUPS; ++i) {
-        port.layout[PM_END_B].group[i] =
-            (pm_group){pm_meeting_group[i].name, pm_meeting_group[i].unit, n, i * n};
-    }
-    double *matrix = calloc((size_t)(rows * b->nstate), sizeof *matrix);
-    pm_status status = matrix == NULL ? pm_fail(PM_ENOMEM, "out of memory for a matrix")
-                                      : pm_meeting_matrix(assembly, m, end, matrix);
-    port.spec = (pm_port_spec){.law = "contact",
-                               .form = PM_HARD,
-                               .matrix = {.rows = rows, .cols = b->nstate, .value = matrix}};
     pm_arena arena = {0};
+    pm_part part = {0};
+    pm_status status;
     const char *path =
-        pm_arena_printf(&arena, "%s/%s_%s.%s.h5", a->output, name[0], name[1], name[end]);
-    if (status == PM_OK) {
-        status =
-            path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path") : pm_port_declare(&port);
+        pm_arena_printf(&arena, "%s/%s_%s.h5", a->output, assembly->body[m->body[0]].name,
+                        assembly->body[m->body[1]].name);
+    if (path == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a path");
+        goto done;
     }
-    if (status == PM_OK) {
-        status = pm_weights_save_port(path, &port, &provenance);
-    }
-    if (status == PM_OK) {
-        printf("wrote %s: %d pairs of points, %g m apart\n", path, n, m->facing.pair[0].gap);
-    }
+    PM_TRY_DONE(pm_meeting_part(assembly, m, &a->gap, &arena, &part));
+    PM_TRY_DONE(pm_weights_save_part(path, &part, &provenance));
+    printf("wrote %s: %d pairs of points, %g m apart\n", path, m->facing.npair,
+           m->facing.pair[0].gap);
+done:
+    pm_part_free(&part);
     pm_arena_free(&arena);
-    pm_port_free(&port);
-    free(matrix);
     return status;
 }
 
@@ -157,8 +143,7 @@ static pm_status save_all(const pm_assembly *assembly, const pm_field *const *fi
                           const chosen *c, const arguments *a, const char *command) {
     PM_TRY(pm_options_folder(a->output));
     for (int i = 0; i < assembly->nmeeting; ++i) {
-        PM_TRY(save_port(assembly, &assembly->meeting[i], 0, a, command));
-        PM_TRY(save_port(assembly, &assembly->meeting[i], 1, a, command));
+        PM_TRY(save_gap(assembly, &assembly->meeting[i], a, command));
     }
     return a->data == NULL ? PM_OK : save_dataset(assembly, field, c, a, command);
 }
@@ -220,12 +205,11 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
-    double stiffness = 0;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
         return PM_OK;
     }
-    PM_TRY(check_arguments(&a, &stiffness));
+    PM_TRY(check_arguments(&a));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_basis *basis = NULL;
@@ -244,7 +228,7 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     PM_TRY_DONE(a.data == NULL ? PM_OK : load_fields(&assembly, &a, field, &c));
     const pm_field *const *fields = (const pm_field *const *)field;
     PM_TRY_DONE(a.output == NULL ? PM_OK : save_all(&assembly, fields, &c, &a, command));
-    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, a.modes, stiffness);
+    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, a.modes, a.gap.stiffness);
 done:
     for (int i = 0; i < assembly.nbody && field != NULL; ++i) {
         pm_field_free(field[i]);

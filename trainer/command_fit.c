@@ -32,10 +32,12 @@ typedef struct fit {
     char *checkpoint; // path
     uint64_t digest;
     int size;
-    double *theta;      // [size]
-    double *moment;     // [2][size]
-    double position[4]; // stage, iterations done in it, seconds so far, its robust scale squared
-    double saved;       // s, monotonic clock, at the last checkpoint
+    double *theta;  // [size]
+    double *moment; // [2][size]
+    // Stage, iterations done in it, seconds so far, its robust scale squared, batches done of the
+    // next iteration, their loss.
+    double position[6];
+    double saved; // s, monotonic clock, at the last checkpoint
     double loss;
     pm_progress progress;
 } fit;
@@ -67,7 +69,7 @@ static pm_status read_arguments(int argc, char **argv, arguments *a, bool *helpe
 // --- checkpoints ---
 
 static void fields_of(fit *f, pm_checkpoint_field field[3]) {
-    field[0] = (pm_checkpoint_field){"position", 4, f->position};
+    field[0] = (pm_checkpoint_field){"position", 6, f->position};
     field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
     field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
 }
@@ -95,6 +97,8 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
     snprintf(detail, sizeof detail, "loss %.3e", loss);
     pm_progress_update(&f->progress, o->done, detail);
     f->position[1] = o->done;
+    f->position[4] = o->batches;
+    f->position[5] = o->loss;
     f->loss = loss;
     if (*f->stop) {
         PM_TRY(save_checkpoint(f));
@@ -118,7 +122,7 @@ static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
     const pm_stage *stage = &f->training->stage[stage_id];
     pm_objective_set_weights(objective, f->theta);
     PM_TRY(evaluate_all(f, objective));
-    if (f->position[1] > 0) { // taken up again
+    if (f->position[1] > 0 || f->position[4] > 0) { // taken up again
         pm_objective_set_robust_square(objective, f->position[3]);
     } else {
         PM_TRY(pm_objective_rescale(objective, 0, NULL));
@@ -130,6 +134,8 @@ static pm_status optimise(fit *f, pm_objective *objective, int stage_id) {
                          .theta = f->theta,
                          .moment = f->moment,
                          .done = (int)f->position[1],
+                         .batches = (int)f->position[4],
+                         .loss = f->position[5],
                          .report = report,
                          .context = f};
     char label[64];
@@ -183,7 +189,7 @@ static pm_status run_stages(fit *f) {
     for (int stage = (int)f->position[0]; stage < f->training->nstage; ++stage) {
         PM_TRY(run_stage(f, stage));
         f->position[0] = stage + 1;
-        f->position[1] = 0;
+        f->position[1] = f->position[4] = f->position[5] = 0;
         memset(f->moment, 0, 2 * (size_t)f->size * sizeof *f->moment);
         PM_TRY(save_checkpoint(f));
     }

@@ -92,6 +92,17 @@ static void print_failures(const pm_evaluation *e) {
     }
 }
 
+static bool is_zero(const pm_evaluation *e, int group) {
+    pm_score_sums sums = {0};
+    for (int i = 0; i < e->count; ++i) {
+        for (int j = 0; j < e->truth->ntime; ++j) {
+            const double *row = pm_dataset_state(e->truth, e->rollout[i].trajectory, j);
+            pm_score_add(&e->columns, group, row, row, &sums);
+        }
+    }
+    return sums.norm == 0;
+}
+
 static void print_errors(const pm_evaluation *e, const char *title) {
     printf("%s %d to %d, %d states %g s apart\n\n", title, e->rollout[0].trajectory,
            e->rollout[e->count - 1].trajectory, e->truth->ntime, e->truth->dt);
@@ -102,6 +113,12 @@ static void print_errors(const pm_evaluation *e, const char *title) {
     }
     for (int g = 0; g < e->columns.ngroup; ++g) {
         print_box(e->columns.group_name[g], "snapshot", &e->snapshot[g]);
+    }
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        if (is_zero(e, g)) {
+            printf("  %s is zero in truth: its errors are absolute, times 100\n",
+                   e->columns.group_name[g]);
+        }
     }
     print_failures(e);
 }

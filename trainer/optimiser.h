@@ -14,8 +14,8 @@ typedef struct pm_schedule {
     int memory;                   // lbfgs: pairs kept
 } pm_schedule;
 
-// One stage of a training under way. A stage can be left after any iteration and taken up again
-// from theta, moment and done.
+// One stage of a training under way. A stage can be left whenever it reports and taken up again from
+// theta, moment, done, batches and loss.
 typedef struct pm_optimisation {
     pm_objective *objective;
     pm_schedule schedule;
@@ -23,7 +23,10 @@ typedef struct pm_optimisation {
     double *theta;  // [pm_objective_size] start and result
     double *moment; // [2][pm_objective_size] what the optimiser remembers; zero at first
     int done;       // iterations finished
-    // Called after every iteration with theta up to date; anything but PM_OK ends the stage.
+    int batches;    // adam: of the next one that are finished,
+    double loss;    // and the sum of their samples' losses
+    // Called after every iteration, and after every batch of one, with theta up to date; anything but
+    // PM_OK ends the stage.
     pm_status (*report)(void *context, const struct pm_optimisation *optimisation, double loss);
     void *context;
 } pm_optimisation;

@@ -47,19 +47,27 @@ static void update(pm_optimisation *o, const double *gradient, double rate, long
     pm_objective_set_weights(o->objective, o->theta);
 }
 
-static double run_epoch(pm_optimisation *o, int count, int *index, double *gradient) {
+// What is left of the epoch; the mean loss of all of it.
+static pm_status run_epoch(pm_optimisation *o, int count, int *index, double *gradient,
+                           double *loss) {
     const pm_schedule *s = &o->schedule;
     const int batches = (count + s->batch - 1) / s->batch;
     shuffle(index, count, pm_objective_images(o->objective) / count, o->seed, o->done);
-    double loss = 0;
-    for (int i = 0; i < batches; ++i) {
-        const int first = i * s->batch;
+    while (o->batches < batches) {
+        const int first = o->batches * s->batch;
         const int size = count - first < s->batch ? count - first : s->batch;
-        loss += size * pm_objective_evaluate(o->objective, size, index + first, gradient);
-        const long t = (long)o->done * batches + i + 1;
+        o->loss += size * pm_objective_evaluate(o->objective, size, index + first, gradient);
+        const long t = (long)o->done * batches + ++o->batches;
         update(o, gradient, rate_at(s, (double)t / ((double)s->iterations * batches)), t);
+        if (o->batches < batches) {
+            PM_TRY(o->report(o->context, o, o->loss / (first + size)));
+        }
     }
-    return loss / count;
+    *loss = o->loss / count;
+    o->loss = 0;
+    o->batches = 0;
+    ++o->done;
+    return PM_OK;
 }
 
 pm_status pm_adam_run(pm_optimisation *optimisation) {
@@ -73,8 +81,8 @@ pm_status pm_adam_run(pm_optimisation *optimisation) {
         goto done;
     }
     while (o->done < o->schedule.iterations) {
-        const double loss = run_epoch(o, count, index, gradient);
-        ++o->done;
+        double loss = 0;
+        PM_TRY_DONE(run_epoch(o, count, index, gradient, &loss));
         if (!isfinite(loss)) {
             status =
                 pm_fail(PM_ENUMERIC, "adam: the loss became %g in epoch %d: try a smaller rate",

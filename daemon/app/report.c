@@ -204,8 +204,13 @@ static void print_errors(const pm_report *report) {
     printf("\nRelative L2 error over %d states of %s, trajectory %d\n", report->ncompared,
            setup->scene->reference, setup->scene->reference_trajectory);
     for (int i = 0; i < setup->columns.ngroup; ++i) {
-        printf("  %-16s %8.3f %%\n", setup->columns.group_name[i],
-               100 * pm_score_of(&report->score[i]));
+        const char *name = setup->columns.group_name[i];
+        const double score = pm_score_of(&report->score[i]);
+        if (report->score[i].norm > 0) {
+            printf("  %-16s %8.3f %%\n", name, 100 * score);
+        } else {
+            printf("  %-16s %8.3g, where the reference is zero\n", name, score);
+        }
     }
 }
 

@@ -2,11 +2,11 @@
 // that their projection (model/operator.h) leaves nothing of them.
 #include "app/skipped.h"
 
-#include <ctype.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "model/operator.h"
+#include "sim/bounding.h"
 
 // --- operators that do nothing ---
 
@@ -36,42 +36,6 @@ static bool acts_on(const pm_operator_spec *spec, const char *group) {
     return false;
 }
 
-static bool is_letter(char c) {
-    return isalnum((unsigned char)c) || c == '_';
-}
-
-// Whether a feature is an expression of this group.
-static bool mentions(const char *feature, const char *group) {
-    const size_t length = strlen(group);
-    for (const char *at = feature; (at = strstr(at, group)) != NULL; ++at) {
-        if ((at == feature || !is_letter(at[-1])) && !is_letter(at[length])) {
-            return true;
-        }
-    }
-    return false;
-}
-
-static bool depends_on(const pm_potential_spec *potential, const char *group) {
-    for (int i = 0; i < potential->nformula; ++i) {
-        if (pm_formula_mentions(&potential->formula[i], group)) {
-            return true;
-        }
-    }
-    for (int i = 0; i < potential->ngiven; ++i) {
-        if (strcmp(potential->given[i], group) == 0) {
-            return true;
-        }
-    }
-    for (int i = 0; i < potential->nterm; ++i) {
-        for (int k = 0; k < potential->term[i].nfeature; ++k) {
-            if (mentions(potential->term[i].feature[k], group)) {
-                return true;
-            }
-        }
-    }
-    return false;
-}
-
 // The components an operator acts on. `constrained`: its normal, dS of a reversible and dE of an
 // irreversible one, has a part in them.
 static int count_components(const pm_operator_spec *spec, pm_operator_kind kind, int nside,
@@ -86,11 +50,12 @@ static int count_components(const pm_operator_spec *spec, pm_operator_kind kind,
             snprintf(name, sizeof name, "%s%s", sides[i].prefix, group->name);
             if (acts_on(spec, name)) {
                 count += group->size;
-                *constrained = *constrained || (part == NULL ? kind == PM_IRREVERSIBLE
-                                                             : depends_on(kind == PM_REVERSIBLE
-                                                                              ? &part->spec.entropy
-                                                                              : &part->spec.energy,
-                                                                          group->name));
+                const pm_potential_spec *normal = part == NULL            ? NULL
+                                                  : kind == PM_REVERSIBLE ? &part->spec.entropy
+                                                                          : &part->spec.energy;
+                *constrained =
+                    *constrained || (part == NULL ? kind == PM_IRREVERSIBLE
+                                                  : pm_part_depends(part, normal, group->name));
             }
         }
     }
@@ -116,6 +81,18 @@ static void print_operator(const char *owner, const char *what, const pm_operato
 
 // --- the list ---
 
+// Whether the part is looked at only where a box of open states ends (sim/bounding.h).
+static void print_clearance(const char *name, const pm_part *part) {
+    pm_arena arena = {0};
+    pm_bounding bounding = {0};
+    if (pm_bounding_open(&bounding, &arena, part) == PM_OK && bounding.loose != NULL) {
+        printf("  %s: while it is open, its %d facing points: a box that its state stays in\n",
+               name, bounding.n);
+    }
+    pm_bounding_close(&bounding);
+    pm_arena_free(&arena);
+}
+
 static void print_part(const char *name, const pm_part *part) {
     if (part->spec.form == PM_FREE) {
         printf("  %s: free: energy and entropy are not defined, and neither law is checked\n",
@@ -125,6 +102,7 @@ static void print_part(const char *name, const pm_part *part) {
     if (!pm_part_has_entropy(part)) {
         printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
     }
+    print_clearance(name, part);
     const side state = {"", &part->layout, part};
     print_operator(name, "reversible bulk", &part->spec.reversible, PM_REVERSIBLE, part->spec.form,
                    1, &state);

@@ -121,6 +121,16 @@ PM_SIMD_CLONES static void small_nt(int m, int n, int k, const double *a, ptrdif
     }
 }
 
+// c = a b for k = 1, of which the others make inner products of one number.
+PM_SIMD_CLONES static void small_outer(int m, int n, const double *restrict a,
+                                       const double *restrict b, double *restrict c) {
+    for (int i = 0; i < m; ++i) {
+        for (int j = 0; j < n; ++j) {
+            c[(ptrdiff_t)i * n + j] = 0 + a[i] * b[j];
+        }
+    }
+}
+
 void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const double *a,
              const double *b, double *c) {
     if ((long)m * n * k > SMALL_PRODUCT) {
@@ -131,7 +141,9 @@ void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const doub
     }
     const ptrdiff_t a_row = transpose_a ? 1 : k;
     const ptrdiff_t a_col = transpose_a ? m : 1;
-    if (transpose_b && m >= MANY_ROWS) {
+    if (k == 1) {
+        small_outer(m, n, a, b, c);
+    } else if (transpose_b && m >= MANY_ROWS) {
         small_nt_rows(m, n, k, a, a_row, a_col, b, c);
     } else if (transpose_b) {
         small_nt(m, n, k, a, a_row, a_col, b, c);

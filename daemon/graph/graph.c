@@ -456,6 +456,10 @@ pm_node pm_square(pm_graph *g, pm_node x) {
     return binary(g, PM_OP_MUL, x, x);
 }
 
+pm_node pm_magnitude(pm_graph *g, pm_node x) {
+    return pm_mul(g, x, pm_offset(g, pm_scale(g, pm_is_negative(g, x), -2), 1));
+}
+
 pm_node pm_mean_all(pm_graph *g, pm_node x) {
     const pm_shape shape = pm_graph_shape(g, x);
     const pm_node sum = pm_sum_to(g, x, (pm_shape){shape.batched, 1, 1});

@@ -111,6 +111,7 @@ void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node 
 
 pm_node pm_add_or(pm_graph *g, pm_node a, pm_node b); // a + b, or whichever is not PM_NO_NODE
 pm_node pm_square(pm_graph *g, pm_node x);
+pm_node pm_magnitude(pm_graph *g, pm_node x); // |x|, its derivative 1 where x is 0
 pm_node pm_transpose(pm_graph *g, pm_node x);
 pm_node pm_mean_all(pm_graph *g, pm_node x); // not over the batch: mean of one item's entries
 

@@ -2,6 +2,7 @@
 #include "model/feature.h"
 
 #include <assert.h>
+#include <ctype.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <string.h>
@@ -264,14 +265,35 @@ void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, c
                     pm_node vector) {
     for (int i = 0; i < layout->ngroup; ++i) {
         const pm_group *group = &layout->group[i];
-        assert(symbols->count < PM_MAX_SYMBOLS);
-        pm_symbol *symbol = &symbols->symbol[symbols->count++];
-        snprintf(symbol->name, sizeof symbol->name, "%s%s", prefix, group->name);
-        symbol->size = group->size;
-        symbol->node = g == NULL              ? PM_NO_NODE
-                       : vector == PM_NO_NODE ? pm_constant(g, 0, 1, group->size)
-                                              : pm_slice(g, vector, group->first, group->size);
+        char name[PM_MAX_NAME];
+        snprintf(name, sizeof name, "%s%s", prefix, group->name);
+        pm_symbols_add_one(symbols, name, group->size,
+                           g == NULL              ? PM_NO_NODE
+                           : vector == PM_NO_NODE ? pm_constant(g, 0, 1, group->size)
+                                                  : pm_slice(g, vector, group->first, group->size));
     }
+}
+
+void pm_symbols_add_one(pm_symbols *symbols, const char *name, int size, pm_node node) {
+    assert(symbols->count < PM_MAX_SYMBOLS);
+    pm_symbol *symbol = &symbols->symbol[symbols->count++];
+    snprintf(symbol->name, sizeof symbol->name, "%s", name);
+    symbol->size = size;
+    symbol->node = node;
+}
+
+static bool is_letter(char c) {
+    return isalnum((unsigned char)c) || c == '_';
+}
+
+bool pm_feature_mentions(const char *expression, const char *name) {
+    const size_t length = strlen(name);
+    for (const char *at = expression; (at = strstr(at, name)) != NULL; ++at) {
+        if ((at == expression || !is_letter(at[-1])) && !is_letter(at[length])) {
+            return true;
+        }
+    }
+    return false;
 }
 
 pm_status pm_feature_size(const char *expression, const pm_symbols *symbols, int *size) {

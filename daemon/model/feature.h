@@ -11,7 +11,7 @@
 #include "graph/graph.h"
 #include "model/spec.h"
 
-#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS)
+#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS) // as many as two ends of a port have
 #define PM_MAX_NAME 64
 
 // The named vectors [1][size] an expression may use. `node` is PM_NO_NODE while a spec is only
@@ -31,6 +31,12 @@ typedef struct pm_symbols {
 // PM_NO_NODE: zero).
 void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, const char *prefix,
                     pm_node vector);
+
+// Adds one more.
+void pm_symbols_add_one(pm_symbols *symbols, const char *name, int size, pm_node node);
+
+// Whether an expression is one of this name.
+bool pm_feature_mentions(const char *expression, const char *name);
 
 // The number of components of an expression. PM_ECONFIG: unknown form or name (the error lists what
 // there is).

@@ -1,6 +1,7 @@
 // The port law `contact`: a body (end a, which exposes its momenta) opens and closes gaps (end b),
 // in which the energy of the contact is stored; a wall, or a load on a surface, in the same way.
 // With one given matrix H [ny_b][ny_a], how fast each gap opens per unit of generalised velocity,
+// or the identity,
 //     ydot_b += H e_a,    ydot_a -= H^T e_b
 // so that what leaves the body enters the gap: e_b . H e_a - e_a . H^T e_b = 0; no entropy moves.
 // Penalty: a gap's energy is k/2 |min(g,0)|^2, so e_b is minus the force that pushes the bodies
@@ -24,6 +25,12 @@ static pm_status check_spec(const pm_port_spec *spec) {
 
 static pm_status check_matrix(const pm_port_model *port, int rows, int cols) {
     const pm_matrix_spec *matrix = &port->spec.matrix;
+    if (matrix->identity && rows != cols) {
+        return pm_fail(PM_ECONFIG,
+                       "the identity joins %d numbers of the first end to %d of the second, "
+                       "expected as many",
+                       cols, rows);
+    }
     if (rows > MOST_NUMBERS / cols) {
         return pm_fail(PM_ECONFIG, "a matrix of %d x %d, at most %d numbers are possible", rows,
                        cols, MOST_NUMBERS);
@@ -42,6 +49,9 @@ static pm_status declare(pm_port_model *port) {
     const int rows = port->layout[PM_END_B].nz, cols = port->layout[PM_END_A].nz;
     PM_TRY(pm_spec_locate(port->spec.at, check_spec(&port->spec)));
     PM_TRY(pm_spec_locate(matrix->at, check_matrix(port, rows, cols)));
+    if (matrix->identity) {
+        return PM_OK;
+    }
     PM_TRY(pm_params_add(&port->params, "matrix", rows, cols, false, 0, NAN));
     const pm_param_entry *H = pm_params_find(&port->params, "matrix");
     for (int i = 0; matrix->value != NULL && i < rows * cols; ++i) {
@@ -53,9 +63,12 @@ static pm_status declare(pm_port_model *port) {
 static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
                     pm_node *degeneracy) {
     (void)degeneracy;
+    const pm_node e = end[own == PM_END_A ? PM_END_B : PM_END_A].e;
+    if (port->spec.matrix.identity) {
+        return pm_scale(g, e, own == PM_END_B ? 1 : -1);
+    }
     const pm_param_entry *entry = pm_params_find(&port->params, "matrix");
     const pm_node H = pm_param(g, entry->value, entry->rows, entry->cols);
-    const pm_node e = end[own == PM_END_A ? PM_END_B : PM_END_A].e;
     return own == PM_END_B ? pm_matmul(g, e, false, H, true)
                            : pm_scale(g, pm_matmul(g, e, false, H, false), -1);
 }

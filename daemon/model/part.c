@@ -2,6 +2,7 @@
 #include "model/part.h"
 
 #include "model/flow.h"
+#include "model/image.h"
 #include "model/potential.h"
 
 // The state's groups by name, and its co-energies "dE.<group>", "dS.<group>".
@@ -14,9 +15,10 @@ static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, 
     return site;
 }
 
-static pm_symbols state_symbols(const pm_part *part, pm_graph *g, pm_node z) {
+pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z) {
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, g, &part->layout, "", z);
+    pm_images_add(part, g, &symbols);
     return symbols;
 }
 
@@ -30,10 +32,11 @@ static pm_operator irreversible(const pm_part *part) {
 }
 
 static pm_status check_free(const pm_part_spec *spec) {
-    if (pm_potential_exists(&spec->energy) || pm_potential_exists(&spec->entropy) ||
-        pm_operator_exists(&spec->reversible) || pm_operator_exists(&spec->irreversible)) {
-        return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no energy, entropy, "
-                                   "reversible or irreversible operator");
+    if (spec->nimage > 0 || pm_potential_exists(&spec->energy) ||
+        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
+        pm_operator_exists(&spec->irreversible)) {
+        return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no images, energy, "
+                                   "entropy, reversible or irreversible operator");
     }
     return PM_OK;
 }
@@ -57,7 +60,8 @@ pm_status pm_part_declare(pm_part *part) {
     if (part->spec.form == PM_FREE) {
         return pm_flow_declare(&part->spec.rate, &site, &part->params, "rate");
     }
-    const pm_symbols symbols = state_symbols(part, NULL, PM_NO_NODE);
+    PM_TRY(pm_images_declare(part));
+    const pm_symbols symbols = pm_part_symbols(part, NULL, PM_NO_NODE);
     PM_TRY(pm_potential_declare(&part->spec.energy, &symbols, &part->params, "energy"));
     PM_TRY(pm_potential_declare(&part->spec.entropy, &symbols, &part->params, "entropy"));
     const pm_operator L = reversible(part), M = irreversible(part);
@@ -77,16 +81,26 @@ bool pm_part_has_entropy(const pm_part *part) {
     return pm_potential_exists(&part->spec.entropy);
 }
 
+bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, const char *group) {
+    bool depends = pm_potential_mentions(potential, group);
+    for (int i = 0; i < part->spec.nimage; ++i) {
+        const pm_image_spec *image = &part->spec.image[i];
+        depends = depends ||
+                  (pm_image_is_of(image, group) && pm_potential_mentions(potential, image->name));
+    }
+    return depends;
+}
+
 pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z) {
     if (!pm_part_has_energy(part)) {
         return pm_constant(g, 0, 1, 1);
     }
-    const pm_symbols symbols = state_symbols(part, g, z);
+    const pm_symbols symbols = pm_part_symbols(part, g, z);
     return pm_potential_build(g, &part->spec.energy, &symbols, &part->params, "energy");
 }
 
 pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
-    const pm_symbols symbols = state_symbols(part, g, z);
+    const pm_symbols symbols = pm_part_symbols(part, g, z);
     return pm_potential_build(g, &part->spec.entropy, &symbols, &part->params, "entropy");
 }
 
@@ -97,12 +111,13 @@ bool pm_part_is_discrete(const pm_part *part) {
 
 static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spec *spec,
                         const char *prefix, pm_node z_from, pm_node z_to) {
-    const pm_symbols from = state_symbols(part, g, z_from), to = state_symbols(part, g, z_to);
+    const pm_symbols from = pm_part_symbols(part, g, z_from), to = pm_part_symbols(part, g, z_to);
     pm_node covector[PM_MAX_SYMBOLS];
     for (int i = 0; i < from.count; ++i) {
         covector[i] = PM_NO_NODE;
     }
     pm_potential_discrete(g, spec, &from, &to, &part->params, prefix, covector);
+    pm_images_pull(part, g, covector);
     pm_node sum = PM_NO_NODE;
     for (int i = 0; i < part->layout.ngroup; ++i) {
         if (covector[i] != PM_NO_NODE) {

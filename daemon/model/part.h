@@ -5,6 +5,7 @@
 #define PM_MODEL_PART_H
 
 #include "graph/graph.h"
+#include "model/feature.h"
 #include "model/network.h"
 #include "model/params.h"
 #include "model/spec.h"
@@ -24,6 +25,13 @@ void pm_part_free(pm_part *part); // the parameters
 bool pm_part_has_energy(const pm_part *part);
 // True if the subsystem has an entropy at all; otherwise S, M and eta are nowhere evaluated.
 bool pm_part_has_entropy(const pm_part *part);
+
+// Whether its energy or entropy, `potential`, depends on a group, itself or by an image of it.
+bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, const char *group);
+
+// The groups of a state z by name, and after them its images; z is PM_NO_NODE and g is NULL while a
+// spec is only being checked.
+pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z);
 
 // E [1][1] and S [1][1] per batch item, for z [1][nz] batched. S is PM_NO_NODE without entropy.
 pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z);

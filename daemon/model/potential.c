@@ -2,6 +2,7 @@
 #include "model/potential.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "model/message.h"
 
@@ -29,6 +30,22 @@ static pm_node build_term(pm_graph *g, const pm_network_spec *term, const pm_sym
 
 bool pm_potential_exists(const pm_potential_spec *spec) {
     return spec->nformula > 0 || spec->ngiven > 0 || spec->nterm > 0;
+}
+
+bool pm_potential_mentions(const pm_potential_spec *spec, const char *name) {
+    bool mentions = false;
+    for (int i = 0; i < spec->nformula; ++i) {
+        mentions = mentions || pm_formula_mentions(&spec->formula[i], name);
+    }
+    for (int i = 0; i < spec->ngiven; ++i) {
+        mentions = mentions || strcmp(spec->given[i], name) == 0;
+    }
+    for (int i = 0; i < spec->nterm; ++i) {
+        for (int k = 0; k < spec->term[i].nfeature; ++k) {
+            mentions = mentions || pm_feature_mentions(spec->term[i].feature[k], name);
+        }
+    }
+    return mentions;
 }
 
 pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *symbols,

@@ -6,6 +6,8 @@
 #include "model/network.h"
 
 bool pm_potential_exists(const pm_potential_spec *spec);
+// Whether a summand names this group or image.
+bool pm_potential_mentions(const pm_potential_spec *spec, const char *name);
 
 // Checks groups and features and declares the parameters, "<prefix>.<term>.<...>". Given groups are
 // symbols like those in features.

@@ -14,6 +14,7 @@
 
 #define PM_MAX_GROUPS 16
 #define PM_MAX_FEATURES 32
+#define PM_MAX_IMAGES 16
 
 // A named group of components that belong together: a vector (position, momentum) or a scalar.
 typedef struct pm_group {
@@ -58,6 +59,29 @@ typedef struct pm_formula {
     const pm_constants *constants; // of its model; NULL: none
     const char *at;
 } pm_formula;
+
+// --- matrices and images ---
+
+// A known matrix.
+typedef struct pm_matrix_spec {
+    int rows, cols;
+    bool identity;       // of whatever size; no numbers
+    const double *value; // [rows][cols]; NULL: none, or kept in a weights file
+    const char *at;
+} pm_matrix_spec;
+
+// Numbers that depend linearly on groups of a state, by name, for potentials to use as if they were
+// a group: how far two surfaces are apart, say, where the state is in modes.
+//     image = offset + matrix (the groups side by side)
+typedef struct pm_image_spec {
+    const char *name;
+    int size;
+    int ngroup;
+    const char *const *group;
+    pm_matrix_spec matrix; // [size][sizes of the groups]
+    const double *offset;  // [size]; NULL: zero, or kept in a weights file with the matrix
+    const char *at;
+} pm_image_spec;
 
 // --- networks ---
 
@@ -154,25 +178,20 @@ typedef struct pm_part_spec {
     pm_form form;
     const pm_constants *constants; // of all its formulas; NULL: none
     const pm_mesh *mesh;           // its networks may be on; NULL: none
+    int nimage;
+    const pm_image_spec *image; // of its state, for energy and entropy
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // free only
     const char *at;
 } pm_part_spec;
 
-// A known matrix.
-typedef struct pm_matrix_spec {
-    int rows, cols;
-    const double *value; // [rows][cols]; NULL: none, or kept in a weights file
-    const char *at;
-} pm_matrix_spec;
-
 // A port between ends a and b; groups are named "a.q", "b.s", co-energies "a.dE.s".
 // bracket: reversible and irreversible act on the exposed groups of both ends.
 // exchange (soft or free): the same block describes each end's own boundary term, with its own
 // weights: potentials and operators, or a rate, over own groups "own.q" and the neighbour's
 // "other.q".
-// contact: a matrix from what a exposes to what b does.
+// contact: a matrix from what a exposes to what b does, or the identity.
 typedef struct pm_port_spec {
     const char *law;
     pm_form form;

@@ -41,8 +41,7 @@ static double *value_of(pm_program *program, pm_node x) {
     return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
 }
 
-// NULL too if nothing depends on it: then it need not be looked at.
-static double *input_of(pm_program *program, pm_node x) {
+double *pm_input_of(pm_program *program, pm_node x) {
     return x == PM_NO_NODE || !pm_program_depends(program, x) ? NULL : value_of(program, x);
 }
 
@@ -95,10 +94,10 @@ static pm_status open_program(pm_joint *j, const pm_graph *g, const law_graph *l
     for (int i = 0; i < 2; ++i) {
         const pm_port_nodes *n = &law->input[i];
         j->input[i] = (pm_joint_end){.ny = pm_graph_shape(g, n->y).cols,
-                                     .y = input_of(j->program, n->y),
-                                     .e = input_of(j->program, n->e),
-                                     .eta = input_of(j->program, n->eta),
-                                     .response = input_of(j->program, n->response)};
+                                     .y = pm_input_of(j->program, n->y),
+                                     .e = pm_input_of(j->program, n->e),
+                                     .eta = pm_input_of(j->program, n->eta),
+                                     .response = pm_input_of(j->program, n->response)};
         j->rate[i] = value_of(j->program, law->rate[i]);
         j->law_e[i] = value_of(j->program, law->e[i]);
     }

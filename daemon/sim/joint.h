@@ -79,6 +79,10 @@ int pm_joint_memory(const pm_joint *j);
 void pm_joint_save(const pm_joint *j, double *memory);
 void pm_joint_restore(pm_joint *j, const double *memory);
 
+// Where an input of a program is written; NULL if no output depends on it, or for PM_NO_NODE: then
+// it need not be looked at.
+double *pm_input_of(pm_program *program, pm_node x);
+
 // Copies; true if that changed a bit. to or from may be NULL: nothing to do.
 bool pm_renew(double *to, const double *from, int n);
 

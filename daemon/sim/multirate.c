@@ -46,20 +46,20 @@ static void book(const pm_multirate *m, const pm_terms *t, double weight, double
 // k = bulk term at m->z + what the ports give at `fraction` of the interval.
 static void evaluate(pm_multirate *m, pm_terms *t, double fraction, double weight, double duration,
                      const pm_multirate_books *books, double *k) {
-    bool renewed = false;
+    int renewed = 0;
     for (int c = 0; c < m->nz; ++c) {
         k[c] = m->forcing[c] + fraction * m->forcing[m->nz + c];
     }
     if (t->bulk != NULL) {
-        pm_terms_expose(t, m->z, NULL);
-        renewed = pm_terms_evaluate_bulk(t, m->z);
+        renewed += pm_terms_expose(t, m->z, NULL, NULL) == PM_EXPOSURE_EVALUATED;
+        renewed += pm_terms_evaluate_bulk(t, m->z);
         book(m, t, weight, duration, books);
         for (int c = 0; c < m->nz; ++c) {
             k[c] += t->bulk_rate[c];
         }
     }
     *books->evaluated += renewed;
-    *books->skipped += !renewed;
+    *books->skipped += (t->bulk == NULL ? 1 : 2) - renewed;
 }
 
 // to = from + h sum_i weight_i k_i over the first n stages.

@@ -208,13 +208,13 @@ static double value_at(const double *covector, int i) {
     return covector == NULL ? 0 : covector[i];
 }
 
-void pm_subsystem_expose(pm_subsystem *s) {
-    if (s->exposed) {
-        return;
-    }
+// Shows at the ports what the terms expose.
+static void show(pm_subsystem *s, pm_exposure exposure) {
     s->exposed = true;
+    s->booking.evaluated += exposure == PM_EXPOSURE_EVALUATED;
+    s->booking.skipped += exposure != PM_EXPOSURE_EVALUATED;
     // (A part's own steps leave their exposures where the ports do not see them.)
-    if (!pm_terms_expose(&s->terms, s->stage_z, s->z) && !s->integrator->multirate) {
+    if (exposure == PM_EXPOSURE_SAME && !s->integrator->multirate) {
         return;
     }
     for (int c = 0; c < s->nz; ++c) {
@@ -222,6 +222,15 @@ void pm_subsystem_expose(pm_subsystem *s) {
     }
     for (int i = 0; i < s->njoint; ++i) {
         pm_joint_expose(&s->joint[i], s->at_z, s->terms.dE, s->terms.dS, s->terms.response);
+    }
+}
+
+void pm_subsystem_expose(pm_subsystem *s) {
+    if (!s->exposed) {
+        // Where it moves: as in the stage before, which the last step's end does not remember.
+        const int before = (s->stage == 0 ? s->integrator->nstage : s->stage) - 1;
+        const double *rate = s->k + (ptrdiff_t)before * s->nz;
+        show(s, pm_terms_expose(&s->terms, s->stage_z, s->z, rate));
     }
 }
 
@@ -385,14 +394,13 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     s->stage = s->substep = 0;
     s->step = 0;
     memset(s->size, 0, PM_MAX_GROUPS * sizeof *s->size);
-    s->exposed = false;
     pm_terms_forget(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
         s->joint[i].known = false;
     }
+    show(s, pm_terms_expose_end(&s->terms, s->stage_z, s->z));
     s->booking = (pm_books){0};
     clear_booking(s);
-    pm_subsystem_expose(s);
     pm_balance_start(&s->balance, s->terms.E[0], value_at(s->terms.S, 0));
     s->safe_balance = s->balance;
     close_books(s);
@@ -528,7 +536,7 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
     s->substep = 0;
     pm_status status = check_finite(s);
     if (status == PM_OK) {
-        pm_subsystem_expose(s);
+        show(s, pm_terms_expose_end(&s->terms, s->stage_z, s->z));
         status = check_potentials(s);
     }
     if (status == PM_OK) {

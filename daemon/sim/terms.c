@@ -73,9 +73,9 @@ static pm_status open_bulk(pm_terms *t, const pm_part *part) {
         status = pm_program_open(&t->bulk, g, 1, &rate, 1);
     }
     if (t->bulk != NULL) {
-        t->bulk_z = pm_program_value(t->bulk, z);
-        t->bulk_dE = pm_program_value(t->bulk, dE);
-        t->bulk_dS = dS == PM_NO_NODE ? NULL : pm_program_value(t->bulk, dS);
+        t->bulk_z = pm_input_of(t->bulk, z);
+        t->bulk_dE = pm_input_of(t->bulk, dE);
+        t->bulk_dS = pm_input_of(t->bulk, dS);
         t->bulk_rate = pm_program_value(t->bulk, rate);
     }
     pm_graph_close(g);
@@ -87,27 +87,50 @@ pm_status pm_terms_open(pm_terms *t, pm_arena *arena, const pm_system *system, i
     const pm_part *part = &system->part[subsystem_id];
     t->nz = part->layout.nz;
     PM_TRY(build_exposure(t, arena, system, subsystem_id, integrator, h));
+    PM_TRY(pm_bounding_open(&t->bounding, arena, part));
     return open_bulk(t, part);
 }
 
 void pm_terms_close(pm_terms *t) {
     pm_program_close(t->exposure);
     pm_program_close(t->bulk);
+    pm_bounding_close(&t->bounding);
 }
 
 void pm_terms_forget(pm_terms *t) {
     t->exposure_known = t->bulk_known = false;
+    pm_bounding_forget(&t->bounding);
 }
 
-bool pm_terms_expose(pm_terms *t, const double *z, const double *from) {
+static bool is_bounded(const pm_terms *t, const double *z, const double *from) {
+    const double *centre = t->exposure_z, *centre_from = t->exposure_from;
+    return t->exposure_known && pm_bounding_holds(&t->bounding, centre, centre, z) &&
+           (centre_from == NULL || pm_bounding_holds(&t->bounding, centre, centre_from, from));
+}
+
+pm_exposure pm_terms_expose(pm_terms *t, const double *z, const double *from, const double *rate) {
+    if (is_bounded(t, z, from)) {
+        return PM_EXPOSURE_BOUNDED;
+    }
     bool renewed = !t->exposure_known;
     renewed |= pm_renew(t->exposure_z, z, t->nz);
     renewed |= pm_renew(t->exposure_from, from, t->nz);
-    if (renewed) {
-        pm_program_run(t->exposure, 1);
-        t->exposure_known = true;
+    if (!renewed) {
+        return PM_EXPOSURE_SAME;
     }
-    return renewed;
+    pm_program_run(t->exposure, 1);
+    t->exposure_known = true;
+    pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, t->dS, rate);
+    return PM_EXPOSURE_EVALUATED;
+}
+
+pm_exposure pm_terms_expose_end(pm_terms *t, const double *z, const double *from) {
+    pm_bounding_forget(&t->bounding);
+    const pm_exposure exposure = pm_terms_expose(t, z, from, NULL);
+    if (exposure == PM_EXPOSURE_SAME) {
+        pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, t->dS, NULL);
+    }
+    return exposure;
 }
 
 bool pm_terms_evaluate_bulk(pm_terms *t, const double *z) {

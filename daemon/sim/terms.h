@@ -1,10 +1,12 @@
 // What a part computes by itself, as two graphs: energy, entropy and their derivatives at a state
 // (exposure), and its bulk term. A graph whose inputs have the bits of the time before is not run
-// again. Used by subsystem.c and multirate.c.
+// again, nor is an exposure that is known without (bounding.h). Used by subsystem.c and
+// multirate.c.
 #ifndef PM_SIM_TERMS_H
 #define PM_SIM_TERMS_H
 
 #include "graph/program.h"
+#include "sim/bounding.h"
 #include "sim/integrator.h"
 #include "store/system.h"
 
@@ -18,7 +20,14 @@ typedef struct pm_terms {
     double *bulk_z, *bulk_dE, *bulk_dS;
     const double *bulk_rate;         // [nz]
     bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
+    pm_bounding bounding;            // around exposure_z
 } pm_terms;
+
+typedef enum pm_exposure {
+    PM_EXPOSURE_SAME,     // of the same state
+    PM_EXPOSURE_BOUNDED,  // of another state, at which nothing is different
+    PM_EXPOSURE_EVALUATED // anew
+} pm_exposure;
 
 // Builds the graphs of a subsystem under an integrator with steps of h. Memory for building from
 // the arena. PM_ENOMEM. Zero-initialise before.
@@ -29,9 +38,11 @@ void pm_terms_close(pm_terms *t);
 // What the graphs hold is of no use any more.
 void pm_terms_forget(pm_terms *t);
 
-// Evaluates energy, entropy and derivatives at z, or, if discrete, between `from` and z. True if
-// that was not known.
-bool pm_terms_expose(pm_terms *t, const double *z, const double *from);
+// Energy, entropy and derivatives at z, or, if discrete, between `from` and z. `rate` [nz]: about
+// how z moves; NULL: not known.
+pm_exposure pm_terms_expose(pm_terms *t, const double *z, const double *from, const double *rate);
+// The same at the end of a step, after which nothing depends on where it was evaluated before.
+pm_exposure pm_terms_expose_end(pm_terms *t, const double *z, const double *from);
 // The bulk rate at z with the dE and dS exposed last, in bulk_rate. There must be a bulk term. True
 // if that was not known.
 bool pm_terms_evaluate_bulk(pm_terms *t, const double *z);

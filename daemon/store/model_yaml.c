@@ -12,6 +12,7 @@
 #include "store/network_yaml.h"
 
 #define MAX_RANK 64
+#define MAX_IMAGE 1000000 // numbers
 
 static const char *const form_names[] = {
     [PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free", NULL};
@@ -267,18 +268,6 @@ static pm_status read_model(pm_yaml block, pm_yaml own, pm_arena *arena,
     return read_operator(pm_yaml_get(block, "irreversible"), &r, false, irreversible);
 }
 
-pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
-    static const char *const keys[] = {MODEL_KEYS, NULL};
-    pm_part_spec read;
-    PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(pm_model_read_at(block, arena, &read.at));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
-                      &read.energy, &read.entropy, &read.reversible, &read.irreversible,
-                      &read.rate));
-    *spec = read;
-    return PM_OK;
-}
-
 static pm_status check_rows(pm_yaml list) {
     const bool any = pm_yaml_is_list(list) && pm_yaml_count(list) > 0;
     const int cols = any ? pm_yaml_count(pm_yaml_item(list, 0)) : 0;
@@ -295,15 +284,11 @@ static pm_status check_rows(pm_yaml list) {
     return PM_OK;
 }
 
-// The matrix of the law contact, and of no other; its size is checked against the ends later.
-static pm_status read_matrix(pm_yaml list, const char *law, pm_arena *arena,
-                             pm_matrix_spec *matrix) {
+// Its size is checked against what it joins later.
+static pm_status read_matrix(pm_yaml list, pm_arena *arena, pm_matrix_spec *matrix) {
     *matrix = (pm_matrix_spec){0};
     if (!pm_yaml_exists(list)) {
         return PM_OK;
-    }
-    if (strcmp(law, "contact") != 0) {
-        return pm_yaml_fail(list, "only law: contact has a matrix");
     }
     PM_TRY(pm_model_read_at(list, arena, &matrix->at));
     PM_TRY(check_rows(list));
@@ -325,6 +310,88 @@ static pm_status read_matrix(pm_yaml list, const char *law, pm_arena *arena,
     return PM_OK;
 }
 
+// The matrix of the law contact, and of no other.
+static pm_status read_law_matrix(pm_yaml value, const char *law, pm_arena *arena,
+                                 pm_matrix_spec *matrix) {
+    if (pm_yaml_exists(value) && strcmp(law, "contact") != 0) {
+        return pm_yaml_fail(value, "only law: contact has a matrix");
+    }
+    if (pm_yaml_is_text(value, "identity")) {
+        *matrix = (pm_matrix_spec){.identity = true};
+        return pm_model_read_at(value, arena, &matrix->at);
+    }
+    return read_matrix(value, arena, matrix);
+}
+
+// An image of groups, its numbers here or in the weights.
+static pm_status read_image(pm_yaml name, pm_yaml block, pm_arena *arena, pm_image_spec *image) {
+    static const char *const keys[] = {"of", "size", "matrix", "offset", NULL};
+    pm_yaml of;
+    const pm_yaml size = pm_yaml_get(block, "size"), offset = pm_yaml_get(block, "offset");
+    PM_TRY(pm_yaml_text(name, arena, &image->name));
+    PM_TRY(pm_model_read_at(block, arena, &image->at));
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(pm_yaml_require(block, "of", &of));
+    PM_TRY(pm_model_read_names(block, "of", arena, &image->ngroup, &image->group));
+    if (image->ngroup < 1 || image->ngroup > PM_MAX_GROUPS) {
+        return pm_yaml_fail(of, "expected 1 to %d groups", PM_MAX_GROUPS);
+    }
+    PM_TRY(read_matrix(pm_yaml_get(block, "matrix"), arena, &image->matrix));
+    image->size = image->matrix.rows;
+    if (pm_yaml_exists(size) || image->matrix.value == NULL) {
+        PM_TRY(pm_yaml_require(block, "size", &of));
+        PM_TRY(pm_yaml_int(of, 1, MAX_IMAGE, &image->size));
+    }
+    if (pm_yaml_exists(offset)) {
+        int count;
+        double *value;
+        PM_TRY(pm_yaml_doubles(offset, arena, &count, &value));
+        if (count != image->size || image->matrix.value == NULL) {
+            return pm_yaml_fail(offset, "expected %d numbers, and a matrix beside", image->size);
+        }
+        image->offset = value;
+    }
+    return PM_OK;
+}
+
+static pm_status read_images(pm_yaml map, pm_arena *arena, pm_part_spec *spec) {
+    spec->nimage = 0;
+    spec->image = NULL;
+    if (!pm_yaml_exists(map)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_require_entries(map));
+    const int count = pm_yaml_count(map);
+    if (count > PM_MAX_IMAGES) {
+        return pm_yaml_fail(map, "%d images, at most %d are possible", count, PM_MAX_IMAGES);
+    }
+    pm_image_spec *image = pm_arena_array(arena, (size_t)count, sizeof *image);
+    if (image == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    for (int i = 0; i < count; ++i) {
+        pm_yaml key, value;
+        pm_yaml_entry(map, i, &key, &value);
+        PM_TRY(read_image(key, value, arena, &image[i]));
+    }
+    spec->nimage = count;
+    spec->image = image;
+    return PM_OK;
+}
+
+pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
+    static const char *const keys[] = {MODEL_KEYS, "images", NULL};
+    pm_part_spec read;
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(pm_model_read_at(block, arena, &read.at));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
+                      &read.energy, &read.entropy, &read.reversible, &read.irreversible,
+                      &read.rate));
+    PM_TRY(read_images(pm_yaml_get(block, "images"), arena, &read));
+    *spec = read;
+    return PM_OK;
+}
+
 pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec) {
     static const char *const keys[] = {"law", MODEL_KEYS, "matrix", NULL};
     pm_port_spec read;
@@ -337,7 +404,7 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
         return pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
                             read.law);
     }
-    PM_TRY(read_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
+    PM_TRY(read_law_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
     PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
                       &read.energy, &read.entropy, &read.reversible, &read.irreversible,
                       &read.rate));
@@ -422,14 +489,43 @@ static void write_operator(FILE *file, const char *key, bool reversible,
     }
 }
 
+static void write_numbers(FILE *file, int count, const double *value) {
+    for (int i = 0; i < count; ++i) {
+        fputs(i == 0 ? "[" : ", ", file);
+        pm_model_write_number(file, value[i]);
+    }
+    fputc(']', file);
+}
+
 static void write_matrix(FILE *file, const pm_matrix_spec *matrix) {
+    if (matrix->identity) {
+        fputs("matrix: identity", file);
+    }
     for (int i = 0; matrix->value != NULL && i < matrix->rows; ++i) {
         fputs(i == 0 ? "matrix: [" : ", ", file);
-        for (int j = 0; j < matrix->cols; ++j) {
-            fputs(j == 0 ? "[" : ", ", file);
-            pm_model_write_number(file, matrix->value[i * matrix->cols + j]);
+        write_numbers(file, matrix->cols, matrix->value + (ptrdiff_t)i * matrix->cols);
+        fputs(i == matrix->rows - 1 ? "]" : "", file);
+    }
+}
+
+static void write_images(FILE *file, const pm_part_spec *spec) {
+    fputs(spec->nimage > 0 ? "images:\n" : "", file);
+    for (int i = 0; i < spec->nimage; ++i) {
+        const pm_image_spec *image = &spec->image[i];
+        fputs("  ", file);
+        pm_model_write_text(file, image->name);
+        fputs(": {", file);
+        pm_model_write_names(file, "of", image->ngroup, image->group);
+        fprintf(file, ", size: %d", image->size);
+        if (image->matrix.value != NULL) {
+            fputs(", ", file);
+            write_matrix(file, &image->matrix);
         }
-        fputs(i == matrix->rows - 1 ? "]]\n" : "]", file);
+        if (image->offset != NULL) {
+            fputs(", offset: ", file);
+            write_numbers(file, image->size, image->offset);
+        }
+        fputs("}\n", file);
     }
 }
 
@@ -470,6 +566,7 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
     }
     write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
                 &spec->reversible, &spec->irreversible, &spec->rate);
+    write_images(file, spec);
     return take_text(file, &text, arena);
 }
 
@@ -486,5 +583,6 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
     write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
                 &spec->reversible, &spec->irreversible, &spec->rate);
     write_matrix(file, &spec->matrix);
+    fputs(spec->matrix.identity || spec->matrix.value != NULL ? "\n" : "", file);
     return take_text(file, &text, arena);
 }

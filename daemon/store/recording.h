@@ -35,7 +35,7 @@ typedef struct pm_sample {
     double *bulk_entropy; // [nsubsystem] W/K, dS . zdot_bulk: production >= 0
     double *bulk_gross;   // [nsubsystem][2] sum |dE_j zdot_j|, sum |dS_j zdot_j| of the bulk
     pm_flux (*flux)[2];   // [nport][end]
-    long *evaluated;      // [nsubsystem] bulk and port terms evaluated, and skipped, so far
+    long *evaluated; // [nsubsystem] exposures, bulk and port terms evaluated so far, and skipped
     long *skipped;
     long *outside; // [nsubsystem] steps so far that ended outside what the weights were trained on
     double *error; // [nsubsystem] largest estimate of a substep's error, relative; 0: not estimated

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "graph/program.h"
+#include "model/clearance.h"
 #include "model/part.h"
 #include "model/port.h"
 #include "store/model_yaml.h"
@@ -63,6 +64,14 @@ static bool is_small_operator(const pm_operator_spec *spec) {
            is_small_network(&spec->network);
 }
 
+static bool are_small_images(const pm_part_spec *spec) {
+    bool small = true;
+    for (int i = 0; i < spec->nimage && small; ++i) {
+        small = spec->image[i].size < LARGEST_MODEL / 100 && spec->image[i].ngroup < 8;
+    }
+    return small;
+}
+
 // Plans and runs what there is of two nodes.
 static void run(pm_graph *g, pm_node first, pm_node second) {
     pm_node output[2];
@@ -109,7 +118,8 @@ static void try_part(pm_yaml root, pm_arena *arena) {
     const char *text = pm_part_spec_write(&part.spec, arena);
     check(strcmp(text, part_again(text, arena)) == 0);
     if (!is_small_potential(&part.spec.energy) || !is_small_potential(&part.spec.entropy) ||
-        !is_small_operator(&part.spec.reversible) || !is_small_operator(&part.spec.irreversible)) {
+        !is_small_operator(&part.spec.reversible) || !is_small_operator(&part.spec.irreversible) ||
+        !are_small_images(&part.spec)) {
         return;
     }
     part.layout = *layout_of(part.spec.mesh, part.spec.form);
@@ -121,6 +131,13 @@ static void try_part(pm_yaml root, pm_arena *arena) {
         pm_gradient(g, pm_part_entropy(g, &part, z), PM_NO_NODE, 1, &z, &dS);
         const pm_node rate = pm_part_bulk(g, &part, z, dE, dS, &degeneracy);
         run(g, rate, degeneracy);
+        const pm_node width = pm_input(g, true, 1, part.layout.nz);
+        bool loose[64];
+        pm_node value, spread;
+        check(part.layout.nz <= 64);
+        if (pm_clearance_build(g, &part, z, width, loose, &value, &spread)) {
+            run(g, value, spread);
+        }
     }
     pm_graph_close(g);
     pm_part_free(&part);

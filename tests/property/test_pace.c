@@ -45,10 +45,10 @@ static outcome roll_out(const char *integrator, int substeps, double tolerance) 
     const pm_sample *sample = pm_assembly_sample(assembly);
     const double first = sample->energy[0] + sample->energy[1];
     for (int i = 0; i < STEPS; ++i) {
-        // A bulk term and a port's in every round.
+        // An exposure, a bulk term and a port's in every round.
         const long before = sample->evaluated[0] + sample->skipped[0];
         require(pm_assembly_step(assembly));
-        const long now = (sample->evaluated[0] + sample->skipped[0] - before) / (2 * nstage);
+        const long now = (sample->evaluated[0] + sample->skipped[0] - before) / (3 * nstage);
         o.substeps += now;
         o.least = now < o.least ? now : o.least;
         o.most = now > o.most ? now : o.most;

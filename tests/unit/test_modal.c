@@ -174,22 +174,30 @@ static void fields_come_back(void **state) {
 
 // A dataset of two bodies, the first of which has the numbers of `one`; the one pair of points
 // between them is closed by `depth`.
-static pm_dataset *with_a_neighbour(const pm_dataset *one, double depth, pm_arena *arena) {
-    static const char *const between[] = {"g", "u", "v", "slope_u", "slope_v"};
-    const char *name[32];
+static pm_dataset *with_a_neighbour(const pm_dataset *one, const pm_basis *b, double depth,
+                                    pm_arena *arena) {
+    const char *name[64];
+    const int between = 2 * b->nstate + 1;
     pm_dataset *d = NULL;
     for (int i = 0; i < one->ncolumn; ++i) {
         name[i] = pm_arena_printf(arena, "one_%s", one->column[i]);
     }
-    for (int i = 0; i < 5; ++i) {
-        name[one->ncolumn + i] = pm_arena_printf(arena, "one_two_%s0", between[i]);
+    for (int i = 0; i < between; ++i) {
+        const bool creep = i == between - 1, second = i >= b->nstate;
+        name[one->ncolumn + i] = pm_arena_printf(arena, "one_two_%s%d",
+                                                 creep    ? "creep"
+                                                 : second ? "two"
+                                                          : "one",
+                                                 creep ? 0 : i % b->nstate);
     }
+    assert_in_range(one->ncolumn + between, 1, 64);
     assert_int_equal(
-        pm_dataset_new(&d, one->ntrajectory, one->ntime, one->ncolumn + 5, one->dt, name), PM_OK);
+        pm_dataset_new(&d, one->ntrajectory, one->ntime, one->ncolumn + between, one->dt, name),
+        PM_OK);
     for (int j = 0; j < one->ntrajectory * one->ntime; ++j) {
         double *row = d->z + (ptrdiff_t)j * d->ncolumn;
         memcpy(row, one->z + (ptrdiff_t)j * one->ncolumn, (size_t)one->ncolumn * sizeof *row);
-        row[one->ncolumn] = -depth;
+        row[d->ncolumn - 1] = -depth;
     }
     return d;
 }
@@ -235,10 +243,12 @@ static void contact_is_a_load(void **state) {
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
     assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
-    pm_dataset *two = with_a_neighbour(d, force / stiffness, &arena);
+    pm_dataset *two = with_a_neighbour(d, b, force / stiffness, &arena);
 
-    pm_placed body[2] = {{.name = "one", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
-                         {.name = "two"}};
+    pm_placed body[2] = {
+        {.name = "one", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+        {.name = "two", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
+    body[0].position = body[1].position = b->position;
     pm_facing_pair pair = {.normal = {0, 0, 1}, .point = {{1, {node}, {1}, {{0}}, {0}}}};
     pm_meeting meeting = {{0, 1}, {1, &pair}};
     const pm_assembly assembly = {

@@ -11,6 +11,7 @@
 
 #include "base/rng.h"
 #include "boxes.h"
+#include "graph/program.h"
 #include "modal/assembly.h"
 
 enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
@@ -125,10 +126,11 @@ static int column_of(const pm_dataset *d, const char *name) {
     return i;
 }
 
-// What the fields say about the gaps is what the matrices make of the amplitudes.
-static void matrices_give_the_gaps(void **state) {
+// Openings are those of the undeformed boxes and what the matrices make of the amplitudes.
+static void matrices_give_the_openings(void **state) {
     (void)state;
     static const char *const a_names[2] = {"middle_a0", "top_a0"};
+    static const char *const travels[2] = {"middle_top_middle0", "middle_top_top0"};
     stack s;
     make_stack(&s);
     pm_dataset *d = NULL;
@@ -136,25 +138,28 @@ static void matrices_give_the_gaps(void **state) {
         pm_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
     const pm_meeting *m = &s.assembly.meeting[1];
+    pm_openings openings;
     double matrix[2][PM_FACING_GROUPS * NPAIR][2];
     for (int end = 0; end < 2; ++end) {
         assert_int_equal(pm_meeting_matrix(&s.assembly, m, end, matrix[end][0]), PM_OK);
     }
-    const int first = column_of(d, "middle_top_g0");
-    assert_int_equal(column_of(d, "middle_top_slope_v0"), first + 4 * NPAIR);
-    assert_int_equal(column_of(d, "middle_top_s"), first + 5 * NPAIR);
+    assert_int_equal(pm_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena), PM_OK);
+    const int creep = column_of(d, "middle_top_creep0");
     for (int j = 0; j < NTIME; ++j) {
-        const double *row = pm_dataset_state(d, 0, j);
+        double *row = pm_dataset_state(d, 0, j);
+        boxes_check("creep", j, row[creep + 1], 0);
+        boxes_check("entropy", j, row[column_of(d, "middle_top_s")], 0);
+        row[creep + 1] = 0.5;
         for (int i = 0; i < PM_FACING_GROUPS * NPAIR; ++i) {
-            double expected = i < NPAIR ? GAP : 0;
+            double expected = i == 1 ? GAP + 0.5 : i < NPAIR ? GAP : 0;
             for (int end = 0; end < 2; ++end) {
                 const double *a = row + column_of(d, a_names[end]);
                 boxes_check("amplitude", end, a[0], amplitude(1 + end, 0, j));
+                boxes_check("travel", end, row[column_of(d, travels[end]) + 1], a[1]);
                 expected += matrix[end][i][0] * a[0] + matrix[end][i][1] * a[1];
             }
-            boxes_check("gap", i, row[first + i], expected);
+            boxes_check("opening", i, pm_openings_at(&openings, row)[i], expected);
         }
-        boxes_check("entropy", j, row[first + 5 * NPAIR], 0);
     }
     boxes_check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
     // A tilt alone does not move a side along itself, but what lies below it counts as lagging.
@@ -169,6 +174,70 @@ static void matrices_give_the_gaps(void **state) {
     free_stack(&s);
 }
 
+// The part's energy, built as a graph, is that of the openings of a row with the same numbers.
+static void the_part_stores_the_openings(void **state) {
+    (void)state;
+    const pm_gap_constants constants = {.stiffness = 30, .creep = 0.01};
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    pm_part part;
+    pm_openings openings;
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    pm_rng rng;
+    pm_rng_init(&rng, 5, 0);
+    const pm_meeting *m = &s.assembly.meeting[0];
+    assert_int_equal(
+        pm_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
+        PM_OK);
+    assert_int_equal(pm_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena), PM_OK);
+    assert_int_equal(pm_meeting_part(&s.assembly, m, &constants, &s.assembly.arena, &part), PM_OK);
+    assert_int_equal(part.layout.nz, 2 + 2 + NPAIR + 1);
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z = pm_input(g, true, 1, part.layout.nz), E = pm_part_energy(g, &part, z);
+    assert_int_equal(pm_program_open(&program, g, 1, &E, 1), PM_OK);
+    double *row = pm_dataset_state(d, 0, 0), *state_z = pm_program_value(program, z);
+    row += column_of(d, "bottom_middle_bottom0");
+    int closed = 0;
+    for (int trial = 0; trial < 100; ++trial) {
+        for (int c = 0; c < part.layout.nz; ++c) {
+            row[c] = state_z[c] = 0.3 * pm_rng_normal(&rng);
+        }
+        const double *v = pm_openings_at(&openings, pm_dataset_state(d, 0, 0));
+        double energy = s.basis->temperature * row[part.layout.nz - 1];
+        for (int i = 0; i < NPAIR; ++i) {
+            const double x =
+                v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
+            energy += constants.stiffness / 2 * fmin(x, 0) * fmin(x, 0);
+            closed += x < 0;
+        }
+        pm_program_run(program, 1);
+        boxes_check("energy", trial, *pm_program_value(program, E), energy);
+    }
+    assert_true(closed > 20 && closed < 100 * NPAIR - 20);
+    pm_program_close(program);
+    pm_graph_close(g);
+    pm_part_free(&part);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
+// A row whose opening of one pair of each meeting is `opening` and which is open by 1 elsewhere.
+static void fill_creep(const pm_openings *o, double opening, double *row) {
+    for (int i = 0; i < NPAIR; ++i) {
+        row[o->creep + i] = 0;
+    }
+    const double *v = pm_openings_at(o, row);
+    double now[NPAIR];
+    for (int i = 0; i < NPAIR; ++i) {
+        now[i] = v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
+    }
+    for (int i = 0; i < NPAIR; ++i) {
+        row[o->creep + i] = (i == 2 ? opening : 1) - now[i];
+    }
+}
+
 static void forces_are_compared(void **state) {
     (void)state;
     stack s;
@@ -178,19 +247,15 @@ static void forces_are_compared(void **state) {
         pm_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
     for (int m = 0; m < 2; ++m) {
-        const char *const name = m == 0 ? "bottom_middle_g0" : "middle_top_g0";
         const pm_meeting *meeting = &s.assembly.meeting[m];
         const pm_field *const *field = (const pm_field *const *)s.field;
+        pm_openings openings;
         double error = -1;
+        assert_int_equal(pm_openings_open(&openings, &s.assembly, meeting, d, &s.assembly.arena),
+                         PM_OK);
         // One pair closed such that 10 N/m give the truth's force, then half of that.
         for (int j = 0; j < NTIME; ++j) {
-            double *row = pm_dataset_state(d, 0, j) + column_of(d, name);
-            for (int i = 0; i < PM_FACING_GROUPS * NPAIR; ++i) {
-                row[i] = i < NPAIR ? 1 : 0;
-            }
-            row[2] = -0.3 * j;
-            row[2 + NPAIR] = 2;
-            row[2 + 3 * NPAIR] = -0.1 * j;
+            fill_creep(&openings, -0.5 * j, pm_dataset_state(d, 0, j));
         }
         assert_int_equal(
             pm_meeting_force_errors(&s.assembly, meeting, d, 10, field, &trajectory, &error),
@@ -204,26 +269,25 @@ static void forces_are_compared(void **state) {
     free_stack(&s);
 }
 
-// What the stack's columns are when its boxes are displaced by u, and the energy of its openings.
-static double fill_openings(const stack *s, double (*u)[MOST_NODES][3], const pm_dataset *d,
-                            double stiffness, double *row) {
-    static const char *const first[2] = {"bottom_middle_g0", "middle_top_g0"};
+// What nodes of the middle box, displaced by u, make of its openings: the energy of a row's
+// openings and theirs.
+static double energy_of(const stack *s, double (*u)[3], const double *row, const pm_dataset *d,
+                        double stiffness) {
     double energy = 0;
     for (int m = 0; m < 2; ++m) {
         const pm_meeting *meeting = &s->assembly.meeting[m];
-        double *value = row + column_of(d, first[m]);
-        for (int i = 0; i < PM_FACING_GROUPS * NPAIR; ++i) {
-            value[i] = i < NPAIR ? GAP : 0;
-        }
-        for (int end = 0; end < 2; ++end) {
-            const int body = meeting->body[end];
-            pm_facing_measure(&meeting->facing, end, &s->assembly.body[body], u[body][0], value);
-        }
+        pm_arena arena = {0};
+        pm_openings openings;
+        double v[PM_FACING_GROUPS * NPAIR];
+        assert_int_equal(pm_openings_open(&openings, &s->assembly, meeting, d, &arena), PM_OK);
+        memcpy(v, pm_openings_at(&openings, row), sizeof v);
+        pm_facing_measure(&meeting->facing, m == 0 ? 1 : 0, &s->assembly.body[1], u[0], v);
         for (int i = 0; i < NPAIR; ++i) {
-            const double opening = value[i] + value[NPAIR + i] * value[3 * NPAIR + i] +
-                                   value[2 * NPAIR + i] * value[4 * NPAIR + i];
-            energy += stiffness / 2 * fmin(opening, 0) * fmin(opening, 0);
+            const double x =
+                v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
+            energy += stiffness / 2 * fmin(x, 0) * fmin(x, 0);
         }
+        pm_arena_free(&arena);
     }
     return energy;
 }
@@ -231,7 +295,7 @@ static double fill_openings(const stack *s, double (*u)[MOST_NODES][3], const pm
 // Of the middle one, which is pressed from both sides.
 static void forces_are_the_slope_of_the_energy(void **state) {
     (void)state;
-    static double u[NBODY][MOST_NODES][3];
+    static double u[MOST_NODES][3];
     const double stiffness = 30, h = 1e-5, tolerance = 1e-6;
     stack s;
     pm_touch touch;
@@ -243,22 +307,18 @@ static void forces_are_the_slope_of_the_energy(void **state) {
         pm_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
     assert_int_equal(pm_touch_open(&touch, &s.assembly, 1, d, stiffness, &s.assembly.arena), PM_OK);
-    for (int i = 0; i < NBODY * MOST_NODES; ++i) {
-        for (int k = 0; k < 3; ++k) {
-            u[i / MOST_NODES][i % MOST_NODES][k] = 0.2 * pm_rng_normal(&rng);
-        }
-    }
     double f[MOST_NODES][3] = {{0}}, largest = 0, *row = pm_dataset_state(d, 0, 0);
-    fill_openings(&s, u, d, stiffness, row);
+    for (int c = column_of(d, "bottom_middle_bottom0"); c < d->ncolumn; ++c) {
+        row[c] = 0.3 * pm_rng_normal(&rng);
+    }
     pm_touch_add_forces(&touch, row, f[0]);
     for (int i = 0; i < 3 * s.box.placed.nnode; ++i) {
-        double *own = &u[1][i / 3][i % 3], force = f[i / 3][i % 3];
-        const double at = *own;
-        *own = at + h;
-        double slope = fill_openings(&s, u, d, stiffness, row);
-        *own = at - h;
-        slope = (slope - fill_openings(&s, u, d, stiffness, row)) / (2 * h);
-        *own = at;
+        double *own = &u[i / 3][i % 3], force = f[i / 3][i % 3];
+        *own = h;
+        double slope = energy_of(&s, u, row, d, stiffness);
+        *own = -h;
+        slope = (slope - energy_of(&s, u, row, d, stiffness)) / (2 * h);
+        *own = 0;
         largest = fmax(largest, fabs(slope));
         if (!(fabs(force + slope) <= tolerance)) {
             fail_msg("seed 22, component %d: %.9g, expected %.9g within %g", i, force, -slope,
@@ -299,7 +359,8 @@ static void fields_that_do_not_fit_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(neighbours_meet),
-        cmocka_unit_test(matrices_give_the_gaps),
+        cmocka_unit_test(matrices_give_the_openings),
+        cmocka_unit_test(the_part_stores_the_openings),
         cmocka_unit_test(forces_are_compared),
         cmocka_unit_test(forces_are_the_slope_of_the_energy),
         cmocka_unit_test(fields_that_do_not_fit_are_refused),

@@ -1,5 +1,7 @@
 // The `model:` block: what is written in it comes back, its text reads back equal, errors tell
 // where.
+#include <math.h>
+
 #include "model/part.h"
 #include "model/port.h"
 #include "store/model_yaml.h"
@@ -182,6 +184,72 @@ static void test_matrix(void **state) {
         static const double expected[] = {1, -0.1, 0, 2.5e-3, 1.0 / 3, 7};
         assert_memory_equal(spec.matrix.value, expected, sizeof expected);
         written = pm_port_spec_write(&spec, &arena);
+    }
+    pm_arena_free(&arena);
+}
+
+static void test_identity(void **state) {
+    (void)state;
+    pm_arena arena = {0};
+    const char *written = "law: contact\nmatrix: identity\n";
+    for (int i = 0; i < 2; ++i) {
+        pm_yaml_document *document = NULL;
+        pm_yaml root;
+        pm_port_model port = {.layout = {{1, {{"p", "m", 3, 0}}, 3}, {1, {{"x", "m", 3, 0}}, 3}}};
+        assert_int_equal(pm_yaml_parse(&document, written, "t.yaml", &root), PM_OK);
+        assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, &arena, &port.spec), PM_OK);
+        pm_yaml_close(document);
+        assert_true(port.spec.matrix.identity && port.spec.matrix.value == NULL);
+        assert_int_equal(pm_port_declare(&port), PM_OK);
+        assert_int_equal(port.params.count, 0);
+        port.layout[1].nz = 2;
+        assert_int_equal(pm_port_declare(&port), PM_ECONFIG);
+        assert_non_null(strstr(pm_error(), "the identity joins 3 numbers of the first end to 2"));
+        written = pm_port_spec_write(&port.spec, &arena);
+        pm_port_free(&port);
+    }
+    pm_arena_free(&arena);
+}
+
+static const char good_images[] =
+    "images:\n"
+    "  g: {of: [q, p], matrix: [[0, 1, 2], [3, 4, 5]], offset: [6, 7]}\n"
+    "  kept: {of: q, size: 4}\n"
+    "energy: \"|min(g,0)|^2\"\n";
+
+// A part with the groups q [2] and p [1].
+static pm_status declare_images(pm_yaml root, pm_arena *arena, pm_part *part) {
+    *part = (pm_part){.layout = {2, {{"q", "m", 2, 0}, {"p", "m", 1, 2}}, 3}};
+    PM_TRY(pm_part_spec_read(root, (pm_yaml){0}, arena, &part->spec));
+    return pm_part_declare(part);
+}
+
+static void test_images(void **state) {
+    (void)state;
+    pm_arena arena = {0};
+    const char *written = good_images;
+    for (int i = 0; i < 2; ++i) {
+        pm_yaml_document *document = NULL;
+        pm_yaml root;
+        pm_part part;
+        assert_int_equal(pm_yaml_parse(&document, written, "t.yaml", &root), PM_OK);
+        assert_int_equal(declare_images(root, &arena, &part), PM_OK);
+        pm_yaml_close(document);
+        assert_int_equal(part.spec.nimage, 2);
+        assert_names(part.spec.image[0].ngroup, part.spec.image[0].group, "q p");
+        assert_true(part.spec.image[0].size == 2 && part.spec.image[1].size == 4);
+        const pm_param_entry *matrix = pm_params_find(&part.params, "image.g.matrix");
+        const pm_param_entry *offset = pm_params_find(&part.params, "image.g.offset");
+        const pm_param_entry *kept = pm_params_find(&part.params, "image.kept.matrix");
+        for (int k = 0; k < 8; ++k) {
+            assert_true((k < 6 ? matrix->value[k] : offset->value[k - 6]) == k);
+        }
+        assert_true(kept->rows == 4 && kept->cols == 2 && isnan(kept->value[0]));
+        assert_false(matrix->trained);
+        // What neither the text nor a file has given is missed.
+        assert_int_equal(pm_params_check_given(&part.params), PM_ECONFIG);
+        written = pm_part_spec_write(&part.spec, &arena);
+        pm_part_free(&part);
     }
     pm_arena_free(&arena);
 }
@@ -377,6 +445,42 @@ static const yaml_case bad_port[] = {
     {"law: bracket", "law: contact\nmatrix: [[1, y]]", "y", "expected a number, found \"y\""},
 };
 
+static const yaml_case bad_images[] = {
+    {"{of: [q, p]", "{of: [q, x]", "{of", "image g: the state has no group \"x\""},
+    {"of: [q, p]", "of: []", "[]", "of: expected 1 to 16 groups"},
+    {"of: [q, p]", "to: [q, p]", "to", "unknown key \"to\"; allowed: of, size, matrix, offset"},
+    {"{of: [q, p]", "{of: q", "{of", "image g: the matrix is 2 x 3, expected 2 x 2"},
+    {"of: [q, p]", "size: 3, of: [q, p]", "[6", "offset: expected 3 numbers"},
+    {"{of: q, size: 4", "{of: q", "{of: q", "missing key \"size\""},
+    {"size: 4", "size: 4, offset: [1, 2, 3, 4]", "[1, 2, 3, 4", "and a matrix beside"},
+    {"size: 4", "size: 0", "0}", "size: expected a whole number >= 1"},
+    {"[3, 4, 5]", "[3, 4]", "[3", "expected a row of 3 numbers like the first, found 2"},
+    {"  kept", "  q", "{of: q", "image q: its name is that of a group, or of another image"},
+    {"kept: {of: q, size: 4}", "h: {of: g, size: 4}", "{of: g", "image h: the state has no group"},
+    {"images:", "form: free\nrate: {features: q}\nimages:", "form",
+     "form: free has a rate and nothing else"},
+};
+
+static void test_bad_images(void **state) {
+    (void)state;
+    int failures = 0;
+    for (size_t i = 0; i < sizeof bad_images / sizeof *bad_images; ++i) {
+        char *text = yaml_case_text(good_images, &bad_images[i]);
+        pm_yaml_document *document = NULL;
+        pm_arena arena = {0};
+        pm_part part;
+        pm_yaml root;
+        assert_int_equal(pm_yaml_parse(&document, text, "t.yaml", &root), PM_OK);
+        const pm_status status = declare_images(root, &arena, &part);
+        failures += !yaml_case_holds("t.yaml", good_images, &bad_images[i], status);
+        pm_part_free(&part);
+        pm_yaml_close(document);
+        pm_arena_free(&arena);
+        free(text);
+    }
+    assert_int_equal(failures, 0);
+}
+
 static void test_bad(void **state) {
     (void)state;
     static const char good_port[] = "law: bracket\n";
@@ -449,10 +553,17 @@ static void test_bad_mesh(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip), cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_free_form),  cmocka_unit_test(test_port),
-        cmocka_unit_test(test_matrix),     cmocka_unit_test(test_bad),
-        cmocka_unit_test(test_mesh),       cmocka_unit_test(test_mesh_of_a_port),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_free_form),
+        cmocka_unit_test(test_port),
+        cmocka_unit_test(test_matrix),
+        cmocka_unit_test(test_identity),
+        cmocka_unit_test(test_images),
+        cmocka_unit_test(test_bad_images),
+        cmocka_unit_test(test_bad),
+        cmocka_unit_test(test_mesh),
+        cmocka_unit_test(test_mesh_of_a_port),
         cmocka_unit_test(test_bad_mesh),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -218,9 +218,9 @@ expect 4 "/nowhere/new.h5" nodes "$folder/beam.h5" -o /nowhere/new.h5
 fields="lower=$folder/beams_lower.h5,upper=$folder/beams_upper.h5"
 succeed "modes.h5: 2 trajectories of 8 states" reduce "$modes" --data "$folder/beams_upper.h5" --basis "$basis" -o "$folder/one"
 with_beams ''
-succeed "lower_upper.upper.h5: 2 pairs of points, 1 m apart" contact "$beam" --basis "$basis" -o "$folder/two"
-[ -e "$folder/two/lower_upper.lower.h5" ] && [ ! -e "$folder/two/modes.h5" ] || fail "contact: its files"
-succeed "modes.h5: 1 trajectories of 8 states" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0:1 -o "$folder/two"
+succeed "lower_upper.h5: 2 pairs of points, 1 m apart" contact "$beam" --basis "$basis" --stiffness 1e6 --creep 1e-6 -o "$folder/two"
+[ -e "$folder/two/lower_upper.h5" ] && [ ! -e "$folder/two/modes.h5" ] || fail "contact: its files"
+succeed "modes.h5: 1 trajectories of 8 states" contact "$beam" --basis "$basis" --stiffness 1e6 --data "$fields" --trajectories 0:1 -o "$folder/two"
 succeed "displacement" reconstruct "$folder/two/modes.h5" --body upper --basis "$basis" --truth "$folder/beams_upper.h5" --trajectories 0
 with_contact="reconstruct $folder/two/modes.h5 --basis $basis --contact $beam"
 succeed "stress" $with_contact --body upper --stiffness 1e6 --truth "$folder/beams_upper.h5" --trajectories 0
@@ -233,25 +233,25 @@ succeed "touch in none of 1 trajectories" contact "$beam" --basis "$basis" --dat
 expect 5 'no column "middle_a0"' reconstruct "$folder/two/modes.h5" --body middle --basis "$basis"
 expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6
 expect 2 "--stiffness: expected a number > 0, found \"1e6N\"" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6N
-expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
-expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
-expect 2 "needs a --stiffness > 0" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$folder/two"
-expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" -o "$new"
+expect 2 "--score needs --data" contact "$beam" --basis "$basis" --stiffness 1e6 --score "$folder/two/modes.h5"
+expect 2 "--stiffness K is missing" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
+expect 2 "--creep: expected a number > 0, found \"-1\"" contact "$beam" --basis "$basis" --stiffness 1e6 --creep -1 -o "$folder/two"
+expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$new"
 # The same body in other coordinates: a different basis.
 with_modes 's/swing: .*/swing: 0.003/'
 succeed "modes.h5: 16" reduce "$modes" --data "$folder/beam.h5" -o "$folder/other"
 other=$folder/other/basis.h5
 expect 5 "two/modes.h5: made with basis " reconstruct "$folder/two/modes.h5" --body upper --basis "$other"
 expect 5 "two/modes.h5: made with basis " contact "$beam" --basis "$other" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
-expect 2 "nothing to do" contact "$beam" --basis "$basis" --data "$fields"
-expect 2 "expected upper=FILE" contact "$beam" --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
-expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --basis "$basis" \
+expect 2 "nothing to do" contact "$beam" --stiffness 1e6 --basis "$basis" --data "$fields"
+expect 2 "expected upper=FILE" contact "$beam" --stiffness 1e6 --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
+expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --stiffness 1e6 --basis "$basis" \
     --data "lower=$folder/beams_lower.h5,upper=$folder/beam.h5" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
 expect 5 "no columns from" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/one/modes.h5" --stiffness 1e6
 with_beams 's/+y, -x, +z/+y, +x, +z/'
-expect 3 "right-handed" contact "$beam" --basis "$basis" -o "$folder/two"
+expect 3 "right-handed" contact "$beam" --stiffness 1e6 --basis "$basis" -o "$folder/two"
 with_beams 's/, 11\]/]/'
-expect 3 "origin: expected three numbers" contact "$beam" --basis "$basis" -o "$folder/two"
+expect 3 "origin: expected three numbers" contact "$beam" --stiffness 1e6 --basis "$basis" -o "$folder/two"
 with_modes 's/0.2, 0.5/0.2, -0.5/'
 expect 3 "relaxation: expected times > 0" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 with_modes 's/section: square/section: round/'

@@ -93,6 +93,7 @@ static double depth_of(const pm_placed *body, const double normal[3]) {
     return (high - low) / 4;
 }
 
+// Takes what has slid half way to the axis.
 static void move_slid(const pm_meeting *m, double depth, double *value) {
     const int n = m->facing.npair;
     for (int i = 0; i < n; ++i) {
@@ -101,20 +102,11 @@ static void move_slid(const pm_meeting *m, double depth, double *value) {
     }
 }
 
-// Adds what displacements u of one end's body contribute to value [PM_FACING_GROUPS][npair], with
-// what has slid taken half way to the axis; slopes of the other end have no part in that.
-static void measure(const pm_meeting *m, int end, const pm_placed *body, const double *u,
-                    double *value) {
-    const double depth = depth_of(body, m->facing.pair[0].normal);
-    move_slid(m, -depth, value);
-    pm_facing_measure(&m->facing, end, body, u, value);
-    move_slid(m, depth, value);
-}
-
 pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeting, int end,
                             double *matrix) {
     const pm_basis *b = assembly->basis;
     const pm_placed *body = &assembly->body[meeting->body[end]];
+    const double depth = depth_of(body, meeting->facing.pair[0].normal);
     const int rows = PM_FACING_GROUPS * meeting->facing.npair;
     double *column = malloc((size_t)rows * sizeof *column);
     if (column == NULL) {
@@ -122,7 +114,9 @@ pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeti
     }
     for (int m = 0; m < b->nstate; ++m) {
         memset(column, 0, (size_t)rows * sizeof *column);
-        measure(meeting, end, body, b->mode + 3 * (ptrdiff_t)m * b->nnode, column);
+        pm_facing_measure(&meeting->facing, end, body, b->mode + 3 * (ptrdiff_t)m * b->nnode,
+                          column);
+        move_slid(meeting, depth, column);
         for (int i = 0; i < rows; ++i) {
             matrix[(ptrdiff_t)i * b->nstate + m] = column[i];
         }
@@ -133,9 +127,9 @@ pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeti
 
 // --- dataset ---
 
-// Columns of a meeting: its groups, and its entropy.
-static int count_meeting(const pm_meeting *m) {
-    return PM_FACING_GROUPS * m->facing.npair + 1;
+// Columns of a meeting: what both bodies have travelled, what has crept, an entropy.
+static int count_meeting(const pm_assembly *a, const pm_meeting *m) {
+    return 2 * a->basis->nstate + m->facing.npair + 1;
 }
 
 static int count_columns(const pm_assembly *a, const pm_dataset *const *part) {
@@ -144,14 +138,24 @@ static int count_columns(const pm_assembly *a, const pm_dataset *const *part) {
         count += part[i]->ncolumn;
     }
     for (int i = 0; i < a->nmeeting; ++i) {
-        count += count_meeting(&a->meeting[i]);
+        count += count_meeting(a, &a->meeting[i]);
     }
     return count;
+}
+
+// Names of `count` columns "A_B_<group><i>".
+static void name_group(const pm_assembly *a, const pm_meeting *m, const char *group, int count,
+                       pm_arena *arena, const char **name) {
+    for (int i = 0; i < count; ++i) {
+        name[i] = pm_arena_printf(arena, "%s_%s_%s%d", a->body[m->body[0]].name,
+                                  a->body[m->body[1]].name, group, i);
+    }
 }
 
 static const char **name_columns(const pm_assembly *a, const pm_dataset *const *part, int count,
                                  pm_arena *arena) {
     const char **name = pm_arena_array(arena, (size_t)count, sizeof *name);
+    const int nstate = a->basis->nstate;
     int at = 0;
     for (int i = 0; i < a->nbody && name != NULL; ++i) {
         for (int k = 0; k < part[i]->ncolumn; ++k) {
@@ -160,14 +164,12 @@ static const char **name_columns(const pm_assembly *a, const pm_dataset *const *
     }
     for (int i = 0; i < a->nmeeting && name != NULL; ++i) {
         const pm_meeting *m = &a->meeting[i];
-        const int n = m->facing.npair;
-        for (int k = 0; k < PM_FACING_GROUPS * n; ++k) {
-            name[at++] =
-                pm_arena_printf(arena, "%s_%s_%s%d", a->body[m->body[0]].name,
-                                a->body[m->body[1]].name, pm_meeting_group[k / n].name, k % n);
-        }
-        name[at++] =
-            pm_arena_printf(arena, "%s_%s_s", a->body[m->body[0]].name, a->body[m->body[1]].name);
+        const char *const body[2] = {a->body[m->body[0]].name, a->body[m->body[1]].name};
+        name_group(a, m, body[0], nstate, arena, name + at);
+        name_group(a, m, body[1], nstate, arena, name + at + nstate);
+        name_group(a, m, "creep", m->facing.npair, arena, name + at + 2 * (ptrdiff_t)nstate);
+        at += count_meeting(a, m);
+        name[at - 1] = pm_arena_printf(arena, "%s_%s_s", body[0], body[1]);
     }
     for (int i = 0; i < at; ++i) {
         if (name[i] == NULL) {
@@ -177,22 +179,15 @@ static const char **name_columns(const pm_assembly *a, const pm_dataset *const *
     return name;
 }
 
-// Displacements of a body [nnode][3].
-static void displace(const pm_placed *body, const pm_field *field, int trajectory, int time,
-                     double *u) {
-    const double *q = pm_field_state(field, trajectory, time) + pm_field_columns(field, "qx qy qz");
-    for (int i = 0; i < body->nnode; ++i) {
-        for (int d = 0; d < 3; ++d) {
-            u[3 * i + d] = q[(ptrdiff_t)i * field->nvariable + d] - body->position[3 * i + d];
-        }
-    }
+// The amplitudes of a body at one time; they are the first columns.
+static const double *amplitudes_of(const pm_dataset *part, int member, int time) {
+    return pm_dataset_state(part, member, time);
 }
 
-// All numbers at one time of a trajectory, which is number `member` of the parts; `u` is work
-// space.
-static void write_row(const pm_assembly *a, const pm_dataset *const *part, int member,
-                      const pm_field *const *field, int trajectory, int time, double *u,
+// All numbers at one time of a trajectory, which is number `member` of the parts.
+static void write_row(const pm_assembly *a, const pm_dataset *const *part, int member, int time,
                       double *row) {
+    const int nstate = a->basis->nstate;
     for (int i = 0; i < a->nbody; ++i) {
         memcpy(row, pm_dataset_state(part[i], member, time),
                (size_t)part[i]->ncolumn * sizeof *row);
@@ -200,15 +195,11 @@ static void write_row(const pm_assembly *a, const pm_dataset *const *part, int m
     }
     for (int i = 0; i < a->nmeeting; ++i) {
         const pm_meeting *m = &a->meeting[i];
-        for (int k = 0; k < m->facing.npair; ++k) {
-            row[k] = m->facing.pair[k].gap;
-        }
         for (int end = 0; end < 2; ++end) {
-            const pm_placed *body = &a->body[m->body[end]];
-            displace(body, field[m->body[end]], trajectory, time, u);
-            measure(m, end, body, u, row);
+            memcpy(row + (ptrdiff_t)end * nstate, amplitudes_of(part[m->body[end]], member, time),
+                   (size_t)nstate * sizeof *row);
         }
-        row += count_meeting(m); // the last, entropy, is 0: contact does not dissipate
+        row += count_meeting(a, m); // the rest is 0: the truth's contact does not dissipate
     }
 }
 
@@ -232,22 +223,20 @@ pm_status pm_assembly_check(const pm_assembly *a, const pm_field *const *field) 
     return PM_OK;
 }
 
-static pm_status join(pm_dataset **dataset, const pm_assembly *a, const pm_dataset *const *part,
-                      const pm_field *const *field, const int *trajectory) {
+static pm_status join(pm_dataset **dataset, const pm_assembly *a, const pm_dataset *const *part) {
     pm_arena arena = {0};
     pm_dataset *d = NULL;
     pm_status status;
     const int count = count_columns(a, part);
     const char **name = name_columns(a, part, count, &arena);
-    double *u = pm_arena_array(&arena, 3 * (size_t)a->basis->nnode, sizeof *u);
-    if (name == NULL || u == NULL) {
+    if (name == NULL) {
         status = no_memory();
         goto done;
     }
     PM_TRY_DONE(pm_dataset_new(&d, part[0]->ntrajectory, part[0]->ntime, count, part[0]->dt, name));
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
-            write_row(a, part, i, field, trajectory[i], j, u, pm_dataset_state(d, i, j));
+            write_row(a, part, i, j, pm_dataset_state(d, i, j));
         }
     }
     *dataset = d;
@@ -266,7 +255,7 @@ pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *a,
                                    PM_LOADS_OF_WORLD);
     }
     if (status == PM_OK) {
-        status = join(dataset, a, (const pm_dataset *const *)part, field, trajectory);
+        status = join(dataset, a, (const pm_dataset *const *)part);
     }
     for (int i = 0; i < a->nbody && part != NULL; ++i) {
         pm_dataset_free(part[i]);

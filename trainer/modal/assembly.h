@@ -5,6 +5,7 @@
 
 #include "modal/basis.h"
 #include "modal/facing.h"
+#include "model/part.h"
 #include "store/dataset.h"
 #include "store/field.h"
 
@@ -48,20 +49,52 @@ pm_status pm_meeting_matrix(const pm_assembly *assembly, const pm_meeting *meeti
 // times and dt. PM_EDATA.
 pm_status pm_assembly_check(const pm_assembly *assembly, const pm_field *const *field);
 
+// What lies between two bodies of the assembly is made of.
+typedef struct pm_gap_constants {
+    double
+        stiffness; // N/m of a pair of points: of the bodies' edges, which their modes do not have
+    double creep;  // m/(N s), by which a pair opens while it is pressed; 0: it does not
+} pm_gap_constants;
+
+// The part between two bodies A and B. Its state: how far each has travelled since it was
+// undeformed, groups A and B [nstate] each, to be joined with its p by a port of the law contact;
+// what a pair has crept, `creep` [npair]; and the entropy s of that. The groups of pm_meeting_group
+// are images of the travel; an opening g + creep + u slope_u + v slope_v = x stores stiffness/2
+// min(x,0)^2. The spec lies in the arena, and the caller frees the part (pm_part_free), also on
+// failure. PM_ECONFIG (the name of a body is that of another group), PM_ENOMEM.
+pm_status pm_meeting_part(const pm_assembly *assembly, const pm_meeting *meeting,
+                          const pm_gap_constants *constants, pm_arena *arena, pm_part *part);
+
 // `count` trajectories of the fields of all bodies, field [nbody], as one dataset: the columns of
-// pm_reduce_project with the body's name and "_" in front, and for each meeting columns A_B_g<i>,
-// A_B_u<i>, A_B_v<i>, A_B_slope_u<i>, A_B_slope_v<i>, and an entropy A_B_s, 0: the truth's contact
-// dissipates nothing. PM_EDATA (fields that do not fit together), PM_ENOMEM.
+// pm_reduce_project with the body's name and "_" in front, and for each meeting the groups of its
+// part in columns A_B_A<i>, A_B_B<i>, A_B_creep<i> and A_B_s; the last two are 0, as the truth's
+// contact does neither. PM_EDATA (fields that do not fit together), PM_ENOMEM.
 pm_status pm_assembly_project(pm_dataset **dataset, const pm_assembly *assembly,
                               const pm_field *const *field, int count, const int *trajectory);
+
+// What the rows of a dataset as pm_assembly_project writes it say about a meeting.
+typedef struct pm_openings {
+    const pm_meeting *meeting;
+    int nstate;
+    int travel[2], creep; // first columns
+    double *matrix[2];    // of pm_meeting_matrix
+    double *value;        // [PM_FACING_GROUPS][npair], of the last row
+} pm_openings;
+
+// Finds the columns; memory from the arena. PM_EDATA, PM_ENOMEM.
+pm_status pm_openings_open(pm_openings *openings, const pm_assembly *assembly,
+                           const pm_meeting *meeting, const pm_dataset *modes, pm_arena *arena);
+// The groups of pm_meeting_group in a row, what has crept being in g: [PM_FACING_GROUPS][npair],
+// until the next call.
+const double *pm_openings_at(const pm_openings *openings, const double *row);
 
 // What presses on one body of an assembly, from the state of what lies between.
 typedef struct pm_touch {
     const pm_assembly *assembly;
     int body;
-    double stiffness;               // N/m of an opening, as in the scene
-    int (*first)[PM_FACING_GROUPS]; // [nmeeting] columns of the body's meetings
-    double *effort;                 // work space
+    double stiffness;      // N/m of an opening, as in the scene
+    pm_openings *openings; // [nmeeting], of the body's meetings
+    double *effort;        // work space
 } pm_touch;
 
 // Finds the columns of the body's meetings in a dataset as pm_assembly_project writes it; memory

@@ -1,29 +1,7 @@
 // Forces of contact: on the nodes, and in all against those of the truth.
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 #include "modal/assembly.h"
-
-// Where the first number of each group of the meeting stands; the others follow.
-static pm_status find_groups(const pm_assembly *a, const pm_meeting *m, const pm_dataset *d,
-                             pm_arena *arena, int first[PM_FACING_GROUPS]) {
-    for (int k = 0; k < PM_FACING_GROUPS; ++k) {
-        const char *name = pm_arena_printf(arena, "%s_%s_%s0", a->body[m->body[0]].name,
-                                           a->body[m->body[1]].name, pm_meeting_group[k].name);
-        if (name == NULL) {
-            return pm_fail(PM_ENOMEM, "out of memory for the name of a column");
-        }
-        first[k] = 0;
-        while (first[k] < d->ncolumn && strcmp(d->column[first[k]], name) != 0) {
-            ++first[k];
-        }
-        if (first[k] + m->facing.npair > d->ncolumn) {
-            return pm_fail(PM_EDATA, "the dataset has no columns from \"%s\" on", name);
-        }
-    }
-    return PM_OK;
-}
 
 // The end whose body meets nobody else.
 static pm_status find_lone_end(const pm_assembly *a, const pm_meeting *m,
@@ -42,17 +20,19 @@ static pm_status find_lone_end(const pm_assembly *a, const pm_meeting *m,
                    a->body[m->body[0]].name, a->body[m->body[1]].name);
 }
 
-// How far the points of a pair are apart.
-static double opening_of(const int *first, int pair, const double *row) {
-    return row[first[PM_FACING_GAP] + pair] +
-           row[first[PM_FACING_SLID_U] + pair] * row[first[PM_FACING_SLOPE_U] + pair] +
-           row[first[PM_FACING_SLID_V] + pair] * row[first[PM_FACING_SLOPE_V] + pair];
+// How far the points of a pair are apart; `value` [PM_FACING_GROUPS][npair].
+static double opening_of(const double *value, int npair, int pair) {
+    const double *v = value + pair;
+    return v[PM_FACING_GAP * npair] + v[PM_FACING_SLID_U * npair] * v[PM_FACING_SLOPE_U * npair] +
+           v[PM_FACING_SLID_V * npair] * v[PM_FACING_SLOPE_V * npair];
 }
 
-static double force_of_openings(const int *first, int npair, double stiffness, const double *row) {
+static double force_of_openings(const pm_openings *o, double stiffness, const double *row) {
+    const double *value = pm_openings_at(o, row);
+    const int n = o->meeting->facing.npair;
     double force = 0;
-    for (int i = 0; i < npair; ++i) {
-        force -= stiffness * fmin(opening_of(first, i, row), 0);
+    for (int i = 0; i < n; ++i) {
+        force -= stiffness * fmin(opening_of(value, n, i), 0);
     }
     return force;
 }
@@ -76,18 +56,18 @@ pm_status pm_touch_open(pm_touch *touch, const pm_assembly *a, int body, const p
                         double stiffness, pm_arena *arena) {
     int most = 0;
     *touch = (pm_touch){.assembly = a, .body = body, .stiffness = stiffness};
-    touch->first = pm_arena_array(arena, (size_t)a->nmeeting, sizeof *touch->first);
+    touch->openings = pm_arena_array(arena, (size_t)a->nmeeting, sizeof *touch->openings);
     for (int i = 0; i < a->nmeeting; ++i) {
         most = a->meeting[i].facing.npair > most ? a->meeting[i].facing.npair : most;
     }
     touch->effort = pm_arena_array(arena, PM_FACING_GROUPS * (size_t)most, sizeof *touch->effort);
-    if (touch->first == NULL || touch->effort == NULL) {
+    if (touch->openings == NULL || touch->effort == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for forces of contact");
     }
     for (int i = 0; i < a->nmeeting; ++i) {
         const pm_meeting *m = &a->meeting[i];
         if (m->body[0] == body || m->body[1] == body) {
-            PM_TRY(find_groups(a, m, modes, arena, touch->first[i]));
+            PM_TRY(pm_openings_open(&touch->openings[i], a, m, modes, arena));
         }
     }
     return PM_OK;
@@ -95,14 +75,15 @@ pm_status pm_touch_open(pm_touch *touch, const pm_assembly *a, int body, const p
 
 // The derivatives of stiffness/2 min(x,0)^2, x the opening, by the groups.
 static void fill_effort(const pm_touch *touch, int meeting, const double *row) {
-    const int *first = touch->first[meeting], n = touch->assembly->meeting[meeting].facing.npair;
+    const double *value = pm_openings_at(&touch->openings[meeting], row);
+    const int n = touch->assembly->meeting[meeting].facing.npair;
     for (int i = 0; i < n; ++i) {
-        const double slope = touch->stiffness * fmin(opening_of(first, i, row), 0);
+        const double slope = touch->stiffness * fmin(opening_of(value, n, i), 0);
         touch->effort[PM_FACING_GAP * n + i] = slope;
         for (int t = 0; t < 2; ++t) {
             const int slid = PM_FACING_SLID_U + t, slopes = PM_FACING_SLOPE_U + t;
-            touch->effort[slid * n + i] = slope * row[first[slopes] + i];
-            touch->effort[slopes * n + i] = slope * row[first[slid] + i];
+            touch->effort[slid * n + i] = slope * value[slopes * n + i];
+            touch->effort[slopes * n + i] = slope * value[slid * n + i];
         }
     }
 }
@@ -122,27 +103,14 @@ void pm_touch_add_forces(const pm_touch *touch, const double *row, double *f) {
 
 // --- in all ---
 
-pm_status pm_meeting_force_errors(const pm_assembly *a, const pm_meeting *m,
-                                  const pm_dataset *modes, double stiffness,
-                                  const pm_field *const *field, const int *trajectory,
-                                  double *error) {
-    int first[PM_FACING_GROUPS], end = 0;
-    pm_arena arena = {0};
-    const pm_status status = find_groups(a, m, modes, &arena, first);
-    pm_arena_free(&arena);
-    PM_TRY(status);
-    PM_TRY(pm_assembly_check(a, field));
-    PM_TRY(find_lone_end(a, m, field, &end));
-    const pm_field *truth = field[m->body[end]];
-    if (modes->ntime != truth->ntime) {
-        return pm_fail(PM_EDATA, "the dataset has %d states, the fields %d", modes->ntime,
-                       truth->ntime);
-    }
+static void compare_forces(const pm_assembly *a, const pm_openings *o, int end,
+                           const pm_dataset *modes, double stiffness, const pm_field *truth,
+                           const int *trajectory, double *error) {
+    const pm_meeting *m = o->meeting;
     for (int i = 0; i < modes->ntrajectory; ++i) {
         double off = 0, whole = 0;
         for (int j = 0; j < modes->ntime; ++j) {
-            const double force =
-                force_of_openings(first, m->facing.npair, stiffness, pm_dataset_state(modes, i, j));
+            const double force = force_of_openings(o, stiffness, pm_dataset_state(modes, i, j));
             const double expected =
                 force_of_field(&a->body[m->body[end]], m, end, truth, trajectory[i], j);
             off += (force - expected) * (force - expected);
@@ -150,5 +118,27 @@ pm_status pm_meeting_force_errors(const pm_assembly *a, const pm_meeting *m,
         }
         error[i] = whole > 0 ? sqrt(off / whole) : NAN;
     }
-    return PM_OK;
+}
+
+pm_status pm_meeting_force_errors(const pm_assembly *a, const pm_meeting *m,
+                                  const pm_dataset *modes, double stiffness,
+                                  const pm_field *const *field, const int *trajectory,
+                                  double *error) {
+    pm_arena arena = {0};
+    pm_openings openings;
+    int end = 0;
+    pm_status status;
+    PM_TRY_DONE(pm_openings_open(&openings, a, m, modes, &arena));
+    PM_TRY_DONE(pm_assembly_check(a, field));
+    PM_TRY_DONE(find_lone_end(a, m, field, &end));
+    const pm_field *truth = field[m->body[end]];
+    if (modes->ntime != truth->ntime) {
+        status = pm_fail(PM_EDATA, "the dataset has %d states, the fields %d", modes->ntime,
+                         truth->ntime);
+        goto done;
+    }
+    compare_forces(a, &openings, end, modes, stiffness, truth, trajectory, error);
+done:
+    pm_arena_free(&arena);
+    return status;
 }

@@ -1,0 +1,28 @@
+// Images of a state (spec.h): what a part's potentials see of it beside its groups, such as the
+// openings between two surfaces, which are many, of bodies that move in few modes. Their numbers
+// are the parameters "image.<name>.matrix" and "image.<name>.offset".
+#ifndef PM_MODEL_IMAGE_H
+#define PM_MODEL_IMAGE_H
+
+#include "model/part.h"
+
+// Checks names, groups and sizes and declares the parameters. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_images_declare(pm_part *part);
+
+// Adds each image as a symbol, after the part's groups, which must be the first of `symbols`; g is
+// NULL while a spec is only being checked.
+void pm_images_add(const pm_part *part, pm_graph *g, pm_symbols *symbols);
+
+// Adds to the groups' covectors what those of the images, which follow them in the order of
+// pm_images_add, are with respect to the groups.
+void pm_images_pull(const pm_part *part, pm_graph *g, pm_node *covector);
+
+// Given by how much each group g changes at most, radius[g] [1][its size] (PM_NO_NODE: not at all),
+// adds the same for the images: radius[ngroup + i], and to all what rounding may add to a value.
+// `symbols` are those of pm_part_symbols.
+void pm_images_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols, pm_node *radius);
+
+// Whether an image is one of this group.
+bool pm_image_is_of(const pm_image_spec *image, const char *group);
+
+#endif

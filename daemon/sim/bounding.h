@@ -1,0 +1,40 @@
+// The bounding test of contact: a box around a state in which nothing closes (model/clearance.h),
+// so that what a part exposes is the same everywhere in it, to the bit. While the state stays in
+// the box, a comparison of a few numbers takes the place of all facing points. A box is as long in
+// each direction as the state moves fast.
+#ifndef PM_SIM_BOUNDING_H
+#define PM_SIM_BOUNDING_H
+
+#include "base/arena.h"
+#include "graph/program.h"
+#include "model/part.h"
+
+typedef struct pm_bounding {
+    int nz, n;
+    const pm_layout *layout;
+    bool *loose;         // [nz]: may move; NULL: the part has no clearance
+    double *width;       // [nz] of the box, to either side
+    bool enclosed;       // there is a box
+    double duration;     // s, of the last box
+    pm_program *program; // z and the box's width -> value, spread
+    double *program_z, *program_width;
+    const double *value, *spread; // [n]
+} pm_bounding;
+
+// Memory from the arena. PM_ENOMEM. Zero-initialise before.
+pm_status pm_bounding_open(pm_bounding *b, pm_arena *arena, const pm_part *part);
+void pm_bounding_close(pm_bounding *b);
+
+// No box, and nothing remembered.
+void pm_bounding_forget(pm_bounding *b);
+// Finds a large box around z [nz], or none where something is closed or nearly so: dE [nz] and dS
+// are the derivatives there (NULL: zero). `rate` [nz]: about how z moves; NULL: not known.
+void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *dS,
+                         const double *rate);
+
+// Whether there is a box around `centre` [nz] and z [nz] is in it, with what is not loose as it is
+// in `fixed` [nz], to the bit.
+bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *fixed,
+                       const double *z);
+
+#endif
