@@ -28,7 +28,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--stiffness", "-k", "K", NULL, &a->stiffness, true,
          "N/m, of a pair of points: of the bodies' edges, which their modes do not have"},
         {"--creep", "-c", "C", NULL, &a->creep, false,
-         "m/(N s), by which a pair of points opens while it is pressed; none without"},
+         "m/(N s), by which a pair of points opens while it is pressed (> 0); without, it does "
+         "not"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "only these of the fields, such as 0:4,7,9:; for --score the recording's"},
     };

@@ -81,12 +81,15 @@ static void print_operator(const char *owner, const char *what, const pm_operato
 
 // --- the list ---
 
-// Whether the part is looked at only where a box of open states ends (sim/bounding.h).
+// What a box of open states spares (sim/bounding.h).
 static void print_clearance(const char *name, const pm_part *part) {
     pm_arena arena = {0};
     pm_bounding bounding = {0};
-    if (pm_bounding_open(&bounding, &arena, part) == PM_OK && bounding.loose != NULL) {
-        printf("  %s: while it is open, its %d facing points: a box that its state stays in\n",
+    if (pm_bounding_open(&bounding, &arena, part) != PM_OK) {
+        printf("  %s: no bounding test: %s\n", name, pm_error());
+    } else if (bounding.loose != NULL) {
+        printf("  %s: energy and forces of its %d gaps, while a bounding test says that all are "
+               "open\n",
                name, bounding.n);
     }
     pm_bounding_close(&bounding);

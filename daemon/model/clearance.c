@@ -24,21 +24,27 @@ static int find_image(const pm_part *part, const pm_step *s, const pm_symbols *s
     return -1;
 }
 
+static bool is_number(const pm_formula_steps *f, int at) {
+    return f->step[at].kind == PM_STEP_NUMBER;
+}
+
 // The position of the sum |min(x,0)|^2 that a formula is, but for a factor; or -1. (Not where x is
 // a group: then it is no more work than a comparison.)
 static int find_sum(const pm_part *part, const pm_formula_steps *f, const pm_symbols *symbols) {
     int at = f->whole;
-    while (f->step[at].kind == PM_STEP_MULTIPLY) {
+    for (;;) {
         const pm_step *s = &f->step[at];
-        if (f->step[s->a].kind != PM_STEP_NUMBER && f->step[s->b].kind != PM_STEP_NUMBER) {
-            return -1;
+        if (s->kind == PM_STEP_MULTIPLY && is_number(f, s->a)) {
+            at = s->b;
+        } else if ((s->kind == PM_STEP_MULTIPLY || s->kind == PM_STEP_DIVIDE) &&
+                   is_number(f, s->b)) {
+            at = s->a;
+        } else {
+            break;
         }
-        at = f->step[s->a].kind == PM_STEP_NUMBER ? s->b : s->a;
     }
-    return f->step[at].kind == PM_STEP_NEGATIVE_SQUARED ||
-                   find_image(part, &f->step[at], symbols) >= 0
-               ? at
-               : -1;
+    const pm_step *s = &f->step[at];
+    return s->kind == PM_STEP_NEGATIVE_SQUARED || find_image(part, s, symbols) >= 0 ? at : -1;
 }
 
 static bool is_sum(const pm_part *part, const pm_formula *formula, const pm_symbols *symbols) {
@@ -116,6 +122,11 @@ static pm_node bound_product(pm_graph *g, pm_node a, pm_node spread_a, pm_node b
                : pm_add(g, sum, pm_mul(g, spread_a, spread_b));
 }
 
+// What rounding adds, relative to the operands, to a spread that is one.
+static pm_node add_rounding(pm_graph *g, pm_node spread, pm_node size) {
+    return spread == PM_NO_NODE ? spread : pm_add(g, spread, pm_scale(g, size, PM_IMAGE_ROUNDING));
+}
+
 static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
                        const pm_node *radius, const pm_node *value, const pm_node *spread,
                        pm_node *result) {
@@ -127,10 +138,14 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
         return bound_feature(g, s, symbols, radius, result);
     case PM_STEP_ADD:
     case PM_STEP_SUBTRACT:
-        *result = pm_add_or(g, spread[s->a], spread[s->b]);
+        *result =
+            add_rounding(g, pm_add_or(g, spread[s->a], spread[s->b]),
+                         pm_add(g, pm_magnitude(g, value[s->a]), pm_magnitude(g, value[s->b])));
         return true;
     case PM_STEP_MULTIPLY:
-        *result = bound_product(g, value[s->a], spread[s->a], value[s->b], spread[s->b]);
+        *result =
+            add_rounding(g, bound_product(g, value[s->a], spread[s->a], value[s->b], spread[s->b]),
+                         pm_magnitude(g, pm_mul(g, value[s->a], value[s->b])));
         return true;
     case PM_STEP_DIVIDE:
     case PM_STEP_EXP:
@@ -142,7 +157,8 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
     return spread[s->a] == PM_NO_NODE && spread[s->b] == PM_NO_NODE;
 }
 
-// x and its spread in the sum that the formula is.
+// x and its spread in the sum that the formula is; PM_NO_NODE if nothing loose is in it. False:
+// there is no bound.
 static bool bound_formula(pm_graph *g, const pm_part *part, const pm_formula *formula,
                           const pm_symbols *symbols, const pm_node *radius, pm_node *value,
                           pm_node *spread) {
@@ -153,7 +169,7 @@ static bool bound_formula(pm_graph *g, const pm_part *part, const pm_formula *fo
     if (image >= 0) {
         *value = symbols->symbol[image].node;
         *spread = radius[image];
-        return *spread != PM_NO_NODE;
+        return true;
     }
     pm_formula_build_steps(g, &f, symbols, values);
     const int x = f.step[sum].a;
@@ -165,7 +181,7 @@ static bool bound_formula(pm_graph *g, const pm_part *part, const pm_formula *fo
     *value = values[x];
     *spread = spreads[x] == PM_NO_NODE ? PM_NO_NODE
                                        : pm_broadcast_to(g, spreads[x], pm_graph_shape(g, *value));
-    return *spread != PM_NO_NODE;
+    return true;
 }
 
 bool pm_clearance_build(pm_graph *g, const pm_part *part, pm_node z, pm_node width, bool *loose,
@@ -188,8 +204,11 @@ bool pm_clearance_build(pm_graph *g, const pm_part *part, pm_node z, pm_node wid
                                                      &values[count], &spreads[count])) {
                 return false;
             }
-            ++count;
+            count += spreads[count] != PM_NO_NODE;
         }
+    }
+    if (count == 0) {
+        return false;
     }
     *value = pm_concat(g, count, values);
     *spread = pm_concat(g, count, spreads);

@@ -10,8 +10,9 @@
 // for their components, [nz]. `value` [1][n] are all x at z, and `spread` [1][n] how far they
 // change at most where each loose component c changes by at most width[c], `width` [1][nz], and
 // nothing else does (intervals given by middle and radius: Neumaier, Interval Methods for Systems
-// of Equations, 1990). What rounding adds is in it. Returns false if nothing is loose, or an x is
-// made of what is loose by other operations than sums and products.
+// of Equations, 1990). What rounding adds is in it. Returns false, `loose` being written all the
+// same, if nothing is loose, an x is made of what is loose by other operations than sums and
+// products, or there are more than eight sums.
 bool pm_clearance_build(pm_graph *g, const pm_part *part, pm_node z, pm_node width, bool *loose,
                         pm_node *value, pm_node *spread);
 

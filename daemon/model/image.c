@@ -7,8 +7,6 @@
 #include <string.h>
 
 #define MOST_NUMBERS 10000000 // of a matrix: 80 MB
-// Relative to what is summed up; a thousand times more than doubles need for it.
-#define ROUNDING 1e-12
 
 typedef char entry_name[PM_MAX_NAME + 16];
 
@@ -175,7 +173,7 @@ void pm_images_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbol
     for (int i = 0; i < ngroup; ++i) {
         if (radius[i] != PM_NO_NODE) {
             const pm_node size = pm_magnitude(g, symbols->symbol[i].node);
-            radius[i] = pm_add(g, radius[i], pm_scale(g, size, ROUNDING));
+            radius[i] = pm_add(g, radius[i], pm_scale(g, size, PM_IMAGE_ROUNDING));
         }
     }
     for (int i = 0; i < part->spec.nimage; ++i) {
@@ -186,9 +184,10 @@ void pm_images_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbol
             const pm_node values = pm_magnitude(g, join(g, image, symbols));
             const pm_node matrix = pm_magnitude(g, node_of(g, &part->params, image, "matrix"));
             const pm_node offset = pm_magnitude(g, node_of(g, &part->params, image, "offset"));
-            const pm_node most = pm_add(g, moves, pm_scale(g, values, ROUNDING));
-            radius[ngroup + i] =
-                pm_add(g, pm_matmul(g, most, false, matrix, true), pm_scale(g, offset, ROUNDING));
+            // (Also of groups that do not move.)
+            const pm_node most = pm_add(g, moves, pm_scale(g, values, PM_IMAGE_ROUNDING));
+            radius[ngroup + i] = pm_add(g, pm_matmul(g, most, false, matrix, true),
+                                        pm_scale(g, offset, PM_IMAGE_ROUNDING));
         }
     }
 }

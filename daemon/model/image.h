@@ -17,6 +17,9 @@ void pm_images_add(const pm_part *part, pm_graph *g, pm_symbols *symbols);
 // pm_images_add, are with respect to the groups.
 void pm_images_pull(const pm_part *part, pm_graph *g, pm_node *covector);
 
+// What rounding adds, relative to what is summed up: a thousand times more than doubles need.
+#define PM_IMAGE_ROUNDING 1e-12
+
 // Given by how much each group g changes at most, radius[g] [1][its size] (PM_NO_NODE: not at all),
 // adds the same for the images: radius[ngroup + i], and to all what rounding may add to a value.
 // `symbols` are those of pm_part_symbols.

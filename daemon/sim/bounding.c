@@ -7,6 +7,8 @@
 #include "model/clearance.h"
 
 #define SAFETY 0.9   // of the largest box
+#define ENOUGH 1.001 // of a value in terms of its spread: rounding of the box itself is far less
+#define LONGEST 1e6  // s
 #define MOST_TRIES 8 // until one is found
 #define ASIDE 0.05   // of the fastest of a group: how fast at least a box takes all of it to be
 
@@ -83,15 +85,15 @@ static double least_ratio(pm_bounding *b, double duration) {
     }
     pm_program_run(b->program, 1);
     for (int i = 0; i < b->n; ++i) {
-        least = fmin(least, b->value[i] / b->spread[i]);
+        const double ratio = b->value[i] / b->spread[i];
+        least = ratio >= least ? least : ratio; // NaN too
     }
     return least > 0 ? least : 0;
 }
 
-void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *dS,
-                         const double *rate) {
+void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *rate) {
     b->enclosed = false;
-    if (b->loose == NULL || !is_flat(b, dE) || !is_flat(b, dS)) {
+    if (b->loose == NULL || !is_flat(b, dE)) {
         return;
     }
     memcpy(b->program_z, z, (size_t)b->nz * sizeof *z);
@@ -99,12 +101,12 @@ void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, cons
     double duration = b->duration;
     for (int i = 0; i < MOST_TRIES && isnormal(duration); ++i) {
         const double ratio = least_ratio(b, duration);
-        if (ratio > 1 && (i > 0 || ratio < 2)) {
+        if (ratio > ENOUGH && (i > 0 || ratio < 2)) {
             b->enclosed = true;
             b->duration = duration;
             break;
         }
-        duration *= SAFETY * ratio; // exact but for what grows faster than the box
+        duration = fmin(duration * SAFETY * ratio, LONGEST); // exact but for what is not linear
     }
     for (int c = 0; c < b->nz; ++c) {
         b->width[c] *= duration;
@@ -113,14 +115,13 @@ void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, cons
 
 // --- the test ---
 
-bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *fixed,
-                       const double *z) {
+bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *z) {
     if (!b->enclosed) {
         return false;
     }
     for (int c = 0; c < b->nz; ++c) {
         const bool inside = b->loose[c] ? fabs(z[c] - centre[c]) <= b->width[c]
-                                        : memcmp(&z[c], &fixed[c], sizeof z[c]) == 0;
+                                        : memcmp(&z[c], &centre[c], sizeof z[c]) == 0;
         if (!inside) {
             return false;
         }

@@ -27,14 +27,12 @@ void pm_bounding_close(pm_bounding *b);
 
 // No box, and nothing remembered.
 void pm_bounding_forget(pm_bounding *b);
-// Finds a large box around z [nz], or none where something is closed or nearly so: dE [nz] and dS
-// are the derivatives there (NULL: zero). `rate` [nz]: about how z moves; NULL: not known.
-void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *dS,
-                         const double *rate);
+// Finds a large box around z [nz], or none where something is closed or nearly so, which dE [nz]
+// there (NULL: zero) mostly tells. `rate` [nz]: about how z moves; NULL: not known.
+void pm_bounding_enclose(pm_bounding *b, const double *z, const double *dE, const double *rate);
 
 // Whether there is a box around `centre` [nz] and z [nz] is in it, with what is not loose as it is
-// in `fixed` [nz], to the bit.
-bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *fixed,
-                       const double *z);
+// there, to the bit.
+bool pm_bounding_holds(const pm_bounding *b, const double *centre, const double *z);
 
 #endif

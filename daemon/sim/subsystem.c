@@ -227,7 +227,8 @@ static void show(pm_subsystem *s, pm_exposure exposure) {
 
 void pm_subsystem_expose(pm_subsystem *s) {
     if (!s->exposed) {
-        // Where it moves: as in the stage before, which the last step's end does not remember.
+        // Where it moves: as in the stage before. (A step's first stage was exposed when the step
+        // before it ended.)
         const int before = (s->stage == 0 ? s->integrator->nstage : s->stage) - 1;
         const double *rate = s->k + (ptrdiff_t)before * s->nz;
         show(s, pm_terms_expose(&s->terms, s->stage_z, s->z, rate));

@@ -102,14 +102,23 @@ void pm_terms_forget(pm_terms *t) {
     pm_bounding_forget(&t->bounding);
 }
 
+// Whether a step from `from` (NULL: none) to z is in the box.
 static bool is_bounded(const pm_terms *t, const double *z, const double *from) {
-    const double *centre = t->exposure_z, *centre_from = t->exposure_from;
-    return t->exposure_known && pm_bounding_holds(&t->bounding, centre, centre, z) &&
-           (centre_from == NULL || pm_bounding_holds(&t->bounding, centre, centre_from, from));
+    const double *centre = t->exposure_z;
+    return pm_bounding_holds(&t->bounding, centre, z) &&
+           (from == NULL || pm_bounding_holds(&t->bounding, centre, from));
+}
+
+// What was evaluated is that of a box if both ends are in it.
+static void enclose(pm_terms *t, const double *rate) {
+    pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, rate);
+    if (!is_bounded(t, t->exposure_z, t->exposure_from)) {
+        t->bounding.enclosed = false;
+    }
 }
 
 pm_exposure pm_terms_expose(pm_terms *t, const double *z, const double *from, const double *rate) {
-    if (is_bounded(t, z, from)) {
+    if (t->exposure_known && is_bounded(t, z, t->exposure_from == NULL ? NULL : from)) {
         return PM_EXPOSURE_BOUNDED;
     }
     bool renewed = !t->exposure_known;
@@ -120,7 +129,7 @@ pm_exposure pm_terms_expose(pm_terms *t, const double *z, const double *from, co
     }
     pm_program_run(t->exposure, 1);
     t->exposure_known = true;
-    pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, t->dS, rate);
+    enclose(t, rate);
     return PM_EXPOSURE_EVALUATED;
 }
 
@@ -128,7 +137,7 @@ pm_exposure pm_terms_expose_end(pm_terms *t, const double *z, const double *from
     pm_bounding_forget(&t->bounding);
     const pm_exposure exposure = pm_terms_expose(t, z, from, NULL);
     if (exposure == PM_EXPOSURE_SAME) {
-        pm_bounding_enclose(&t->bounding, t->exposure_z, t->dE, t->dS, NULL);
+        enclose(t, NULL);
     }
     return exposure;
 }

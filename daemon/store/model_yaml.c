@@ -327,7 +327,8 @@ static pm_status read_law_matrix(pm_yaml value, const char *law, pm_arena *arena
 static pm_status read_image(pm_yaml name, pm_yaml block, pm_arena *arena, pm_image_spec *image) {
     static const char *const keys[] = {"of", "size", "matrix", "offset", NULL};
     pm_yaml of;
-    const pm_yaml size = pm_yaml_get(block, "size"), offset = pm_yaml_get(block, "offset");
+    const pm_yaml matrix = pm_yaml_get(block, "matrix"), offset = pm_yaml_get(block, "offset");
+    pm_yaml size = pm_yaml_get(block, "size");
     PM_TRY(pm_yaml_text(name, arena, &image->name));
     PM_TRY(pm_model_read_at(block, arena, &image->at));
     PM_TRY(pm_yaml_allow(block, keys));
@@ -336,18 +337,21 @@ static pm_status read_image(pm_yaml name, pm_yaml block, pm_arena *arena, pm_ima
     if (image->ngroup < 1 || image->ngroup > PM_MAX_GROUPS) {
         return pm_yaml_fail(of, "expected 1 to %d groups", PM_MAX_GROUPS);
     }
-    PM_TRY(read_matrix(pm_yaml_get(block, "matrix"), arena, &image->matrix));
+    PM_TRY(read_matrix(matrix, arena, &image->matrix));
     image->size = image->matrix.rows;
-    if (pm_yaml_exists(size) || image->matrix.value == NULL) {
-        PM_TRY(pm_yaml_require(block, "size", &of));
-        PM_TRY(pm_yaml_int(of, 1, MAX_IMAGE, &image->size));
+    if (pm_yaml_exists(size) || !pm_yaml_exists(matrix)) {
+        PM_TRY(pm_yaml_require(block, "size", &size));
+        PM_TRY(pm_yaml_int(size, 1, MAX_IMAGE, &image->size));
     }
     if (pm_yaml_exists(offset)) {
         int count;
         double *value;
         PM_TRY(pm_yaml_doubles(offset, arena, &count, &value));
-        if (count != image->size || image->matrix.value == NULL) {
-            return pm_yaml_fail(offset, "expected %d numbers, and a matrix beside", image->size);
+        if (!pm_yaml_exists(matrix)) {
+            return pm_yaml_fail(offset, "expected a matrix beside it");
+        }
+        if (count != image->size) {
+            return pm_yaml_fail(offset, "expected %d numbers, found %d", image->size, count);
         }
         image->offset = value;
     }

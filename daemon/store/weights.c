@@ -13,7 +13,7 @@
 #include "store/model_yaml.h"
 
 #define FORMAT "portmet weights"
-#define VERSION 1
+#define VERSION 1 // of the layout; a model that an older program does not know it refuses by key
 #define MAX_COMPONENTS 100000 // of one group
 
 // What a subsystem and a port have in common.

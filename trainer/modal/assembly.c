@@ -10,8 +10,7 @@
 
 #define TIME_TOLERANCE 1e-6 // of dt: single precision
 
-const struct pm_meeting_group pm_meeting_group[PM_FACING_GROUPS] = {
-    {"g", "m"}, {"u", "m"}, {"v", "m"}, {"slope_u", "1"}, {"slope_v", "1"}};
+const char *const pm_meeting_group[PM_FACING_GROUPS] = {"g", "u", "v", "slope_u", "slope_v"};
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for an assembly");
@@ -179,11 +178,6 @@ static const char **name_columns(const pm_assembly *a, const pm_dataset *const *
     return name;
 }
 
-// The amplitudes of a body at one time; they are the first columns.
-static const double *amplitudes_of(const pm_dataset *part, int member, int time) {
-    return pm_dataset_state(part, member, time);
-}
-
 // All numbers at one time of a trajectory, which is number `member` of the parts.
 static void write_row(const pm_assembly *a, const pm_dataset *const *part, int member, int time,
                       double *row) {
@@ -195,8 +189,9 @@ static void write_row(const pm_assembly *a, const pm_dataset *const *part, int m
     }
     for (int i = 0; i < a->nmeeting; ++i) {
         const pm_meeting *m = &a->meeting[i];
-        for (int end = 0; end < 2; ++end) {
-            memcpy(row + (ptrdiff_t)end * nstate, amplitudes_of(part[m->body[end]], member, time),
+        for (int end = 0; end < 2; ++end) { // amplitudes are the first columns of a body
+            memcpy(row + (ptrdiff_t)end * nstate,
+                   pm_dataset_state(part[m->body[end]], member, time),
                    (size_t)nstate * sizeof *row);
         }
         row += count_meeting(a, m); // the rest is 0: the truth's contact does not dissipate

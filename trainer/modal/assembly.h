@@ -24,10 +24,8 @@ typedef struct pm_assembly {
     pm_meeting *meeting; // [nmeeting]
 } pm_assembly;
 
-// Names and units of what lies between two bodies, by pm_facing_group.
-extern const struct pm_meeting_group {
-    const char *name, *unit;
-} pm_meeting_group[PM_FACING_GROUPS];
+// Names of what is between two facing points, by pm_facing_group.
+extern const char *const pm_meeting_group[PM_FACING_GROUPS];
 
 // The bodies placed in a truth's configuration under system: beams:, and their meetings. `assembly`
 // is zero but for the basis. PM_EFILE, PM_ECONFIG, PM_EDATA, PM_ENOMEM.

@@ -1,6 +1,6 @@
 // What lies between two bodies as a part: how far each has travelled, mode by mode, makes the
 // openings between all pairs of facing points.
-#include <stdlib.h>
+#include <stdbool.h>
 #include <string.h>
 
 #include "modal/assembly.h"
@@ -13,15 +13,21 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a gap");
 }
 
+// Whether a body's name stands for something else in the formula.
+static bool is_taken(const char *name) {
+    bool taken = strcmp(name, "k") == 0 || strcmp(name, "creep") == 0 || strcmp(name, "s") == 0;
+    for (int i = 0; i < PM_FACING_GROUPS; ++i) {
+        taken = taken || strcmp(name, pm_meeting_group[i]) == 0;
+    }
+    return taken;
+}
+
 static pm_status fill_layout(const pm_assembly *a, const pm_meeting *m, pm_layout *layout) {
-    static const char *const taken[] = {"g", "u", "v", "slope_u", "slope_v", "creep", "s", "k"};
     const char *const body[2] = {a->body[m->body[0]].name, a->body[m->body[1]].name};
     for (int i = 0; i < 2; ++i) {
-        for (size_t k = 0; k < sizeof taken / sizeof *taken; ++k) {
-            if (strcmp(body[i], taken[k]) == 0) {
-                return pm_fail(PM_ECONFIG, "a body that meets another cannot be called \"%s\"",
-                               body[i]);
-            }
+        if (is_taken(body[i])) {
+            return pm_fail(PM_ECONFIG, "a body that meets another cannot be called \"%s\"",
+                           body[i]);
         }
     }
     const int size[NGROUP] = {a->basis->nstate, a->basis->nstate, m->facing.npair, 1};
@@ -54,7 +60,7 @@ static pm_status fill_spec(const pm_assembly *a, const pm_meeting *m, const pm_g
     of[1] = part->layout.group[TRAVEL_B].name;
     for (int i = 0; i < PM_FACING_GROUPS; ++i) {
         image[i] = (pm_image_spec){
-            .name = pm_meeting_group[i].name, .size = m->facing.npair, .ngroup = 2, .group = of};
+            .name = pm_meeting_group[i], .size = m->facing.npair, .ngroup = 2, .group = of};
     }
     number[0] = c->stiffness;
     number[1] = a->basis->temperature;
@@ -94,7 +100,7 @@ static pm_status fill_images(const pm_assembly *a, const pm_meeting *m, pm_part 
     for (int end = 0; end < 2; ++end) {
         PM_TRY(pm_meeting_matrix(a, m, end, one));
         for (int i = 0; i < PM_FACING_GROUPS; ++i) {
-            const char *image = pm_meeting_group[i].name;
+            const char *image = pm_meeting_group[i];
             double *matrix = values_of(part, image, "matrix", arena);
             double *offset = values_of(part, image, "offset", arena);
             if (matrix == NULL || offset == NULL) {
