@@ -31,9 +31,8 @@ static void test_which_scenes_may(void **context) {
         {4, 1, 7, 1, 0, 3, true},
         {4, 1, 1, 1, 0, 1, false},
         {4, 50, 100, 1, 0, 50, false},
-        {2, 1, 100, 1, 0, LONG_LEAD, false},
-        {2, 1, 100, 2, 0, LONG_LEAD, false},
-        {2, 1, 100, 2, 1e-3, 1, false},
+        {2, 1, 100, 1, 0, LONG_LEAD, true},
+        {2, 1, 100, 2, 0, 1, false},
         {1, 1, 100, 1, 0, 1, false},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
@@ -95,7 +94,7 @@ static void test_nobody_is_ahead_by_more_than_the_window(void **context) {
                 most = last - first > most ? last - first : most;
             }
             assert_all_ok(&c);
-            assert_in_range(most, 1, window);
+            assert_in_range(most, count > 2 || window > 1, window);
             company_close(&c);
             pm_hub_close(hub);
         }
