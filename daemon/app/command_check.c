@@ -33,7 +33,7 @@ static void print_header(const pm_setup *setup, int rounds) {
     } else {
         printf("%d substeps: %d flux exchanges per step\n", scene->substeps, rounds);
     }
-    printf("  LCM        %s, %d granted at once, patience %g s\n", scene->url, scene->window,
+    printf("  LCM        %s, window %d, patience %g s\n", scene->url, scene->window,
            scene->patience);
     if (scene->key_file != NULL) {
         printf("  key        %s: messages are sealed\n", scene->key_file);

@@ -27,8 +27,12 @@ struct pm_lockstep_coordinator {
     bool greeted;    // said hello
     double greet_at; // s, when to say it again
 
+    int lead;                   // steps granted beyond the last complete one, at most
+    bool hears_fluxes;          // and no more than a window beyond the last one they tell of
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
+    bool failed;                // to book a step: no later one is booked
     bool progressed;            // since the last poll: a new wait begins
+    bool asked;                 // since then
     double moved;               // s, when a member was last heard to get on
     bool paused;                // and the observer was told
     bool tick_wanted;           // somebody asked for it since the last poll
@@ -53,7 +57,7 @@ void pm_coordinator_check(pm_lockstep_coordinator *coordinator, pm_status status
 // PM_ENET, PM_ENOMEM.
 pm_status pm_coordinator_listen(pm_lockstep_coordinator *coordinator, int64_t asked);
 
-// Steps to be granted when `complete` are.
+// Steps to be granted when the reports of `complete` are there.
 int64_t pm_coordinator_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
 
 // Takes up what a coordinator left that died, if it was of the session `asked` (0: any); else

@@ -107,18 +107,24 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
 
 // --- reports ---
 
-// Takes what is new: steps beyond the last complete one, as far as granted.
+static void note_done(pm_member *m, int64_t steps) {
+    m->done = steps > m->done ? steps : m->done;
+}
+
+// Takes what is new: steps beyond the last complete one. The later ones of a report may have been
+// granted by a coordinator that died.
 static pm_drop accept_done(pm_member *m) {
     pm_lockstep_coordinator *c = m->coordinator;
     const int64_t first = m->scratch.step;
     const int rows = pm_member_rows(m);
-    if (first < 0 || first > c->granted || rows - 1 > c->granted - first) {
+    if (first < 0 || first > c->granted) {
         return PM_DROP_RANGE;
     }
     m->moved = m->moved || first != m->reported;
     m->reported = first;
     pm_drop drop = PM_DROP_REPEATED;
     for (int row = 0; row < rows; ++row) {
+        note_done(m, first + row);
         pm_sample *sample = pm_gathering_wants(&c->gathering, first + row, m->id);
         if (sample != NULL) {
             pm_member_fill(m, row, sample);
@@ -164,6 +170,30 @@ static void on_report(void *context, const char *channel, const void *data, size
     pm_party_count(&m->coordinator->party, drop == PM_KEEP ? accept_report(m) : drop);
 }
 
+// --- fluxes ---
+
+// Who shows its state at a step has completed those before.
+static pm_drop accept_flux(pm_member *m) {
+    const portmet_flux_t *flux = &m->shown;
+    if (flux->session != m->coordinator->party.session) {
+        return PM_DROP_SESSION;
+    }
+    if (flux->step < 0 || flux->step > m->coordinator->granted) {
+        return PM_DROP_RANGE;
+    }
+    m->alive = true;
+    m->moved = m->moved || flux->step > m->done;
+    note_done(m, flux->step);
+    return PM_KEEP;
+}
+
+static void on_flux(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_member *m = context;
+    const pm_drop drop = pm_flux_decode(&m->shown, data, size);
+    pm_party_count(&m->coordinator->party, drop == PM_KEEP ? accept_flux(m) : drop);
+}
+
 // --- requests ---
 
 static pm_drop accept_request(void *context, const portmet_request_t *request) {
@@ -193,6 +223,9 @@ pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t asked) {
     for (int i = 0; i < c->nmember; ++i) {
         pm_member *m = &c->member[i];
         PM_TRY(pm_transport_subscribe(c->party.transport, m->channel, on_report, m));
+        if (c->hears_fluxes) {
+            PM_TRY(pm_transport_subscribe(c->party.transport, m->flux_channel, on_flux, m));
+        }
         // Who asks a neighbour is alive.
         PM_TRY(pm_party_overhear(&c->party, m->address));
     }

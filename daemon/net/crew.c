@@ -178,7 +178,7 @@ pm_status pm_crew_start_round(pm_crew *crew, pm_transport *transport, int64_t ke
     return PM_OK;
 }
 
-const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used) {
+bool pm_crew_couple(pm_crew *crew, int64_t key, bool *used) {
     *used = false;
     for (; crew->part_id < crew->count; ++crew->part_id, crew->port_id = 0) {
         const pm_crew_part *part = &crew->part[crew->part_id];
@@ -197,7 +197,7 @@ const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used) {
             const pm_flux_link *link = &crew->link[port->link];
             const portmet_flux_t *flux = pm_flux_link_take(link, key);
             if (flux == NULL) {
-                return link;
+                return false;
             }
             const int first = port->first;
             const pm_port_values values = {port->ny, flux->y + first, flux->e + first,
@@ -205,6 +205,15 @@ const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used) {
                                            flux->nresponse > 0 ? flux->response + first : NULL};
             pm_subsystem_couple(part->subsystem, crew->port_id, &values);
             *used = true;
+        }
+    }
+    return true;
+}
+
+const pm_flux_link *pm_crew_misses(const pm_crew *crew, int64_t key) {
+    for (int i = 0; i < crew->nlink; ++i) {
+        if (pm_flux_link_take(&crew->link[i], key) == NULL) {
+            return &crew->link[i];
         }
     }
     return NULL;

@@ -44,9 +44,12 @@ void pm_crew_free(pm_crew *crew);
 pm_status pm_crew_start_round(pm_crew *crew, pm_transport *transport, int64_t key,
                               const portmet_flux_t *head);
 
-// Couples ports in their order as far as the neighbours' fluxes have arrived: NULL when all are
-// coupled, else the neighbour whose flux is missing. `used` receives whether any port was coupled.
-const pm_flux_link *pm_crew_couple(pm_crew *crew, int64_t key, bool *used);
+// Couples ports in their order as far as the neighbours' fluxes have arrived: true when all are
+// coupled. `used` receives whether any was.
+bool pm_crew_couple(pm_crew *crew, int64_t key, bool *used);
+
+// A neighbour whose flux of this round has not arrived, or NULL.
+const pm_flux_link *pm_crew_misses(const pm_crew *crew, int64_t key);
 
 // Between two steps: how many substeps the next one has, and rounds in the present one.
 void pm_crew_set_substeps(pm_crew *crew, int substeps);

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "net/lead.h"
+
 static pm_gathering_slot *slot_of(const pm_gathering *gathering, int64_t step) {
     return &gathering->slot[step % gathering->depth];
 }
@@ -20,8 +22,7 @@ static void begin(const pm_gathering *gathering, int64_t step) {
 pm_status pm_gathering_init(pm_gathering *gathering, pm_arena *arena, const pm_scene *scene,
                             int64_t first) {
     pm_gathering *g = gathering;
-    // Processes run at most `window` steps beyond the last complete one.
-    const int depth = scene->window + 1;
+    const int depth = pm_lead(scene) + 1;
     const size_t n = (size_t)scene->nprocess;
     g->scene = scene;
     g->slot = pm_arena_array(arena, (size_t)depth, sizeof *g->slot);

@@ -23,8 +23,8 @@ typedef struct pm_gathering {
     pm_gathering_slot *slot; // [depth] by step modulo depth
 } pm_gathering;
 
-// Room for the steps from `first` on, one more than the scene's window. PM_ENOMEM. _free, on
-// failure too.
+// Room for the steps from `first` on, one more than the scene's lead (lead.h). PM_ENOMEM.
+// _free, on failure too.
 pm_status pm_gathering_init(pm_gathering *gathering, pm_arena *arena, const pm_scene *scene,
                             int64_t first);
 void pm_gathering_free(pm_gathering *gathering);

@@ -10,6 +10,7 @@
 
 #include "base/rng.h"
 #include "net/coordinator.h"
+#include "net/lead.h"
 #include "store/channel.h"
 
 #define HELLO_INTERVAL 0.1 // s
@@ -104,31 +105,32 @@ static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     return c->checkpoint != NULL && due ? pm_coordinator_remember(c) : PM_OK;
 }
 
+static int64_t least(int64_t a, int64_t b) {
+    return a < b ? a : b;
+}
+
 int64_t pm_coordinator_limit(const pm_lockstep_coordinator *c, int64_t complete) {
-    const int64_t limit = complete + c->party.system->scene->window;
-    return limit < c->party.steps ? limit : c->party.steps;
+    const int window = c->party.system->scene->window;
+    int64_t limit = least(complete + c->lead, c->party.steps);
+    for (int i = 0; c->hears_fluxes && i < c->nmember; ++i) {
+        const int64_t done = c->member[i].done;
+        limit = least(limit, (done > complete ? done : complete) + window);
+    }
+    return limit;
 }
 
 static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
-    c->granted = pm_coordinator_limit(c, complete);
-    return publish_tick(c);
-}
-
-// Grants on from the last step whose reports are all there, and books up to it while the processes
-// compute.
-static pm_status complete_steps(pm_lockstep_coordinator *c) {
-    const int64_t complete = pm_gathering_complete(&c->gathering, c->completed, c->party.steps);
-    if (c->completed >= c->party.steps) {
-        close_run(c);
-    }
-    if (complete == c->completed) {
+    const int64_t limit = pm_coordinator_limit(c, complete);
+    if (complete < 0 || limit <= c->granted) {
         return PM_OK;
     }
     c->progressed = true;
-    pm_pace_note(&c->pace, pm_gathering_sample(&c->gathering, complete));
-    if (complete < c->party.steps) {
-        PM_TRY(grant(c, complete));
-    }
+    c->granted = limit;
+    return publish_tick(c);
+}
+
+// Books the steps up to `complete`, whose reports are all there.
+static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
     while (c->completed < complete) {
         c->completed += 1;
         PM_TRY(book(c, pm_gathering_sample(&c->gathering, c->completed)));
@@ -138,10 +140,23 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
         }
         pm_gathering_move_on(&c->gathering, c->completed);
     }
-    if (c->completed == c->party.steps) {
+    return PM_OK;
+}
+
+// Grants on, and books the steps whose reports are all there while the processes compute.
+static pm_status complete_steps(pm_lockstep_coordinator *c) {
+    const int64_t complete = pm_gathering_complete(&c->gathering, c->completed, c->party.steps);
+    if (complete > c->completed) {
+        c->progressed = true;
+        pm_pace_note(&c->pace, pm_gathering_sample(&c->gathering, complete));
+    }
+    PM_TRY(grant(c, complete));
+    const pm_status status = book_steps(c, complete);
+    c->failed = status != PM_OK;
+    if (status == PM_OK && c->completed >= c->party.steps) {
         close_run(c);
     }
-    return PM_OK;
+    return status;
 }
 
 // --- waiting ---
@@ -173,7 +188,20 @@ static void tell_pause(pm_lockstep_coordinator *c, bool paused, const char *sile
     c->paused = paused;
 }
 
-static pm_status request_missing(const pm_lockstep_coordinator *c) {
+// The fluxes for want of which no more steps are granted; neighbours may miss them, too.
+static pm_status request_fluxes(const pm_lockstep_coordinator *c, bool *any) {
+    const int64_t told = c->granted - c->party.system->scene->window; // by all, and more by some
+    for (int i = 0; i < c->nmember; ++i) {
+        const pm_member *m = &c->member[i];
+        if (m->done <= told) {
+            *any = true;
+            PM_TRY(pm_party_request(&c->party, m->address, m->flux_channel, told + 1, 0));
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status request_reports(const pm_lockstep_coordinator *c) {
     const int64_t step = c->completed + 1;
     for (int i = 0; i < c->nmember; ++i) {
         const pm_member *m = &c->member[i];
@@ -182,6 +210,16 @@ static pm_status request_missing(const pm_lockstep_coordinator *c) {
         }
     }
     return PM_OK;
+}
+
+// Who still waits after a request for fluxes has reported what there is.
+static pm_status request_missing(pm_lockstep_coordinator *c) {
+    bool any = false;
+    if (c->hears_fluxes && !c->asked && c->granted > 0) {
+        PM_TRY(request_fluxes(c, &any));
+    }
+    c->asked = true;
+    return any ? PM_OK : request_reports(c);
 }
 
 // Ends the run if a node stays silent for too long, or all show life but nobody gets on.
@@ -211,7 +249,7 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
 static pm_status await(pm_lockstep_coordinator *c) {
     if (c->progressed) {
         pm_waiting_start(&c->party.waiting, c->party.now);
-        c->progressed = false;
+        c->progressed = c->asked = false;
         tell_pause(c, false, "");
     }
     char silent[512];
@@ -222,6 +260,19 @@ static pm_status await(pm_lockstep_coordinator *c) {
     }
     PM_TRY(check_patience(c));
     return pm_waiting_ask(&c->party.waiting, c->party.now) ? request_missing(c) : PM_OK;
+}
+
+// What nodes had not yet told of a run that failed is booked, too; what fails there came first.
+static void book_rest(pm_lockstep_coordinator *c) {
+    if (c->failed || c->completed < 0) {
+        return;
+    }
+    const int64_t complete = pm_gathering_complete(&c->gathering, c->completed, c->party.steps);
+    const pm_status status = book_steps(c, complete);
+    if (status != PM_OK) {
+        c->failed = true;
+        pm_party_end(&c->party, status, pm_error());
+    }
 }
 
 // END or ABORT, until everybody has said BYE or a short time has passed.
@@ -277,6 +328,7 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
         pm_coordinator_check(c, await(c));
     }
     if (c->phase == PM_COORDINATOR_CLOSING) {
+        book_rest(c);
         repeat_command(c);
     }
     return c->phase == PM_COORDINATOR_RUNNING   ? c->party.waiting.next
@@ -305,10 +357,12 @@ static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
                        (long long)c->party.steps, (long long)PM_STEPS_MAX);
     }
+    c->lead = pm_lead(scene);
+    c->hears_fluxes = pm_lead_is_heard(scene);
     pm_ledger_init(&c->ledger, c->party.system);
     PM_TRY(pm_pace_init(&c->pace, scene));
-    PM_TRY(pm_coordinator_recall(c, wanted));
     PM_TRY(open_members(c));
+    PM_TRY(pm_coordinator_recall(c, wanted));
     PM_TRY(pm_gathering_init(&c->gathering, &c->arena, scene, c->completed + 1));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
     return pm_coordinator_listen(c, wanted);

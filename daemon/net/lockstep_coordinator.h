@@ -2,10 +2,11 @@
 // nodes, grants steps, assembles every step's reports into a sample, books it in the ledger and
 // hands it to an observer. Nothing in here blocks; lockstep.h has the loops that drive it.
 //
-// Life: open a session and gather all initial reports -> grant `window` steps beyond the last
-// complete one, until the last -> END, or ABORT on any failure -> finished when all nodes said BYE
-// or a short time has passed. Nodes with another digest or version are refused by name, and so is a
-// second coordinator for the same session, or where both were started for none.
+// Life: open a session and gather all initial reports -> grant `window` steps beyond the last one
+// that all have completed, as their reports or fluxes tell (lead.h), until the last -> END, or
+// ABORT on any failure; what nodes then still report is booked, too -> finished when all nodes said
+// BYE or a short time has passed. Nodes with another digest or version are refused by name, and so
+// is a second coordinator for the same session, or where both were started for none.
 //
 // Death and return: with a checkpoint it writes what it and its observer must remember every so
 // many steps (history.h has the same steps for nodes), and after the last one before END. Started

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "net/lead.h"
 #include "net/node.h"
 
 #define HELLO_INTERVAL 0.1   // s
@@ -55,10 +56,12 @@ static pm_status await(pm_lockstep_node *node) {
                        "no word from the coordinator for %.3g s, in round %d of step %lld",
                        now - waiting->since, node->round, (long long)node->step);
     }
-    const pm_flux_link *l = node->started && pm_node_is_granted(node) ? node->missing : NULL;
     if (pm_waiting_ask(waiting, now) && node->step < node->party.steps) {
         // Who waits has time to tell what it has.
         PM_TRY(pm_reporter_flush(&node->reporter));
+        // Without the neighbour's flux there may be no grant, and the next wait would be for it.
+        const pm_flux_link *l =
+            node->started ? pm_crew_misses(&node->crew, pm_node_key(node)) : NULL;
         PM_TRY(l != NULL
                    ? pm_party_request(&node->party, l->address, l->channel, node->step, node->round)
                    : pm_party_request(&node->party, node->party.tick_address,
@@ -168,6 +171,7 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
     PM_TRY(pm_history_init(&node->history, &node->arena, options->checkpoint, node->party.system,
                            &node->crew));
     node->rounds = pm_subsystem_most_rounds(node->crew.part[0].subsystem);
+    node->fluxes_tell = node->crew.nlink > 0 && pm_lead_is_heard(node->party.system->scene);
     PM_TRY(pm_node_listen(node, options->session));
     return pm_reporter_init(&node->reporter, &node->arena, node->party.system, process_id,
                             node->party.transport, node->party.identity.hello.instance, more);

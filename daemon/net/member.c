@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "net/flux_link.h"
 #include "net/reporter.h"
 #include "store/channel.h"
 
@@ -38,9 +39,12 @@ pm_status pm_member_init(pm_member *member, pm_arena *arena, const pm_scene *sce
     member->id = process_id;
     member->name = scene->process[process_id].name;
     member->scene = scene;
+    member->done = -1;
     PM_TRY(pm_channel_process(member->channel, scene, "REPORT", process_id));
+    PM_TRY(pm_channel_process(member->flux_channel, scene, "FLUX", process_id));
     PM_TRY(pm_channel_request(member->address, scene, member->name));
     PM_TRY(list_ends(member, arena));
+    PM_TRY(pm_flux_make(&member->shown, arena, scene, process_id));
     PM_TRY(pm_report_make(&member->scratch, arena, scene, process_id));
     member->most_part = member->scratch.npart;
     member->most_end = member->scratch.nend;

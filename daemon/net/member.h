@@ -16,15 +16,18 @@ typedef struct pm_member {
     const char *name;
     const pm_scene *scene;
     char channel[PM_CHANNEL_SIZE];       // of its reports
+    char flux_channel[PM_CHANNEL_SIZE];  // of its fluxes
     char address[PM_CHANNEL_SIZE];       // of requests to it
     int nend, nz;                        // ends of ports and components of its subsystems
     int *end;                            // [nend] 2 * position of the port in the scene + end
     portmet_report_t scratch;            // being decoded
+    portmet_flux_t shown;                // likewise
     int32_t most_part, most_end, most_z; // numbers in a report
     bool alive;                          // heard of since the last poll
     bool moved;                          // and it had got on, or begun again
     int64_t asked[4];                    // instance, attempt, step and round of its last request
     int64_t reported;                    // the step of its last report
+    int64_t done;                        // steps that it told of, by report or flux; -1: none
     bool left;                           // said BYE
     double heard;                        // s, when heard of
     int64_t instance;                    // that reported the initial state; 0: none

@@ -40,13 +40,14 @@ struct pm_lockstep_node {
     int substeps; // of the last step granted
     int64_t step; // being computed, or next
     int round;
-    bool started;                // the round
-    const pm_flux_link *missing; // the neighbour whose flux it waits for, or NULL
-    bool progressed;             // since the last poll; a new wait begins
-    pm_asker asked;              // by the coordinator, for reports
+    bool started;    // the round
+    bool progressed; // since the last poll; a new wait begins
+    pm_asker asked;  // by the coordinator, for reports
 
     pm_history history;
     pm_reporter reporter;
+    bool fluxes_tell; // of its steps, so that reports need not
+    double report_at; // s, when to report what is gathered, full or not
 };
 
 // The phase's clock starts at the next poll, as handlers do not know the time.

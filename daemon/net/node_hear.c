@@ -134,6 +134,7 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
         }
         node->party.session = command->session;
         pm_node_enter(node, PM_NODE_LEAVING);
+        pm_node_check(node, pm_reporter_flush(&node->reporter));
     }
     // Repeated commands too: the coordinator repeats them until it has heard everybody's BYE.
     pm_node_check(node, pm_reporter_say(&node->reporter, node->party.session, PORTMET_REPORT_T_BYE,

@@ -4,6 +4,8 @@
 // Steps of one poll at most: then messages and the stop flag are looked at.
 #define STEPS_AT_ONCE 16
 
+#define REPORT_INTERVAL 0.02 // s between two reports at most, while steps are made
+
 static double time_of(const pm_lockstep_node *node, int64_t step) {
     return node->t0 + (double)step * node->party.system->scene->dt;
 }
@@ -12,12 +14,33 @@ int64_t pm_node_key(const pm_lockstep_node *node) {
     return node->step * node->rounds + node->round;
 }
 
-// The books of the step just completed; published when no more steps are granted, or enough of them
-// are gathered.
+bool pm_node_is_granted(const pm_lockstep_node *node) {
+    return node->step < node->granted;
+}
+
+// What a state shows does not depend on the grant, unless that chooses the substeps: it is sent
+// ahead, so that the neighbours have it when they are granted the step; the first one when all are
+// there to hear it.
+static bool may_show_ahead(const pm_lockstep_node *node) {
+    return node->party.system->scene->tolerance == 0 && node->granted > 0 &&
+           node->step == node->granted && node->step < node->party.steps;
+}
+
+bool pm_node_may_start(const pm_lockstep_node *node) {
+    return !node->started && (pm_node_is_granted(node) || may_show_ahead(node));
+}
+
+// The books of the step just completed; published when enough of them are gathered, or for long
+// enough, or the next grant waits for them.
 static pm_status report(pm_lockstep_node *node) {
     PM_TRY(pm_reporter_done(&node->reporter, node->party.session, node->step,
                             time_of(node, node->step), &node->crew, node->want_state));
-    return node->step < node->granted ? PM_OK : pm_reporter_flush(&node->reporter);
+    const bool awaited = !pm_node_is_granted(node) && !(node->fluxes_tell && may_show_ahead(node));
+    if (!awaited && node->party.now < node->report_at) {
+        return PM_OK;
+    }
+    node->report_at = node->party.now + REPORT_INTERVAL;
+    return pm_reporter_flush(&node->reporter);
 }
 
 pm_status pm_node_go_back(pm_lockstep_node *node, int64_t step) {
@@ -73,22 +96,6 @@ static pm_status finish_round(pm_lockstep_node *node) {
     return report(node);
 }
 
-bool pm_node_is_granted(const pm_lockstep_node *node) {
-    return node->step < node->granted;
-}
-
-// What a state shows does not depend on the grant, unless that chooses the substeps: it is sent
-// ahead, so that the neighbours have it when they are granted the step; the first one when all are
-// there to hear it.
-static bool may_show_ahead(const pm_lockstep_node *node) {
-    return node->party.system->scene->tolerance == 0 && node->granted > 0 &&
-           node->step == node->granted && node->step < node->party.steps;
-}
-
-bool pm_node_may_start(const pm_lockstep_node *node) {
-    return !node->started && (pm_node_is_granted(node) || may_show_ahead(node));
-}
-
 pm_status pm_node_compute(pm_lockstep_node *node) {
     const int64_t end = node->step + STEPS_AT_ONCE;
     while (node->step < end && (node->started || pm_node_may_start(node))) {
@@ -99,9 +106,9 @@ pm_status pm_node_compute(pm_lockstep_node *node) {
             return PM_OK;
         }
         bool used;
-        node->missing = pm_crew_couple(&node->crew, pm_node_key(node), &used);
+        const bool coupled = pm_crew_couple(&node->crew, pm_node_key(node), &used);
         node->progressed = node->progressed || used;
-        if (node->missing != NULL) {
+        if (!coupled) {
             return PM_OK;
         }
         PM_TRY(finish_round(node));

@@ -42,6 +42,7 @@ pm_status pm_party_open(pm_party *party, const pm_party_ears *ears, void *contex
     char own_address[PM_CHANNEL_SIZE];
     party->ears = ears;
     party->context = context;
+    pm_waiting_init(&party->waiting, scene->nprocess);
     PM_TRY(pm_identity_init(&party->identity, party->system, name, asked, keeps_checkpoints,
                             transport));
     PM_TRY(pm_channel_scene(party->tick_channel, scene, "TICK"));

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "net/lead.h"
 #include "store/channel.h"
 
 #define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps: no fragments
@@ -30,7 +31,7 @@ int pm_report_rows(const pm_scene *scene, int process_id) {
     count_numbers(scene, process_id, &npart, &nend, &nz);
     const size_t size = sizeof(double) * (10 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
     const int most = size < LARGEST_REPORT ? (int)(LARGEST_REPORT / size) : 1;
-    const int half = scene->window > 1 ? scene->window / 2 : 1;
+    const int lead = pm_lead(scene), half = lead > 1 ? lead / 2 : 1;
     return half < most ? half : most;
 }
 
@@ -79,7 +80,7 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
     PM_TRY(pm_channel_process(r->sent.channel, scene, "REPORT", process_id));
     PM_TRY(pm_report_make(&r->done, arena, scene, process_id));
     // The coordinator may miss the report of any granted step, and a report may hold only one.
-    const int depth = scene->window + 1 + more;
+    const int depth = pm_lead(scene) + 1 + more;
     PM_TRY(pm_outbox_init(&r->sent, arena, depth, pm_report_size(&r->done)));
     r->word = (portmet_report_t){.instance = instance, .digest = (int64_t)system->digest};
     r->word_capacity = pm_report_size(&(portmet_report_t){.message = ""}) + PM_TEXT_MAX;

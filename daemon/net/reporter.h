@@ -1,6 +1,6 @@
 // A process's word to the coordinator. Steps are gathered into reports of as many steps as half the
-// window, so that the next grant comes before the last is used up; the last reports are kept for
-// requests.
+// lead (lead.h), so that the next grant comes before the last is used up; the last reports are kept
+// for requests.
 #ifndef PM_NET_REPORTER_H
 #define PM_NET_REPORTER_H
 

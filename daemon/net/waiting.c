@@ -9,19 +9,23 @@ static double clamp(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
 }
 
-static double follow(double usual, double taken) {
+void pm_waiting_init(pm_waiting *waiting, int processes) {
+    const double first = PM_WAITING_EACH * processes;
+    *waiting = (pm_waiting){.first = first > PM_WAITING_FIRST ? first : PM_WAITING_FIRST};
+}
+
+static double follow(double usual, double taken, double first) {
     if (usual == 0) {
-        return PM_WAITING_FIRST / PM_WAITING_FACTOR;
+        return first / PM_WAITING_FACTOR;
     }
     const double moved = usual * (taken > usual ? 1 + RATE : 1 - RATE);
-    return clamp(moved, PM_WAITING_SOONEST / PM_WAITING_FACTOR,
-                 PM_WAITING_FIRST / PM_WAITING_FACTOR);
+    return clamp(moved, PM_WAITING_SOONEST / PM_WAITING_FACTOR, first / PM_WAITING_FACTOR);
 }
 
 void pm_waiting_start(pm_waiting *waiting, double now) {
-    waiting->usual = follow(waiting->usual, now - waiting->since);
+    waiting->usual = follow(waiting->usual, now - waiting->since, waiting->first);
     waiting->since = now;
-    waiting->interval = waiting->wary > 0 ? PM_WAITING_FACTOR * waiting->usual : PM_WAITING_FIRST;
+    waiting->interval = waiting->wary > 0 ? PM_WAITING_FACTOR * waiting->usual : waiting->first;
     waiting->wary -= waiting->wary > 0;
     waiting->next = now + waiting->interval;
 }

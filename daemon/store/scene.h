@@ -79,7 +79,7 @@ typedef struct pm_scene {
     const char *integrator, *integrator_at; // looked up later, by the layer that has the table
     int substeps;                           // per step; with a tolerance, the fewest
     double tolerance; // of a substep's error, relative; 0: substeps stay as they are
-    int window;       // steps granted at once
+    int window;       // steps that a process may be ahead of another
     double patience;  // s to wait for a silent peer before giving up
     int checkpoint;   // steps between two snapshots of a process
     const char *reference, *reference_at; // dataset to compare with, or NULL

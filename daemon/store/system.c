@@ -162,6 +162,7 @@ static uint64_t digest_system(const pm_system *system) {
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
     digest = pm_digest_doubles(digest, &scene->dt, 1);
     digest = pm_digest_integer(digest, scene->window);
+    digest = pm_digest_integer(digest, scene->checkpoint);
     digest = pm_digest_doubles(digest, &scene->largest_departure, 1); // which ends a node's run
     digest = pm_digest_text(digest, scene->integrator);
     digest = pm_digest_integer(digest, scene->substeps);

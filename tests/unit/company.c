@@ -90,8 +90,9 @@ static void add_coordinator(company *c) {
                      PM_OK);
 }
 
-static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub, int64_t session,
-                       const char *folder) {
+// The scene.
+static void begin(company *c, int nlink, int count, int window, pm_hub *hub, int64_t session,
+                  const char *folder) {
     *c = (company){.nlink = nlink,
                    .count = count,
                    .session = session,
@@ -107,32 +108,56 @@ static void open_dealt(company *c, int nlink, int count, int window, pm_hub *hub
     c->f.scene->window = window;
     c->f.scene->patience = PATIENCE;
     c->f.scene->checkpoint = CHECKPOINT;
+}
+
+// Plain loop, endpoints and coordinator.
+static void open_rest(company *c) {
     assert_int_equal(pm_assembly_open(&c->assembly, c->f.system), PM_OK);
     pm_assembly_set_state(c->assembly, c->f.z);
-    for (int i = 0; i < count; ++i) {
-        assert_int_equal(pm_transport_open(&c->transport[i], "memory://", hub), PM_OK);
+    for (int i = 0; i < c->count; ++i) {
+        assert_int_equal(pm_transport_open(&c->transport[i], "memory://", c->hub), PM_OK);
     }
     add_coordinator(c);
 }
 
+static void add_nodes(company *c) {
+    for (int i = 0; i < c->count; ++i) {
+        company_add(c, i, c->f.system, c->session);
+    }
+}
+
 // Everything but the nodes.
 void company_open(company *c, int count, int window, pm_hub *hub, int64_t session) {
-    open_dealt(c, count, count, window, hub, session, NULL);
+    begin(c, count, count, window, hub, session, NULL);
+    open_rest(c);
+}
+
+void company_open_all(company *c, int count, int window, pm_hub *hub, int64_t session) {
+    company_open(c, count, window, hub, session);
+    add_nodes(c);
 }
 
 void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub) {
-    open_dealt(c, nlink, count, window, hub, 0, NULL);
-    for (int i = 0; i < count; ++i) {
-        company_add(c, i, c->f.system, 0);
-    }
+    begin(c, nlink, count, window, hub, 0, NULL);
+    open_rest(c);
+    add_nodes(c);
+}
+
+void company_open_quick(company *c, int count, int window, pm_hub *hub, int64_t session,
+                        const char *folder) {
+    begin(c, count, count, window, hub, session, folder);
+    c->f.scene->integrator = "euler";
+    c->f.scene->substeps = 1;
+    c->f.scene->checkpoint = QUICK_CHECKPOINT;
+    open_rest(c);
+    add_nodes(c);
 }
 
 void company_open_keeping(company *c, int count, int window, pm_hub *hub, int64_t session,
                           const char *folder) {
-    open_dealt(c, count, count, window, hub, session, folder);
-    for (int i = 0; i < count; ++i) {
-        company_add(c, i, c->f.system, session);
-    }
+    begin(c, count, count, window, hub, session, folder);
+    open_rest(c);
+    add_nodes(c);
 }
 
 void company_kill(company *c, int i) {
@@ -167,13 +192,6 @@ void company_add(company *c, int i, const pm_system *system, int64_t session) {
         .z = c->f.z, .session = session, .checkpoint = checkpoint_of(c, i)};
     assert_int_equal(pm_lockstep_node_open(&c->node[i], system, i, c->transport[i], &options),
                      PM_OK);
-}
-
-void company_open_all(company *c, int count, int window, pm_hub *hub, int64_t session) {
-    company_open(c, count, window, hub, session);
-    for (int i = 0; i < count; ++i) {
-        company_add(c, i, c->f.system, session);
-    }
 }
 
 void company_close(company *c) {

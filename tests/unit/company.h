@@ -10,6 +10,7 @@
 #define MAX_NODES 5
 #define STEPS 20
 #define CHECKPOINT 7 // steps between two checkpoints
+#define QUICK_CHECKPOINT 12
 #define PATIENCE 2.0 // s, virtual
 #define TICK 0.001   // s by which time moves when nobody has a message
 
@@ -40,7 +41,11 @@ typedef struct company {
 pm_hub *company_hub(const pm_hub_faults *faults);
 void company_open(company *c, int count, int window, pm_hub *hub, int64_t session);
 void company_open_dealt(company *c, int nlink, int count, int window, pm_hub *hub);
-// As the former, but all keep checkpoints in `folder`.
+// A chain of `count` whose steps have one round each, so that fluxes tell of them and reports wait;
+// unless `folder` is NULL all keep checkpoints there.
+void company_open_quick(company *c, int count, int window, pm_hub *hub, int64_t session,
+                        const char *folder);
+// As company_open_all, but all keep checkpoints in `folder`.
 void company_open_keeping(company *c, int count, int window, pm_hub *hub, int64_t session,
                           const char *folder);
 // Node i of the company, whose scene and weights are `system`.

@@ -113,7 +113,7 @@ typedef struct forger {
     int64_t n[1], first; // instance of the first node
 } forger;
 
-// Encodes a forged message and asserts why the node link1 or the coordinator drops it.
+// Encodes a forged message and asserts why the node link2 or the coordinator drops it.
 #define DROPS(listener, type, channel, reason, ...)                              \
     do {                                                                         \
         const portmet_##type##_t message_ = {__VA_ARGS__};                       \
@@ -121,14 +121,14 @@ typedef struct forger {
         const size_t size_ = pm_##type##_encode(&message_, data_, sizeof data_); \
         const bool node_ = strcmp(#listener, "node") == 0;                       \
         assert_dropped(f->stranger, channel, data_, size_,                       \
-                       node_ ? f->c.transport[0] : f->c.coordinator_transport,   \
-                       node_ ? pm_lockstep_node_drops(f->c.node[0])              \
+                       node_ ? f->c.transport[1] : f->c.coordinator_transport,   \
+                       node_ ? pm_lockstep_node_drops(f->c.node[1])              \
                              : pm_lockstep_coordinator_drops(f->c.coordinator),  \
                        PM_DROP_##reason, __LINE__);                              \
     } while (0)
 
 #define FLUX(reason, session_, step_, round_)                                             \
-    DROPS(node, flux, "chain_FLUX_link2", reason, .session = session_, .step = step_,     \
+    DROPS(node, flux, "chain_FLUX_link1", reason, .session = session_, .step = step_,     \
           .round = round_, .nend = 1, .energy_flux = f->y, .entropy_flux = f->y, .ny = 3, \
           .y = f->y, .e = f->y, .eta = f->y)
 #define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                               \
@@ -218,7 +218,7 @@ static void test_forged_messages_are_dropped(void **context) {
     forger f = {.y = {1, 2, 3, 4, 5}, .n = {1}};
     pm_hub *hub = company_hub(NULL);
     assert_int_equal(pm_transport_open(&f.stranger, "memory://", hub), PM_OK);
-    company_open_all(&f.c, 2, 1, hub, OWN);
+    company_open_all(&f.c, 3, 1, hub, OWN);
     forge_beginnings(&f);
     assert_int_equal(pm_transport_subscribe(f.stranger, "chain_HELLO", note_instance, &f.first),
                      PM_OK);
@@ -292,7 +292,7 @@ static void test_requests_are_answered_once(void **context) {
     };
     pm_hub *hub = company_hub(NULL);
     company c;
-    company_open_all(&c, 2, 1, hub, 77);
+    company_open_all(&c, 3, 1, hub, 77);
     company_run_to(&c, 5);
     pm_transport *stranger;
     int count = 0;
@@ -337,11 +337,11 @@ static void note_step(void *context, const char *channel, const void *data, size
     *(int64_t *)context = flux.step;
 }
 
-// The step of the last flux of two nodes that have done all that is granted: six steps.
+// The step of the last flux of three nodes that have done all that is granted: six steps.
 static int64_t last_shown(double tolerance) {
     pm_hub *hub = company_hub(NULL);
     company c;
-    company_open_all(&c, 2, 1, hub, 77);
+    company_open_all(&c, 3, 1, hub, 77);
     c.f.scene->tolerance = tolerance;
     company_run_to(&c, 5);
     pm_transport *stranger;
@@ -350,7 +350,7 @@ static int64_t last_shown(double tolerance) {
     assert_int_equal(pm_transport_subscribe(stranger, "chain_FLUX_link1", note_step, &shown),
                      PM_OK);
     for (int turn = 0; turn < 100; ++turn) {
-        for (int k = 0; k < 2; ++k) {
+        for (int k = 0; k < 3; ++k) {
             assert_int_equal(pm_transport_wait(c.transport[k], 0, NULL), PM_OK);
             pm_lockstep_node_poll(c.node[k], c.now);
         }

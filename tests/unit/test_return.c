@@ -27,6 +27,13 @@ static void stage_open(stage *t, int count, int window, const pm_hub_faults *fau
     company_open_keeping(&t->c, count, window, t->hub, SESSION, t->s.folder);
 }
 
+// With steps of one round, whose reports wait.
+static void stage_open_quick(stage *t, int count, int window, const pm_hub_faults *faults) {
+    scratch_open(&t->s);
+    t->hub = company_hub(faults);
+    company_open_quick(&t->c, count, window, t->hub, SESSION, t->s.folder);
+}
+
 static void stage_close(stage *t) {
     company_close(&t->c);
     pm_hub_close(t->hub);
@@ -44,13 +51,20 @@ static void test_undisturbed(void **context) {
     stage_close(&t);
 }
 
+// Who dies later may find on its return that all is done.
+static long last_death(bool quick) {
+    return quick ? STEPS - QUICK_CHECKPOINT / 2 : STEPS;
+}
+
 // Each of them, after every step, for a while.
 static void test_each_at_every_step(void **context) {
     (void)context;
-    for (int who = 0; who < 4; ++who) {
+    for (int k = 0; k < 8; ++k) {
+        const int who = k / 2;
         stage t;
-        stage_open(&t, 3, 1 + who % 2, NULL);
-        for (long step = 0; step < STEPS; ++step) {
+        const bool quick = k % 2 != 0;
+        (quick ? stage_open_quick : stage_open)(&t, 3, 1 + who % 2, NULL);
+        for (long step = 0; step < last_death(quick); ++step) {
             company_run_to(&t.c, step);
             company_kill(&t.c, who);
             for (const double end = t.c.now + 0.05; t.c.now < end;) {
@@ -67,20 +81,23 @@ static void test_each_at_every_step(void **context) {
 // All of them at once: everything goes on from the files.
 static void test_all_at_once(void **context) {
     (void)context;
-    stage t;
-    stage_open(&t, 4, 2, NULL);
-    for (long step = 3; step < STEPS; step += 4) {
-        company_run_to(&t.c, step);
-        for (int i = 0; i <= t.c.count; ++i) {
-            company_kill(&t.c, i);
+    for (int k = 0; k < 2; ++k) {
+        const bool quick = k == 1;
+        stage t;
+        (quick ? stage_open_quick : stage_open)(&t, 4, 2, NULL);
+        for (long step = 3; step < last_death(quick); step += 4) {
+            company_run_to(&t.c, step);
+            for (int i = 0; i <= t.c.count; ++i) {
+                company_kill(&t.c, i);
+            }
+            for (int i = 0; i <= t.c.count; ++i) {
+                company_return(&t.c, i);
+            }
         }
-        for (int i = 0; i <= t.c.count; ++i) {
-            company_return(&t.c, i);
-        }
+        company_run(&t.c);
+        assert_all_ok(&t.c);
+        stage_close(&t);
     }
-    company_run(&t.c);
-    assert_all_ok(&t.c);
-    stage_close(&t);
 }
 
 // Kills at random, several at a time, on a network that loses, repeats and reorders.
@@ -89,7 +106,8 @@ static void play(uint64_t seed, const pm_hub_faults *faults) {
     pm_rng rng;
     pm_rng_init(&rng, seed, 1);
     stage t;
-    stage_open(&t, 2 + (int)(seed % 4), 1 + (int)(seed % 3), faults);
+    (seed % 8 < 4 ? stage_open : stage_open_quick)(&t, 2 + (int)(seed % 4), 1 + (int)(seed % 3),
+                                                   faults);
     for (int kills = 0; kills < KILLS && !company_is_over(&t.c);) {
         company_turn(&t.c);
         const int who = (int)pm_rng_below(&rng, (uint64_t)t.c.count + 1);
@@ -134,6 +152,21 @@ static void test_coordinator_at_the_end(void **context) {
         }
         company_kill(&t.c, 3);
         company_return(&t.c, 3);
+        assert_true(company_run(&t.c) < 1);
+        assert_all_ok(&t.c);
+        stage_close(&t);
+    }
+}
+
+// One that dies between two checkpoints finds reports of more steps than it has granted.
+static void test_coordinator_and_long_reports(void **context) {
+    (void)context;
+    for (int count = 2; count <= MAX_NODES; ++count) {
+        stage t;
+        stage_open_quick(&t, count, 1, NULL);
+        company_run_to(&t.c, QUICK_CHECKPOINT / 2);
+        company_kill(&t.c, count);
+        company_return(&t.c, count);
         assert_true(company_run(&t.c) < 1);
         assert_all_ok(&t.c);
         stage_close(&t);
@@ -286,6 +319,7 @@ int main(void) {
         cmocka_unit_test(test_all_at_once),
         cmocka_unit_test(test_at_random),
         cmocka_unit_test(test_coordinator_at_the_end),
+        cmocka_unit_test(test_coordinator_and_long_reports),
         cmocka_unit_test(test_node_at_the_end),
         cmocka_unit_test(test_patience_with_who_computes_again),
         cmocka_unit_test(test_old_requests_change_nothing),

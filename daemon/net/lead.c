@@ -1,0 +1,21 @@
+// From the scene: how many rounds a step has.
+#include "net/lead.h"
+
+#include "sim/integrator.h"
+
+#define LEAD 16 // steps: of them half make one report
+
+static bool has_one_round(const pm_scene *scene) {
+    const pm_integrator *integrator = pm_integrator_find(scene->integrator);
+    return integrator != NULL && integrator->nstage == 1 && scene->substeps == 1;
+}
+
+int pm_lead(const pm_scene *scene) {
+    const int half = scene->checkpoint / 2, most = half < LEAD ? half : LEAD;
+    const bool told = scene->nprocess > 1 && scene->tolerance == 0 && has_one_round(scene);
+    return told && most > scene->window ? most : scene->window;
+}
+
+bool pm_lead_is_heard(const pm_scene *scene) {
+    return pm_lead(scene) > scene->window;
+}
