@@ -15,6 +15,11 @@ sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
     -e 's/integrator: rk4, substeps: 6/integrator: rk4_balanced, substeps: 2/' \
     -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
 
+# Strict lock-step of steps of one round: fluxes grant, and reports wait (net/lead.h).
+strict=$folder/scene_strict.yaml
+sed -e '/^lockstep:/d' -e 's/^time:.*/time: {dt: 0.001, steps: 20, integrator: euler}/' \
+    -e '/^time:/i lockstep: {window: 1, checkpoint: 50}' -e 's/^scene: .*/scene: strict/' "$chain" >"$strict"
+
 # An implicit integrator, a part under a load, one at rest, and sealed messages.
 mixed=$folder/scene_mixed.yaml
 head -c 32 /dev/urandom >"$folder/mixed.key"
@@ -102,6 +107,9 @@ asked=$steps
 steps=2500
 plain "$mixed"
 killed mixed "$mixed" 3
+steps=$((40000 + 2 * asked))
+plain "$strict"
+killed strict "$strict" $((3 + kills / 5))
 steps=$asked
 
 # Undisturbed.
