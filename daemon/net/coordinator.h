@@ -32,7 +32,7 @@ struct pm_lockstep_coordinator {
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool failed;                // to book a step: no later one is booked
     bool progressed;            // since the last poll: a new wait begins
-    bool asked;                 // since then
+    bool fluxes_asked;          // in this wait: next time it is reports
     double moved;               // s, when a member was last heard to get on
     bool paused;                // and the observer was told
     bool tick_wanted;           // somebody asked for it since the last poll

@@ -178,7 +178,7 @@ static pm_drop accept_flux(pm_member *m) {
     if (flux->session != m->coordinator->party.session) {
         return PM_DROP_SESSION;
     }
-    if (flux->step < 0 || flux->step > m->coordinator->granted) {
+    if (flux->round != 0 || flux->step < 0 || flux->step > m->coordinator->granted) {
         return PM_DROP_RANGE;
     }
     m->alive = true;
@@ -223,7 +223,7 @@ pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t asked) {
     for (int i = 0; i < c->nmember; ++i) {
         pm_member *m = &c->member[i];
         PM_TRY(pm_transport_subscribe(c->party.transport, m->channel, on_report, m));
-        if (c->hears_fluxes) {
+        if (c->hears_fluxes && m->shown.nend > 0) {
             PM_TRY(pm_transport_subscribe(c->party.transport, m->flux_channel, on_flux, m));
         }
         // Who asks a neighbour is alive.

@@ -1,5 +1,5 @@
-// The steps whose reports the coordinator gathers: a window of samples, each complete when every
-// process has reported it.
+// The steps whose reports the coordinator gathers: as many samples as may be granted ahead
+// (lead.h), each complete when every process has reported it.
 #ifndef PM_NET_GATHERING_H
 #define PM_NET_GATHERING_H
 

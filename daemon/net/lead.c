@@ -12,8 +12,9 @@ static bool has_one_round(const pm_scene *scene) {
 
 int pm_lead(const pm_scene *scene) {
     const int half = scene->checkpoint / 2, most = half < LEAD ? half : LEAD;
+    const int window = scene->window, own = window > 1 ? window / 2 : 1; // steps in a report
     const bool told = scene->nprocess > 1 && scene->tolerance == 0 && has_one_round(scene);
-    return told && most > scene->window ? most : scene->window;
+    return told && most / 2 > 2 * own ? most : window;
 }
 
 bool pm_lead_is_heard(const pm_scene *scene) {

@@ -1,9 +1,9 @@
 // How far a run may be ahead of its reports. Nobody is to begin a step before all have completed
 // the one `window` before it. A report tells that a step is complete, at the price of a message
 // from every process; a flux tells it too: who shows its state at a step has completed those
-// before. Where a step has one round, the coordinator listens to fluxes, which are no more than
-// reports would be, and reports wait until there are several steps to tell of; not where these
-// choose the substeps.
+// before. Where a step has one round, the coordinator listens to fluxes, as many as reports would
+// be, and reports wait until there are several steps to tell of, if that makes them more than twice
+// as long; not where these choose the substeps.
 #ifndef PM_NET_LEAD_H
 #define PM_NET_LEAD_H
 

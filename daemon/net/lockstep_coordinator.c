@@ -193,7 +193,7 @@ static pm_status request_fluxes(const pm_lockstep_coordinator *c, bool *any) {
     const int64_t told = c->granted - c->party.system->scene->window; // by all, and more by some
     for (int i = 0; i < c->nmember; ++i) {
         const pm_member *m = &c->member[i];
-        if (m->done <= told) {
+        if (m->done <= told && m->shown.nend > 0) {
             *any = true;
             PM_TRY(pm_party_request(&c->party, m->address, m->flux_channel, told + 1, 0));
         }
@@ -215,11 +215,20 @@ static pm_status request_reports(const pm_lockstep_coordinator *c) {
 // Who still waits after a request for fluxes has reported what there is.
 static pm_status request_missing(pm_lockstep_coordinator *c) {
     bool any = false;
-    if (c->hears_fluxes && !c->asked && c->granted > 0) {
+    if (c->hears_fluxes && !c->fluxes_asked && c->granted > 0) {
         PM_TRY(request_fluxes(c, &any));
     }
-    c->asked = true;
+    c->fluxes_asked = true;
     return any ? PM_OK : request_reports(c);
+}
+
+// Steps that all have told of, by report or flux.
+static int64_t steps_told(const pm_lockstep_coordinator *c) {
+    int64_t told = INT64_MAX;
+    for (int i = 0; i < c->nmember; ++i) {
+        told = least(told, c->member[i].done);
+    }
+    return told > c->completed ? told : c->completed;
 }
 
 // Ends the run if a node stays silent for too long, or all show life but nobody gets on.
@@ -232,7 +241,7 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
         return c->completed < 0
                    ? pm_fail(PM_ETIMEOUT, "nodes missing after %.3g s: %s", waited, names)
                    : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
-                             (long long)c->completed, names);
+                             (long long)steps_told(c), names);
     }
     const double idle = now - (c->moved > since ? c->moved : since);
     if (idle > ALIVE * patience) {
@@ -241,7 +250,7 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
             PM_ETIMEOUT,
             "no node got on for %.3g s, in step %lld, though alive; its reports are missing "
             "from: %s",
-            idle, (long long)c->completed, names);
+            idle, (long long)steps_told(c), names);
     }
     return PM_OK;
 }
@@ -249,7 +258,7 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
 static pm_status await(pm_lockstep_coordinator *c) {
     if (c->progressed) {
         pm_waiting_start(&c->party.waiting, c->party.now);
-        c->progressed = c->asked = false;
+        c->progressed = c->fluxes_asked = false;
         tell_pause(c, false, "");
     }
     char silent[512];
@@ -262,7 +271,8 @@ static pm_status await(pm_lockstep_coordinator *c) {
     return pm_waiting_ask(&c->party.waiting, c->party.now) ? request_missing(c) : PM_OK;
 }
 
-// What nodes had not yet told of a run that failed is booked, too; what fails there came first.
+// What nodes had not yet told of a run that failed, or was interrupted, is booked, too; what fails
+// there came first, and is why the run ends.
 static void book_rest(pm_lockstep_coordinator *c) {
     if (c->failed || c->completed < 0) {
         return;

@@ -13,8 +13,9 @@
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the end
 
 // Rounds whose fluxes are kept: a neighbour may ask for the round it is in, which is ours or the
-// one before. Where a request for older ones makes us go back, some more, and as many more reports:
-// then one that comes late, out of order, does not.
+// one before, and the coordinator for the one it has not been shown. Where a request for older ones
+// makes us go back, some more, and as many more reports: then one that comes late, out of order,
+// does not.
 #define SENT_DEPTH 2
 #define LATE_DEPTH 32
 

@@ -132,10 +132,34 @@ static int add_books(portmet_report_t *m, int part, int end, const pm_books *boo
     return end;
 }
 
+static bool is_finite(const pm_books *books) {
+    double nothing = 0 * books->energy + 0 * books->entropy + 0 * books->error;
+    const pm_flux *flux = &books->bulk;
+    for (int i = 0; i <= books->nflux; flux = &books->flux[i++]) {
+        nothing +=
+            0 * flux->energy + 0 * flux->entropy + 0 * flux->energy_gross + 0 * flux->entropy_gross;
+    }
+    return nothing == 0;
+}
+
+// What is not finite cannot be told: what came before is, and the run ends there.
+static pm_status check_books(pm_reporter *r, int64_t step, const pm_crew *crew) {
+    for (int i = 0; i < crew->count; ++i) {
+        const pm_books books = pm_subsystem_books(crew->part[i].subsystem);
+        if (!is_finite(&books)) {
+            PM_TRY(pm_reporter_flush(r));
+            return pm_fail(PM_ENUMERIC, "subsystem %s: a flux is not finite in step %lld",
+                           r->scene->subsystem[r->process->subsystem[i]].name, (long long)step);
+        }
+    }
+    return PM_OK;
+}
+
 pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step, double time,
                            const pm_crew *crew, bool with_state) {
     pm_reporter *r = reporter;
     portmet_report_t *m = &r->done;
+    PM_TRY(check_books(r, step, crew));
     if (r->rows == 0) {
         m->session = session;
         m->step = step;

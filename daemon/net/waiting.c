@@ -11,7 +11,7 @@ static double clamp(double value, double low, double high) {
 
 void pm_waiting_init(pm_waiting *waiting, int processes) {
     const double first = PM_WAITING_EACH * processes;
-    *waiting = (pm_waiting){.first = first > PM_WAITING_FIRST ? first : PM_WAITING_FIRST};
+    *waiting = (pm_waiting){.first = clamp(first, PM_WAITING_FIRST, PM_WAITING_LAST / 2)};
 }
 
 static double follow(double usual, double taken, double first) {

@@ -24,16 +24,12 @@ static void test_which_scenes_may(void **context) {
         int lead;
         bool heard;
     } cases[] = {
-        {4, 1, 100, 1, 0, LONG_LEAD, true},
-        {4, 3, 100, 1, 0, LONG_LEAD, true},
-        {4, 1, 100, 2, 0, 1, false},
-        {4, 1, 100, 1, 1e-3, 1, false},
-        {4, 1, 7, 1, 0, 3, true},
-        {4, 1, 1, 1, 0, 1, false},
-        {4, 50, 100, 1, 0, 50, false},
-        {2, 1, 100, 1, 0, LONG_LEAD, true},
-        {2, 1, 100, 2, 0, 1, false},
-        {1, 1, 100, 1, 0, 1, false},
+        {4, 1, 100, 1, 0, LONG_LEAD, true}, {4, 7, 100, 1, 0, LONG_LEAD, true},
+        {4, 8, 100, 1, 0, 8, false},        {4, 1, 100, 2, 0, 1, false},
+        {4, 1, 100, 1, 1e-3, 1, false},     {4, 1, 12, 1, 0, 6, true},
+        {4, 1, 11, 1, 0, 1, false},         {4, 1, 1, 1, 0, 1, false},
+        {4, 50, 100, 1, 0, 50, false},      {2, 1, 100, 1, 0, LONG_LEAD, true},
+        {2, 1, 100, 2, 0, 1, false},        {1, 1, 100, 1, 0, 1, false},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         fixture f = {0};
@@ -193,10 +189,11 @@ static void test_forged_fluxes_grant_nothing(void **context) {
     (void)context;
     static const struct {
         int64_t session, step;
+        int32_t round;
         pm_drop drop;
     } cases[] = {
-        {78, 6, PM_DROP_SESSION},       {77, -1, PM_DROP_RANGE}, {77, 9, PM_DROP_RANGE},
-        {77, INT64_MAX, PM_DROP_RANGE}, {77, 1, PM_KEEP}, // late
+        {78, 6, 0, PM_DROP_SESSION},       {77, -1, 0, PM_DROP_RANGE}, {77, 9, 0, PM_DROP_RANGE},
+        {77, INT64_MAX, 0, PM_DROP_RANGE}, {77, 1, 1, PM_DROP_RANGE},  {77, 1, 0, PM_KEEP}, // late
     };
     pm_hub *hub = company_hub(NULL);
     pm_transport *stranger;
@@ -212,6 +209,7 @@ static void test_forged_fluxes_grant_nothing(void **context) {
         const long before = drops->count[cases[i].drop];
         const portmet_flux_t flux = {.session = cases[i].session,
                                      .step = cases[i].step,
+                                     .round = cases[i].round,
                                      .nend = 1,
                                      .energy_flux = y,
                                      .entropy_flux = y,
@@ -288,6 +286,21 @@ static void test_earliest_failure_counts(void **context) {
     }
 }
 
+// Also where reports of later steps are there already.
+static void test_nothing_is_booked_after_a_failure(void **context) {
+    (void)context;
+    for (long step = 3; step < 14; ++step) {
+        pm_hub *hub = company_hub(NULL);
+        company c;
+        company_open_quick(&c, 3, 1, hub, 0, NULL);
+        c.fail_at_step = step;
+        company_run(&c);
+        assert_int_equal(c.steps_seen, step + 1);
+        company_close(&c);
+        pm_hub_close(hub);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_which_scenes_may),
@@ -299,6 +312,7 @@ int main(void) {
         cmocka_unit_test(test_forged_fluxes_grant_nothing),
         cmocka_unit_test(test_failure_leaves_nothing_untold),
         cmocka_unit_test(test_earliest_failure_counts),
+        cmocka_unit_test(test_nothing_is_booked_after_a_failure),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -76,12 +76,21 @@ static void test_requests_back_off(void **context) {
     assert_asks_after(&waiting, PM_WAITING_LAST, now - 0.05 * PM_WAITING_LAST);
 }
 
+// Also among very many it is not the longest interval from the first.
+static void test_crowds(void **context) {
+    (void)context;
+    pm_waiting waiting;
+    pm_waiting_init(&waiting, 100000);
+    const double now = wait_often(&waiting, 1e-5, 100);
+    assert_false(pm_waiting_long(&waiting));
+    assert_asks_after(&waiting, PM_WAITING_LAST / 2, now);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_first_request),
-        cmocka_unit_test(test_long_waits),
-        cmocka_unit_test(test_losses_make_wary),
-        cmocka_unit_test(test_requests_back_off),
+        cmocka_unit_test(test_first_request),    cmocka_unit_test(test_long_waits),
+        cmocka_unit_test(test_losses_make_wary), cmocka_unit_test(test_requests_back_off),
+        cmocka_unit_test(test_crowds),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

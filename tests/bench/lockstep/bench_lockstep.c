@@ -1,5 +1,5 @@
 // What a coupled step costs: chains and rings of trivial subsystems in one process and in a process
-// each, received by our own socket and by liblcm, strict lock-step and 16 steps at once; beside
+// each, received by our own socket and by liblcm, strict lock-step and a window of 16; beside
 // bare rings over liblcm, over our own receiver and over futexes, measured in the same run. And
 // steps of the double pendulum. Run it in a private network (loopback.sh).
 //   run_bench_lockstep CSV CONFIGS [LARGEST]
