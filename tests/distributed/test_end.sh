@@ -33,6 +33,24 @@ kill -TERM "$(child $pid left)" || fail "no node to interrupt"
 ends run $pid 12 "left"
 no_orphans "run with an interrupted node"
 
+# A flux that is not finite: five steps are made before it, and told of.
+cat >"$folder/scene_huge.yaml" <<END
+scene: huge
+time: {dt: 1.0e-153, steps: 40, integrator: euler}
+models:
+  part: {energy: "1.0e153*(x + x^2/2)"}
+  joint: {law: bracket, reversible: {given: [[a.x, b.x, 1.0]]}}
+subsystems:
+  left: {model: part, state: {x: {unit: m, size: 1}}, initial: {x: 3.0}}
+  right: {model: part, state: {x: {unit: m, size: 1}}, initial: {x: 0.0}}
+ports:
+  joint: {law: bracket, between: [left, right], expose: {left: x, right: x}, model: joint}
+END
+start huge run "$folder/scene_huge.yaml"
+ends huge $pid 9 "a flux is not finite in step 6"
+grep -q "terms evaluated 20, skipped 10" "$folder/huge.out" || fail "huge: steps before are not told of"
+no_orphans "run with a flux that is not finite"
+
 # By hand, where nobody watches the processes: a node killed, then a coordinator killed.
 start left node "$hasty" left
 left=$pid
