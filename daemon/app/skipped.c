@@ -1,5 +1,5 @@
-// Finds operators that are absent, and operators of the hard form that act on so few components
-// that their projection (model/operator.h) leaves nothing of them.
+// Finds operators that are absent, operators of the hard form that act on so few components that
+// their projection (model/operator.h) leaves nothing of them, and parts with a bounding test.
 #include "app/skipped.h"
 
 #include <stdio.h>

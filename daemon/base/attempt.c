@@ -9,15 +9,6 @@
 
 #define LONGEST 20 // s of CPU time: then it hangs
 
-// Sanitizers reserve more addresses than there is memory.
-#if defined(__SANITIZE_ADDRESS__)
-#define LIMITS_MEMORY 0
-#elif defined(__has_feature)
-#define LIMITS_MEMORY !__has_feature(address_sanitizer)
-#else
-#define LIMITS_MEMORY 1
-#endif
-
 static void limit(int resource, rlim_t most) {
     struct rlimit now;
     if (getrlimit((__rlimit_resource_t)resource, &now) == 0 && now.rlim_cur > most) {
@@ -38,7 +29,7 @@ pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_
     if (child == 0) {
         limit(RLIMIT_CPU, LONGEST);
         limit(RLIMIT_CORE, 0);
-        if (LIMITS_MEMORY) {
+        if (PM_ATTEMPT_LIMITS_MEMORY) {
             limit(RLIMIT_AS, all_memory());
         }
         work(context);

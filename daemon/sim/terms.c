@@ -99,7 +99,6 @@ void pm_terms_close(pm_terms *t) {
 
 void pm_terms_forget(pm_terms *t) {
     t->exposure_known = t->bulk_known = false;
-    pm_bounding_forget(&t->bounding);
 }
 
 // Whether a step from `from` (NULL: none) to z is in the box.

@@ -268,6 +268,14 @@ static void rounding_is_in_the_bound(void **state) {
 
 #define STEPS 150
 
+// A step of both.
+static void step_both(const run r[2], const pm_sample **one, const pm_sample **two) {
+    require(pm_assembly_step(r[0].assembly));
+    require(pm_assembly_step(r[1].assembly));
+    *one = pm_assembly_sample(r[0].assembly);
+    *two = pm_assembly_sample(r[1].assembly);
+}
+
 static void check_same_bits(const char *const text[2], const char *integrator, uint64_t seed,
                             long *with, long *without) {
     pm_rng rng;
@@ -279,10 +287,8 @@ static void check_same_bits(const char *const text[2], const char *integrator, u
     open_run(&r[0], text[0], integrator, start);
     open_run(&r[1], text[1], integrator, start);
     for (int i = 0; i < STEPS; ++i) {
-        require(pm_assembly_step(r[0].assembly));
-        require(pm_assembly_step(r[1].assembly));
-        const pm_sample *one = pm_assembly_sample(r[0].assembly);
-        const pm_sample *two = pm_assembly_sample(r[1].assembly);
+        const pm_sample *one, *two;
+        step_both(r, &one, &two);
         for (int c = 0; c < NZ; ++c) {
             if (memcmp(&one->z[c], &two->z[c], sizeof one->z[c]) != 0) {
                 fail_msg("%s, seed %llu, step %d: z[%d] = %.17g, without boxes %.17g", integrator,
@@ -349,10 +355,8 @@ static void both_ends_of_a_step_are_in_the_box(void **state) {
         pm_assembly_set_load(r[i].assembly, &load[i]);
     }
     for (int step = 0; step < 100; ++step) {
-        const pm_sample *one = pm_assembly_sample(r[0].assembly);
-        const pm_sample *two = pm_assembly_sample(r[1].assembly);
-        require(pm_assembly_step(r[0].assembly));
-        require(pm_assembly_step(r[1].assembly));
+        const pm_sample *one, *two;
+        step_both(r, &one, &two);
         for (int port = 0; port < 3; ++port) {
             if (one->flux[port][1].energy != two->flux[port][1].energy) {
                 fail_msg("step %d, port %d: %.17g W, without boxes %.17g", step + 1, port,
@@ -379,10 +383,8 @@ static void images_are_what_they_stand_for(void **state) {
         open_run(&r[0], bounded, integrators[k], start);
         open_run(&r[1], written_out, integrators[k], start);
         for (int i = 0; i < STEPS; ++i) {
-            require(pm_assembly_step(r[0].assembly));
-            require(pm_assembly_step(r[1].assembly));
-            const pm_sample *one = pm_assembly_sample(r[0].assembly);
-            const pm_sample *two = pm_assembly_sample(r[1].assembly);
+            const pm_sample *one, *two;
+            step_both(r, &one, &two);
             for (int c = 0; c < NZ; ++c) {
                 if (!(fabs(one->z[c] - two->z[c]) <= 1e-10)) {
                     fail_msg("%s, step %d: z[%d] = %.17g, written out %.17g", integrators[k], i + 1,

@@ -223,15 +223,6 @@ static void failures_are_described(void **state) {
     assert_string_equal(pm_error(), "kind \"a  [2Jb \xc3\xa4\"");
 }
 
-// Under AddressSanitizer an attempt does not limit memory (base/attempt.c).
-#if defined(__SANITIZE_ADDRESS__)
-#define LIMITS_MEMORY 0
-#elif defined(__has_feature)
-#define LIMITS_MEMORY !__has_feature(address_sanitizer)
-#else
-#define LIMITS_MEMORY 1
-#endif
-
 static void end_by(const void *signal_number) {
     const int number = *(const int *)signal_number;
     if (number != 0) {
@@ -258,7 +249,7 @@ static void attempts_tell_how_they_ended(void **state) {
     const size_t most = (size_t)sysconf(_SC_PHYS_PAGES) * (size_t)sysconf(_SC_PAGESIZE);
     const size_t less = most / 8, more = 4 * most;
     assert_int_equal(pm_attempt(reserve, &less, PM_EFILE, "it"), PM_OK);
-#if LIMITS_MEMORY
+#if PM_ATTEMPT_LIMITS_MEMORY
     assert_int_equal(pm_attempt(reserve, &more, PM_EFILE, "it"), PM_EFILE);
 #else
     (void)more;
