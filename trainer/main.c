@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/linalg.h"
-#include "commands.h"
+#include "command/commands.h"
 
 typedef struct command {
     const char *name, *summary;

@@ -6,10 +6,10 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/skipped.h"
+#include "scene/model_reader.h"
 #include "sim/subsystem.h"
-#include "store/channel.h"
-#include "store/model_yaml.h"
 #include "store/names.h"
+#include "transport/channel.h"
 
 #define LONGEST_LINE 400 // characters of a model that are shown of one line: a matrix may be large
 
@@ -168,7 +168,8 @@ static void print_prescribed(const char *what, const pm_scene_prescribed *value,
 
 static bool is_used(const pm_scene *scene, int load_id) {
     for (int i = 0; i < scene->nport; ++i) {
-        if (scene->port[i].load[0] == load_id || scene->port[i].load[1] == load_id) {
+        if (scene->port[i].boundary_input[0] == load_id ||
+            scene->port[i].boundary_input[1] == load_id) {
             return true;
         }
     }
@@ -177,14 +178,15 @@ static bool is_used(const pm_scene *scene, int load_id) {
 
 static void print_load(const pm_scene *scene, int load_id) {
     static const char *const what[] = {"value", "dE", "dS"};
-    const pm_scene_world *load = &scene->load[load_id];
+    const pm_scene_boundary_input *boundary_input = &scene->boundary_input[load_id];
     printf("\nload %s: prescribed by the world, in numbers or columns of the reference%s\n",
-           load->name, is_used(scene, load_id) ? "" : "; no port ends at it");
-    for (int g = 0; g < load->layout.ngroup; ++g) {
-        const pm_group *group = &load->layout.group[g];
+           boundary_input->name, is_used(scene, load_id) ? "" : "; no port ends at it");
+    for (int g = 0; g < boundary_input->layout.ngroup; ++g) {
+        const pm_group *group = &boundary_input->layout.group[g];
         printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
         for (int k = 0; k < 3; ++k) {
-            print_prescribed(what[k], load->value + k * load->layout.nz + group->first,
+            print_prescribed(what[k],
+                             boundary_input->value + k * boundary_input->layout.nz + group->first,
                              group->size);
         }
         printf("\n");
@@ -264,7 +266,7 @@ static pm_status describe(const pm_setup *setup) {
     for (int i = 0; i < setup->scene->nsubsystem; ++i) {
         print_subsystem(setup, i);
     }
-    for (int i = 0; i < setup->scene->nload; ++i) {
+    for (int i = 0; i < setup->scene->nboundary_input; ++i) {
         print_load(setup->scene, i);
     }
     for (int i = 0; i < setup->scene->nport; ++i) {

@@ -6,7 +6,7 @@
 #include "app/connect.h"
 #include "app/observer.h"
 #include "app/stop.h"
-#include "net/lockstep.h"
+#include "lockstep/lockstep.h"
 
 static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     pm_transport *transport = NULL;

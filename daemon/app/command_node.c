@@ -5,7 +5,7 @@
 #include "app/connect.h"
 #include "app/setup.h"
 #include "app/stop.h"
-#include "net/lockstep.h"
+#include "lockstep/lockstep.h"
 
 static pm_status serve(pm_setup *setup, const pm_options *options, int process_id) {
     pm_transport *transport = NULL;
@@ -13,7 +13,7 @@ static pm_status serve(pm_setup *setup, const pm_options *options, int process_i
     pm_lockstep_node_options node_options = {
         .z = setup->initial,
         .session = options->session,
-        .load = &setup->load,
+        .boundary_input = &setup->boundary_input,
     };
     pm_status status;
     PM_TRY_DONE(pm_setup_checkpoint(setup, options, setup->scene->process[process_id].name,

@@ -10,7 +10,7 @@
 #include "app/observer.h"
 #include "app/stop.h"
 #include "app/supervise.h"
-#include "net/lockstep.h"
+#include "lockstep/lockstep.h"
 
 #define WATCH_INTERVAL 0.05 // s between two looks at the children
 #define END_GRACE 5.0       // s for the nodes to end by themselves after the last step
@@ -88,7 +88,8 @@ done:
 // All subsystems are one process's, which shares a hub with the coordinator.
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     const char *url = "memory://";
-    const pm_lockstep_node_options node_options = {.z = setup->initial, .load = &setup->load};
+    const pm_lockstep_node_options node_options = {.z = setup->initial,
+                                                   .boundary_input = &setup->boundary_input};
     const pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_hub *hub = NULL;
     pm_transport *transport[2] = {NULL, NULL};

@@ -3,6 +3,11 @@
 
 #include <stdio.h>
 
+#include "transport/channel.h"
+
+// LCM's own group and port, on this host alone.
+#define DEFAULT_URL "udpm://239.255.76.67:7667?ttl=0"
+
 pm_status pm_connect_key(const pm_scene *scene, pm_key *key) {
     if (scene->key_file == NULL) {
         return PM_OK;
@@ -25,6 +30,32 @@ static pm_status seal(pm_transport *transport, const pm_scene *scene) {
     const pm_status status = pm_transport_seal(transport, &key);
     pm_key_clear(&key);
     return status;
+}
+
+// A message of a process has its longest channel in its reports.
+static pm_status check_channels(const pm_scene *scene) {
+    for (int i = 0; i < scene->nprocess; ++i) {
+        char channel[PM_CHANNEL_SIZE];
+        const pm_status status = pm_channel_process(channel, scene, "REPORT", i);
+        if (status != PM_OK) {
+            const pm_scene_process *process = &scene->process[i];
+            return pm_fail(status, "%s: %s", scene->subsystem[process->subsystem[0]].at,
+                           pm_error());
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_connect_check(pm_scene *scene) {
+    if (scene->url == NULL) {
+        scene->url = DEFAULT_URL;
+    }
+    const pm_status status = pm_transport_check(scene->url);
+    if (status != PM_OK && scene->url_at != NULL) {
+        return pm_fail(status, "%s: url: %s", scene->url_at, pm_error());
+    }
+    PM_TRY(status);
+    return check_channels(scene);
 }
 
 pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene) {

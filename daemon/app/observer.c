@@ -60,8 +60,8 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
         .steps = setup->scene->steps,
         .session = observer->options->session,
         .want_state = observer->options->record != NULL || setup->reference != NULL,
-        .observer = {observer, observe, tell_pause, pm_report_memory(observer->report), save,
-                     restore},
+        .observer = {observer, observe, tell_pause, pm_report_checkpoint_size(observer->report),
+                     save, restore},
     };
 }
 

@@ -4,7 +4,7 @@
 
 #include "app/report.h"
 #include "base/progress.h"
-#include "net/lockstep_coordinator.h"
+#include "lockstep/lockstep_coordinator.h"
 
 // Storage the caller owns.
 typedef struct pm_observer {

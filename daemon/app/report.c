@@ -121,7 +121,7 @@ static size_t score_size(const pm_report *report) {
     return setup->reference == NULL ? 0 : 2 * (size_t)setup->columns.ngroup;
 }
 
-int pm_report_memory(const pm_report *report) {
+int pm_report_checkpoint_size(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
     return COUNTS + 3 * scene->nsubsystem + 4 * scene->nport + (int)score_size(report);
 }
@@ -239,7 +239,7 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     printf("\n%-18s %15s %15s %15s\n", "Both laws", "start", "end", "change");
     print_total("energy, J", ledger->first_energy, ledger->energy);
     print_total("entropy, J/K", ledger->first_entropy, ledger->entropy);
-    if (scene->nload > 0) {
+    if (scene->nboundary_input > 0) {
         printf("  of these given to the world %.6e J, %.6e J/K\n", ledger->world_energy,
                ledger->world_entropy);
     }

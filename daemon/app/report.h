@@ -3,8 +3,8 @@
 #define PM_APP_REPORT_H
 
 #include "app/setup.h"
+#include "scene/recording.h"
 #include "sim/ledger.h"
-#include "store/recording.h"
 
 typedef struct pm_report pm_report;
 
@@ -18,7 +18,7 @@ void pm_report_add(pm_report *report, const pm_sample *sample);
 long pm_report_steps(const pm_report *report); // taken in, besides the initial state
 
 // What it must remember to go on after a sample: how many numbers, and these.
-int pm_report_memory(const pm_report *report);
+int pm_report_checkpoint_size(const pm_report *report);
 void pm_report_save(const pm_report *report, double *memory);
 void pm_report_restore(pm_report *report, const double *memory);
 

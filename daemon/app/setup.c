@@ -6,8 +6,9 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "app/connect.h"
 #include "base/digest.h"
-#include "net/transport.h"
+#include "transport/transport.h"
 
 // Relative difference of two time steps that are meant to be equal: rounding of decimal fractions.
 #define TIME_TOLERANCE 1e-9
@@ -67,6 +68,7 @@ static pm_status find_initial(pm_setup *setup) {
 
 static pm_status override(pm_scene *scene, const pm_options *options) {
     if (options->url != NULL) {
+        PM_TRY(pm_transport_check(options->url));
         scene->url = options->url;
     }
     if (options->steps != 0) {
@@ -81,8 +83,8 @@ pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose p
     const pm_scene *scene = setup->scene;
     PM_TRY(pm_system_load(&setup->system, scene, options->weights));
     // After the digest is made: hosts may reach the network differently, and only one counts steps.
+    PM_TRY(pm_connect_check(setup->scene));
     PM_TRY(override(setup->scene, options));
-    PM_TRY(pm_transport_check(scene->url));
     const pm_scene_subsystem *needs = needs_reference(scene);
     if (needs != NULL && scene->reference == NULL) {
         if (purpose == PM_TO_DESCRIBE) {
@@ -93,18 +95,20 @@ pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose p
                        "subsystem, or a `reference` trajectory",
                        needs->at, needs->name);
     }
-    const bool follows = needs != NULL || scene->nload > 0;
+    const bool follows = needs != NULL || scene->nboundary_input > 0;
     if (scene->reference != NULL && (follows || purpose != PM_TO_SERVE)) {
         PM_TRY(load_reference(setup));
     }
-    PM_TRY(pm_load_bind(&setup->load, scene, setup->reference, setup->stride, &setup->arena));
+    PM_TRY(pm_boundary_input_bind(&setup->boundary_input, scene, setup->reference, setup->stride,
+                                  &setup->arena));
     if (setup->reference != NULL) {
-        pm_load_follow(&setup->load, setup->reference, scene->reference_trajectory);
+        pm_boundary_input_follow(&setup->boundary_input, setup->reference,
+                                 scene->reference_trajectory);
     }
     PM_TRY(find_initial(setup));
     setup->system->digest =
         pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->nz);
-    setup->system->digest = pm_load_digest(&setup->load, setup->system->digest);
+    setup->system->digest = pm_boundary_input_digest(&setup->boundary_input, setup->system->digest);
     return PM_OK;
 }
 

@@ -4,9 +4,9 @@
 #define PM_APP_SETUP_H
 
 #include "app/options.h"
-#include "store/columns.h"
-#include "store/load.h"
-#include "store/system.h"
+#include "scene/boundary_input.h"
+#include "scene/columns.h"
+#include "scene/system.h"
 
 // A node needs the state it starts from and its loads; whoever coordinates also compares with the
 // reference, in any case; a description does without a state to start from.
@@ -16,11 +16,11 @@ typedef struct pm_setup {
     pm_arena arena;
     pm_scene *scene; // with the options' URL, number of steps and --in-process in place
     pm_system *system;
-    pm_dataset *reference; // NULL: the scene names none, or nobody needs it
-    pm_columns columns;    // of the reference
-    int stride;            // steps between two states of the reference
-    pm_load load;          // what the world prescribes; empty without loads
-    double *initial;       // [scene->nz]; NULL: none to be found, and PM_TO_DESCRIBE
+    pm_dataset *reference;            // NULL: the scene names none, or nobody needs it
+    pm_columns columns;               // of the reference
+    int stride;                       // steps between two states of the reference
+    pm_boundary_input boundary_input; // what the world prescribes; empty without loads
+    double *initial;                  // [scene->nz]; NULL: none to be found, and PM_TO_DESCRIBE
 } pm_setup;
 
 // Loads all of it. Each subsystem starts from its `initial`, else from the reference's first state;

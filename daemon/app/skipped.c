@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "model/operator.h"
-#include "sim/bounding.h"
+#include "sim/contact_broadphase.h"
 
 // --- operators that do nothing ---
 
@@ -81,18 +81,18 @@ static void print_operator(const char *owner, const char *what, const pm_operato
 
 // --- the list ---
 
-// What a box of open states spares (sim/bounding.h).
+// What a box of open states spares (sim/contact_broadphase.h).
 static void print_clearance(const char *name, const pm_part *part) {
     pm_arena arena = {0};
-    pm_bounding bounding = {0};
-    if (pm_bounding_open(&bounding, &arena, part) != PM_OK) {
+    pm_contact_broadphase bounding = {0};
+    if (pm_contact_broadphase_open(&bounding, &arena, part) != PM_OK) {
         printf("  %s: no bounding test: %s\n", name, pm_error());
-    } else if (bounding.loose != NULL) {
+    } else if (bounding.unconstrained != NULL) {
         printf("  %s: energy and forces of its %d gaps, while a bounding test says that all are "
                "open\n",
                name, bounding.n);
     }
-    pm_bounding_close(&bounding);
+    pm_contact_broadphase_close(&bounding);
     pm_arena_free(&arena);
 }
 

@@ -13,7 +13,7 @@
 
 #include "app/launch.h"
 #include "app/stop.h"
-#include "net/lockstep_coordinator.h"
+#include "lockstep/lockstep_coordinator.h"
 #include "store/snapshot.h"
 
 #define WATCH_INTERVAL 5000000 // ns between two looks at the children

@@ -1,5 +1,5 @@
 // A formula as it was read: a list of steps, operands before what is made of them. For those who
-// make graphs of it (formula.c, clearance.c).
+// make graphs of it (formula.c, contact_bound.c).
 #ifndef PM_MODEL_FORMULA_STEPS_H
 #define PM_MODEL_FORMULA_STEPS_H
 

@@ -169,7 +169,7 @@ static pm_node build_from_rest(pm_graph *g, const pm_network_spec *spec, pm_node
 
 pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
                               const pm_params *params, const char *prefix) {
-    assert(!spec->rest || nout == 1);
-    return spec->rest ? build_from_rest(g, spec, features, params, prefix)
-                      : build_layers(g, spec, features, nout, params, prefix);
+    assert(!spec->zero_at_origin || nout == 1);
+    return spec->zero_at_origin ? build_from_rest(g, spec, features, params, prefix)
+                                : build_layers(g, spec, features, nout, params, prefix);
 }

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "model/message.h"
-#include "model/nodal.h"
+#include "model/mesh/message.h"
+#include "model/mesh/nodal.h"
 
 // Keeps the projection finite where the normal vanishes: then there is nothing to project out.
 #define SMALLEST_NORMAL 1e-300
@@ -476,10 +476,10 @@ static pm_node apply_given_irreversible(const construction *c, pm_node d, pm_nod
     for (int k = 0; k < spec->ngiven; ++k) {
         const pm_given_pair *pair = &spec->given[k];
         const int row = position(&c->support, pair->row), col = position(&c->support, pair->col);
-        const pm_node price = pm_div(g, part_of(c, normal, row), part_of(c, normal, col));
-        const pm_node drive = pm_sub(g, part_of(c, d, row), pm_mul(g, price, part_of(c, d, col)));
+        const pm_node ratio = pm_div(g, part_of(c, normal, row), part_of(c, normal, col));
+        const pm_node drive = pm_sub(g, part_of(c, d, row), pm_mul(g, ratio, part_of(c, d, col)));
         const pm_node into_row = multiply(c, pair, 1, drive);
-        const pm_node into_col = pm_scale(g, pm_dot(g, price, into_row), -1);
+        const pm_node into_col = pm_scale(g, pm_dot(g, ratio, into_row), -1);
         rate = add_pair(c, rate, row, into_row, col, into_col);
     }
     return rate;

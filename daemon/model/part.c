@@ -1,9 +1,9 @@
 // A subsystem's E, S and bulk term.
 #include "model/part.h"
 
-#include "model/flow.h"
-#include "model/image.h"
+#include "model/derived.h"
 #include "model/potential.h"
+#include "model/unstructured_rate.h"
 
 // The state's groups by name, and its co-energies "dE.<group>", "dS.<group>".
 static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS) {
@@ -18,7 +18,7 @@ static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, 
 pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z) {
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, g, &part->layout, "", z);
-    pm_images_add(part, g, &symbols);
+    pm_derived_add(part, g, &symbols);
     return symbols;
 }
 
@@ -32,7 +32,7 @@ static pm_operator irreversible(const pm_part *part) {
 }
 
 static pm_status check_free(const pm_part_spec *spec) {
-    if (spec->nimage > 0 || pm_potential_exists(&spec->energy) ||
+    if (spec->nderived > 0 || pm_potential_exists(&spec->energy) ||
         pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
         pm_operator_exists(&spec->irreversible)) {
         return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no images, energy, "
@@ -58,9 +58,9 @@ pm_status pm_part_declare(pm_part *part) {
     PM_TRY(pm_spec_locate(part->spec.at, check_spec(&part->spec)));
     const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
     if (part->spec.form == PM_FREE) {
-        return pm_flow_declare(&part->spec.rate, &site, &part->params, "rate");
+        return pm_unstructured_rate_declare(&part->spec.rate, &site, &part->params, "rate");
     }
-    PM_TRY(pm_images_declare(part));
+    PM_TRY(pm_derived_declare(part));
     const pm_symbols symbols = pm_part_symbols(part, NULL, PM_NO_NODE);
     PM_TRY(pm_potential_declare(&part->spec.energy, &symbols, &part->params, "energy"));
     PM_TRY(pm_potential_declare(&part->spec.entropy, &symbols, &part->params, "entropy"));
@@ -83,10 +83,10 @@ bool pm_part_has_entropy(const pm_part *part) {
 
 bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, const char *group) {
     bool depends = pm_potential_mentions(potential, group);
-    for (int i = 0; i < part->spec.nimage; ++i) {
-        const pm_image_spec *image = &part->spec.image[i];
-        depends = depends ||
-                  (pm_image_is_of(image, group) && pm_potential_mentions(potential, image->name));
+    for (int i = 0; i < part->spec.nderived; ++i) {
+        const pm_derived_spec *derived = &part->spec.derived[i];
+        depends = depends || (pm_derived_is_of(derived, group) &&
+                              pm_potential_mentions(potential, derived->name));
     }
     return depends;
 }
@@ -117,7 +117,7 @@ static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spe
         covector[i] = PM_NO_NODE;
     }
     pm_potential_discrete(g, spec, &from, &to, &part->params, prefix, covector);
-    pm_images_pull(part, g, covector);
+    pm_derived_pull(part, g, covector);
     pm_node sum = PM_NO_NODE;
     for (int i = 0; i < part->layout.ngroup; ++i) {
         if (covector[i] != PM_NO_NODE) {
@@ -159,7 +159,7 @@ pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm
                      pm_node *degeneracy) {
     const pm_site site = site_of(part, g, z, dE, dS);
     if (part->spec.form == PM_FREE) {
-        return pm_flow_build(g, &part->spec.rate, &site, &part->params, "rate");
+        return pm_unstructured_rate_build(g, &part->spec.rate, &site, &part->params, "rate");
     }
     const pm_operator L = reversible(part), M = irreversible(part);
     const pm_node from_energy = pm_operator_build(g, &L, &site, &part->params, dE, dS, degeneracy);
@@ -171,7 +171,7 @@ pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE,
                         pm_normaliser_visit *visit, void *context) {
     const pm_site site = site_of(part, g, z, dE, dS);
     if (part->spec.form == PM_FREE) {
-        return pm_flow_visit(&part->spec.rate, &site, "rate", visit, context);
+        return pm_unstructured_rate_visit(&part->spec.rate, &site, "rate", visit, context);
     }
     const pm_operator L = reversible(part), M = irreversible(part);
     PM_TRY(pm_potential_visit(&part->spec.energy, &site.symbols, "energy", visit, context));

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model/message.h"
+#include "model/mesh/message.h"
 
 // Square of the smallest change of normalised features that a discrete slope is corrected for.
 #define SMALLEST_CHANGE 1e-12

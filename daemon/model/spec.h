@@ -1,6 +1,6 @@
 // What a learned component is made of, as plain data: the layout of a state and the choice of
 // potentials, operators and networks. Read from the `model:` block of a training file and from a
-// weights file (store/model_yaml.h writes and reads the same text in both); turned into graphs by
+// weights file (scene/model_reader.h writes and reads the same text in both); turned into graphs by
 // part.h and port.h. Everything lives in an arena the reader of the block owns.
 #ifndef PM_MODEL_SPEC_H
 #define PM_MODEL_SPEC_H
@@ -8,13 +8,13 @@
 #include <stdbool.h>
 
 #include "base/status.h"
-#include "model/mesh.h"
+#include "model/mesh/mesh.h"
 
 // --- layout of a state ---
 
 #define PM_MAX_GROUPS 16
 #define PM_MAX_FEATURES 32
-#define PM_MAX_IMAGES 16
+#define PM_MAX_DERIVED 16
 
 // A named group of components that belong together: a vector (position, momentum) or a scalar.
 typedef struct pm_group {
@@ -73,7 +73,7 @@ typedef struct pm_matrix_spec {
 // Numbers that depend linearly on groups of a state, by name, for potentials to use as if they were
 // a group: how far two surfaces are apart, say, where the state is in modes.
 //     image = offset + matrix (the groups side by side)
-typedef struct pm_image_spec {
+typedef struct pm_derived_spec {
     const char *name;
     int size;
     int ngroup;
@@ -81,7 +81,7 @@ typedef struct pm_image_spec {
     pm_matrix_spec matrix; // [size][sizes of the groups]
     const double *offset;  // [size]; NULL: zero, or kept in a weights file with the matrix
     const char *at;
-} pm_image_spec;
+} pm_derived_spec;
 
 // --- networks ---
 
@@ -113,8 +113,9 @@ typedef struct pm_network_spec {
     const int *hidden;
     pm_activation activation;
     pm_skip skip;
-    bool rest;      // less its tangent at features of 0, where it is 0 and flat then: of energies
-    const char *at; // its features
+    bool zero_at_origin; // less its tangent at features of 0, where it is 0 and flat then: of
+                         // energies
+    const char *at;      // its features
 } pm_network_spec;
 
 // --- potentials and operators ---
@@ -178,8 +179,8 @@ typedef struct pm_part_spec {
     pm_form form;
     const pm_constants *constants; // of all its formulas; NULL: none
     const pm_mesh *mesh;           // its networks may be on; NULL: none
-    int nimage;
-    const pm_image_spec *image; // of its state, for energy and entropy
+    int nderived;
+    const pm_derived_spec *derived; // of its state, for energy and entropy
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // free only

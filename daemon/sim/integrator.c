@@ -10,7 +10,7 @@
 #define RK4                                                          \
     .nstage = 4, .order = 4, .a = {{0}, {0.5}, {0, 0.5}, {0, 0, 1}}, \
     .b = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, .embedded = 2,        \
-    .lack = {1.0 / 6, -2.0 / 3, 1.0 / 3, 1.0 / 6}
+    .error_weights = {1.0 / 6, -2.0 / 3, 1.0 / 3, 1.0 / 6}
 
 #define SQRT5 2.23606797749978969641
 
@@ -29,9 +29,9 @@
     .b = {1.0 / 12, 0, 0, 0, 5.0 / 12, 5.0 / 12, 1.0 / 12}
 
 // MRI-GARK-ERK33a (Sandu, SIAM J. Numer. Anal. 57 (2019) 2300), from Heun's third-order method.
-#define MULTIRATE3                                                                               \
-    .nstage = 3, .order = 3, .multirate = true, .width = {1.0 / 3, 1.0 / 3, 1.0 / 3},            \
-    .a = {{1.0 / 3}, {-1.0 / 3, 2.0 / 3}, {0, -2.0 / 3, 1}}, .rise = {{0}, {0}, {0.5, 0, -0.5}}, \
+#define MULTIRATE3                                                                                \
+    .nstage = 3, .order = 3, .multirate = true, .width = {1.0 / 3, 1.0 / 3, 1.0 / 3},             \
+    .a = {{1.0 / 3}, {-1.0 / 3, 2.0 / 3}, {0, -2.0 / 3, 1}}, .slope = {{0}, {0}, {0.5, 0, -0.5}}, \
     .b = {0.25, 0, 0.75}
 
 static const pm_integrator integrators[] = {
@@ -42,7 +42,7 @@ static const pm_integrator integrators[] = {
      .a = {{0}, {1}},
      .b = {0.5, 0.5},
      .embedded = 1,
-     .lack = {-0.5, 0.5}},
+     .error_weights = {-0.5, 0.5}},
     {.name = "rk4", RK4},
     {.name = "rk4_balanced", RK4, .balanced = true},
     {.name = "rk6", RK6},

@@ -14,20 +14,20 @@ typedef struct pm_integrator {
     int order; // of convergence
     double a[PM_MAX_STAGES][PM_MAX_STAGES];
     double b[PM_MAX_STAGES]; // all >= 0, so that booked entropy production keeps its sign
-    // The method of order `embedded` (0: none) with other weights, b - lack, differs by an estimate
-    // of the error (pace.h).
+    // The method of order `embedded` (0: none) with other weights, b - error_weights, differs by an
+    // estimate of the error (step_controller.h).
     int embedded;
-    double lack[PM_MAX_STAGES];
+    double error_weights[PM_MAX_STAGES];
     // Stages are iterates of the new state z': co-energies are discrete derivatives between z and
     // the iterate, operators and ports are taken at their mean.
     bool discrete;
     // Between two stages the bulk term is integrated by steps of a part's own (multirate.h). A
     // stage begins an interval of the fraction `width` of the step, over which ports give (a[i][j]
-    // + rise[i][j] x) k_j, x rising from 0 to 1; b are the weights of the sum of all.
+    // + slope[i][j] x) k_j, x rising from 0 to 1; b are the weights of the sum of all.
     bool multirate;
-    double width[PM_MAX_STAGES], rise[PM_MAX_STAGES][PM_MAX_STAGES];
+    double width[PM_MAX_STAGES], slope[PM_MAX_STAGES][PM_MAX_STAGES];
     // After each step the state is moved, by no more than the method's error, to where energy and
-    // entropy have changed by what was booked (balance.h).
+    // entropy have changed by what was booked (projection.h).
     // Training takes the method without that.
     bool balanced;
 } pm_integrator;

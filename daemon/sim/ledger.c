@@ -101,7 +101,7 @@ static void book_world(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
     for (int i = 0; i < scene->nport; ++i) {
         for (int end = 0; end < 2; ++end) {
-            if (scene->port[i].load[end] >= 0) {
+            if (scene->port[i].boundary_input[end] >= 0) {
                 ledger->world_energy += scene->dt * sample->flux[i][end].energy;
                 ledger->world_entropy += scene->dt * sample->flux[i][end].entropy;
             }

@@ -11,8 +11,8 @@
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 
-#include "store/recording.h"
-#include "store/system.h"
+#include "scene/recording.h"
+#include "scene/system.h"
 
 typedef struct pm_ledger {
     const pm_system *system;

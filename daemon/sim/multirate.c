@@ -26,33 +26,34 @@ static void set_forcing(pm_multirate *m, int interval, const double *k) {
     memset(m->forcing, 0, 2 * (size_t)m->nz * sizeof *m->forcing);
     for (int i = 0; i <= interval; ++i) {
         const double start = rk->a[interval][i] / rk->width[interval];
-        const double rise = rk->rise[interval][i] / rk->width[interval];
+        const double slope = rk->slope[interval][i] / rk->width[interval];
         for (int c = 0; c < m->nz; ++c) {
             m->forcing[c] += start * k[(ptrdiff_t)i * m->nz + c];
-            m->forcing[m->nz + c] += rise * k[(ptrdiff_t)i * m->nz + c];
+            m->forcing[m->nz + c] += slope * k[(ptrdiff_t)i * m->nz + c];
         }
     }
 }
 
 // Books the bulk term at the present exposure.
-static void book(const pm_multirate *m, const pm_terms *t, double weight, double duration,
+static void book(const pm_multirate *m, const pm_local_dynamics *t, double weight, double duration,
                  const pm_multirate_books *books) {
     pm_flux_book(books->bulk, weight, m->nz, t->dE, t->dS, t->bulk_rate);
     if (books->balance != NULL) {
-        pm_balance_book(books->balance, false, duration, m->nz, t->dE, t->dS, t->bulk_rate);
+        pm_invariant_projection_book(books->balance, false, duration, m->nz, t->dE, t->dS,
+                                     t->bulk_rate);
     }
 }
 
 // k = bulk term at m->z + what the ports give at `fraction` of the interval.
-static void evaluate(pm_multirate *m, pm_terms *t, double fraction, double weight, double duration,
-                     const pm_multirate_books *books, double *k) {
+static void evaluate(pm_multirate *m, pm_local_dynamics *t, double fraction, double weight,
+                     double duration, const pm_multirate_books *books, double *k) {
     int renewed = 0;
     for (int c = 0; c < m->nz; ++c) {
         k[c] = m->forcing[c] + fraction * m->forcing[m->nz + c];
     }
     if (t->bulk != NULL) {
-        renewed += pm_terms_expose(t, m->z, NULL, NULL) == PM_EXPOSURE_EVALUATED;
-        renewed += pm_terms_evaluate_bulk(t, m->z);
+        renewed += pm_local_dynamics_expose(t, m->z, NULL, NULL) == PM_EXPOSURE_EVALUATED;
+        renewed += pm_local_dynamics_evaluate_bulk(t, m->z);
         book(m, t, weight, duration, books);
         for (int c = 0; c < m->nz; ++c) {
             k[c] += t->bulk_rate[c];
@@ -74,8 +75,9 @@ static void combine(const pm_multirate *m, int n, double h, const double *weight
     }
 }
 
-void pm_multirate_advance(pm_multirate *m, pm_terms *terms, int interval, double h, double weight,
-                          const double *k, const pm_multirate_books *books, double *z) {
+void pm_multirate_advance(pm_multirate *m, pm_local_dynamics *terms, int interval, double h,
+                          double weight, const double *k, const pm_multirate_books *books,
+                          double *z) {
     const pm_integrator *rk = m->own;
     const double part = m->exchange->width[interval] / m->steps; // of the exchange step
     set_forcing(m, interval, k);

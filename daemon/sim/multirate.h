@@ -13,14 +13,14 @@
 #ifndef PM_SIM_MULTIRATE_H
 #define PM_SIM_MULTIRATE_H
 
-#include "sim/balance.h"
-#include "sim/joint.h"
-#include "sim/terms.h"
+#include "sim/invariant_projection.h"
+#include "sim/local_dynamics.h"
+#include "sim/port_instance.h"
 
 typedef struct pm_multirate {
     int nz, steps; // per interval
     const pm_integrator *exchange, *own;
-    double *forcing; // [2][nz] from ports: at the interval's start, and its rise over it
+    double *forcing; // [2][nz] from ports: at the interval's start, and its slope over it
     double *z, *k;   // [nz], [own->nstage][nz]
 } pm_multirate;
 
@@ -28,7 +28,7 @@ typedef struct pm_multirate {
 typedef struct pm_multirate_books {
     pm_flux *bulk;
     long *evaluated, *skipped;
-    pm_balance *balance; // NULL: the method is not balanced
+    pm_invariant_projection *balance; // NULL: the method is not balanced
 } pm_multirate_books;
 
 // Memory from the arena. PM_ENOMEM.
@@ -37,7 +37,8 @@ pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
 
 // Carries z [nz] over interval `interval` of an exchange step of h, with the ports' rates
 // k [interval + 1][nz]. `weight` is that of the exchange step in what is booked.
-void pm_multirate_advance(pm_multirate *m, pm_terms *terms, int interval, double h, double weight,
-                          const double *k, const pm_multirate_books *books, double *z);
+void pm_multirate_advance(pm_multirate *m, pm_local_dynamics *terms, int interval, double h,
+                          double weight, const double *k, const pm_multirate_books *books,
+                          double *z);
 
 #endif

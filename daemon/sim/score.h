@@ -3,7 +3,7 @@
 #ifndef PM_SIM_SCORE_H
 #define PM_SIM_SCORE_H
 
-#include "store/columns.h"
+#include "scene/columns.h"
 
 // Relative L2 error of each group over a whole trajectory, ||predicted - true|| / ||true||, and of
 // each snapshot. predicted, truth: [ntime][ncolumn]; trajectory: [ngroup]; snapshot:

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "model/region.h"
-#include "sim/balance.h"
+#include "model/training_range.h"
+#include "sim/invariant_projection.h"
+#include "sim/local_dynamics.h"
 #include "sim/multirate.h"
-#include "sim/pace.h"
-#include "sim/terms.h"
+#include "sim/step_controller.h"
 
 // Newton's steps to the booked energy and entropy. The first leaves the square of the method's
 // error.
@@ -28,21 +28,21 @@ struct pm_subsystem {
     double *z, *stage_z, *safe_z; // [nz] state, stage state, state after the last full step
     double *at_z;                 // [nz] where operators and ports are evaluated
     double *k;                    // [nstage][nz]
-    double *lack;                 // [nz] by which the embedded method differs
+    double *error_weights;        // [nz] by which the embedded method differs
     double *size;                 // [ngroup] largest length of each group so far
     int stage, substep;
     bool exposed; // dE and dS belong to stage_z
-    const pm_load *load;
+    const pm_boundary_input *boundary_input;
     double *prescribed; // [scene->nprescribed] at the stage
     long step;
-    pm_balance balance, safe_balance; // now and after the last full step
+    pm_invariant_projection balance, safe_balance; // now and after the last full step
 
-    pm_terms terms;
-    pm_region region;
+    pm_local_dynamics terms;
+    pm_training_range region;
     pm_multirate multirate; // of a multirate integrator
 
     int njoint;
-    pm_joint *joint;
+    pm_port_instance *joint;
     pm_books books, booking;
     pm_flux *flux; // for books
 };
@@ -60,8 +60,8 @@ static pm_status open_joints(pm_subsystem *s) {
     for (int i = 0; i < scene->nport; ++i) {
         for (int end = 0; end < 2; ++end) {
             if (scene->port[i].subsystem[end] == s->id) {
-                PM_TRY(pm_joint_open(&s->joint[s->njoint++], &s->arena, s->system, s->integrator, i,
-                                     (pm_end)end));
+                PM_TRY(pm_port_instance_open(&s->joint[s->njoint++], &s->arena, s->system,
+                                             s->integrator, i, (pm_end)end));
             }
         }
     }
@@ -80,7 +80,7 @@ static pm_status open_state(pm_subsystem *s) {
     s->stage_z = memory + nz;
     s->safe_z = memory + 2 * nz;
     s->at_z = memory + 3 * nz;
-    s->lack = memory + 4 * nz;
+    s->error_weights = memory + 4 * nz;
     s->k = memory + 5 * nz;
     return PM_OK;
 }
@@ -101,7 +101,7 @@ static pm_status open_all(pm_subsystem *s) {
                        "ln|x|, |x|^2, <x,y> and |min(x,0)| alone; subsystem %s has others",
                        scene->integrator_at, s->integrator->name, s->scene->name);
     }
-    s->region = pm_region_of(part);
+    s->region = pm_training_range_of(part);
     if (s->integrator->multirate) {
         PM_TRY(
             pm_multirate_open(&s->multirate, &s->arena, s->nz, s->scene->substeps, s->integrator));
@@ -112,7 +112,7 @@ static pm_status open_all(pm_subsystem *s) {
                        s->scene->substeps_at, s->scene->name, s->integrator->name);
     }
     PM_TRY(open_state(s));
-    PM_TRY(pm_terms_open(&s->terms, &s->arena, s->system, s->id, s->integrator, s->h));
+    PM_TRY(pm_local_dynamics_open(&s->terms, &s->arena, s->system, s->id, s->integrator, s->h));
     PM_TRY(open_joints(s));
     pm_subsystem_set_state(s, s->scene->initial != NULL ? s->scene->initial : s->z);
     return PM_OK;
@@ -139,9 +139,9 @@ pm_status pm_subsystem_open(pm_subsystem **subsystem, const pm_system *system, i
 void pm_subsystem_close(pm_subsystem *subsystem) {
     if (subsystem != NULL) {
         for (int i = 0; i < subsystem->njoint; ++i) {
-            pm_joint_close(&subsystem->joint[i]);
+            pm_port_instance_close(&subsystem->joint[i]);
         }
-        pm_terms_close(&subsystem->terms);
+        pm_local_dynamics_close(&subsystem->terms);
         pm_arena_free(&subsystem->arena);
         free(subsystem);
     }
@@ -162,15 +162,16 @@ pm_end pm_subsystem_end(const pm_subsystem *s, int port) {
 }
 
 bool pm_subsystem_is_load(const pm_subsystem *s, int port) {
-    return s->joint[port].load != NULL;
+    return s->joint[port].boundary_input != NULL;
 }
 
 pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port) {
-    return pm_joint_share(&s->joint[port], &peer->joint[peer_port], s->system, s->integrator);
+    return pm_port_instance_share(&s->joint[port], &peer->joint[peer_port], s->system,
+                                  s->integrator);
 }
 
-void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load) {
-    s->load = load;
+void pm_subsystem_set_boundary_input(pm_subsystem *s, const pm_boundary_input *boundary_input) {
+    s->boundary_input = boundary_input;
 }
 
 int pm_subsystem_rounds(const pm_subsystem *s) {
@@ -221,7 +222,7 @@ static void show(pm_subsystem *s, pm_exposure exposure) {
         s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
     }
     for (int i = 0; i < s->njoint; ++i) {
-        pm_joint_expose(&s->joint[i], s->at_z, s->terms.dE, s->terms.dS, s->terms.response);
+        pm_port_instance_expose(&s->joint[i], s->at_z, s->terms.dE, s->terms.dS, s->terms.response);
     }
 }
 
@@ -231,7 +232,7 @@ void pm_subsystem_expose(pm_subsystem *s) {
         // before it ended.)
         const int before = (s->stage == 0 ? s->integrator->nstage : s->stage) - 1;
         const double *rate = s->k + (ptrdiff_t)before * s->nz;
-        show(s, pm_terms_expose(&s->terms, s->stage_z, s->z, rate));
+        show(s, pm_local_dynamics_expose(&s->terms, s->stage_z, s->z, rate));
     }
 }
 
@@ -247,7 +248,7 @@ void pm_subsystem_bulk(pm_subsystem *s) {
         s->booking.skipped += !s->integrator->multirate;
         return;
     }
-    const bool renewed = pm_terms_evaluate_bulk(&s->terms, s->at_z);
+    const bool renewed = pm_local_dynamics_evaluate_bulk(&s->terms, s->at_z);
     memcpy(k, s->terms.bulk_rate, (size_t)s->nz * sizeof *k);
     pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->terms.dE, s->terms.dS, k);
     s->booking.evaluated += renewed;
@@ -255,19 +256,19 @@ void pm_subsystem_bulk(pm_subsystem *s) {
 }
 
 // What the world shows at its end of a port, at the time of the stage.
-static const pm_port_values *prescribe(pm_subsystem *s, pm_joint *j) {
-    assert(s->load != NULL);
+static const pm_port_values *prescribe(pm_subsystem *s, pm_port_instance *j) {
+    assert(s->boundary_input != NULL);
     const double fraction =
         (s->substep + pm_integrator_time(s->integrator, s->stage)) / s->substeps;
-    pm_load_at(s->load, s->step, fraction, s->prescribed);
-    return pm_joint_prescribe(j, s->prescribed);
+    pm_boundary_input_at(s->boundary_input, s->step, fraction, s->prescribed);
+    return pm_port_instance_prescribe(j, s->prescribed);
 }
 
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour) {
-    pm_joint *j = &s->joint[port];
-    const pm_port_values *other = j->load != NULL ? prescribe(s, j) : neighbour;
-    const bool done = pm_joint_couple(j, other, s->stage == 0, stage_weight(s),
-                                      s->k + (ptrdiff_t)s->stage * s->nz);
+    pm_port_instance *j = &s->joint[port];
+    const pm_port_values *other = j->boundary_input != NULL ? prescribe(s, j) : neighbour;
+    const bool done = pm_port_instance_couple(j, other, s->stage == 0, stage_weight(s),
+                                              s->k + (ptrdiff_t)s->stage * s->nz);
     s->booking.evaluated += done;
     s->booking.skipped += !done;
 }
@@ -295,31 +296,34 @@ static double length_of(const pm_group *group, const double *z) {
 static void estimate_error(pm_subsystem *s) {
     const pm_layout *layout = &s->scene->layout;
     for (int c = 0; c < s->nz; ++c) {
-        s->lack[c] = 0;
+        s->error_weights[c] = 0;
         for (int i = 0; i < s->integrator->nstage; ++i) {
-            s->lack[c] += s->h * s->integrator->lack[i] * s->k[(ptrdiff_t)i * s->nz + c];
+            s->error_weights[c] +=
+                s->h * s->integrator->error_weights[i] * s->k[(ptrdiff_t)i * s->nz + c];
         }
     }
     for (int i = 0; i < layout->ngroup; ++i) {
         const pm_group *group = &layout->group[i];
         s->size[i] = fmax(s->size[i], length_of(group, s->z));
-        const double error = length_of(group, s->lack);
+        const double error = length_of(group, s->error_weights);
         s->booking.error = fmax(s->booking.error, s->size[i] > 0 ? error / s->size[i] : 0);
     }
 }
 
 // Energy and entropy that the stage's rate moves.
 static void book_balance(pm_subsystem *s) {
-    pm_balance_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage], s->nz,
-                    s->terms.dE, s->terms.dS, s->k + (ptrdiff_t)s->stage * s->nz);
+    pm_invariant_projection_book(&s->balance, s->stage == 0, s->h * s->integrator->b[s->stage],
+                                 s->nz, s->terms.dE, s->terms.dS,
+                                 s->k + (ptrdiff_t)s->stage * s->nz);
 }
 
 // Moves the new state to where it has what was booked. Its last exposure is that of the next stage.
 static void balance(pm_subsystem *s) {
     for (int i = 0; i < MOST_MOVES; ++i) {
         pm_subsystem_expose(s);
-        if (!pm_balance_move(&s->balance, &s->scene->layout, s->z, s->terms.E[0],
-                             value_at(s->terms.S, 0), s->terms.dE, s->terms.dS, s->stage_z)) {
+        if (!pm_invariant_projection_move(&s->balance, &s->scene->layout, s->z, s->terms.E[0],
+                                          value_at(s->terms.S, 0), s->terms.dE, s->terms.dS,
+                                          s->stage_z)) {
             return;
         }
         s->exposed = false;
@@ -381,7 +385,7 @@ static void close_books(pm_subsystem *s) {
     s->books.nflux = s->njoint;
     for (int i = 0; i < s->njoint; ++i) {
         s->flux[i] = s->joint[i].booking;
-        if (s->joint[i].load != NULL) {
+        if (s->joint[i].boundary_input != NULL) {
             s->flux[s->books.nflux++] = s->joint[i].world_booking;
         }
     }
@@ -395,14 +399,14 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     s->stage = s->substep = 0;
     s->step = 0;
     memset(s->size, 0, PM_MAX_GROUPS * sizeof *s->size);
-    pm_terms_forget(&s->terms);
+    pm_local_dynamics_forget(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
         s->joint[i].known = false;
     }
-    show(s, pm_terms_expose_end(&s->terms, s->stage_z, s->z));
+    show(s, pm_local_dynamics_expose_end(&s->terms, s->stage_z, s->z));
     s->booking = (pm_books){0};
     clear_booking(s);
-    pm_balance_start(&s->balance, s->terms.E[0], value_at(s->terms.S, 0));
+    pm_invariant_projection_start(&s->balance, s->terms.E[0], value_at(s->terms.S, 0));
     s->safe_balance = s->balance;
     close_books(s);
 }
@@ -416,10 +420,11 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 #define FLUX 4
 #define BALANCE 4
 
-int pm_subsystem_memory(const pm_subsystem *s) {
-    int count = COUNTS + FLUX * (1 + s->books.nflux) + BALANCE + pm_terms_memory(&s->terms) + s->nz;
+int pm_subsystem_checkpoint_size(const pm_subsystem *s) {
+    int count = COUNTS + FLUX * (1 + s->books.nflux) + BALANCE +
+                pm_local_dynamics_checkpoint_size(&s->terms) + s->nz;
     for (int i = 0; i < s->njoint; ++i) {
-        count += pm_joint_memory(&s->joint[i]);
+        count += pm_port_instance_checkpoint_size(&s->joint[i]);
     }
     return count;
 }
@@ -449,18 +454,18 @@ void pm_subsystem_save(const pm_subsystem *s, double *memory) {
     *memory++ = s->balance.energy_gross;
     *memory++ = s->balance.entropy;
     *memory++ = s->balance.entropy_gross;
-    pm_terms_save(&s->terms, memory);
-    memory += pm_terms_memory(&s->terms);
+    pm_local_dynamics_save(&s->terms, memory);
+    memory += pm_local_dynamics_checkpoint_size(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
-        pm_joint_save(&s->joint[i], memory);
-        memory += pm_joint_memory(&s->joint[i]);
+        pm_port_instance_save(&s->joint[i], memory);
+        memory += pm_port_instance_checkpoint_size(&s->joint[i]);
     }
     copy(memory, s->z, s->nz);
 }
 
 void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
     const double *count = memory;
-    pm_subsystem_set_state(s, memory + pm_subsystem_memory(s) - s->nz);
+    pm_subsystem_set_state(s, memory + pm_subsystem_checkpoint_size(s) - s->nz);
     s->step = (long)count[0];
     s->booking.evaluated = s->books.evaluated = (long)count[1];
     s->booking.skipped = s->books.skipped = (long)count[2];
@@ -469,13 +474,14 @@ void pm_subsystem_restore(pm_subsystem *s, const double *memory) {
     for (int i = 0; i < s->books.nflux; ++i) {
         memory = get_flux(&s->flux[i], memory);
     }
-    s->balance = s->safe_balance = (pm_balance){memory[0], memory[1], memory[2], memory[3]};
+    s->balance = s->safe_balance =
+        (pm_invariant_projection){memory[0], memory[1], memory[2], memory[3]};
     memory += BALANCE;
-    pm_terms_restore(&s->terms, memory);
-    memory += pm_terms_memory(&s->terms);
+    pm_local_dynamics_restore(&s->terms, memory);
+    memory += pm_local_dynamics_checkpoint_size(&s->terms);
     for (int i = 0; i < s->njoint; ++i) {
-        pm_joint_restore(&s->joint[i], memory);
-        memory += pm_joint_memory(&s->joint[i]);
+        pm_port_instance_restore(&s->joint[i], memory);
+        memory += pm_port_instance_checkpoint_size(&s->joint[i]);
     }
 }
 
@@ -509,8 +515,8 @@ static pm_status check_potentials(const pm_subsystem *s) {
 }
 
 // Counts states outside the region the weights were trained on, as far as the scene's guard allows.
-static pm_status check_region(pm_subsystem *s) {
-    const pm_departure d = pm_region_departure(s->region, s->z);
+static pm_status check_training_range(pm_subsystem *s) {
+    const pm_departure d = pm_training_range_departure(s->region, s->z);
     s->booking.outside += d.group != NULL;
     if (!(d.widths > s->system->scene->largest_departure)) {
         return PM_OK;
@@ -523,13 +529,13 @@ static pm_status check_region(pm_subsystem *s) {
 }
 
 static pm_status check_load(const pm_subsystem *s) {
-    if (s->load == NULL || s->step < s->load->end) {
+    if (s->boundary_input == NULL || s->step < s->boundary_input->end) {
         return PM_OK;
     }
     return pm_fail(PM_EDATA,
                    "subsystem %s: what its load follows ends after %ld steps: take fewer steps, or "
                    "a longer trajectory",
-                   s->scene->name, s->load->end);
+                   s->scene->name, s->boundary_input->end);
 }
 
 pm_status pm_subsystem_end_step(pm_subsystem *s) {
@@ -537,14 +543,14 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
     s->substep = 0;
     pm_status status = check_finite(s);
     if (status == PM_OK) {
-        show(s, pm_terms_expose_end(&s->terms, s->stage_z, s->z));
+        show(s, pm_local_dynamics_expose_end(&s->terms, s->stage_z, s->z));
         status = check_potentials(s);
     }
     if (status == PM_OK) {
         status = check_load(s);
     }
     if (status == PM_OK) {
-        status = check_region(s);
+        status = check_training_range(s);
     }
     if (status != PM_OK) {
         copy(s->z, s->safe_z, s->nz);
@@ -580,9 +586,9 @@ void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     sample->error[i] = books->error;
     int world = s->njoint;
     for (int k = 0; k < s->njoint; ++k) {
-        const pm_joint *j = &s->joint[k];
+        const pm_port_instance *j = &s->joint[k];
         sample->flux[j->port_id][j->end] = books->flux[k];
-        if (j->load != NULL) {
+        if (j->boundary_input != NULL) {
             sample->flux[j->port_id][1 - j->end] = books->flux[world++];
         }
     }

@@ -1,5 +1,5 @@
 // One subsystem in time: its state, the graphs of one stage, and what it books. No I/O: whoever
-// drives it (assembly.h in one process, net/lockstep in many) carries the neighbours' values.
+// drives it (body_assembly.h in one process, net/lockstep in many) carries the neighbours' values.
 //
 // A step is `substeps` x stages rounds. A round is
 //     pm_subsystem_expose   stage state -> dE, dS and the values every port shows
@@ -13,7 +13,7 @@
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 
-#include "sim/joint.h"
+#include "sim/port_instance.h"
 
 typedef struct pm_subsystem pm_subsystem;
 
@@ -36,12 +36,12 @@ pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int 
 
 int pm_subsystem_rounds(const pm_subsystem *s); // of the present step
 int pm_subsystem_most_rounds(const pm_subsystem *s);
-// Between two steps: how many substeps the next one has (pace.h).
+// Between two steps: how many substeps the next one has (step_controller.h).
 void pm_subsystem_set_substeps(pm_subsystem *s, int substeps);
 
 // What the world prescribes, in a scene with loads; it must outlive the subsystem. A run that is
 // not over when it ends fails (pm_subsystem_end_step).
-void pm_subsystem_set_load(pm_subsystem *s, const pm_load *load);
+void pm_subsystem_set_boundary_input(pm_subsystem *s, const pm_boundary_input *boundary_input);
 
 // Sets z [nz] at step 0 and zeroes what was booked.
 void pm_subsystem_set_state(pm_subsystem *s, const double *z);
@@ -66,7 +66,7 @@ typedef struct pm_books {
     pm_flux bulk;           // its own terms
     long evaluated, skipped;
     long outside; // steps that ended outside the region the weights were trained on
-    double error; // largest estimate of a substep's error (pace.h); 0: not estimated
+    double error; // largest estimate of a substep's error (step_controller.h); 0: not estimated
     int nflux;
     const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
 } pm_books;
@@ -74,7 +74,7 @@ pm_books pm_subsystem_books(const pm_subsystem *s);
 
 // What it must remember to go on from the end of a step with the same bits: how many numbers, and
 // these. Restoring is allowed at any time.
-int pm_subsystem_memory(const pm_subsystem *s);
+int pm_subsystem_checkpoint_size(const pm_subsystem *s);
 void pm_subsystem_save(const pm_subsystem *s, double *memory);
 void pm_subsystem_restore(pm_subsystem *s, const double *memory);
 

@@ -429,6 +429,35 @@ static int position_in(const char *const *names, pm_yaml value) {
     return -1;
 }
 
+// Keys that files were written with before, and the names they have now.
+static const struct {
+    const char *before, *now;
+} renamed[] = {
+    {"loads", "boundary_inputs"}, {"images", "derived"},     {"rest", "zero_at_origin"},
+    {"section", "symmetry"},      {"swing", "inertia_time"}, {"region", "training_range"},
+};
+
+static bool is_among(const char *const *keys, const char *key) {
+    for (int i = 0; keys[i] != NULL; ++i) {
+        if (strcmp(keys[i], key) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static pm_status fail_unknown(pm_yaml key, const char *const *keys) {
+    for (size_t i = 0; i < sizeof renamed / sizeof renamed[0]; ++i) {
+        if (pm_yaml_is_text(key, renamed[i].before) && is_among(keys, renamed[i].now)) {
+            return pm_yaml_fail(key, "the key \"%s\" is called \"%s\" now", renamed[i].before,
+                                renamed[i].now);
+        }
+    }
+    char list[512];
+    return pm_yaml_fail(key, "unknown key \"%.64s\"; allowed: %s", scalar_text(key),
+                        joined(keys, list, sizeof list));
+}
+
 pm_status pm_yaml_allow(pm_yaml map, const char *const *keys) {
     if (!pm_yaml_is_map(map)) {
         return fail_expected(map, "a mapping");
@@ -437,9 +466,7 @@ pm_status pm_yaml_allow(pm_yaml map, const char *const *keys) {
         pm_yaml key, value;
         pm_yaml_entry(map, i, &key, &value);
         if (position_in(keys, key) < 0) {
-            char list[512];
-            return pm_yaml_fail(key, "unknown key \"%.64s\"; allowed: %s", scalar_text(key),
-                                joined(keys, list, sizeof list));
+            return fail_unknown(key, keys);
         }
     }
     return PM_OK;

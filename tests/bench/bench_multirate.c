@@ -9,9 +9,9 @@
 
 #include "base/linalg.h"
 #include "bench.h"
-#include "sim/assembly.h"
+#include "scene/columns.h"
 #include "sim/integrator.h"
-#include "store/columns.h"
+#include "sim/monolithic.h"
 #include "store/dataset.h"
 
 #define EXACT_SUBSTEPS 2048
@@ -52,7 +52,7 @@ typedef struct setting {
 
 // Where the steps lead, how far the energy strays, and CPU time per simulated second.
 static pm_status roll_out(const bench *b, setting how, double *z, double *drift, double *seconds) {
-    pm_assembly *assembly = NULL;
+    pm_monolithic *assembly = NULL;
     pm_status status = PM_OK;
     long steps = 0;
     b->scene->integrator = how.integrator;
@@ -60,16 +60,16 @@ static pm_status roll_out(const bench *b, setting how, double *z, double *drift,
     for (int i = 0; i < 2; ++i) {
         b->scene->subsystem[i].substeps = how.own[i];
     }
-    PM_TRY(pm_assembly_open(&assembly, b->system));
-    const pm_sample *sample = pm_assembly_sample(assembly);
+    PM_TRY(pm_monolithic_open(&assembly, b->system));
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     *drift = 0;
     double elapsed = 0, first = 0;
     for (const double start = bench_clock(); steps < STEPS || elapsed < TIMING; ++steps) {
         if (steps % STEPS == 0) {
-            pm_assembly_set_state(assembly, b->start);
+            pm_monolithic_set_state(assembly, b->start);
             first = sample->energy[0] + sample->energy[1];
         }
-        PM_TRY_DONE(pm_assembly_step(assembly));
+        PM_TRY_DONE(pm_monolithic_step(assembly));
         *drift = fmax(*drift, fabs(sample->energy[0] + sample->energy[1] - first));
         if (steps == STEPS - 1) {
             memcpy(z, sample->z, (size_t)b->scene->nz * sizeof *z);
@@ -78,7 +78,7 @@ static pm_status roll_out(const bench *b, setting how, double *z, double *drift,
     }
     *seconds = elapsed / (double)steps / b->scene->dt;
 done:
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
     return status;
 }
 

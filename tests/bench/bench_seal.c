@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "bench.h"
-#include "net/transport.h"
+#include "transport/transport.h"
 
 #define LARGEST 65536
 #define SIZES 4

@@ -1,12 +1,12 @@
-// What a step of 32 pairs costs when some of them are at rest: the cost follows what moves, not
-// what the scene declares.
+// What a step of 32 pairs costs when some of them are at zero_at_origin: the cost follows what
+// moves, not what the scene declares.
 //   run_bench_skipping CSV
 #include <stdio.h>
 
 #include "base/linalg.h"
 #include "bench.h"
 #include "lockstep/lattice.h"
-#include "sim/assembly.h"
+#include "sim/monolithic.h"
 
 #define COUNT 64
 #define CASES 5
@@ -23,12 +23,12 @@ static const lattice pairs = {
             "hidden: [16]}}\n"};
 
 static void step(void *context) {
-    (void)pm_assembly_step(context);
+    (void)pm_monolithic_step(context);
 }
 
 // Terms of one step.
-static void count_terms(pm_assembly *assembly, long *evaluated, long *skipped) {
-    const pm_sample *sample = pm_assembly_sample(assembly);
+static void count_terms(pm_monolithic *assembly, long *evaluated, long *skipped) {
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     *evaluated = *skipped = 0;
     for (int i = 0; i < COUNT; ++i) {
         *evaluated -= sample->evaluated[i];
@@ -43,7 +43,7 @@ static void count_terms(pm_assembly *assembly, long *evaluated, long *skipped) {
 
 static pm_status measure(const pm_system *system, const char *csv) {
     static const int moving[CASES] = {0, 2, 8, 32, COUNT};
-    pm_assembly *assembly[CASES] = {NULL};
+    pm_monolithic *assembly[CASES] = {NULL};
     bench_work *const work[CASES] = {step, step, step, step, step};
     bench_time time[CASES];
     bench_table *table = NULL;
@@ -53,8 +53,8 @@ static pm_status measure(const pm_system *system, const char *csv) {
         for (int k = 0; k < COUNT; ++k) {
             z[k] = k < moving[i] ? 1 : 0;
         }
-        PM_TRY_DONE(pm_assembly_open(&assembly[i], system));
-        pm_assembly_set_state(assembly[i], z);
+        PM_TRY_DONE(pm_monolithic_open(&assembly[i], system));
+        pm_monolithic_set_state(assembly[i], z);
     }
     bench_measure(CASES, work, (void *const *)assembly, time);
     PM_TRY_DONE(bench_table_open(&table, csv));
@@ -69,7 +69,7 @@ static pm_status measure(const pm_system *system, const char *csv) {
 done:
     bench_table_close(table);
     for (int i = 0; i < CASES; ++i) {
-        pm_assembly_close(assembly[i]);
+        pm_monolithic_close(assembly[i]);
     }
     return status;
 }

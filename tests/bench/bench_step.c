@@ -7,7 +7,7 @@
 
 #include "base/linalg.h"
 #include "bench.h"
-#include "sim/assembly.h"
+#include "sim/monolithic.h"
 
 #define LINKS 64
 #define NZ 5 // of a link
@@ -23,7 +23,7 @@ static const double start[2 * NZ] = {4.5, 4.4, -0.5, 1.4, -0.1, -2.7, 0.1, 1.4, 
 
 static void step(void *context) {
     // The state stays finite: see DT.
-    (void)pm_assembly_step(context);
+    (void)pm_monolithic_step(context);
 }
 
 // One scene, its models and what steps it.
@@ -32,7 +32,7 @@ typedef struct subject {
     int links;
     pm_scene *scene;
     pm_system *system;
-    pm_assembly *assembly;
+    pm_monolithic *assembly;
 } subject;
 
 static void write_chain(FILE *file, int links) {
@@ -79,8 +79,8 @@ static pm_status open_subject(subject *s, const char *configs) {
         memcpy(z + i * NZ, start + (i == 0 ? 0 : NZ), NZ * sizeof *z);
         z[i * NZ] += 0.01 * i;
     }
-    PM_TRY(pm_assembly_open(&s->assembly, s->system));
-    pm_assembly_set_state(s->assembly, z);
+    PM_TRY(pm_monolithic_open(&s->assembly, s->system));
+    pm_monolithic_set_state(s->assembly, z);
     return PM_OK;
 }
 
@@ -125,7 +125,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "bench_step: %s\n", pm_error());
     }
     for (int i = 0; i < CASES; ++i) {
-        pm_assembly_close(subjects[i].assembly);
+        pm_monolithic_close(subjects[i].assembly);
         pm_system_free(subjects[i].system);
         pm_scene_free(subjects[i].scene);
     }

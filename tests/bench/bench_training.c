@@ -10,9 +10,9 @@
 #include "base/rng.h"
 #include "bench.h"
 #include "graph/program.h"
+#include "learn/objective.h"
 #include "model/network.h"
-#include "objective.h"
-#include "store/model_yaml.h"
+#include "scene/model_reader.h"
 
 #define BATCH 199
 #define WIDTH 200

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "base/rng.h"
-#include "net/transport.h"
+#include "transport/transport.h"
 
 #define URL "udpm://239.255.76.67:7667?ttl=0"
 #define LARGEST 1000000 // bytes of a message

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "../unit/allocations.h"
-#include "../unit/fixture.h"
-#include "net/lockstep.h"
+#include "lockstep/lockstep.h"
+#include "tests/support/allocations.h"
+#include "tests/support/fixture.h"
 
 #define COUNT 3
 #define STEPS 40

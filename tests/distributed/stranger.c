@@ -14,8 +14,8 @@
 
 #include "base/progress.h"
 #include "base/rng.h"
-#include "net/codec.h"
-#include "net/datagram.h"
+#include "lockstep/codec.h"
+#include "transport/datagram.h"
 
 #define LARGEST 2048
 #define KEPT 512     // datagrams, to be sent again later

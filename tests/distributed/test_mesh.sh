@@ -24,7 +24,7 @@ subsystems:
   right:
     weights: weights/right.h5
     state: {u: {unit: m, columns: "u[0:36]"}, m: {unit: m, columns: "m2_[0:36]"}, s: {unit: J/K, columns: [s]}}
-loads:
+boundary_inputs:
   hand: {f: {unit: m, dE: "f[0:36]"}}
 ports:
   joint: {law: exchange, between: [left, right], expose: {left: [u, m], right: [u]}, weights: weights/joint.h5}

@@ -15,7 +15,7 @@ sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
     -e 's/integrator: rk4, substeps: 6/integrator: rk4_balanced, substeps: 2/' \
     -e '/^time:/i lockstep: {window: 8, checkpoint: 50}' "$configs/chain_3.yaml" >"$chain"
 
-# Strict lock-step of steps of one round: fluxes grant, and reports wait (net/lead.h).
+# Strict lock-step of steps of one round: fluxes grant, and reports wait (lockstep/lookahead.h).
 strict=$folder/scene_strict.yaml
 sed -e '/^lockstep:/d' -e 's/^time:.*/time: {dt: 0.001, steps: 20, integrator: euler}/' \
     -e '/^time:/i lockstep: {window: 1, checkpoint: 50}' -e 's/^scene: .*/scene: strict/' "$chain" >"$strict"
@@ -32,7 +32,7 @@ time: {dt: 0.05, steps: 20, integrator: discrete_gradient, substeps: 1}
 lockstep: {window: 4, checkpoint: 40}
 $(sed '$d' "$folder/models")
   bead: {energy: ["|p|^2/2"], reversible: {given: [[q, p, 1.0]]}}
-loads:
+boundary_inputs:
   pivot: {p: {unit: kg m/s, dE: [0.1, 0]}, s: {unit: J/K, dE: 295, dS: 1}}
 subsystems:
   link1:

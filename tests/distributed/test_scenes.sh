@@ -69,7 +69,7 @@ keeps driven_double_pendulum 200
 
 # The same with a pivot that moves steadily beside a bath of 295 K: a part with a load and a neighbour.
 sed -e "s,weights/,$(realpath "$configs")/weights/,; s,reference/,$(realpath "$configs")/reference/," \
-    -e '/^ports:/i loads: {pivot: {p: {unit: kg m/s, dE: [0.1, 0]}, s: {unit: J/K, dE: 295, dS: 1}}}' \
+    -e '/^ports:/i boundary_inputs: {pivot: {p: {unit: kg m/s, dE: [0.1, 0]}, s: {unit: J/K, dE: 295, dS: 1}}}' \
     "$configs/driven_double_pendulum.yaml" >"$folder/pulled.yaml"
 cat >"$folder/base.yaml" <<END
   base:

@@ -4,10 +4,10 @@
 #include <stdint.h>
 
 // The way from a datagram to its handler is private to the receiver.
-#include "net/receiver.c"
+#include "transport/receiver.c"
 
-#include "net/codec.h"
-#include "net/seal.h"
+#include "lockstep/codec.h"
+#include "transport/seal.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

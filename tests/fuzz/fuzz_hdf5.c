@@ -5,10 +5,10 @@
 #include <string.h>
 
 #include "bytes_file.h"
+#include "scene/weights.h"
 #include "store/checkpoint.h"
 #include "store/dataset.h"
 #include "store/hdf5_io.h"
-#include "store/weights.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "net/codec.h"
+#include "lockstep/codec.h"
 
 #define LARGEST_COUNT 7
 #define ARRAYS 12 // of numbers, in the type that has most

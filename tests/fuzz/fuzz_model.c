@@ -7,10 +7,10 @@
 #include <string.h>
 
 #include "graph/program.h"
-#include "model/clearance.h"
+#include "model/contact_bound.h"
 #include "model/part.h"
 #include "model/port.h"
-#include "store/model_yaml.h"
+#include "scene/model_reader.h"
 
 // Models with more than this many numbers are legal, but too slow to try.
 #define LARGEST_MODEL 20000
@@ -66,8 +66,8 @@ static bool is_small_operator(const pm_operator_spec *spec) {
 
 static bool are_small_images(const pm_part_spec *spec) {
     bool small = true;
-    for (int i = 0; i < spec->nimage && small; ++i) {
-        small = spec->image[i].size < LARGEST_MODEL / 100 && spec->image[i].ngroup < 8;
+    for (int i = 0; i < spec->nderived && small; ++i) {
+        small = spec->derived[i].size < LARGEST_MODEL / 100 && spec->derived[i].ngroup < 8;
     }
     return small;
 }
@@ -132,10 +132,10 @@ static void try_part(pm_yaml root, pm_arena *arena) {
         const pm_node rate = pm_part_bulk(g, &part, z, dE, dS, &degeneracy);
         run(g, rate, degeneracy);
         const pm_node width = pm_input(g, true, 1, part.layout.nz);
-        bool loose[64];
+        bool unconstrained[64];
         pm_node value, spread;
         check(part.layout.nz <= 64);
-        if (pm_clearance_build(g, &part, z, width, loose, &value, &spread)) {
+        if (pm_contact_bound_build(g, &part, z, width, unconstrained, &value, &spread)) {
             run(g, value, spread);
         }
     }

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "bytes_file.h"
-#include "training.h"
+#include "learn/training.h"
 #include "truth/truth.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

@@ -5,8 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "lockstep/codec.h"
 #include "modal/basis.h"
-#include "net/codec.h"
 #include "store/checkpoint.h"
 #include "store/dataset.h"
 #include "store/field.h"
@@ -43,7 +43,7 @@ static pm_status make_fields(void) {
 static pm_status fill_basis(pm_basis *b) {
     static const int carries[8] = {0, 0, 0, 0, 0, 0, 0, 1};
     b->nbranch = 1;
-    b->tau[0] = b->swing = b->temperature = b->lead_scale[0] = 1;
+    b->tau[0] = b->inertia_time = b->temperature = b->lead_scale[0] = 1;
     b->stiffness[0] = b->stiffness[1] = 1;
     PM_TRY(pm_basis_add_mesh(b, 1));
     for (int i = 0; i < 8; ++i) {

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "sim/assembly.h"
+#include "sim/monolithic.h"
 #include "truth/chain.h"
 #include "truth/ode.h"
 
@@ -74,7 +74,7 @@ static void pendula_close(pendula *p) {
     pm_scene_free(p->scene);
 }
 
-// The chain's state q1 q2 p1 p2 s1 s2, absolute, as the world's.
+// The chain's state q1 q2 p1 p2 s1 s2, absolute, as the random_system's.
 static void to_world(const double *chain, double *z) {
     const double own[NZ] = {
         chain[0], chain[1], chain[4], chain[5], chain[8], chain[2] - chain[0], chain[3] - chain[1],
@@ -93,14 +93,14 @@ static void roll_out(const pendula *p, const double *start, const char *method, 
                      double z[STEPS + 1][NZ]) {
     p->scene->integrator = method;
     p->scene->substeps = substeps;
-    pm_assembly *assembly = NULL;
-    require(pm_assembly_open(&assembly, p->system));
-    pm_assembly_set_state(assembly, start);
+    pm_monolithic *assembly = NULL;
+    require(pm_monolithic_open(&assembly, p->system));
+    pm_monolithic_set_state(assembly, start);
     for (int i = 0; i <= STEPS; ++i) {
-        require(i > 0 ? pm_assembly_step(assembly) : PM_OK);
-        memcpy(z[i], pm_assembly_sample(assembly)->z, sizeof z[i]);
+        require(i > 0 ? pm_monolithic_step(assembly) : PM_OK);
+        memcpy(z[i], pm_monolithic_sample(assembly)->z, sizeof z[i]);
     }
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
 }
 
 // Relative L2 error of the positions and momenta, or of the entropies, over a whole rollout.
@@ -196,19 +196,19 @@ static void given_pairs_dissipate(void **state) {
     static const double start[] = {1, -0.5, 3, 2, 0.1, -0.2};
     pm_scene *scene = NULL;
     pm_system *system = NULL;
-    pm_assembly *assembly = NULL;
+    pm_monolithic *assembly = NULL;
     require(pm_scene_parse(&scene, text, "rubbing.yaml"));
     require(pm_system_load(&system, scene, NULL));
-    require(pm_assembly_open(&assembly, system));
-    pm_assembly_set_state(assembly, start);
+    require(pm_monolithic_open(&assembly, system));
+    pm_monolithic_set_state(assembly, start);
     const double T[] = {300 * exp(0.1 / 5), 250 * exp(-0.2 / 4)}, v2 = 13.0 / 4;
     scene->integrator = "euler";
     scene->dt = 1e-6;
-    pm_assembly *tiny = NULL;
-    require(pm_assembly_open(&tiny, system));
-    pm_assembly_set_state(tiny, start);
-    require(pm_assembly_step(tiny));
-    const pm_sample *s = pm_assembly_sample(tiny);
+    pm_monolithic *tiny = NULL;
+    require(pm_monolithic_open(&tiny, system));
+    pm_monolithic_set_state(tiny, start);
+    require(pm_monolithic_step(tiny));
+    const pm_sample *s = pm_monolithic_sample(tiny);
     const double heat = 0.7 * (T[1] - T[0]);
     const double expected[] = {
         1.5, 1, -3 - 0.4 * 1.5, 1.5 - 0.4 * 1, (0.4 * v2 + heat) / T[0], -heat / T[1]};
@@ -222,16 +222,16 @@ static void given_pairs_dissipate(void **state) {
     assert_true(fabs(s->flux[0][0].energy + s->flux[0][1].energy) < 1e-13);
     assert_true(s->flux[0][0].entropy + s->flux[0][1].entropy > 0);
     for (int i = 0; i < 200; ++i) {
-        const pm_sample before = *pm_assembly_sample(assembly);
+        const pm_sample before = *pm_monolithic_sample(assembly);
         const double E = before.energy[0] + before.energy[1];
         const double S = before.entropy[0] + before.entropy[1];
-        require(pm_assembly_step(assembly));
-        const pm_sample *after = pm_assembly_sample(assembly);
+        require(pm_monolithic_step(assembly));
+        const pm_sample *after = pm_monolithic_sample(assembly);
         assert_true(fabs(after->energy[0] + after->energy[1] - E) < 1e-9);
         assert_true(after->entropy[0] + after->entropy[1] >= S);
     }
-    pm_assembly_close(tiny);
-    pm_assembly_close(assembly);
+    pm_monolithic_close(tiny);
+    pm_monolithic_close(assembly);
     pm_system_free(system);
     pm_scene_free(scene);
 }

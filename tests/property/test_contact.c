@@ -13,8 +13,8 @@
 #include "base/rng.h"
 #include "graph/program.h"
 #include "model/port.h"
-#include "sim/assembly.h"
 #include "sim/ledger.h"
+#include "sim/monolithic.h"
 
 #define MOST 8 // components at one end
 
@@ -143,7 +143,7 @@ static const double bouncing_start[] = {0.8, 0, 0.8};
 typedef struct scene {
     pm_scene *scene;
     pm_system *system;
-    pm_assembly *assembly;
+    pm_monolithic *assembly;
     pm_ledger ledger;
 } scene;
 
@@ -154,7 +154,7 @@ static void require(pm_status status) {
 }
 
 static void book(scene *s) {
-    pm_sample sample = *pm_assembly_sample(s->assembly);
+    pm_sample sample = *pm_monolithic_sample(s->assembly);
     require(pm_ledger_book(&s->ledger, &sample));
 }
 
@@ -165,21 +165,21 @@ static void open(scene *s, const char *text, const double *start, const char *in
     s->scene->integrator = integrator;
     s->scene->substeps = substeps;
     require(pm_system_load(&s->system, s->scene, NULL));
-    require(pm_assembly_open(&s->assembly, s->system));
-    pm_assembly_set_state(s->assembly, start);
+    require(pm_monolithic_open(&s->assembly, s->system));
+    pm_monolithic_set_state(s->assembly, start);
     pm_ledger_init(&s->ledger, s->system);
     book(s);
 }
 
 static const pm_sample *step(scene *s) {
-    require(pm_assembly_step(s->assembly));
+    require(pm_monolithic_step(s->assembly));
     book(s);
-    return pm_assembly_sample(s->assembly);
+    return pm_monolithic_sample(s->assembly);
 }
 
 static void close(scene *s) {
     assert_int_equal(s->ledger.violations, 0);
-    pm_assembly_close(s->assembly);
+    pm_monolithic_close(s->assembly);
     pm_system_free(s->system);
     pm_scene_free(s->scene);
 }
@@ -248,11 +248,11 @@ static void open_gaps_are_skipped(void **state) {
         long before = 0, closed = 0;
         for (long i = 1; i <= 60; ++i) {
             double z[3];
-            memcpy(z, pm_assembly_sample(s.assembly)->z, sizeof z);
-            pm_assembly_set_state(anew.assembly, z);
-            require(pm_assembly_step(anew.assembly));
+            memcpy(z, pm_monolithic_sample(s.assembly)->z, sizeof z);
+            pm_monolithic_set_state(anew.assembly, z);
+            require(pm_monolithic_step(anew.assembly));
             const pm_sample *now = step(&s);
-            const double *expected = pm_assembly_sample(anew.assembly)->z;
+            const double *expected = pm_monolithic_sample(anew.assembly)->z;
             for (int c = 0; c < 3; ++c) {
                 check(0, "what was skipped changes a bit", now->z[c], expected[c], 0);
             }
@@ -280,7 +280,7 @@ static void loads_press_on_surfaces(void **state) {
         "scene: pushed\n"
         "time: {dt: 0.5, steps: 1, integrator: rk4}\n" MODELS "subsystems:\n"
         "  mass: {model: mass, constants: {m: 2}, state: {p: {unit: kg m/s, size: 1}}}\n"
-        "loads:\n"
+        "boundary_inputs:\n"
         "  hands: {x: {unit: m, dE: [3, 4]}}\n"
         "ports:\n"
         "  push: {law: contact, between: [mass, hands], expose: {mass: p, hands: x},\n"
@@ -288,14 +288,14 @@ static void loads_press_on_surfaces(void **state) {
     scene s;
     open(&s, text, (const double[]){1}, "rk4", 1);
     pm_arena arena = {0};
-    pm_load load;
-    require(pm_load_bind(&load, s.scene, NULL, 1, &arena));
-    pm_assembly_set_load(s.assembly, &load);
+    pm_boundary_input boundary_input;
+    require(pm_boundary_input_bind(&boundary_input, s.scene, NULL, 1, &arena));
+    pm_monolithic_set_boundary_input(s.assembly, &boundary_input);
     const pm_sample *now = step(&s);
     // -H^T e = -(0.5 3 - 4) = 2.5 N for 0.5 s; the work done is the rise of p^2/4.
     check(0, "momentum", now->z[0], 2.25, 1e-14);
     check(0, "energy", now->flux[0][0].energy * 0.5, (2.25 * 2.25 - 1) / 4, 1e-14);
-    check(0, "the world's", now->flux[0][1].energy, -now->flux[0][0].energy, 1e-14);
+    check(0, "the random_system's", now->flux[0][1].energy, -now->flux[0][0].energy, 1e-14);
     close(&s);
     pm_arena_free(&arena);
 }

@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "sim/assembly.h"
 #include "sim/ledger.h"
-#include "world.h"
+#include "sim/monolithic.h"
+#include "tests/support/random_system.h"
 
 #define WORLDS 40
 #define NZ 5
@@ -25,7 +25,7 @@ static const char every_feature[] =
     "  - {given: {s: 25.0}}\n"
     "  - \"0.3*|min(p,0)|^2 + |min(q,0)|\"\n"
     "  - {features: [\"ln|q|\", \"|p|\", s], hidden: [5, 4], skip: quadratic}\n"
-    "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear, rest: true}\n"
+    "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear, zero_at_origin: true}\n"
     "entropy: [{given: s}, {features: [\"ln|q|\", s], hidden: [3]}]\n"
     "reversible: {given: [[q, p, 1.0]]}\n"
     "irreversible: {learned: {acts_on: [s], rank: 1}}\n";
@@ -77,8 +77,8 @@ static double change(const double *slope, const double *from, const double *to) 
 static void slopes_are_exact(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_of_text(&w, seed, world_scene, every_feature, springs);
+        random_system w;
+        random_system_of_text(&w, seed, random_system_scene, every_feature, springs);
         const pm_part *part = &w.system->part[0];
         double to[NZ];
         for (int i = 0; i < NZ; ++i) {
@@ -86,24 +86,26 @@ static void slopes_are_exact(void **state) {
             to[i] = seed % 5 == 0 && i < 4 ? w.z[i] / 20 : w.z[i] + size * pm_rng_normal(&w.rng);
         }
         const values start = slopes(part, NULL, w.z), end = slopes(part, w.z, to);
-        world_check(&w, "change of E", change(end.dE, w.z, to), end.E - start.E, EXACTNESS);
-        world_check(&w, "change of S", change(end.dS, w.z, to), end.S - start.S, EXACTNESS);
-        world_close(&w);
+        random_system_check(&w, "change of E", change(end.dE, w.z, to), end.E - start.E, EXACTNESS);
+        random_system_check(&w, "change of S", change(end.dS, w.z, to), end.S - start.S, EXACTNESS);
+        random_system_close(&w);
     }
 }
 
 static void slopes_of_no_change_are_derivatives(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_of_text(&w, seed, world_scene, every_feature, springs);
+        random_system w;
+        random_system_of_text(&w, seed, random_system_scene, every_feature, springs);
         const pm_part *part = &w.system->part[0];
         const values slope = slopes(part, w.z, w.z), derivative = slopes(part, NULL, w.z);
         for (int i = 0; i < NZ; ++i) {
-            world_check(&w, "dE", slope.dE[i], derivative.dE[i], 1e-12 * (1 + fabs(slope.dE[i])));
-            world_check(&w, "dS", slope.dS[i], derivative.dS[i], 1e-12 * (1 + fabs(slope.dS[i])));
+            random_system_check(&w, "dE", slope.dE[i], derivative.dE[i],
+                                1e-12 * (1 + fabs(slope.dE[i])));
+            random_system_check(&w, "dS", slope.dS[i], derivative.dS[i],
+                                1e-12 * (1 + fabs(slope.dS[i])));
         }
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -118,28 +120,28 @@ static double total(int n, const double *x) {
 }
 
 // The largest change of the total energy over `steps` steps; checks that entropy does not fall.
-static double energy_drift(const world *w, const char *integrator, double dt, int steps) {
+static double energy_drift(const random_system *w, const char *integrator, double dt, int steps) {
     w->scene->integrator = integrator;
     w->scene->dt = dt;
-    pm_assembly *assembly = NULL;
-    assert_int_equal(pm_assembly_open(&assembly, w->system), PM_OK);
-    pm_assembly_set_state(assembly, w->z);
-    const pm_sample *sample = pm_assembly_sample(assembly);
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
+    pm_monolithic_set_state(assembly, w->z);
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     const double start = total(2, sample->energy);
     double entropy = total(2, sample->entropy), drift = 0;
     for (int i = 0; i < steps; ++i) {
-        if (pm_assembly_step(assembly) != PM_OK) {
+        if (pm_monolithic_step(assembly) != PM_OK) {
             drift = INFINITY;
             break;
         }
         const double S = total(2, sample->entropy);
         if (strcmp(integrator, "discrete_gradient") == 0) {
-            world_check(w, "fall of S", fmin(S - entropy, 0), 0, 1e-9);
+            random_system_check(w, "fall of S", fmin(S - entropy, 0), 0, 1e-9);
         }
         entropy = S;
         drift = fmax(drift, fabs(total(2, sample->energy) - start));
     }
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
     return drift;
 }
 
@@ -148,14 +150,15 @@ static void steps_keep_energy_and_entropy(void **state) {
     (void)state;
     double midpoint = 0;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_of_text(&w, seed, world_scene, every_feature, springs);
+        random_system w;
+        random_system_of_text(&w, seed, random_system_scene, every_feature, springs);
         for (int i = 0; i < 2 * NZ; ++i) {
             w.z[i] = (i % NZ < 4 ? 2 : 0) + 0.3 * w.z[i]; // away from where ln|q| bends most
         }
-        world_check(&w, "drift of E", energy_drift(&w, "discrete_gradient", 0.005, 50), 0, 1e-9);
+        random_system_check(&w, "drift of E", energy_drift(&w, "discrete_gradient", 0.005, 50), 0,
+                            1e-9);
         midpoint = fmax(midpoint, energy_drift(&w, "midpoint", 0.005, 50));
-        world_close(&w);
+        random_system_close(&w);
     }
     if (!(midpoint > 1e-6)) {
         fail_msg("the midpoint rule drifts by %g only: nothing was tested", midpoint);
@@ -187,8 +190,8 @@ static void set(pm_params *params, const char *name, int count, const double *va
 }
 
 // Two bodies of 300 + 10 s kelvin; conduction relaxes their temperatures `rate` times per second.
-static void two_bodies(world *w, double rate) {
-    world_of_text(w, 1, bodies, body, contact);
+static void two_bodies(random_system *w, double rate) {
+    random_system_of_text(w, 1, bodies, body, contact);
     set(&w->system->port[0].params, "irreversible.scale", 2, (const double[]){1, 1});
     for (int i = 0; i < 2; ++i) {
         set(&w->system->part[i].params, "energy.0.mean", 1, (const double[]){0});
@@ -215,28 +218,29 @@ static void exchange_is_stable_at_any_rate(void **state) {
     (void)state;
     static const double rates[] = {1e-3, 1e-2, 1, 30, 1e3, 1e6};
     for (size_t i = 0; i < sizeof rates / sizeof *rates; ++i) {
-        world w;
+        random_system w;
         two_bodies(&w, rates[i]);
-        world_check(&w, "drift of E", energy_drift(&w, "discrete_gradient", 1, 20), 0, 1e-9);
-        pm_assembly *assembly = NULL;
-        assert_int_equal(pm_assembly_open(&assembly, w.system), PM_OK);
-        pm_assembly_set_state(assembly, w.z);
-        assert_int_equal(pm_assembly_step(assembly), PM_OK);
-        const double *z = pm_assembly_sample(assembly)->z;
+        random_system_check(&w, "drift of E", energy_drift(&w, "discrete_gradient", 1, 20), 0,
+                            1e-9);
+        pm_monolithic *assembly = NULL;
+        assert_int_equal(pm_monolithic_open(&assembly, w.system), PM_OK);
+        pm_monolithic_set_state(assembly, w.z);
+        assert_int_equal(pm_monolithic_step(assembly), PM_OK);
+        const double *z = pm_monolithic_sample(assembly)->z;
         const double before = temperature_difference(w.z[0], w.z[1]);
         // The rule's own factor for a linear decay: the slope is taken at the mean of both ends.
         const double expected = before * (1 - rates[i] / 2) / (1 + rates[i] / 2);
-        world_check(&w, "difference after a step", temperature_difference(z[0], z[1]), expected,
-                    0.02 * fabs(before));
-        pm_assembly_close(assembly);
-        world_close(&w);
+        random_system_check(&w, "difference after a step", temperature_difference(z[0], z[1]),
+                            expected, 0.02 * fabs(before));
+        pm_monolithic_close(assembly);
+        random_system_close(&w);
     }
-    world w;
+    random_system w;
     two_bodies(&w, 30);
     if (!(energy_drift(&w, "rk4", 1, 20) > 1)) {
-        world_fail(&w, "rk4 is stable too: the exchange is not stiff");
+        random_system_fail(&w, "rk4 is stable too: the exchange is not stiff");
     }
-    world_close(&w);
+    random_system_close(&w);
 }
 
 int main(void) {

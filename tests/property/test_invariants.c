@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "sim/assembly.h"
 #include "sim/ledger.h"
+#include "sim/monolithic.h"
 
 #define STEPS 1000
 // Relative; what rk4 leaves at the scene's substeps from starts that pass no centre within 0.2 m.
@@ -29,15 +29,15 @@ static double angular_momentum(const double *z) {
     return a[0] * a[3] - a[1] * a[2] + q2[0] * b[3] - q2[1] * b[2];
 }
 
-static void check_rollout(const pm_system *system, pm_assembly *assembly, const double *z) {
+static void check_rollout(const pm_system *system, pm_monolithic *assembly, const double *z) {
     pm_ledger ledger;
     pm_ledger_init(&ledger, system);
-    pm_assembly_set_state(assembly, z);
+    pm_monolithic_set_state(assembly, z);
     const double first = angular_momentum(z);
     double drift = 0;
     for (int i = 0; i <= STEPS; ++i) {
-        assert_int_equal(i == 0 ? PM_OK : pm_assembly_step(assembly), PM_OK);
-        pm_sample sample = *pm_assembly_sample(assembly);
+        assert_int_equal(i == 0 ? PM_OK : pm_monolithic_step(assembly), PM_OK);
+        pm_sample sample = *pm_monolithic_sample(assembly);
         assert_int_equal(pm_ledger_book(&ledger, &sample), PM_OK);
         drift = fmax(drift, fabs(angular_momentum(sample.z) - first));
     }
@@ -52,14 +52,14 @@ static void long_rollouts_keep_the_invariants(void **state) {
     (void)state;
     pm_scene *scene = NULL;
     pm_system *system = NULL;
-    pm_assembly *assembly = NULL;
+    pm_monolithic *assembly = NULL;
     assert_int_equal(pm_scene_load(&scene, "configs/double_pendulum.yaml"), PM_OK);
     assert_int_equal(pm_system_load(&system, scene, NULL), PM_OK);
-    assert_int_equal(pm_assembly_open(&assembly, system), PM_OK);
+    assert_int_equal(pm_monolithic_open(&assembly, system), PM_OK);
     for (size_t i = 0; i < sizeof start / sizeof *start; ++i) {
         check_rollout(system, assembly, start[i]);
     }
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
     pm_system_free(system);
     pm_scene_free(scene);
 }

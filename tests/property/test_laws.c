@@ -12,13 +12,13 @@
 
 #include <cmocka.h>
 
-#include "balance.h"
 #include "graph/program.h"
 #include "model/operator.h"
-#include "sim/assembly.h"
+#include "scene/columns.h"
 #include "sim/ledger.h"
-#include "store/columns.h"
-#include "world.h"
+#include "sim/monolithic.h"
+#include "tests/support/projection.h"
+#include "tests/support/random_system.h"
 
 #define WORLDS 300
 #define BATCH 4
@@ -40,7 +40,7 @@ static void fill_normal(pm_rng *rng, int n, double *x) {
 
 // Runs `count` outputs that depend on the inputs [ninput], which get normal numbers. The caller
 // closes.
-static pm_program *run(world *w, pm_graph *g, int count, const pm_node *output, int ninput,
+static pm_program *run(random_system *w, pm_graph *g, int count, const pm_node *output, int ninput,
                        const pm_node *input) {
     pm_program *program = NULL;
     assert_int_equal(pm_program_open(&program, g, count, output, BATCH), PM_OK);
@@ -55,7 +55,7 @@ static pm_program *run(world *w, pm_graph *g, int count, const pm_node *output, 
 // --- operators alone ---
 
 typedef struct test_bench {
-    world *w;
+    random_system *w;
     pm_graph *g;
     const pm_part *part;
     pm_site site;
@@ -99,7 +99,8 @@ static void check_operator(const test_bench *b, const pm_operator *operator) {
             check_not_negative(b->w, "x.Mx", balance_of(nz, x, Kx), OPERATOR_TOLERANCE);
         }
         check_zero(b->w, "n.Kx", balance_of(nz, n, Kx), ENERGY_TOLERANCE);
-        world_check(b->w, "Kn", largest(nz, Kn), 0, OPERATOR_TOLERANCE * largest(nz, unprojected));
+        random_system_check(b->w, "Kn", largest(nz, Kn), 0,
+                            OPERATOR_TOLERANCE * largest(nz, unprojected));
     }
     pm_program_close(p);
 }
@@ -107,8 +108,8 @@ static void check_operator(const test_bench *b, const pm_operator *operator) {
 static void operators_are_skew_or_positive_and_degenerate(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_random(&w, seed, PM_HARD);
+        random_system w;
+        random_system_random(&w, seed, PM_HARD);
         test_bench b = {.w = &w, .part = &w.system->part[0]};
         assert_int_equal(pm_graph_open(&b.g), PM_OK);
         pm_node *const input[] = {&b.z, &b.x, &b.y, &b.n};
@@ -122,7 +123,7 @@ static void operators_are_skew_or_positive_and_degenerate(void **state) {
         check_operator(
             &b, &(pm_operator){&spec->irreversible, PM_IRREVERSIBLE, PM_HARD, "irreversible"});
         pm_graph_close(b.g);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -146,7 +147,7 @@ static const double *item(const pm_graph *g, pm_program *p, pm_node x, int i) {
     return pm_program_value(p, x) + (shape.batched ? i * shape.cols : 0);
 }
 
-static void check_bulk(world *w, const pm_part *part) {
+static void check_bulk(random_system *w, const pm_part *part) {
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const part_nodes n = build_part(g, part);
@@ -179,11 +180,11 @@ static void check_bulk(world *w, const pm_part *part) {
 static void bulk_keeps_both_laws(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_random(&w, seed, PM_HARD);
+        random_system w;
+        random_system_random(&w, seed, PM_HARD);
         check_bulk(&w, &w.system->part[0]);
         check_bulk(&w, &w.system->part[1]);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -192,8 +193,8 @@ static void bulk_keeps_both_laws(void **state) {
 static void bracket_keeps_both_laws(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_random(&w, seed, PM_HARD);
+        random_system w;
+        random_system_random(&w, seed, PM_HARD);
         const pm_port_model *port = &w.system->port[0];
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
@@ -223,7 +224,7 @@ static void bracket_keeps_both_laws(void **state) {
         }
         pm_program_close(p);
         pm_graph_close(g);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -231,19 +232,19 @@ static void bracket_keeps_both_laws(void **state) {
 
 // Books every step; the number of steps before the state ran away, as random weights may make it:
 // its squares must stay far from the largest number for any law to hold.
-static int roll_out(const world *w, const pm_system *system, const pm_load *load, const double *z,
-                    int steps) {
-    pm_assembly *assembly = NULL;
-    assert_int_equal(pm_assembly_open(&assembly, system), PM_OK);
-    pm_assembly_set_load(assembly, load);
-    pm_assembly_set_state(assembly, z);
+static int roll_out(const random_system *w, const pm_system *system,
+                    const pm_boundary_input *boundary_input, const double *z, int steps) {
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, system), PM_OK);
+    pm_monolithic_set_boundary_input(assembly, boundary_input);
+    pm_monolithic_set_state(assembly, z);
     pm_ledger ledger;
     pm_ledger_init(&ledger, system);
     int step = 0;
     pm_status status = PM_OK;
     while (step < steps && status == PM_OK) {
-        status = pm_assembly_step(assembly);
-        pm_sample sample = *pm_assembly_sample(assembly);
+        status = pm_monolithic_step(assembly);
+        pm_sample sample = *pm_monolithic_sample(assembly);
         if (status == PM_OK && largest(system->scene->nz, sample.z) > RUN_AWAY) {
             break;
         }
@@ -253,10 +254,10 @@ static int roll_out(const world *w, const pm_system *system, const pm_load *load
         }
     }
     if (status != PM_OK && status != PM_ENUMERIC) {
-        world_fail(w, "%s", pm_error());
+        random_system_fail(w, "%s", pm_error());
     }
     assert_int_equal(ledger.violations, 0);
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
     return step;
 }
 
@@ -265,12 +266,12 @@ static void rollouts_keep_both_laws(void **state) {
     const int steps = 10;
     int booked = 0;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
-        world_random(&w, seed, PM_HARD);
+        random_system w;
+        random_system_random(&w, seed, PM_HARD);
         assert_true(w.scene->energy_tolerance == ENERGY_TOLERANCE);
         assert_true(w.scene->entropy_tolerance == ENTROPY_TOLERANCE);
         booked += roll_out(&w, w.system, NULL, w.z, steps);
-        world_close(&w);
+        random_system_close(&w);
     }
     if (booked < WORLDS * steps * 3 / 4) {
         fail_msg("only %d of %d steps before states ran away: the laws were hardly tested", booked,
@@ -283,7 +284,7 @@ typedef struct shipped {
     pm_scene *scene;
     pm_system *system;
     pm_dataset *reference;
-    pm_load load;
+    pm_boundary_input boundary_input;
     double *z;
 } shipped;
 
@@ -305,8 +306,9 @@ static bool load_shipped(shipped *s, const char *path) {
     assert_non_null(s->z);
     pm_columns_to_state(&columns, pm_dataset_state(s->reference, trajectory, 0), s->z);
     const int stride = (int)lround(s->reference->dt / scene->dt);
-    assert_int_equal(pm_load_bind(&s->load, scene, s->reference, stride, arena), PM_OK);
-    pm_load_follow(&s->load, s->reference, trajectory);
+    assert_int_equal(pm_boundary_input_bind(&s->boundary_input, scene, s->reference, stride, arena),
+                     PM_OK);
+    pm_boundary_input_follow(&s->boundary_input, s->reference, trajectory);
     return true;
 }
 
@@ -318,14 +320,14 @@ static void unload_shipped(shipped *s) {
 
 // Where no law is kept by construction there is still nothing to crash.
 static void take_steps(const shipped *s, int steps) {
-    pm_assembly *assembly = NULL;
-    assert_int_equal(pm_assembly_open(&assembly, s->system), PM_OK);
-    pm_assembly_set_load(assembly, &s->load);
-    pm_assembly_set_state(assembly, s->z);
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, s->system), PM_OK);
+    pm_monolithic_set_boundary_input(assembly, &s->boundary_input);
+    pm_monolithic_set_state(assembly, s->z);
     for (int i = 0; i < steps; ++i) {
-        assert_int_equal(pm_assembly_step(assembly), PM_OK);
+        assert_int_equal(pm_monolithic_step(assembly), PM_OK);
     }
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
 }
 
 static void shipped_weights_keep_both_laws(void **state) {
@@ -340,9 +342,9 @@ static void shipped_weights_keep_both_laws(void **state) {
             print_message("    %s keeps none\n", found.gl_pathv[i]);
             take_steps(&s, 10);
         } else {
-            const world nameless = {.seed = 0};
+            const random_system nameless = {.seed = 0};
             print_message("    %s\n", found.gl_pathv[i]);
-            assert_int_equal(roll_out(&nameless, s.system, &s.load, s.z, s.scene->steps),
+            assert_int_equal(roll_out(&nameless, s.system, &s.boundary_input, s.z, s.scene->steps),
                              s.scene->steps);
         }
         unload_shipped(&s);
@@ -353,7 +355,7 @@ static void shipped_weights_keep_both_laws(void **state) {
 // --- the soft form's penalty ---
 
 // The mean penalty of part 0 at random states.
-static double penalty(world *w) {
+static double penalty(random_system *w) {
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const part_nodes n = build_part(g, &w->system->part[0]);
@@ -393,15 +395,15 @@ static void penalty_is_zero_exactly_for_degenerate_models(void **state) {
                      "reversible: {given: [[q, p, 1.0]]}\n"
                      "irreversible: {learned: {acts_on: s}}\n",
                      model[i].energy, model[i].entropy);
-            world w;
-            world_of_text(&w, seed, scene, part, NULL);
+            random_system w;
+            random_system_of_text(&w, seed, scene, part, NULL);
             const double value = penalty(&w);
             if (model[i].degenerate) {
-                world_check(&w, "penalty", value, 0, 0);
+                random_system_check(&w, "penalty", value, 0, 0);
             } else if (!(value > 1e-15)) {
-                world_fail(&w, "penalty: %g, expected > 0", value);
+                random_system_fail(&w, "penalty: %g, expected > 0", value);
             }
-            world_close(&w);
+            random_system_close(&w);
         }
     }
 }

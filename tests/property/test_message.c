@@ -12,11 +12,11 @@
 
 #include <cmocka.h>
 
-#include "balance.h"
 #include "graph/program.h"
+#include "learn/objective.h"
 #include "model/operator.h"
-#include "objective.h"
-#include "sim/assembly.h"
+#include "sim/monolithic.h"
+#include "tests/support/projection.h"
 
 #define WORLDS 60
 #define NNODE 27 // of 3 x 2 x 2 bricks
@@ -63,7 +63,7 @@ typedef struct part_nodes {
     pm_node z, E, dE, dS, rate, degeneracy;
 } part_nodes;
 
-static part_nodes build_part(const world *w) {
+static part_nodes build_part(const random_system *w) {
     part_nodes n = {.part = &w->system->part[0], .degeneracy = PM_NO_NODE};
     assert_int_equal(pm_graph_open(&n.g), PM_OK);
     n.z = pm_input(n.g, true, 1, n.part->layout.nz);
@@ -87,8 +87,9 @@ static pm_node operate(const part_nodes *n, pm_operator_kind kind, pm_node drivi
     return pm_operator_build(n->g, &op, &site, &n->part->params, driving, normal, &degeneracy);
 }
 
-// A program of one item at the world's state.
-static pm_program *run(const world *w, const part_nodes *n, int count, const pm_node *output) {
+// A program of one item at the random_system's state.
+static pm_program *run(const random_system *w, const part_nodes *n, int count,
+                       const pm_node *output) {
     pm_program *p = NULL;
     assert_int_equal(pm_program_open(&p, n->g, count, output, 1), PM_OK);
     memcpy(pm_program_value(p, n->z), w->z, (size_t)w->scene->nz * sizeof *w->z);
@@ -96,7 +97,7 @@ static pm_program *run(const world *w, const part_nodes *n, int count, const pm_
     return p;
 }
 
-static void scale_weights(const world *w, double factor) {
+static void scale_weights(const random_system *w, double factor) {
     for (int i = 0; i < pm_system_components(w->system); ++i) {
         const pm_params *params = pm_system_params(w->system, i);
         for (int k = 0; k < params->count; ++k) {
@@ -109,9 +110,9 @@ static void scale_weights(const world *w, double factor) {
 }
 
 // From tame to extreme: weights and states a thousand times smaller and larger.
-static void open_world(world *w, uint64_t seed) {
+static void open_world(random_system *w, uint64_t seed) {
     static const double factor[] = {1, 1e3, 1e-3};
-    world_of_text(w, seed, scene, part[seed % 2], NULL);
+    random_system_of_text(w, seed, scene, part[seed % 2], NULL);
     scale_weights(w, factor[seed / 2 % 3]);
     for (int i = 0; i < w->scene->nz; ++i) {
         w->z[i] *= factor[seed / 6 % 3];
@@ -121,8 +122,8 @@ static void open_world(world *w, uint64_t seed) {
 // --- the laws ---
 
 // Whether anything moves.
-static bool check_laws(const world *w, const part_nodes *n, pm_operator_kind kind, pm_node driving,
-                       pm_node normal) {
+static bool check_laws(const random_system *w, const part_nodes *n, pm_operator_kind kind,
+                       pm_node driving, pm_node normal) {
     const int nz = n->part->layout.nz;
     const pm_node output[] = {operate(n, kind, driving, normal),
                               operate(n, kind, driving, PM_NO_NODE), n->dE, n->dS};
@@ -149,14 +150,14 @@ static void operators_keep_both_laws(void **state) {
     (void)state;
     int moving = 0;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
+        random_system w;
         open_world(&w, seed);
         const part_nodes n = build_part(&w);
         assert_int_equal(n.degeneracy, PM_NO_NODE);
         moving += check_laws(&w, &n, PM_REVERSIBLE, n.dE, n.dS);
         moving += check_laws(&w, &n, PM_IRREVERSIBLE, n.dS, n.dE);
         pm_graph_close(n.g);
-        world_close(&w);
+        random_system_close(&w);
     }
     if (moving < WORLDS * 2 * 3 / 4) { // large weights saturate a network, whose slope is then zero
         fail_msg("only %d of %d operators move anything", moving, 2 * WORLDS);
@@ -167,8 +168,8 @@ static void operators_keep_both_laws(void **state) {
 static void operators_act_node_by_node(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; ++seed) {
-        world w;
-        world_of_text(&w, seed, scene, part[1], NULL);
+        random_system w;
+        random_system_of_text(&w, seed, scene, part[1], NULL);
         part_nodes n = build_part(&w);
         const int nz = n.part->layout.nz, node = (int)pm_rng_below(&w.rng, NNODE);
         for (int kind = 0; kind < 2; ++kind) {
@@ -183,14 +184,15 @@ static void operators_act_node_by_node(void **state) {
                 const bool own = i / 3 % NNODE == node;
                 const bool zero_by_skewness = kind == PM_REVERSIBLE && i == 3 * node + 1;
                 if ((moved[i] != 0) != (own && !zero_by_skewness)) {
-                    world_fail(&w, "operator %d: node %d moves component %d of node %d by %g", kind,
-                               node, i, i / 3 % NNODE, moved[i]);
+                    random_system_fail(&w,
+                                       "operator %d: node %d moves component %d of node %d by %g",
+                                       kind, node, i, i / 3 % NNODE, moved[i]);
                 }
             }
             pm_program_close(p);
         }
         pm_graph_close(n.g);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -200,27 +202,27 @@ static void the_soft_form_pays_and_does_not_project(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; ++seed) {
         char text[WORLD_TEXT];
-        world w;
+        random_system w;
         snprintf(text, sizeof text, "form: soft\n%s", part[seed % 2]);
-        world_of_text(&w, seed, scene, text, NULL);
+        random_system_of_text(&w, seed, scene, text, NULL);
         const part_nodes n = build_part(&w);
         assert_int_not_equal(n.degeneracy, PM_NO_NODE);
         pm_node output[] = {n.rate, n.degeneracy, operate(&n, PM_REVERSIBLE, n.dE, PM_NO_NODE),
                             operate(&n, PM_IRREVERSIBLE, n.dS, PM_NO_NODE)};
         pm_program *p = run(&w, &n, 4, output);
         if (!(*pm_program_value(p, n.degeneracy) > 0)) {
-            world_fail(&w, "no penalty");
+            random_system_fail(&w, "no penalty");
         }
         // What is given in the other model is degenerate as it stands.
         for (int i = 0; i < n.part->layout.nz && seed % 2 == 1; ++i) {
             const double sum =
                 pm_program_value(p, output[2])[i] + pm_program_value(p, output[3])[i];
-            world_check(&w, "rate", pm_program_value(p, n.rate)[i], sum,
-                        TOLERANCE * (fabs(sum) + 1));
+            random_system_check(&w, "rate", pm_program_value(p, n.rate)[i], sum,
+                                TOLERANCE * (fabs(sum) + 1));
         }
         pm_program_close(p);
         pm_graph_close(n.g);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -243,7 +245,7 @@ static int distance(int a, int b) {
 }
 
 // Whether rates that change when a node's input does are those within `reach` edges of it.
-static void check_reach(const world *w, const double *before, const double *after, int node,
+static void check_reach(const random_system *w, const double *before, const double *after, int node,
                         int reach) {
     for (int i = 0; i < NNODE; ++i) {
         bool changed = false;
@@ -252,8 +254,8 @@ static void check_reach(const world *w, const double *before, const double *afte
             changed = changed || before[at] != after[at];
         }
         if (changed != (distance(node, i) <= reach)) {
-            world_fail(w, "node %d, %d edges from node %d, %s", i, distance(node, i), node,
-                       changed ? "changes" : "does not change");
+            random_system_fail(w, "node %d, %d edges from node %d, %s", i, distance(node, i), node,
+                               changed ? "changes" : "does not change");
         }
     }
 }
@@ -270,10 +272,10 @@ static void messages_reach_as_far_as_they_are_passed(void **state) {
     (void)state;
     for (int passes = 0; passes <= 3; ++passes) {
         char text[WORLD_TEXT];
-        world w;
+        random_system w;
         snprintf(text, sizeof text,
                  MESH "form: free\nrate: {nodes: [u, sigma], width: 6, passes: %d}\n", passes);
-        world_of_text(&w, 1 + (uint64_t)passes, FREE_SCENE, text, NULL);
+        random_system_of_text(&w, 1 + (uint64_t)passes, FREE_SCENE, text, NULL);
         assert_false(pm_part_has_energy(&w.system->part[0]));
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
@@ -294,35 +296,36 @@ static void messages_reach_as_far_as_they_are_passed(void **state) {
         }
         pm_program_close(p);
         pm_graph_close(g);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
 // A box that is a network's whole step, a baseline without laws.
 static void a_free_part_steps_and_trades_nothing(void **state) {
     (void)state;
-    world w;
-    world_of_text(&w, 3, FREE_SCENE,
-                  MESH "form: free\nrate: {nodes: [u, sigma], width: 6, passes: 2, patterns: 4, "
-                       "hidden: [5], within: 0.5}\n",
-                  NULL);
-    pm_assembly *assembly = NULL;
-    assert_int_equal(pm_assembly_open(&assembly, w.system), PM_OK);
-    pm_assembly_set_state(assembly, w.z);
+    random_system w;
+    random_system_of_text(&w, 3, FREE_SCENE,
+                          MESH
+                          "form: free\nrate: {nodes: [u, sigma], width: 6, passes: 2, patterns: 4, "
+                          "hidden: [5], within: 0.5}\n",
+                          NULL);
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, w.system), PM_OK);
+    pm_monolithic_set_state(assembly, w.z);
     for (int i = 0; i < w.scene->steps; ++i) {
-        assert_int_equal(pm_assembly_step(assembly), PM_OK);
+        assert_int_equal(pm_monolithic_step(assembly), PM_OK);
     }
-    const pm_sample *sample = pm_assembly_sample(assembly);
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     bool moved = true;
     for (int i = 0; i < w.scene->nz; ++i) {
         moved = moved && isfinite(sample->z[i]) && sample->z[i] != w.z[i];
     }
     assert_true(moved);
-    pm_assembly_close(assembly);
-    world_close(&w);
+    pm_monolithic_close(assembly);
+    random_system_close(&w);
 }
 
-// --- what the world drives ---
+// --- what the random_system drives ---
 
 static const char driven_scene[] =
     "scene: driven\n"
@@ -330,7 +333,7 @@ static const char driven_scene[] =
     "subsystems:\n"
     "  body: {weights: a.h5, state: {u: {unit: m, size: 81}, m: {unit: m, size: 81}, "
     "s: {unit: J/K, size: 1}}}\n"
-    "loads:\n"
+    "boundary_inputs:\n"
     "  hand: {f: {unit: m, dE: \"f[0:81]\"}}\n"
     "ports:\n"
     "  grip: {law: exchange, between: [body, hand], expose: {body: [u, m], hand: [f]}, "
@@ -343,7 +346,7 @@ static const char *const grip[2] = {GRIP(""), GRIP("patterns: 3, hidden: [5], ")
 #define NY (6 * NNODE) // u and m
 
 typedef struct driven {
-    world w;
+    random_system w;
     pm_graph *g;
     pm_node own, force, rate;
     pm_program *p;
@@ -351,7 +354,7 @@ typedef struct driven {
 
 static void open_driven(driven *d, uint64_t seed) {
     *d = (driven){0};
-    world_of_text(&d->w, seed, driven_scene, part[0], grip[seed % 2]);
+    random_system_of_text(&d->w, seed, driven_scene, part[0], grip[seed % 2]);
     const pm_port_model *port = &d->w.system->port[0];
     assert_int_equal(pm_graph_open(&d->g), PM_OK);
     d->own = pm_input(d->g, true, 1, NY);
@@ -370,7 +373,7 @@ static void open_driven(driven *d, uint64_t seed) {
 static void close_driven(driven *d) {
     pm_program_close(d->p);
     pm_graph_close(d->g);
-    world_close(&d->w);
+    random_system_close(&d->w);
 }
 
 static void run_driven(driven *d, double rate[NY]) {
@@ -399,7 +402,8 @@ static void what_is_driven_is_proportional_to_the_driver(void **state) {
             }
             run_driven(&d, scaled);
             for (int i = 0; i < NY; ++i) {
-                world_check(&d.w, "rate", scaled[i], factor[k] * rate[i], tolerance[k] * size);
+                random_system_check(&d.w, "rate", scaled[i], factor[k] * rate[i],
+                                    tolerance[k] * size);
             }
         }
         close_driven(&d);
@@ -428,8 +432,9 @@ static void a_force_reaches_as_far_as_messages_do(void **state) {
             const int away = distance(node, i / 3 % NNODE);
             if ((by_force[i] != before[i]) != (away <= 1) ||
                 (by_shape[i] != before[i]) != (away <= 2)) {
-                world_fail(&d.w, "component %d, %d edges away: %g, by force %g, by shape %g", i,
-                           away, before[i], by_force[i], by_shape[i]);
+                random_system_fail(&d.w,
+                                   "component %d, %d edges away: %g, by force %g, by shape %g", i,
+                                   away, before[i], by_force[i], by_shape[i]);
             }
         }
     }
@@ -441,8 +446,8 @@ static void a_force_reaches_as_far_as_messages_do(void **state) {
 static void co_energies_are_the_slope_of_the_energy(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 6; ++seed) {
-        world w;
-        world_of_text(&w, seed, scene, part[seed % 2], NULL);
+        random_system w;
+        random_system_of_text(&w, seed, scene, part[seed % 2], NULL);
         const part_nodes n = build_part(&w);
         const pm_node output[] = {n.E, n.dE};
         pm_program *p = run(&w, &n, 2, output);
@@ -459,25 +464,26 @@ static void co_energies_are_the_slope_of_the_energy(void **state) {
                 E[side] = *pm_program_value(p, n.E);
             }
             z[k] = w.z[k];
-            world_check(&w, "dE", dE[k], (E[1] - E[0]) / (2 * STEP), DIFFERENCE_TOLERANCE * size);
+            random_system_check(&w, "dE", dE[k], (E[1] - E[0]) / (2 * STEP),
+                                DIFFERENCE_TOLERANCE * size);
         }
         free(dE);
         pm_program_close(p);
         pm_graph_close(n.g);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
 #define COUNT 3 // windows
 
-// Windows of one step, with the forces over it, around the world's state.
-static pm_samples draw_windows(world *w) {
+// Windows of one step, with the forces over it, around the random_system's state.
+static pm_samples draw_windows(random_system *w) {
     const pm_scene *s = w->scene;
     pm_samples samples = {.count = COUNT,
                           .unroll = 1,
                           .nz = s->nz,
-                          .nload = s->nprescribed,
-                          .load_order = 1,
+                          .nboundary_input = s->nprescribed,
+                          .input_order = 1,
                           .scale = NULL};
     const int width = pm_samples_width(&samples);
     samples.z = pm_arena_array(&w->scene->arena, (size_t)(COUNT * width), sizeof(double));
@@ -496,8 +502,8 @@ static pm_samples draw_windows(world *w) {
 static void the_gradient_of_a_loss_is_its_slope(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 4; ++seed) {
-        world w;
-        world_of_text(&w, seed, driven_scene, part[seed / 2 % 2], grip[seed % 2]);
+        random_system w;
+        random_system_of_text(&w, seed, driven_scene, part[seed / 2 % 2], grip[seed % 2]);
         const pm_samples samples = draw_windows(&w);
         const pm_loss loss = {
             .residual = PM_RESIDUAL_STEP, .integrator = pm_integrator_find("euler"), .substeps = 1};
@@ -523,13 +529,13 @@ static void the_gradient_of_a_loss_is_its_slope(void **state) {
                 pm_objective_set_weights(o, moved);
                 value[side] = pm_objective_evaluate(o, 0, NULL, moved);
             }
-            world_check(&w, "slope of the loss", slope, (value[1] - value[0]) / (2 * STEP),
-                        DIFFERENCE_TOLERANCE * length);
+            random_system_check(&w, "slope of the loss", slope, (value[1] - value[0]) / (2 * STEP),
+                                DIFFERENCE_TOLERANCE * length);
         }
         assert_true(length > 0);
         free(theta);
         pm_objective_close(o);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 

@@ -10,8 +10,8 @@
 
 #include <cmocka.h>
 
-#include "sim/assembly.h"
 #include "sim/ledger.h"
+#include "sim/monolithic.h"
 
 // 40 radians per exchange step. The bath is two-dimensional, lest there be nowhere to move it.
 static const char text[] =
@@ -58,7 +58,7 @@ static void require(pm_status status) {
 static outcome roll_out(setting how) {
     pm_scene *scene = NULL;
     pm_system *system = NULL;
-    pm_assembly *assembly = NULL;
+    pm_monolithic *assembly = NULL;
     pm_ledger ledger;
     outcome o;
     require(pm_scene_parse(&scene, text, "vibration.yaml"));
@@ -66,19 +66,19 @@ static outcome roll_out(setting how) {
     scene->integrator = how.integrator;
     scene->substeps = how.substeps;
     scene->subsystem[0].substeps = how.own;
-    require(pm_assembly_open(&assembly, system));
-    pm_assembly_set_state(assembly, start);
+    require(pm_monolithic_open(&assembly, system));
+    pm_monolithic_set_state(assembly, start);
     pm_ledger_init(&ledger, system);
     for (int i = 0; i <= scene->steps; ++i) {
-        require(i > 0 ? pm_assembly_step(assembly) : PM_OK);
-        pm_sample sample = *pm_assembly_sample(assembly);
+        require(i > 0 ? pm_monolithic_step(assembly) : PM_OK);
+        pm_sample sample = *pm_monolithic_sample(assembly);
         require(pm_ledger_book(&ledger, &sample));
         memcpy(o.z, sample.z, sizeof o.z);
     }
     o.drift = ledger.energy_drift;
     o.fall = ledger.worst_entropy_fall;
     o.residual = ledger.worst_energy;
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
     pm_system_free(system);
     pm_scene_free(scene);
     return o;
@@ -136,13 +136,13 @@ static void only_multirate_integrators_have_own_steps(void **state) {
     (void)state;
     pm_scene *scene = NULL;
     pm_system *system = NULL;
-    pm_assembly *assembly = NULL;
+    pm_monolithic *assembly = NULL;
     require(pm_scene_parse(&scene, text, "vibration.yaml"));
     require(pm_system_load(&system, scene, NULL));
     scene->integrator = "rk4";
     scene->subsystem[0].substeps = 2;
     scene->subsystem[0].substeps_at = "vibration.yaml:17:20";
-    assert_int_equal(pm_assembly_open(&assembly, system), PM_ECONFIG);
+    assert_int_equal(pm_monolithic_open(&assembly, system), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "vibration.yaml:17:20: subsystem body asks for substeps of "
                                        "its own: integrator rk4 has none"));
     pm_system_free(system);

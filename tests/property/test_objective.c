@@ -12,9 +12,9 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "normal.h"
-#include "optimiser.h"
-#include "world.h"
+#include "learn/gauss_newton_matrix.h"
+#include "learn/optimiser.h"
+#include "tests/support/random_system.h"
 
 #define COUNT 150 // samples: several chunks of each lane, and a rest
 #define UNROLL 2
@@ -41,7 +41,7 @@ static const char soft_port[] =
 
 // A loss of a random system on random windows.
 typedef struct bench {
-    world w;
+    random_system w;
     pm_samples samples;
     double z[COUNT * (1 + UNROLL) * NZ], scale[NZ];
     int index[COUNT]; // the samples in some order
@@ -68,8 +68,8 @@ static void fill_windows(bench *b) {
 }
 
 static void bench_open(bench *b, uint64_t seed, bool soft, double robust) {
-    world_of_text(&b->w, seed, world_scene, soft ? soft_part : world_part,
-                  soft ? soft_port : world_port);
+    random_system_of_text(&b->w, seed, random_system_scene, soft ? soft_part : random_system_part,
+                          soft ? soft_port : random_system_port);
     b->w.scene->dt = 0.002; // short enough for random models
     fill_windows(b);
     b->loss = (pm_loss){.residual = PM_RESIDUAL_STEP,
@@ -92,7 +92,7 @@ static void bench_close(bench *b) {
     pm_objective_close(b->objective);
     free(b->theta);
     free(b->gradient);
-    world_close(&b->w);
+    random_system_close(&b->w);
 }
 
 static double *vector(int n) {
@@ -145,8 +145,8 @@ static void check_gradient(uint64_t seed, bool soft, double robust) {
             move_weights(&b, side == 0 ? -STEP : STEP, v);
             loss[side] = pm_objective_evaluate(b.objective, COUNT, b.index, ignored);
         }
-        world_check(&b.w, "derivative of the loss", dot(b.size, b.gradient, v),
-                    (loss[1] - loss[0]) / (2 * STEP), TOLERANCE * size);
+        random_system_check(&b.w, "derivative of the loss", dot(b.size, b.gradient, v),
+                            (loss[1] - loss[0]) / (2 * STEP), TOLERANCE * size);
     }
     free(v);
     free(ignored);
@@ -238,8 +238,8 @@ static void check_hessian(bench *b, const double *H) {
         jacobian_times(&r, b, u, Ju);
         jacobian_times(&r, b, v, Jv);
         const double scale = sqrt(dot(COUNT * ROWS, Ju, Ju) * dot(COUNT * ROWS, Jv, Jv)) / COUNT;
-        world_check(&b->w, "u^T H v", form(b->size, H, u, v), dot(COUNT * ROWS, Ju, Jv) / COUNT,
-                    10 * TOLERANCE * (scale + 1e-3));
+        random_system_check(&b->w, "u^T H v", form(b->size, H, u, v),
+                            dot(COUNT * ROWS, Ju, Jv) / COUNT, 10 * TOLERANCE * (scale + 1e-3));
     }
     free(u);
     free(v);
@@ -252,19 +252,19 @@ static void check_normal(uint64_t seed, bool soft, double robust) {
     bench b;
     bench_open(&b, seed, soft, robust);
     double *gradient = vector(b.size), *H = vector(b.size * b.size);
-    pm_normal *normal = NULL;
-    assert_int_equal(pm_normal_open(&normal, b.objective), PM_OK);
+    pm_gauss_newton_matrix *normal = NULL;
+    assert_int_equal(pm_gauss_newton_matrix_open(&normal, b.objective), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_normal_evaluate(normal, COUNT, b.index, gradient, H);
+    pm_gauss_newton_matrix_evaluate(normal, COUNT, b.index, gradient, H);
     const double size = sqrt(dot(b.size, b.gradient, b.gradient));
     for (int k = 0; k < b.size; ++k) {
         // With the degeneracy, up to what keeps its root differentiable.
-        world_check(&b.w, "gradient of half the loss", gradient[k], b.gradient[k] / 2,
-                    (soft ? 1e-8 : SAME_TOLERANCE) * size);
+        random_system_check(&b.w, "gradient of half the loss", gradient[k], b.gradient[k] / 2,
+                            (soft ? 1e-8 : SAME_TOLERANCE) * size);
     }
     // Weights of a robust loss are those of this evaluation, wherever the weights move next.
     check_hessian(&b, H);
-    pm_normal_close(normal);
+    pm_gauss_newton_matrix_close(normal);
     free(gradient);
     free(H);
     bench_close(&b);
@@ -286,18 +286,18 @@ static void threads_do_not_change_a_bit(void **state) {
     const size_t n = (size_t)b.size;
     double *gradient = vector(b.size), *H = vector(b.size * b.size),
            *again = vector(b.size * b.size);
-    pm_normal *normal = NULL;
-    assert_int_equal(pm_normal_open(&normal, b.objective), PM_OK);
+    pm_gauss_newton_matrix *normal = NULL;
+    assert_int_equal(pm_gauss_newton_matrix_open(&normal, b.objective), PM_OK);
     const double loss = pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_normal_evaluate(normal, COUNT, b.index, gradient, H);
+    pm_gauss_newton_matrix_evaluate(normal, COUNT, b.index, gradient, H);
     for (int i = 0; i < 10; ++i) {
         const double repeated = pm_objective_evaluate(b.objective, COUNT, b.index, again);
         assert_memory_equal(&repeated, &loss, sizeof loss);
         assert_memory_equal(again, b.gradient, n * sizeof *again);
-        pm_normal_evaluate(normal, COUNT, b.index, gradient, again);
+        pm_gauss_newton_matrix_evaluate(normal, COUNT, b.index, gradient, again);
         assert_memory_equal(again, H, n * n * sizeof *again);
     }
-    pm_normal_close(normal);
+    pm_gauss_newton_matrix_close(normal);
     free(gradient);
     free(H);
     free(again);
@@ -341,8 +341,8 @@ static void training_lowers_the_penalty(void **state) {
     assert_int_equal(pm_optimiser_find("adam")->run(&o), PM_OK);
     const double after = loss_with(&b, 1) - loss_with(&b, 0);
     if (!(before > 0 && after < 0.5 * before)) {
-        world_fail(&b.w, "penalty %g before training, %g after, expected less than half", before,
-                   after);
+        random_system_fail(&b.w, "penalty %g before training, %g after, expected less than half",
+                           before, after);
     }
     free(moment);
     bench_close(&b);

@@ -10,10 +10,10 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "normalise.h"
-#include "sim/assembly.h"
-#include "step_graph.h"
-#include "world.h"
+#include "learn/normalization.h"
+#include "learn/step_graph.h"
+#include "sim/monolithic.h"
+#include "tests/support/random_system.h"
 
 #define NZ 10
 #define MAX_NZ 32
@@ -23,7 +23,7 @@
 #define STATES 40 // that the normalisation is made from
 
 // Scales and means as training fixes them: from data, one scale for all components of a group.
-static void normalise(world *w) {
+static void normalise(random_system *w) {
     double z[STATES * 2 * NZ], scale[NZ];
     for (int i = 0; i < STATES * 2 * NZ; ++i) {
         z[i] = pm_rng_normal(&w->rng);
@@ -33,26 +33,26 @@ static void normalise(world *w) {
     }
     const pm_samples samples = {
         .count = STATES, .unroll = 1, .nz = w->scene->nz, .z = z, .scale = scale};
-    assert_int_equal(pm_normalise_system(w->system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(w->system, &samples), PM_OK);
 }
 
 // The state after `steps` steps, as far as it is finite.
-static pm_status try_roll_out(const world *w, const double *z0, int steps, double *z) {
-    pm_assembly *assembly = NULL;
-    assert_int_equal(pm_assembly_open(&assembly, w->system), PM_OK);
-    pm_assembly_set_state(assembly, z0);
+static pm_status try_roll_out(const random_system *w, const double *z0, int steps, double *z) {
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
+    pm_monolithic_set_state(assembly, z0);
     pm_status status = PM_OK;
     for (int i = 0; i < steps && status == PM_OK; ++i) {
-        status = pm_assembly_step(assembly);
+        status = pm_monolithic_step(assembly);
     }
-    memcpy(z, pm_assembly_sample(assembly)->z, (size_t)w->scene->nz * sizeof *z);
-    pm_assembly_close(assembly);
+    memcpy(z, pm_monolithic_sample(assembly)->z, (size_t)w->scene->nz * sizeof *z);
+    pm_monolithic_close(assembly);
     return status;
 }
 
-static void roll_out(const world *w, const double *z0, int steps, double *z) {
+static void roll_out(const random_system *w, const double *z0, int steps, double *z) {
     if (try_roll_out(w, z0, steps, z) != PM_OK) {
-        world_fail(w, "%s", pm_error());
+        random_system_fail(w, "%s", pm_error());
     }
 }
 
@@ -80,9 +80,10 @@ static void rotate(double angle, const double *z, double *rotated) {
 static void rotating_the_start_rotates_the_rollout(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 50; ++seed) {
-        world w;
+        random_system w;
         double rotated[NZ], z[NZ], expected[NZ], from_rotated[NZ];
-        world_of_text(&w, seed, world_scene, world_part, world_port);
+        random_system_of_text(&w, seed, random_system_scene, random_system_part,
+                              random_system_port);
         normalise(&w);
         for (int i = 0; i < NZ; ++i) {
             w.z[i] *= 0.5; // random potentials may run away from further out
@@ -93,18 +94,18 @@ static void rotating_the_start_rotates_the_rollout(void **state) {
         rotate(angle, z, expected);
         roll_out(&w, rotated, 10, from_rotated);
         if (!(distance(NZ, z, w.z) > 1e-3)) {
-            world_fail(&w, "the state hardly moved");
+            random_system_fail(&w, "the state hardly moved");
         }
         // Rounding, as the motion amplifies it.
-        world_check(&w, "distance", distance(NZ, from_rotated, expected), 0,
-                    1e-10 * (1 + distance(NZ, z, (const double[NZ]){0})));
-        world_close(&w);
+        random_system_check(&w, "distance", distance(NZ, from_rotated, expected), 0,
+                            1e-10 * (1 + distance(NZ, z, (const double[NZ]){0})));
+        random_system_close(&w);
     }
 }
 
 // --- order of convergence ---
 
-static void steps_of(world *w, const char *integrator, double dt) {
+static void steps_of(random_system *w, const char *integrator, double dt) {
     w->scene->integrator = integrator;
     w->scene->dt = dt;
     w->scene->substeps = 1;
@@ -115,9 +116,10 @@ static void check_order(const pm_integrator *rk) {
     const double end = 0.16;
     double error[3] = {0, 0, 0};
     for (uint64_t seed = 1; seed <= 3; ++seed) {
-        world w;
+        random_system w;
         double exact[NZ], z[NZ];
-        world_of_text(&w, seed, world_scene, world_part, world_port);
+        random_system_of_text(&w, seed, random_system_scene, random_system_part,
+                              random_system_port);
         normalise(&w);
         for (int i = 0; i < NZ; ++i) {
             w.z[i] *= 0.5;
@@ -130,7 +132,7 @@ static void check_order(const pm_integrator *rk) {
             roll_out(&w, w.z, steps, z);
             error[i] += distance(NZ, z, exact);
         }
-        world_close(&w);
+        random_system_close(&w);
     }
     for (int i = 0; i < 2; ++i) {
         const double order = log2(error[i] / error[i + 1]);
@@ -156,7 +158,7 @@ static void integrators_converge_at_their_order(void **state) {
 // --- the trainer's step ---
 
 // The step as a graph, run on one state.
-static void graph_step(const world *w, const double *z0, double *z) {
+static void graph_step(const random_system *w, const double *z0, double *z) {
     const pm_scene *scene = w->scene;
     pm_graph *g = NULL;
     pm_program *program = NULL;
@@ -181,13 +183,15 @@ static void graph_step(const world *w, const double *z0, double *z) {
     pm_graph_close(g);
 }
 
-// The laws of world_port act on momenta and temperatures, so that the exchange is predicted.
+// The laws of random_system_port act on momenta and temperatures, so that the exchange is
+// predicted.
 static void trainer_iterates_the_same_step(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 10; ++seed) {
-        world w;
+        random_system w;
         double served[NZ], trained[NZ];
-        world_of_text(&w, seed, world_scene, world_part, world_port);
+        random_system_of_text(&w, seed, random_system_scene, random_system_part,
+                              random_system_port);
         normalise(&w);
         steps_of(&w, "discrete_gradient", 0.01);
         w.scene->substeps = 2;
@@ -195,9 +199,9 @@ static void trainer_iterates_the_same_step(void **state) {
         graph_step(&w, w.z, trained);
         for (int i = 0; i < NZ; ++i) {
             const double size = fabs(served[i]) + fabs(served[i] - w.z[i]) + 1;
-            world_check(&w, "z after a step", trained[i], served[i], STEP_TOLERANCE * size);
+            random_system_check(&w, "z after a step", trained[i], served[i], STEP_TOLERANCE * size);
         }
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -206,9 +210,9 @@ static void trainer_takes_the_same_step(void **state) {
     static const char *const integrator[] = {"euler", "heun", "rk4", "midpoint"};
     int finite = 0;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
-        world w;
+        random_system w;
         double served[MAX_NZ], trained[MAX_NZ];
-        world_random(&w, seed, seed % 2 == 0 ? PM_HARD : PM_SOFT);
+        random_system_random(&w, seed, seed % 2 == 0 ? PM_HARD : PM_SOFT);
         w.scene->integrator = integrator[seed % 4];
         w.scene->substeps = 1 + (int)(seed % 3);
         const bool ran_away = try_roll_out(&w, w.z, 1, served) != PM_OK;
@@ -216,9 +220,9 @@ static void trainer_takes_the_same_step(void **state) {
         graph_step(&w, w.z, trained);
         for (int i = 0; i < w.scene->nz && !ran_away; ++i) {
             const double size = fabs(served[i]) + fabs(served[i] - w.z[i]) + 1;
-            world_check(&w, "z after a step", trained[i], served[i], STEP_TOLERANCE * size);
+            random_system_check(&w, "z after a step", trained[i], served[i], STEP_TOLERANCE * size);
         }
-        world_close(&w);
+        random_system_close(&w);
     }
     if (finite < WORLDS * 3 / 4) {
         fail_msg("only %d of %d steps were finite", finite, WORLDS);

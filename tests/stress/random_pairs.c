@@ -12,10 +12,10 @@
 #include <string.h>
 
 #include "base/linalg.h"
-#include "store/columns.h"
+#include "scene/columns.h"
+#include "scene/system.h"
 #include "store/dataset.h"
 #include "store/hdf5_io.h"
-#include "store/system.h"
 
 #define SEED 5
 #define STEPS 20

@@ -11,9 +11,9 @@
 
 #include "base/linalg.h"
 #include "base/rng.h"
-#include "store/columns.h"
+#include "scene/columns.h"
 #include "store/dataset.h"
-#include "tests/unit/scratch.h"
+#include "tests/support/scratch.h"
 #include "trial.h"
 
 #define SEED 5

@@ -4,10 +4,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "sim/assembly.h"
+#include "scene/recording.h"
 #include "sim/ledger.h"
+#include "sim/monolithic.h"
 #include "store/hdf5_io.h"
-#include "store/recording.h"
 
 // J/K; entropies are of order one, and summed over the substeps of a step.
 #define LARGEST_FALL 1e-12
@@ -51,7 +51,7 @@ static bool is_finite(const pm_scene *scene, const pm_sample *sample) {
 
 typedef struct trial {
     const pm_scene *scene;
-    pm_assembly *assembly;
+    pm_monolithic *assembly;
     pm_ledger ledger;
     pm_recording *recording;
     long reached;
@@ -60,7 +60,7 @@ typedef struct trial {
 } trial;
 
 static pm_status book(trial *t) {
-    pm_sample sample = *pm_assembly_sample(t->assembly);
+    pm_sample sample = *pm_monolithic_sample(t->assembly);
     if (!is_finite(t->scene, &sample)) {
         keep_text(t->row->fault, "step %ld: a number that is not finite went by in silence%s",
                   sample.step, "");
@@ -73,10 +73,10 @@ static pm_status book(trial *t) {
 
 // Steps until the end, or until the program says that it cannot go on.
 static pm_status step_on(trial *t, long steps) {
-    const double first = angular_momentum(t->scene, pm_assembly_sample(t->assembly)->z);
+    const double first = angular_momentum(t->scene, pm_monolithic_sample(t->assembly)->z);
     PM_TRY(book(t));
     while (t->reached < steps) {
-        const pm_status status = pm_assembly_step(t->assembly);
+        const pm_status status = pm_monolithic_step(t->assembly);
         if (status != PM_OK) {
             ++t->row->ended;
             keep_text(t->row->why, "step %ld: %s", t->reached + 1, pm_error());
@@ -88,7 +88,7 @@ static pm_status step_on(trial *t, long steps) {
         }
         ++t->reached;
         PM_TRY(book(t));
-        const double now = angular_momentum(t->scene, pm_assembly_sample(t->assembly)->z);
+        const double now = angular_momentum(t->scene, pm_monolithic_sample(t->assembly)->z);
         t->momentum = fmax(t->momentum, fabs(now - first));
     }
     return PM_OK;
@@ -113,9 +113,9 @@ pm_status trial_run(trial_row *row, const pm_system *system, const double *z, lo
                     const char *recording) {
     trial t = {.scene = system->scene, .row = row};
     pm_status status;
-    PM_TRY_DONE(pm_assembly_open(&t.assembly, system));
+    PM_TRY_DONE(pm_monolithic_open(&t.assembly, system));
     PM_TRY_DONE(pm_recording_open(&t.recording, recording, t.scene));
-    pm_assembly_set_state(t.assembly, z);
+    pm_monolithic_set_state(t.assembly, z);
     pm_ledger_init(&t.ledger, system);
     PM_TRY_DONE(step_on(&t, steps));
     status = pm_recording_close(t.recording);
@@ -133,7 +133,7 @@ pm_status trial_run(trial_row *row, const pm_system *system, const double *z, lo
     }
 done:
     pm_recording_close(t.recording);
-    pm_assembly_close(t.assembly);
+    pm_monolithic_close(t.assembly);
     return status;
 }
 

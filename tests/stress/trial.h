@@ -6,7 +6,7 @@
 
 #include <stdio.h>
 
-#include "store/system.h"
+#include "scene/system.h"
 
 #define TRIAL_TEXT 320
 

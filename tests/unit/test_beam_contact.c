@@ -54,7 +54,7 @@ static void free_pair(pair *p) {
 
 // --- the law of contact ---
 
-static bool respond(const pair *p, int i, pm_beam_touch *touch) {
+static bool respond(const pair *p, int i, pm_beam_contact_force *touch) {
     return pm_beam_contact_respond(&p->contact, &p->contact.candidate[i], p->q, true, touch);
 }
 
@@ -63,7 +63,7 @@ static void even_pressure_is_carried_evenly(void **state) {
     (void)state;
     const double stiffness = 1e6, depth = 0.01, pressure = stiffness * depth;
     pair p;
-    pm_beam_touch touch;
+    pm_beam_contact_force touch;
     make_pair(&p, false, 0, stiffness);
     const int half = p.mesh.nnode / 2;
     for (int i = half; i < p.mesh.nnode; ++i) {
@@ -102,7 +102,7 @@ static void bend(pair *p, pm_rng *rng) {
 // Force = -d(energy)/dq, stiffness = -d(force)/dq by central differences.
 static void check_derivatives(pair *p, int candidate) {
     const double step = 1e-6;
-    static pm_beam_touch here, less, more;
+    static pm_beam_contact_force here, less, more;
     assert_true(respond(p, candidate, &here));
     const int n = 3 * here.nnode;
     for (int k = 0; k < n; ++k) {
@@ -130,7 +130,7 @@ static void forces_and_stiffness_are_derivatives(void **state) {
     pm_rng_init(&rng, 5, 0);
     for (int trial = 0; trial < 3; ++trial) {
         pair p;
-        static pm_beam_touch touch;
+        static pm_beam_contact_force touch;
         make_pair(&p, true, 0.1, 1e6);
         bend(&p, &rng);
         for (int i = 0; i < p.contact.ncandidate; ++i) {
@@ -152,7 +152,7 @@ static void edges_let_go_smoothly(void **state) {
     (void)state;
     const double step = 1e-4, depth = 0.05, stiffness = 1e6;
     pair p;
-    static pm_beam_touch touch;
+    static pm_beam_contact_force touch;
     make_pair(&p, true, 0, stiffness);
     double *x = p.q + 3 * (size_t)p.contact.candidate[0].node, before = NAN, steepest = 0;
     for (int k = -3000; k <= 3000; ++k) {
@@ -382,7 +382,7 @@ static void placed_beams_keep_their_own_frame(void **state) {
         for (int i = 0; i < nz; ++i) {
             assert_near("state", moved->z[j * nz + i], one->z[j * nz + i],
                         i % one->nvariable < 6 ? 1e-9 : 1e-3);
-            assert_near("rest", rest->z[j * nz + i], one->z[i], 1e-5);
+            assert_near("zero_at_origin", rest->z[j * nz + i], one->z[i], 1e-5);
         }
     }
     pm_field_free(alone[0]);

@@ -97,7 +97,7 @@ succeed "a run needs either" check "$bad"
 sed '/^time:/i url: "udpm://239.255.76.67"' "$scene" >"$bad"
 expect 3 "bad.yaml:2:6: url: expected udpm://" check "$bad"
 sed '/^time:/i url: "foo://239.255.76.67:7667"' "$scene" >"$bad"
-expect 3 "bad.yaml:2:6: url: expected udpm://" run "$bad" --in-process
+expect 3 "bad.yaml:2:6: url: transport" run "$bad" --in-process
 edit '14s|unit: kg m/s|unit: kg;m|'
 expect 3 "bad.yaml:14:17: unit: expected a unit without ';'" check "$bad"
 expect 3 "a port" run "$scene" --url udpm://239.255.76.67

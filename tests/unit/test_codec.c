@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "base/rng.h"
-#include "net/codec.h"
+#include "lockstep/codec.h"
 
 #define COUNT 3 // elements of every array
 #define ARRAYS 12

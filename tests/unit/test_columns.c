@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "store/columns.h"
+#include "scene/columns.h"
 
 #define NZ 9
 #define NCOLUMN 11

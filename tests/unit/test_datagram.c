@@ -14,9 +14,9 @@
 #include <unistd.h>
 
 #include "base/rng.h"
-#include "net/channel_filter.h"
-#include "net/datagram.h"
-#include "net/transport.h"
+#include "transport/channel_filter.h"
+#include "transport/datagram.h"
+#include "transport/transport.h"
 
 #define MOST 512
 

@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "scratch.h"
 #include "store/dataset.h"
+#include "tests/support/scratch.h"
 
 static const char *const columns[] = {"q", "p", "s"};
 

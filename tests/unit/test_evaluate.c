@@ -8,9 +8,9 @@
 
 #include <cmocka.h>
 
-#include "evaluate.h"
-#include "fixture.h"
-#include "sim/assembly.h"
+#include "evaluate/evaluate.h"
+#include "sim/monolithic.h"
+#include "tests/support/fixture.h"
 
 #define NTRAJECTORY 5
 #define NTIME 12
@@ -39,25 +39,25 @@ static void bench_open(bench *b, int stride) {
     assert_int_equal(
         pm_dataset_new(&b->data, NTRAJECTORY, NTIME, NCOLUMN, stride * scene->dt, layout), PM_OK);
     pm_columns columns;
-    pm_assembly *assembly = NULL;
+    pm_monolithic *assembly = NULL;
     assert_int_equal(pm_columns_bind(&columns, scene, b->data, &b->data->arena), PM_OK);
-    assert_int_equal(pm_assembly_open(&assembly, b->f.system), PM_OK);
+    assert_int_equal(pm_monolithic_open(&assembly, b->f.system), PM_OK);
     for (int i = 0; i < NTRAJECTORY; ++i) {
         double z[NCOLUMN];
         for (int k = 0; k < NCOLUMN; ++k) {
             z[k] = b->f.z[k] + 0.1 * i;
         }
-        pm_assembly_set_state(assembly, z);
+        pm_monolithic_set_state(assembly, z);
         pm_columns_to_row(&columns, z, pm_dataset_state(b->data, i, 0));
         for (int j = 1; j < NTIME; ++j) {
             for (int k = 0; k < stride; ++k) {
-                assert_int_equal(pm_assembly_step(assembly), PM_OK);
+                assert_int_equal(pm_monolithic_step(assembly), PM_OK);
             }
-            pm_columns_to_row(&columns, pm_assembly_sample(assembly)->z,
+            pm_columns_to_row(&columns, pm_monolithic_sample(assembly)->z,
                               pm_dataset_state(b->data, i, j));
         }
     }
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
 }
 
 static void bench_close(bench *b) {

@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "scratch.h"
 #include "store/field.h"
+#include "tests/support/scratch.h"
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };
 
@@ -140,9 +140,9 @@ static void placements_come_back(void **state) {
     const char *text = "origin: [36, -26, 11.5], axes: [+y, -x, +z]";
     assert_int_equal(pm_field_load(&d, save(*state, made(false), "placement", text)), PM_OK);
     assert_true(d->placed);
-    double world[3];
-    pm_placement_point(&d->placement, (const double[]){1, 2, 3}, world);
-    assert_true(world[0] == 34 && world[1] == -25 && world[2] == 14.5);
+    double random_system[3];
+    pm_placement_point(&d->placement, (const double[]){1, 2, 3}, random_system);
+    assert_true(random_system[0] == 34 && random_system[1] == -25 && random_system[2] == 14.5);
     pm_field_free(d);
     static const char *const bad[][2] = {
         {"origin: [36, -26], axes: [+y, -x, +z]", "origin: expected three numbers, found 2"},

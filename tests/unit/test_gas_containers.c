@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "scratch.h"
 #include "store/dataset.h"
+#include "tests/support/scratch.h"
 #include "truth/truth.h"
 
 enum { V1, V2, P, S1, S2, NZ };
@@ -25,8 +25,8 @@ static void assert_near(const char *what, double value, double expected, double 
 
 #define INITIAL "{position: [0.3, 2.6], momentum: [-1, 1], entropy: [1, 2]}"
 
-static pm_status load(scratch *folder, double wall_mass, double conductivity, const char *initial,
-                      pm_truth **truth) {
+static pm_status boundary_input(scratch *folder, double wall_mass, double conductivity,
+                                const char *initial, pm_truth **truth) {
     char text[512];
     const int length =
         snprintf(text, sizeof text,
@@ -41,7 +41,7 @@ static pm_status load(scratch *folder, double wall_mass, double conductivity, co
 
 static pm_truth *open(scratch *folder, double wall_mass, double conductivity) {
     pm_truth *truth = NULL;
-    if (load(folder, wall_mass, conductivity, INITIAL, &truth) != PM_OK) {
+    if (boundary_input(folder, wall_mass, conductivity, INITIAL, &truth) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return truth;
@@ -154,7 +154,7 @@ static void wrong_initial_states(void **state) {
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         pm_truth *truth = NULL;
-        const pm_status status = load(*state, 1, 1, cases[i].initial, &truth);
+        const pm_status status = boundary_input(*state, 1, 1, cases[i].initial, &truth);
         if (status != PM_ECONFIG || strstr(pm_error(), cases[i].words) == NULL) {
             fail_msg("case %zu: status %d, \"%s\", expected \"%s\"", i, status, pm_error(),
                      cases[i].words);

@@ -10,10 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scratch.h"
 #include "store/dataset.h"
 #include "store/hdf5_check.h"
 #include "store/hdf5_io.h"
+#include "tests/support/scratch.h"
 
 static scratch folder;
 

@@ -8,9 +8,9 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "allocations.h"
-#include "company.h"
-#include "net/codec.h"
+#include "lockstep/codec.h"
+#include "tests/support/allocations.h"
+#include "tests/support/cluster_fixture.h"
 
 static long count_allocations(void) {
     return allocations;
@@ -22,13 +22,13 @@ static void test_same_bits_as_plain_loop(void **context) {
     (void)context;
     for (int count = 1; count <= MAX_NODES; ++count) {
         for (int window = 1; window <= 7; window += 3) {
-            pm_hub *hub = company_hub(NULL);
-            company c;
-            company_open_all(&c, count, window, hub, 0);
+            pm_hub *hub = cluster_hub(NULL);
+            cluster c;
+            cluster_open_all(&c, count, window, hub, 0);
             // No waiting but for the nodes' lingering at the end.
-            assert_true(company_run(&c) < 0.19);
+            assert_true(cluster_run(&c) < 0.19);
             assert_all_ok(&c);
-            company_close(&c);
+            cluster_close(&c);
             pm_hub_close(hub);
         }
     }
@@ -42,12 +42,12 @@ static void test_same_bits_in_any_processes(void **context) {
             const double part = seed == 0 ? 0 : 0.2;
             const pm_hub_faults faults = {
                 .seed = seed, .drop = part, .duplicate = part, .delay = part, .max_delay = 12};
-            pm_hub *hub = company_hub(&faults);
-            company c;
-            company_open_dealt(&c, MAX_NODES, count, 1 + 5 * (int)seed, hub);
-            company_run(&c);
+            pm_hub *hub = cluster_hub(&faults);
+            cluster c;
+            cluster_open_dealt(&c, MAX_NODES, count, 1 + 5 * (int)seed, hub);
+            cluster_run(&c);
             assert_all_ok(&c);
-            company_close(&c);
+            cluster_close(&c);
             pm_hub_close(hub);
         }
     }
@@ -58,30 +58,30 @@ static void test_same_bits_under_faults(void **context) {
     for (uint64_t seed = 1; seed <= 24; ++seed) {
         const pm_hub_faults faults = {
             .seed = seed, .drop = 0.2, .duplicate = 0.2, .delay = 0.3, .max_delay = 12};
-        pm_hub *hub = company_hub(&faults);
-        company c;
+        pm_hub *hub = cluster_hub(&faults);
+        cluster c;
         print_message("seed %d\n", (int)seed);
-        company_open_all(&c, 2 + (int)(seed % 4), 1 + (int)(seed % 3), hub, 0);
-        company_run(&c);
+        cluster_open_all(&c, 2 + (int)(seed % 4), 1 + (int)(seed % 3), hub, 0);
+        cluster_run(&c);
         assert_all_ok(&c);
-        company_close(&c);
+        cluster_close(&c);
         pm_hub_close(hub);
     }
 }
 
 static void test_no_requests_without_loss(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 1, hub, 0);
-    company_run(&c);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 1, hub, 0);
+    cluster_run(&c);
     for (int i = 0; i < c.count; ++i) {
         const pm_drops *drops = pm_lockstep_node_drops(c.node[i]);
         for (int drop = PM_KEEP + 1; drop < PM_NDROP; ++drop) {
             assert_int_equal(drops->count[drop], 0);
         }
     }
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
@@ -96,60 +96,60 @@ static void test_requests_wake_few(void **context) {
     static const char *const channel[] = {"chain_REQUEST_link3", "chain_REQUEST_TICK",
                                           "chain_REQUEST"};
     int count[3] = {0};
-    pm_hub *hub = company_hub(NULL);
+    pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
-    company c;
+    cluster c;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
     for (int i = 0; i < 3; ++i) {
         assert_int_equal(pm_transport_subscribe(stranger, channel[i], count_message, &count[i]),
                          PM_OK);
     }
-    company_open_all(&c, 3, 16, hub, 0);
-    company_run_to(&c, 5);
-    company_run_without(&c, 2, 0.05);
+    cluster_open_all(&c, 3, 16, hub, 0);
+    cluster_run_to(&c, 5);
+    cluster_run_without(&c, 2, 0.05);
     assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
     assert_true(count[0] > 0);
     assert_int_equal(count[1] + count[2], 0);
-    company_run_without(&c, 2, 0.2);
+    cluster_run_without(&c, 2, 0.2);
     assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
     assert_true(count[2] > 0);
-    company_run(&c);
+    cluster_run(&c);
     assert_all_ok(&c);
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
 }
 
 static void test_steps_allocate_nothing(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 2, hub, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 2, hub, 0);
     c.count_allocations = count_allocations;
     assert_true(allocations > 0);
-    company_run(&c);
+    cluster_run(&c);
     assert_all_ok(&c);
     assert_int_equal(allocations - c.allocations_at_step_5, 0);
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 // Two runs of one scene on one network keep apart by their sessions.
 static void test_two_sessions_on_one_network(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company a, b;
-    company_open_all(&a, 2, 1, hub, 111);
-    company_open_all(&b, 2, 1, hub, 222);
-    while (!company_is_over(&a) || !company_is_over(&b)) {
-        company_turn(&a);
-        company_turn(&b);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster a, b;
+    cluster_open_all(&a, 2, 1, hub, 111);
+    cluster_open_all(&b, 2, 1, hub, 222);
+    while (!cluster_is_over(&a) || !cluster_is_over(&b)) {
+        cluster_turn(&a);
+        cluster_turn(&b);
     }
     assert_all_ok(&a);
     assert_all_ok(&b);
     assert_true(pm_lockstep_node_drops(a.node[0])->count[PM_DROP_SESSION] > 0);
-    company_close(&a);
-    company_close(&b);
+    cluster_close(&a);
+    cluster_close(&b);
     pm_hub_close(hub);
 }
 
@@ -158,83 +158,83 @@ static void test_two_sessions_on_one_network(void **context) {
 // A peer that waits for another one is not given up: its requests are signs of life.
 static void test_who_waits_is_alive(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 4, 1, hub, 0);
-    company_run_to(&c, 5);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 4, 1, hub, 0);
+    cluster_run_to(&c, 5);
     for (int absent = 3; absent > 0; --absent) {
-        company_run_without(&c, absent, 0.7 * PATIENCE);
+        cluster_run_without(&c, absent, 0.7 * PATIENCE);
     }
-    company_run(&c);
+    cluster_run(&c);
     assert_all_ok(&c);
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 // Who is silent for a while is named, once, and so is the end of the pause.
 static void test_a_pause_is_told(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 1, hub, 0);
-    company_run_to(&c, 5);
-    company_run_without(&c, 1, 0.4 * PATIENCE);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 1, hub, 0);
+    cluster_run_to(&c, 5);
+    cluster_run_without(&c, 1, 0.4 * PATIENCE);
     assert_int_equal(c.pauses, 0);
-    company_run_to(&c, 7);
-    company_run_without(&c, 1, 0.7 * PATIENCE);
+    cluster_run_to(&c, 7);
+    cluster_run_without(&c, 1, 0.7 * PATIENCE);
     assert_int_equal(c.pauses, 1);
     assert_string_equal(c.silent, "link2");
-    company_run(&c);
+    cluster_run(&c);
     assert_all_ok(&c);
     assert_int_equal(c.pauses, 2);
     assert_string_equal(c.silent, "");
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 // Signs of life alone do not help: here everything that link2 sends but its requests is lost.
 static void test_life_without_progress_ends(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
+    pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
-    company c;
-    company_open_all(&c, 2, 1, hub, 77);
-    company_run_to(&c, 5);
+    cluster c;
+    cluster_open_all(&c, 2, 1, hub, 77);
+    cluster_run_to(&c, 5);
     pm_lockstep_node *node = c.node[1];
     c.node[1] = NULL;
     const double start = c.now;
-    for (bool over = false; !over; over = company_is_over(&c)) {
+    for (bool over = false; !over; over = cluster_is_over(&c)) {
         const portmet_request_t request = {
             .session = 77, .sender = "link2", .channel = "chain_TICK"};
         unsigned char data[256];
         const size_t size = pm_request_encode(&request, data, sizeof data);
         assert_int_equal(pm_transport_publish(stranger, "chain_REQUEST", data, size), PM_OK);
-        company_turn(&c);
+        cluster_turn(&c);
         c.now += TICK;
     }
     assert_in_range((int)((c.now - start) / PATIENCE), 3, 4);
     assert_error(pm_lockstep_coordinator_result(c.coordinator), PM_ETIMEOUT, "link2");
     pm_lockstep_node_close(node);
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
 }
 
 static void test_other_digest_is_refused_by_name(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open(&c, 3, 1, hub, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open(&c, 3, 1, hub, 0);
     fixture other = {0};
     fixture_open(&other, 3, 999);
-    company_add(&c, 0, c.f.system, 0);
-    company_add(&c, 1, other.system, 0);
-    company_add(&c, 2, c.f.system, 0);
-    company_run(&c);
+    cluster_add(&c, 0, c.f.system, 0);
+    cluster_add(&c, 1, other.system, 0);
+    cluster_add(&c, 2, c.f.system, 0);
+    cluster_run(&c);
     assert_all_failed(&c, PM_ENET, "link2");
     assert_int_equal(c.steps_seen, 0);
-    company_close(&c);
+    cluster_close(&c);
     fixture_close(&other);
     pm_hub_close(hub);
 }
@@ -242,62 +242,62 @@ static void test_other_digest_is_refused_by_name(void **context) {
 // The step is the coordinator's to tell: a node that would step otherwise says so.
 static void test_other_step_is_refused(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open(&c, 2, 1, hub, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open(&c, 2, 1, hub, 0);
     fixture other = {0};
     fixture_open(&other, 2, 1234);
     other.scene->dt *= 2;
-    company_add(&c, 0, other.system, 0);
-    company_add(&c, 1, c.f.system, 0);
-    company_run(&c);
+    cluster_add(&c, 0, other.system, 0);
+    cluster_add(&c, 1, c.f.system, 0);
+    cluster_run(&c);
     assert_all_failed(&c, PM_ENET, "link1 failed: the coordinator's scene steps by 0.02");
-    company_close(&c);
+    cluster_close(&c);
     fixture_close(&other);
     pm_hub_close(hub);
 }
 
 static void test_missing_node_is_named(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open(&c, 3, 1, hub, 0);
-    company_add(&c, 0, c.f.system, 0);
-    company_add(&c, 1, c.f.system, 0);
-    const double took = company_run(&c);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open(&c, 3, 1, hub, 0);
+    cluster_add(&c, 0, c.f.system, 0);
+    cluster_add(&c, 1, c.f.system, 0);
+    const double took = cluster_run(&c);
     assert_true(took < 2 * PATIENCE);
     assert_all_failed(&c, PM_ETIMEOUT, "missing");
     assert_non_null(strstr((pm_lockstep_coordinator_result(c.coordinator), pm_error()), "link3"));
     assert_null(strstr(pm_error(), "link1"));
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 static void test_node_without_coordinator_gives_up(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 2, 1, hub, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 2, 1, hub, 0);
     pm_lockstep_coordinator_close(c.coordinator);
     pm_transport_close(c.coordinator_transport);
     c.coordinator = NULL;
     c.coordinator_transport = NULL;
-    company_run(&c);
+    cluster_run(&c);
     assert_error(pm_lockstep_node_result(c.node[1]), PM_ETIMEOUT, "no coordinator");
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 // A node that stops in the middle of a run; the end of it names that node and no other.
 static void test_dead_node_is_named(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 4, 2, hub, 0);
-    company_run_to(&c, 5);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 4, 2, hub, 0);
+    cluster_run_to(&c, 5);
     pm_lockstep_node *dead = c.node[2];
     c.node[2] = NULL;
-    const double took = company_run(&c);
+    const double took = cluster_run(&c);
     assert_true(took < 2 * PATIENCE);
     assert_error(pm_lockstep_coordinator_result(c.coordinator), PM_ETIMEOUT, "link3");
     for (int i = 0; i < c.count; ++i) {
@@ -306,67 +306,67 @@ static void test_dead_node_is_named(void **context) {
         }
     }
     pm_lockstep_node_close(dead);
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 static void test_dead_coordinator_is_named(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 1, hub, 0);
-    company_run_to(&c, 5);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 1, hub, 0);
+    cluster_run_to(&c, 5);
     pm_lockstep_coordinator *dead = c.coordinator;
     c.coordinator = NULL;
-    const double took = company_run(&c);
+    const double took = cluster_run(&c);
     assert_true(took < 2 * PATIENCE);
     for (int i = 0; i < c.count; ++i) {
         assert_error(pm_lockstep_node_result(c.node[i]), PM_ETIMEOUT, "coordinator");
     }
     c.coordinator = dead;
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 static void test_failure_of_a_node_ends_all(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 1, hub, 0);
-    company_run_to(&c, 3);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 1, hub, 0);
+    cluster_run_to(&c, 3);
     pm_lockstep_node_fail(c.node[1], PM_ENUMERIC, "z[2] is nan");
-    const double took = company_run(&c);
+    const double took = cluster_run(&c);
     assert_true(took < 1);
     assert_all_failed(&c, PM_ENUMERIC, "link2 failed: z[2] is nan");
     assert_error(pm_lockstep_node_result(c.node[0]), PM_ENUMERIC, "link2");
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 static void test_divergence_ends_all(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open(&c, 2, 1, hub, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open(&c, 2, 1, hub, 0);
     c.f.z[0] = c.f.z[2] = 1e200;
-    company_add(&c, 0, c.f.system, 0);
-    company_add(&c, 1, c.f.system, 0);
-    company_run(&c);
+    cluster_add(&c, 0, c.f.system, 0);
+    cluster_add(&c, 1, c.f.system, 0);
+    cluster_run(&c);
     assert_all_failed(&c, PM_ENUMERIC, "link1");
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
 static void test_failure_of_the_observer_ends_all(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 2, 1, hub, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 2, 1, hub, 0);
     c.fail_at_step = 4;
-    company_run(&c);
+    cluster_run(&c);
     assert_all_failed(&c, PM_EFILE, "the recording is full");
     assert_int_equal(c.steps_seen, 5);
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 
@@ -375,14 +375,14 @@ static void test_failure_arrives_under_faults(void **context) {
     for (uint64_t seed = 1; seed <= 8; ++seed) {
         const pm_hub_faults faults = {
             .seed = seed, .drop = 0.3, .duplicate = 0.2, .delay = 0.3, .max_delay = 12};
-        pm_hub *hub = company_hub(&faults);
-        company c;
-        company_open_all(&c, 3, 1, hub, 0);
-        company_run_to(&c, 3);
+        pm_hub *hub = cluster_hub(&faults);
+        cluster c;
+        cluster_open_all(&c, 3, 1, hub, 0);
+        cluster_run_to(&c, 3);
         pm_lockstep_node_fail(c.node[2], PM_EINTERRUPTED, "interrupted");
-        company_run(&c);
+        cluster_run(&c);
         assert_all_failed(&c, PM_EINTERRUPTED, "link3 failed: interrupted");
-        company_close(&c);
+        cluster_close(&c);
         pm_hub_close(hub);
     }
 }
@@ -391,9 +391,9 @@ static void test_together_and_interrupted(void **context) {
     (void)context;
     volatile sig_atomic_t stop = 0;
     for (int interrupted = 0; interrupted < 2; ++interrupted) {
-        pm_hub *hub = company_hub(NULL);
-        company c;
-        company_open_all(&c, 3, 1, hub, 0);
+        pm_hub *hub = cluster_hub(NULL);
+        cluster c;
+        cluster_open_all(&c, 3, 1, hub, 0);
         stop = interrupted;
         const pm_status status = pm_lockstep_run_together(c.coordinator, c.count, c.node, &stop);
         if (interrupted) {
@@ -402,7 +402,7 @@ static void test_together_and_interrupted(void **context) {
             assert_int_equal(status, PM_OK);
             assert_int_equal(c.steps_seen, STEPS + 1);
         }
-        company_close(&c);
+        cluster_close(&c);
         pm_hub_close(hub);
     }
 }

@@ -9,9 +9,9 @@
 #include <string.h>
 
 #include "base/rng.h"
-#include "company.h"
-#include "net/codec.h"
-#include "store/channel.h"
+#include "lockstep/codec.h"
+#include "tests/support/cluster_fixture.h"
+#include "transport/channel.h"
 
 static void shout(pm_transport *transport, const char *channel, pm_rng *rng) {
     unsigned char data[300];
@@ -60,18 +60,18 @@ static void test_garbage_changes_nothing(void **context) {
     };
     pm_rng rng;
     pm_rng_init(&rng, 5, 0);
-    pm_hub *hub = company_hub(NULL);
+    pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
-    company c;
-    company_open_all(&c, 2, 2, hub, 77);
-    while (!company_is_over(&c)) {
+    cluster c;
+    cluster_open_all(&c, 2, 2, hub, 77);
+    while (!cluster_is_over(&c)) {
         for (size_t i = 0; i < sizeof channel / sizeof channel[0]; ++i) {
             shout(stranger, channel[i], &rng);
         }
         mislead(stranger, 77);
-        company_turn(&c);
-        c.now += TICK; // which company_turn() does only in silence
+        cluster_turn(&c);
+        c.now += TICK; // which cluster_turn() does only in silence
     }
     assert_all_ok(&c);
     const pm_drops *drops = pm_lockstep_node_drops(c.node[0]);
@@ -79,7 +79,7 @@ static void test_garbage_changes_nothing(void **context) {
     assert_true(drops->count[PM_DROP_COUNT] > 0);
     assert_true(drops->count[PM_DROP_SESSION] > 0);
     assert_true(drops->count[PM_DROP_RANGE] > 0);
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
 }
@@ -105,9 +105,9 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
 
 enum { OWN = 77, FOREIGN = 78 }; // sessions
 
-// Whoever sends forged messages to a company, and what they are made of.
+// Whoever sends forged messages to a cluster, and what they are made of.
 typedef struct forger {
-    company c;
+    cluster c;
     pm_transport *stranger;
     double y[5];
     int64_t n[1], first; // instance of the first node
@@ -216,20 +216,20 @@ static void forge_for_coordinator(forger *f) {
 static void test_forged_messages_are_dropped(void **context) {
     (void)context;
     forger f = {.y = {1, 2, 3, 4, 5}, .n = {1}};
-    pm_hub *hub = company_hub(NULL);
+    pm_hub *hub = cluster_hub(NULL);
     assert_int_equal(pm_transport_open(&f.stranger, "memory://", hub), PM_OK);
-    company_open_all(&f.c, 3, 1, hub, OWN);
+    cluster_open_all(&f.c, 3, 1, hub, OWN);
     forge_beginnings(&f);
     assert_int_equal(pm_transport_subscribe(f.stranger, "chain_HELLO", note_instance, &f.first),
                      PM_OK);
-    company_run_to(&f.c, 5);
+    cluster_run_to(&f.c, 5);
     assert_int_equal(pm_transport_wait(f.stranger, 0, NULL), PM_OK);
     assert_true(f.first > 0);
     forge_for_node(&f);
     forge_for_coordinator(&f);
-    company_run(&f.c);
+    cluster_run(&f.c);
     assert_all_ok(&f.c);
-    company_close(&f.c);
+    cluster_close(&f.c);
     pm_transport_close(f.stranger);
     pm_hub_close(hub);
 }
@@ -245,12 +245,12 @@ static void test_later_coordinator_grants_anew(void **context) {
         {INT64_MAX - 2, 9, 9}, {INT64_MAX - 1, 7, 9},   {INT64_MAX - 2, 12, 9},
         {INT64_MAX - 1, 8, 9}, {INT64_MAX - 1, 10, 10},
     };
-    pm_hub *hub = company_hub(NULL);
+    pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
-    company c;
-    company_open_all(&c, 2, 1, hub, 77);
-    company_run_to(&c, 5);
+    cluster c;
+    cluster_open_all(&c, 2, 1, hub, 77);
+    cluster_run_to(&c, 5);
     for (size_t i = 0; i < sizeof ticks / sizeof ticks[0]; ++i) {
         const portmet_tick_t tick = {.session = 77,
                                      .instance = ticks[i].instance,
@@ -268,7 +268,7 @@ static void test_later_coordinator_grants_anew(void **context) {
         }
         assert_int_equal(pm_lockstep_node_step(c.node[0]), ticks[i].step);
     }
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
 }
@@ -290,10 +290,10 @@ static void test_requests_are_answered_once(void **context) {
         {report, 5, 0, 1}, {report, 4, 0, 1}, {report, 6, 0, 0}, {report, 0, 0, 0},
         {flux, 5, 0, 1},   {flux, 4, 7, 0},   {flux, 6, 0, 0},   {"chain_REPORT_link2", 5, 0, 0},
     };
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 1, hub, 77);
-    company_run_to(&c, 5);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 1, hub, 77);
+    cluster_run_to(&c, 5);
     pm_transport *stranger;
     int count = 0;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
@@ -316,9 +316,9 @@ static void test_requests_are_answered_once(void **context) {
                      count, cases[i].answers);
         }
     }
-    company_run(&c);
+    cluster_run(&c);
     assert_all_ok(&c);
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
 }
@@ -339,11 +339,11 @@ static void note_step(void *context, const char *channel, const void *data, size
 
 // The step of the last flux of three nodes that have done all that is granted: six steps.
 static int64_t last_shown(double tolerance) {
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 3, 1, hub, 77);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 3, 1, hub, 77);
     c.f.scene->tolerance = tolerance;
-    company_run_to(&c, 5);
+    cluster_run_to(&c, 5);
     pm_transport *stranger;
     int64_t shown = -1;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
@@ -357,7 +357,7 @@ static int64_t last_shown(double tolerance) {
     }
     assert_int_equal(pm_lockstep_node_step(c.node[0]), 6);
     assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
     return shown;
@@ -375,15 +375,15 @@ static void test_fluxes_are_sent_ahead_of_the_grant(void **context) {
 static void test_repetitions_are_counted(void **context) {
     (void)context;
     const pm_hub_faults faults = {.seed = 1, .duplicate = 1};
-    pm_hub *hub = company_hub(&faults);
-    company c;
-    company_open_all(&c, 2, 2, hub, 0);
-    company_run(&c);
+    pm_hub *hub = cluster_hub(&faults);
+    cluster c;
+    cluster_open_all(&c, 2, 2, hub, 0);
+    cluster_run(&c);
     assert_all_ok(&c);
     // 8 rounds a step, and one report a step from each node.
     assert_true(pm_lockstep_node_drops(c.node[0])->count[PM_DROP_REPEATED] >= 8 * STEPS);
     assert_true(pm_lockstep_coordinator_drops(c.coordinator)->count[PM_DROP_REPEATED] >= 2 * STEPS);
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
 }
 

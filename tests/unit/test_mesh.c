@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "model/mesh.h"
+#include "model/mesh/mesh.h"
 
 // 3 x 2 x 1 bricks of 2 x 0.5 x 3 m.
 static const double size[3] = {6, 1, 3};

@@ -8,9 +8,9 @@
 
 #include <cmocka.h>
 
-#include "allocations.h"
 #include "graph/node.h"
-#include "model/message.h"
+#include "model/mesh/message.h"
+#include "tests/support/allocations.h"
 
 typedef struct network {
     pm_arena arena;

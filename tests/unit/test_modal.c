@@ -13,7 +13,7 @@
 #include "modal/reconstruct.h"
 #include "modal/reduce.h"
 #include "modal/regression.h"
-#include "scratch.h"
+#include "tests/support/scratch.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1, held at x = 0.
 enum { NX = 5, NNODE = NX * 9, NTRAJECTORY = 6, NTIME = 9, NVARIABLE = 12 };
@@ -82,7 +82,7 @@ static const pm_reduce_how how = {
     .nlead = 2,
     .nbranch = 1,
     .tau = {0.3},
-    .swing = 1e-3,
+    .inertia_time = 1e-3,
     .temperature = 300,
     .displacement_rank = 4,
     .stress_rank = 4,
@@ -120,7 +120,7 @@ static void amplitudes_follow_the_loads(void **state) {
     pm_field *field = make_body();
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
-    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true, PM_LOADS_OF_WORLD),
+    assert_int_equal(pm_reduce_project(&d, b, field, NTRAJECTORY, all, true, PM_LOADS_PRESCRIBED),
                      PM_OK);
     assert_int_equal(d->ntrajectory, 8 * NTRAJECTORY);
     assert_int_equal(d->ncolumn, 3 * 2 + 1 + 3);
@@ -151,14 +151,15 @@ static void fields_come_back(void **state) {
     assert_int_equal(pm_basis_save(made, path, "trial"), PM_OK);
     assert_int_equal(pm_basis_load(&b, path), PM_OK);
     assert_memory_equal(b->mode, made->mode, 9 * NNODE * sizeof *b->mode);
-    assert_true(b->tau[0] == made->tau[0] && b->swing == made->swing);
+    assert_true(b->tau[0] == made->tau[0] && b->inertia_time == made->inertia_time);
     assert_int_equal(b->local.nsection, NX);
     assert_int_equal(pm_local_features(&b->local), 3 * 3); // one place carries a load
     assert_memory_equal(b->local.kernel, made->local.kernel, 9 * 9 * 6 * sizeof(double));
     pm_dataset *d = NULL;
     double error[2 * PM_FIELD_NERROR];
     // Trajectories from which the basis was not made.
-    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 2, all + 4, false, PM_LOADS_PRESCRIBED),
+                     PM_OK);
     assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_OK);
     assert_int_equal(pm_field_errors(again, field, all + 4, error), PM_OK);
     for (int i = 0; i < 2; ++i) {
@@ -202,14 +203,14 @@ static pm_dataset *with_a_neighbour(const pm_dataset *one, const pm_basis *b, do
     return d;
 }
 
-// What the world and another body share is what the world alone would do.
+// What the random_system and another body share is what the random_system alone would do.
 static void forces_of_contact_are_loads(void **state) {
     (void)state;
     pm_field *field = make_body();
     pm_basis *b = make_basis(field), *shared = NULL;
     pm_dataset *d = NULL, *whole = NULL, *half = NULL;
     const size_t count = 3 * (size_t)NTRAJECTORY * NTIME * NNODE;
-    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_PRESCRIBED), PM_OK);
     field->contact = calloc(count, sizeof *field->contact);
     for (size_t i = 0; i < count; ++i) {
         field->contact[i] = field->f[i] /= 2;
@@ -218,7 +219,7 @@ static void forces_of_contact_are_loads(void **state) {
     assert_memory_equal(shared->mode, b->mode, 3 * 3 * NNODE * sizeof *b->mode);
     assert_memory_equal(shared->local.kernel, b->local.kernel, 9 * 9 * 6 * sizeof(double));
     assert_int_equal(pm_reduce_project(&whole, b, field, 1, all, false, PM_LOADS_OF_ALL), PM_OK);
-    assert_int_equal(pm_reduce_project(&half, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reduce_project(&half, b, field, 1, all, false, PM_LOADS_PRESCRIBED), PM_OK);
     for (int i = 0; i < NTIME * d->ncolumn; ++i) {
         const bool is_load = i % d->ncolumn >= d->ncolumn - b->nmode;
         assert_true(whole->z[i] == d->z[i]);
@@ -242,19 +243,19 @@ static void contact_is_a_load(void **state) {
     pm_field *field = make_body(), *pressed = NULL, *loaded = NULL;
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
-    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_PRESCRIBED), PM_OK);
     pm_dataset *two = with_a_neighbour(d, b, force / stiffness, &arena);
 
     pm_placed body[2] = {
         {.name = "one", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
         {.name = "two", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
     body[0].position = body[1].position = b->position;
-    pm_facing_pair pair = {.normal = {0, 0, 1}, .point = {{1, {node}, {1}, {{0}}, {0}}}};
-    pm_meeting meeting = {{0, 1}, {1, &pair}};
-    const pm_assembly assembly = {
-        .basis = b, .nbody = 2, .body = body, .nmeeting = 1, .meeting = &meeting};
-    pm_touch touch;
-    assert_int_equal(pm_touch_open(&touch, &assembly, 0, two, stiffness, &arena), PM_OK);
+    pm_contact_pair pair = {.normal = {0, 0, 1}, .point = {{1, {node}, {1}, {{0}}, {0}}}};
+    pm_contact_interface meeting = {{0, 1}, {1, &pair}};
+    const pm_body_assembly assembly = {
+        .basis = b, .nbody = 2, .body = body, .ncontact = 1, .meeting = &meeting};
+    pm_contact_force touch;
+    assert_int_equal(pm_contact_force_open(&touch, &assembly, 0, two, stiffness, &arena), PM_OK);
     assert_int_equal(pm_reconstruct(&pressed, b, two, "one", &touch, NULL, NULL), PM_OK);
 
     memset(field->f, 0, 3 * NTRAJECTORY * NTIME * NNODE * sizeof *field->f);
@@ -316,7 +317,7 @@ static void variables_are_found_by_name(void **state) {
     assert_non_null(strstr(pm_error(), "has no \"sxx syy"));
     other->variable = "T";
     pm_dataset *none = NULL;
-    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false, PM_LOADS_OF_WORLD),
+    assert_int_equal(pm_reduce_project(&none, b, other, 1, all, false, PM_LOADS_PRESCRIBED),
                      PM_EDATA);
     assert_non_null(strstr(pm_error(), "no positions"));
     pm_basis_free(expected);
@@ -348,7 +349,7 @@ static void a_body_may_have_no_mesh(void **state) {
     pm_basis *b = make_basis(field);
     pm_dataset *d = NULL;
     assert_int_equal(b->nelement, 0);
-    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_OF_WORLD), PM_OK);
+    assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_PRESCRIBED), PM_OK);
     assert_int_equal(pm_reconstruct(&again, b, d, NULL, NULL, NULL, NULL), PM_OK);
     assert_int_equal(again->nelement, 0);
     pm_dataset_free(d);
@@ -379,7 +380,7 @@ static void spoiled_bases_are_refused(void **state) {
         {&b->stiffness[1], 0},
         {&b->lead_scale[0], 0},
         {&b->tau[0], 0},
-        {&b->swing, 0},
+        {&b->inertia_time, 0},
         {&b->temperature, -1},
     };
     for (size_t i = 0; i < sizeof spoiled / sizeof *spoiled; ++i) {
@@ -404,7 +405,7 @@ static void bases_of_many_modes_are_refused(void **state) {
     for (int n = PM_BASIS_MAX_MODES; n <= PM_BASIS_MAX_MODES + 1; ++n) {
         pm_basis *b = NULL, *again = NULL;
         assert_int_equal(pm_basis_new(&b, 1, n, n, n), PM_OK);
-        b->swing = b->temperature = 1;
+        b->inertia_time = b->temperature = 1;
         for (int i = 0; i < n; ++i) {
             b->stiffness[i] = b->lead_scale[i] = 1;
         }

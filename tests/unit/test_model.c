@@ -14,7 +14,7 @@
 #include "model/operator.h"
 #include "model/part.h"
 #include "model/port.h"
-#include "store/model_yaml.h"
+#include "scene/model_reader.h"
 
 static const pm_layout layout = {
     3, {{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
@@ -219,7 +219,7 @@ static void networks_at_rest_are_flat_at_zero(void **state) {
                                   .nhidden = 1,
                                   .hidden = hidden,
                                   .skip = PM_SKIP_QUADRATIC,
-                                  .rest = true};
+                                  .zero_at_origin = true};
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
     pm_params params = {0};

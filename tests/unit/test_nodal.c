@@ -10,7 +10,7 @@
 
 #include "base/rng.h"
 #include "graph/program.h"
-#include "model/nodal.h"
+#include "model/mesh/nodal.h"
 
 #define NNODE 5
 #define ROWS 4 // of two fields

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "nodes.h"
+#include "body/nodes.h"
 
 #define NNODE 36 // of 3 x 2 x 2 bricks, 27 of them free
 #define NFREE 27

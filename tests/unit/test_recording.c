@@ -14,8 +14,8 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "scratch.h"
-#include "store/recording.h"
+#include "scene/recording.h"
+#include "tests/support/scratch.h"
 
 static pm_scene_subsystem subsystem[2] = {
     {.name = "left",

@@ -8,17 +8,17 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "company.h"
-#include "net/codec.h"
-#include "scratch.h"
+#include "lockstep/codec.h"
+#include "tests/support/cluster_fixture.h"
+#include "tests/support/scratch.h"
 
-// Turns of a company and of one more node, until that has ended.
-static pm_status run_stranger(company *c, pm_lockstep_node *node, pm_transport *transport) {
+// Turns of a cluster and of one more node, until that has ended.
+static pm_status run_stranger(cluster *c, pm_lockstep_node *node, pm_transport *transport) {
     while (!pm_lockstep_node_finished(node)) {
         assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
         pm_lockstep_node_poll(node, c->now);
-        company_turn(c);
-        c->now += TICK; // which company_turn() does only in silence
+        cluster_turn(c);
+        c->now += TICK; // which cluster_turn() does only in silence
     }
     const pm_status status = pm_lockstep_node_result(node);
     pm_lockstep_node_close(node);
@@ -26,7 +26,7 @@ static pm_status run_stranger(company *c, pm_lockstep_node *node, pm_transport *
     return status;
 }
 
-static pm_status join(company *c, const pm_system *system, int i, int64_t session,
+static pm_status join(cluster *c, const pm_system *system, int i, int64_t session,
                       const char *checkpoint) {
     pm_transport *transport;
     pm_lockstep_node *node;
@@ -37,10 +37,10 @@ static pm_status join(company *c, const pm_system *system, int i, int64_t sessio
     return run_stranger(c, node, transport);
 }
 
-static void finish(company *c) {
-    company_run(c);
+static void finish(cluster *c) {
+    cluster_run(c);
     assert_all_ok(c);
-    company_close(c);
+    cluster_close(c);
 }
 
 // While the first waits, and in the middle of its run; with checkpoints, too.
@@ -49,25 +49,25 @@ static void test_second_node(void **context) {
     for (int at = 0; at < 4; ++at) {
         scratch s;
         scratch_open(&s);
-        pm_hub *hub = company_hub(NULL);
-        company c;
+        pm_hub *hub = cluster_hub(NULL);
+        cluster c;
         if (at < 2) {
-            company_open(&c, 2, 1, hub, 0);
-            company_add(&c, 0, c.f.system, 0);
+            cluster_open(&c, 2, 1, hub, 0);
+            cluster_add(&c, 0, c.f.system, 0);
         } else {
-            company_open_keeping(&c, 2, 1, hub, 0, s.folder);
+            cluster_open_keeping(&c, 2, 1, hub, 0, s.folder);
         }
-        company_turn(&c);
+        cluster_turn(&c);
         if (at % 2 == 1) {
             if (at == 1) {
-                company_add(&c, 1, c.f.system, 0);
+                cluster_add(&c, 1, c.f.system, 0);
             }
-            company_run_to(&c, 5);
+            cluster_run_to(&c, 5);
         }
         const char *checkpoint = at < 2 ? NULL : scratch_path(&s, "second");
         assert_error(join(&c, c.f.system, 0, 0, checkpoint), PM_ENET, "link1");
         if (at == 0) {
-            company_add(&c, 1, c.f.system, 0);
+            cluster_add(&c, 1, c.f.system, 0);
         }
         finish(&c);
         pm_hub_close(hub);
@@ -77,14 +77,14 @@ static void test_second_node(void **context) {
 
 // The same, but its hello is not heard, and it hears ticks before anything else; only a checkpoint
 // of the session makes it join.
-static pm_status join_unheard(company *c, int i, const char *checkpoint, bool joins) {
+static pm_status join_unheard(cluster *c, int i, const char *checkpoint, bool joins) {
     pm_transport *transport;
     pm_lockstep_node *node;
     const pm_lockstep_node_options options = {.z = c->f.z, .session = 77, .checkpoint = checkpoint};
     assert_int_equal(pm_transport_open(&transport, "memory://", c->hub), PM_OK);
     assert_int_equal(pm_lockstep_node_open(&node, c->f.system, i, transport, &options), PM_OK);
     for (int turn = 0; turn < 12; ++turn) {
-        company_turn(c);
+        cluster_turn(c);
     }
     assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
     assert_int_equal(pm_lockstep_node_drops(node)->count[PM_KEEP] > 0, joins);
@@ -96,14 +96,14 @@ static void test_second_node_that_is_not_heard(void **context) {
     for (int at = 0; at < 3; ++at) {
         scratch s;
         scratch_open(&s);
-        pm_hub *hub = company_hub(NULL);
-        company c;
+        pm_hub *hub = cluster_hub(NULL);
+        cluster c;
         if (at == 0) {
-            company_open_all(&c, 2, 1, hub, 77);
+            cluster_open_all(&c, 2, 1, hub, 77);
         } else {
-            company_open_keeping(&c, 2, 1, hub, 77, s.folder);
+            cluster_open_keeping(&c, 2, 1, hub, 77, s.folder);
         }
-        company_run_to(&c, 8);
+        cluster_run_to(&c, 8);
         // A folder of its own, or the first one's.
         const char *checkpoint = at == 0 ? NULL : at == 1 ? scratch_path(&s, "second") : c.path[0];
         assert_error(join_unheard(&c, 0, checkpoint, at == 2), PM_ENET, "link1");
@@ -116,10 +116,10 @@ static void test_second_node_that_is_not_heard(void **context) {
 // Both hear the first tick before they are heard: the later report is refused.
 static void test_two_nodes_at_once(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open(&c, 2, 1, hub, 77);
-    company_add(&c, 0, c.f.system, 77);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open(&c, 2, 1, hub, 77);
+    cluster_add(&c, 0, c.f.system, 77);
     pm_transport *transport;
     pm_lockstep_node *second;
     const pm_lockstep_node_options options = {.z = c.f.z, .session = 77};
@@ -135,7 +135,7 @@ static void test_two_nodes_at_once(void **context) {
     assert_int_equal(pm_transport_publish(transport, "chain_TICK", data, size), PM_OK);
     assert_int_equal(pm_transport_wait(c.transport[0], 0, NULL), PM_OK);
     assert_error(run_stranger(&c, second, transport), PM_ENET, "link1: the run goes on without it");
-    company_add(&c, 1, c.f.system, 77);
+    cluster_add(&c, 1, c.f.system, 77);
     finish(&c);
     pm_hub_close(hub);
 }
@@ -143,10 +143,10 @@ static void test_two_nodes_at_once(void **context) {
 // Other weights, or other checkpoints: sent away from a run that has begun.
 static void test_nodes_that_differ(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open_all(&c, 2, 1, hub, 77);
-    company_run_to(&c, 5);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open_all(&c, 2, 1, hub, 77);
+    cluster_run_to(&c, 5);
     fixture other = {0};
     fixture_open(&other, 2, 999);
     assert_error(join(&c, other.system, 1, 77, NULL), PM_ENET, "link2");
@@ -159,27 +159,27 @@ static void test_checkpoints_that_differ(void **context) {
     (void)context;
     scratch s;
     scratch_open(&s);
-    pm_hub *hub = company_hub(NULL);
-    company c;
-    company_open(&c, 2, 1, hub, 0);
-    company_add(&c, 0, c.f.system, 0);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster c;
+    cluster_open(&c, 2, 1, hub, 0);
+    cluster_add(&c, 0, c.f.system, 0);
     assert_error(join(&c, c.f.system, 1, 0, scratch_path(&s, "x")), PM_ENET,
                  "node link2 keeps a checkpoint every 7 steps, the run every 0");
-    company_run(&c);
+    cluster_run(&c);
     assert_all_failed(&c, PM_ENET, "link2 keeps a checkpoint");
-    company_close(&c);
+    cluster_close(&c);
     pm_hub_close(hub);
     scratch_close(&s);
 }
 
 static void test_other_version(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
+    pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
     assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
-    company c;
-    company_open(&c, 2, 1, hub, 0);
-    company_add(&c, 0, c.f.system, 0);
+    cluster c;
+    cluster_open(&c, 2, 1, hub, 0);
+    cluster_add(&c, 0, c.f.system, 0);
     const portmet_hello_t hello = {.protocol = pm_protocol() + 1,
                                    .instance = 5,
                                    .digest = (int64_t)c.f.system->digest,
@@ -187,9 +187,9 @@ static void test_other_version(void **context) {
     unsigned char data[256];
     const size_t size = pm_hello_encode(&hello, data, sizeof data);
     assert_int_equal(pm_transport_publish(stranger, "chain_HELLO", data, size), PM_OK);
-    company_run(&c);
+    cluster_run(&c);
     assert_all_failed(&c, PM_ENET, "link2 speaks another version of the protocol");
-    company_close(&c);
+    cluster_close(&c);
     pm_transport_close(stranger);
     pm_hub_close(hub);
 }
@@ -198,23 +198,23 @@ static void test_other_version(void **context) {
 static void test_second_coordinator(void **context) {
     (void)context;
     for (int at = 0; at < 3; ++at) {
-        pm_hub *hub = company_hub(NULL);
-        company first, second;
-        company_open_all(&first, 2, 1, hub, at == 2 ? 77 : 0);
+        pm_hub *hub = cluster_hub(NULL);
+        cluster first, second;
+        cluster_open_all(&first, 2, 1, hub, at == 2 ? 77 : 0);
         if (at > 0) {
-            company_run_to(&first, 5);
+            cluster_run_to(&first, 5);
         } else {
-            company_turn(&first);
+            cluster_turn(&first);
         }
-        company_open(&second, 2, 1, hub, at == 2 ? 77 : 0);
-        while (!company_is_over(&second)) {
-            company_turn(&first);
-            company_turn(&second);
+        cluster_open(&second, 2, 1, hub, at == 2 ? 77 : 0);
+        while (!cluster_is_over(&second)) {
+            cluster_turn(&first);
+            cluster_turn(&second);
         }
         assert_error(pm_lockstep_coordinator_result(second.coordinator), PM_ENET,
                      "there is a coordinator of scene chain already");
         finish(&first);
-        company_close(&second);
+        cluster_close(&second);
         pm_hub_close(hub);
     }
 }
@@ -222,18 +222,18 @@ static void test_second_coordinator(void **context) {
 // A run for its own session is closed to nodes that ask for none.
 static void test_closed_runs(void **context) {
     (void)context;
-    pm_hub *hub = company_hub(NULL);
-    company a, b;
-    company_open_all(&a, 2, 1, hub, 77);
-    company_open_all(&b, 2, 1, hub, 0);
-    while (!company_is_over(&a) || !company_is_over(&b)) {
-        company_turn(&a);
-        company_turn(&b);
+    pm_hub *hub = cluster_hub(NULL);
+    cluster a, b;
+    cluster_open_all(&a, 2, 1, hub, 77);
+    cluster_open_all(&b, 2, 1, hub, 0);
+    while (!cluster_is_over(&a) || !cluster_is_over(&b)) {
+        cluster_turn(&a);
+        cluster_turn(&b);
     }
     assert_all_ok(&a);
     assert_all_ok(&b);
-    company_close(&a);
-    company_close(&b);
+    cluster_close(&a);
+    cluster_close(&b);
     pm_hub_close(hub);
 }
 

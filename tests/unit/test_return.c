@@ -9,33 +9,33 @@
 #include <string.h>
 
 #include "base/rng.h"
-#include "company.h"
-#include "net/codec.h"
-#include "scratch.h"
+#include "lockstep/codec.h"
+#include "tests/support/cluster_fixture.h"
+#include "tests/support/scratch.h"
 
 #define SESSION 77
 
 typedef struct stage {
     scratch s;
     pm_hub *hub;
-    company c;
+    cluster c;
 } stage;
 
 static void stage_open(stage *t, int count, int window, const pm_hub_faults *faults) {
     scratch_open(&t->s);
-    t->hub = company_hub(faults);
-    company_open_keeping(&t->c, count, window, t->hub, SESSION, t->s.folder);
+    t->hub = cluster_hub(faults);
+    cluster_open_keeping(&t->c, count, window, t->hub, SESSION, t->s.folder);
 }
 
 // With steps of one round, whose reports wait.
 static void stage_open_quick(stage *t, int count, int window, const pm_hub_faults *faults) {
     scratch_open(&t->s);
-    t->hub = company_hub(faults);
-    company_open_quick(&t->c, count, window, t->hub, SESSION, t->s.folder);
+    t->hub = cluster_hub(faults);
+    cluster_open_quick(&t->c, count, window, t->hub, SESSION, t->s.folder);
 }
 
 static void stage_close(stage *t) {
-    company_close(&t->c);
+    cluster_close(&t->c);
     pm_hub_close(t->hub);
     scratch_close(&t->s);
 }
@@ -45,7 +45,7 @@ static void test_undisturbed(void **context) {
     (void)context;
     stage t;
     stage_open(&t, 3, 1, NULL);
-    assert_true(company_run(&t.c) < 0.19);
+    assert_true(cluster_run(&t.c) < 0.19);
     assert_all_ok(&t.c);
     assert_int_equal(scratch_files(&t.s, 0), 4);
     stage_close(&t);
@@ -65,14 +65,14 @@ static void test_each_at_every_step(void **context) {
         const bool quick = k % 2 != 0;
         (quick ? stage_open_quick : stage_open)(&t, 3, 1 + who % 2, NULL);
         for (long step = 0; step < last_death(quick); ++step) {
-            company_run_to(&t.c, step);
-            company_kill(&t.c, who);
+            cluster_run_to(&t.c, step);
+            cluster_kill(&t.c, who);
             for (const double end = t.c.now + 0.05; t.c.now < end;) {
-                company_turn(&t.c);
+                cluster_turn(&t.c);
             }
-            company_return(&t.c, who);
+            cluster_return(&t.c, who);
         }
-        company_run(&t.c);
+        cluster_run(&t.c);
         assert_all_ok(&t.c);
         stage_close(&t);
     }
@@ -86,15 +86,15 @@ static void test_all_at_once(void **context) {
         stage t;
         (quick ? stage_open_quick : stage_open)(&t, 4, 2, NULL);
         for (long step = 3; step < last_death(quick); step += 4) {
-            company_run_to(&t.c, step);
+            cluster_run_to(&t.c, step);
             for (int i = 0; i <= t.c.count; ++i) {
-                company_kill(&t.c, i);
+                cluster_kill(&t.c, i);
             }
             for (int i = 0; i <= t.c.count; ++i) {
-                company_return(&t.c, i);
+                cluster_return(&t.c, i);
             }
         }
-        company_run(&t.c);
+        cluster_run(&t.c);
         assert_all_ok(&t.c);
         stage_close(&t);
     }
@@ -108,23 +108,23 @@ static void play(uint64_t seed, const pm_hub_faults *faults) {
     stage t;
     (seed % 8 < 4 ? stage_open : stage_open_quick)(&t, 2 + (int)(seed % 4), 1 + (int)(seed % 3),
                                                    faults);
-    for (int kills = 0; kills < KILLS && !company_is_over(&t.c);) {
-        company_turn(&t.c);
+    for (int kills = 0; kills < KILLS && !cluster_is_over(&t.c);) {
+        cluster_turn(&t.c);
         const int who = (int)pm_rng_below(&rng, (uint64_t)t.c.count + 1);
         const uint64_t dice = pm_rng_below(&rng, 100);
-        if (company_has(&t.c, who) && dice < 2) {
-            company_kill(&t.c, who);
+        if (cluster_has(&t.c, who) && dice < 2) {
+            cluster_kill(&t.c, who);
             ++kills;
-        } else if (!company_has(&t.c, who) && dice < 20) {
-            company_return(&t.c, who);
+        } else if (!cluster_has(&t.c, who) && dice < 20) {
+            cluster_return(&t.c, who);
         }
     }
     for (int i = 0; i <= t.c.count; ++i) {
-        if (!company_has(&t.c, i)) {
-            company_return(&t.c, i);
+        if (!cluster_has(&t.c, i)) {
+            cluster_return(&t.c, i);
         }
     }
-    company_run(&t.c);
+    cluster_run(&t.c);
     assert_int_equal(pm_lockstep_coordinator_result(t.c.coordinator), PM_OK);
     assert_int_equal(t.c.steps_seen, STEPS + 1);
     stage_close(&t);
@@ -146,13 +146,13 @@ static void test_coordinator_at_the_end(void **context) {
     for (int turns = 0; turns < 4; ++turns) {
         stage t;
         stage_open(&t, 3, 2, NULL);
-        company_run_to(&t.c, STEPS);
+        cluster_run_to(&t.c, STEPS);
         for (int i = 0; i < turns; ++i) {
-            company_turn(&t.c);
+            cluster_turn(&t.c);
         }
-        company_kill(&t.c, 3);
-        company_return(&t.c, 3);
-        assert_true(company_run(&t.c) < 1);
+        cluster_kill(&t.c, 3);
+        cluster_return(&t.c, 3);
+        assert_true(cluster_run(&t.c) < 1);
         assert_all_ok(&t.c);
         stage_close(&t);
     }
@@ -164,10 +164,10 @@ static void test_coordinator_and_long_reports(void **context) {
     for (int count = 2; count <= MAX_NODES; ++count) {
         stage t;
         stage_open_quick(&t, count, 1, NULL);
-        company_run_to(&t.c, QUICK_CHECKPOINT / 2);
-        company_kill(&t.c, count);
-        company_return(&t.c, count);
-        assert_true(company_run(&t.c) < 1);
+        cluster_run_to(&t.c, QUICK_CHECKPOINT / 2);
+        cluster_kill(&t.c, count);
+        cluster_return(&t.c, count);
+        assert_true(cluster_run(&t.c) < 1);
         assert_all_ok(&t.c);
         stage_close(&t);
     }
@@ -182,7 +182,7 @@ static void test_node_at_the_end(void **context) {
         scratch_open(&s);
         fixture f = {0};
         fixture_open(&f, 2, 1);
-        pm_hub *hub = company_hub(NULL);
+        pm_hub *hub = cluster_hub(NULL);
         pm_transport *transport, *stranger;
         pm_lockstep_node *node;
         const pm_lockstep_node_options options = {
@@ -212,20 +212,20 @@ static void test_patience_with_who_computes_again(void **context) {
     (void)context;
     stage t;
     stage_open(&t, 3, 1, NULL);
-    company_run_to(&t.c, 2 * CHECKPOINT - 1);
+    cluster_run_to(&t.c, 2 * CHECKPOINT - 1);
     const double start = t.c.now;
     for (int deaths = 0; pm_lockstep_coordinator_step(t.c.coordinator) < 2 * CHECKPOINT;) {
         if (deaths < 3 && pm_lockstep_node_step(t.c.node[1]) == 2 * CHECKPOINT - 1) {
-            company_kill(&t.c, 1);
-            company_return(&t.c, 1);
+            cluster_kill(&t.c, 1);
+            cluster_return(&t.c, 1);
             ++deaths;
         }
         t.c.now += 0.1 * PATIENCE;
-        company_turn(&t.c);
+        cluster_turn(&t.c);
     }
     assert_true(t.c.now - start > 4 * PATIENCE);
     assert_int_equal(t.c.pauses, 0);
-    company_run(&t.c);
+    cluster_run(&t.c);
     assert_all_ok(&t.c);
     stage_close(&t);
 }
@@ -265,10 +265,10 @@ static void test_old_requests_change_nothing(void **context) {
             assert_int_equal(pm_transport_subscribe(stranger, request_channel[i], record, &r),
                              PM_OK);
         }
-        company_run_to(&t.c, CHECKPOINT + 5);
-        company_kill(&t.c, who);
-        company_return(&t.c, who);
-        company_run_to(&t.c, 2 * CHECKPOINT + 3);
+        cluster_run_to(&t.c, CHECKPOINT + 5);
+        cluster_kill(&t.c, who);
+        cluster_return(&t.c, who);
+        cluster_run_to(&t.c, 2 * CHECKPOINT + 3);
         assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
         assert_true(r.count > 0);
         long before[3];
@@ -282,7 +282,7 @@ static void test_old_requests_change_nothing(void **context) {
             assert_int_equal(pm_transport_wait(t.c.transport[i], 0, NULL), PM_OK);
             assert_true(pm_lockstep_node_step(t.c.node[i]) >= before[i]);
         }
-        company_run(&t.c);
+        cluster_run(&t.c);
         assert_all_ok(&t.c);
         pm_transport_close(stranger);
         stage_close(&t);
@@ -298,11 +298,11 @@ static void test_other_number_of_steps(void **context) {
     for (int k = 0; k < 2; ++k) {
         stage t;
         stage_open(&t, 2, 3, NULL);
-        company_run_to(&t.c, STEPS - 5);
-        company_kill(&t.c, 2);
+        cluster_run_to(&t.c, STEPS - 5);
+        cluster_kill(&t.c, 2);
         t.c.steps = steps[k];
-        company_return(&t.c, 2);
-        company_run(&t.c);
+        cluster_return(&t.c, 2);
+        cluster_run(&t.c);
         assert_int_equal(pm_lockstep_coordinator_result(t.c.coordinator), PM_OK);
         assert_int_equal(t.c.steps_seen, steps[k] + 1);
         for (int i = 0; i < t.c.count; ++i) {

@@ -10,10 +10,10 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "net/codec.h"
-#include "net/seal.h"
-#include "net/transport.h"
-#include "scratch.h"
+#include "lockstep/codec.h"
+#include "tests/support/scratch.h"
+#include "transport/seal.h"
+#include "transport/transport.h"
 
 #define NOW INT64_C(1700000000000000000) // ns
 #define PAYLOAD 100

@@ -10,10 +10,10 @@
 
 #include <cmocka.h>
 
-#include "allocations.h"
-#include "sim/assembly.h"
 #include "sim/ledger.h"
-#include "tests/property/world.h"
+#include "sim/monolithic.h"
+#include "tests/support/allocations.h"
+#include "tests/support/random_system.h"
 
 // --- scenes ---
 
@@ -37,15 +37,15 @@ static const char inert_entropy[] = ENERGY "entropy: {given: s}\n" CANONICAL;
 static const char pull[] = "law: bracket\nreversible: {given: [[a.p, b.q, 1.0]]}\n";
 static const char empty[] = "law: bracket\n";
 
-static pm_assembly *open(const world *w) {
-    pm_assembly *assembly = NULL;
-    assert_int_equal(pm_assembly_open(&assembly, w->system), PM_OK);
-    pm_assembly_set_state(assembly, w->z);
+static pm_monolithic *open(const random_system *w) {
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
+    pm_monolithic_set_state(assembly, w->z);
     return assembly;
 }
 
-static void step(pm_assembly *assembly) {
-    if (pm_assembly_step(assembly) != PM_OK) {
+static void step(pm_monolithic *assembly) {
+    if (pm_monolithic_step(assembly) != PM_OK) {
         fail_msg("%s", pm_error());
     }
 }
@@ -89,8 +89,8 @@ static pm_integrator of_ports_alone(const pm_integrator *rk) {
         double *to = i + 1 < rk->nstage ? base.a[i + 1] : base.b, width = 0;
         memcpy(to, base.a[i], sizeof base.a[i]);
         for (int j = 0; j <= i; ++j) {
-            to[j] += rk->a[i][j] + 0.5 * rk->rise[i][j];
-            width += rk->a[i][j] + 0.5 * rk->rise[i][j];
+            to[j] += rk->a[i][j] + 0.5 * rk->slope[i][j];
+            width += rk->a[i][j] + 0.5 * rk->slope[i][j];
         }
         assert_true(fabs(width - rk->width[i]) < 1e-15);
     }
@@ -126,21 +126,21 @@ static void tableaux_meet_their_order(void **state) {
 // exposures are evaluated.
 static void check_counts(const char *part, const char *port, long exposed, long evaluated,
                          long skipped) {
-    world w;
-    world_of_text(&w, 1, port == NULL ? HEAD : HEAD PORT("bracket"), part, port);
-    pm_assembly *assembly = open(&w);
+    random_system w;
+    random_system_of_text(&w, 1, port == NULL ? HEAD : HEAD PORT("bracket"), part, port);
+    pm_monolithic *assembly = open(&w);
     step(assembly);
-    const pm_sample *sample = pm_assembly_sample(assembly);
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     for (int i = 0; i < 2; ++i) {
         if (sample->evaluated[i] != exposed + evaluated ||
             sample->skipped[i] != ROUNDS - exposed + skipped) {
-            world_fail(&w, "subsystem %d: %ld evaluated, %ld skipped, expected %ld and %ld", i,
-                       sample->evaluated[i], sample->skipped[i], exposed + evaluated,
-                       ROUNDS - exposed + skipped);
+            random_system_fail(&w, "subsystem %d: %ld evaluated, %ld skipped, expected %ld and %ld",
+                               i, sample->evaluated[i], sample->skipped[i], exposed + evaluated,
+                               ROUNDS - exposed + skipped);
         }
     }
-    pm_assembly_close(assembly);
-    world_close(&w);
+    pm_monolithic_close(assembly);
+    random_system_close(&w);
 }
 
 static void terms_are_counted(void **state) {
@@ -155,11 +155,11 @@ static void terms_are_counted(void **state) {
 // The same rollout with and without what does not matter, in q and p of both and in energy.
 static void check_same_bits(const char *part, const char *port, const char *other_part,
                             const char *other_port) {
-    world w[2];
-    pm_assembly *assembly[2];
-    world_of_text(&w[0], 3, port == NULL ? HEAD : HEAD PORT("bracket"), part, port);
-    world_of_text(&w[1], 3, other_port == NULL ? HEAD : HEAD PORT("bracket"), other_part,
-                  other_port);
+    random_system w[2];
+    pm_monolithic *assembly[2];
+    random_system_of_text(&w[0], 3, port == NULL ? HEAD : HEAD PORT("bracket"), part, port);
+    random_system_of_text(&w[1], 3, other_port == NULL ? HEAD : HEAD PORT("bracket"), other_part,
+                          other_port);
     memcpy(w[1].z, w[0].z, (size_t)w[0].scene->nz * sizeof *w[0].z);
     for (int i = 0; i < 2; ++i) {
         assembly[i] = open(&w[i]);
@@ -167,13 +167,14 @@ static void check_same_bits(const char *part, const char *port, const char *othe
             step(assembly[i]);
         }
     }
-    const pm_sample *one = pm_assembly_sample(assembly[0]), *two = pm_assembly_sample(assembly[1]);
+    const pm_sample *one = pm_monolithic_sample(assembly[0]),
+                    *two = pm_monolithic_sample(assembly[1]);
     assert_memory_equal(one->z, two->z, (size_t)w[0].scene->nz * sizeof *one->z);
     assert_memory_equal(one->energy, two->energy, 2 * sizeof *one->energy);
     assert_true(one->z[0] != w[0].z[0]);
     for (int i = 0; i < 2; ++i) {
-        pm_assembly_close(assembly[i]);
-        world_close(&w[i]);
+        pm_monolithic_close(assembly[i]);
+        random_system_close(&w[i]);
     }
 }
 
@@ -186,8 +187,8 @@ static void skipping_changes_no_bit(void **state) {
 
 static void without_entropy_none_is_evaluated(void **state) {
     (void)state;
-    world w;
-    world_of_text(&w, 1, HEAD PORT("bracket"), conservative, pull);
+    random_system w;
+    random_system_of_text(&w, 1, HEAD PORT("bracket"), conservative, pull);
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node z = pm_input(g, true, 1, 5);
@@ -195,22 +196,22 @@ static void without_entropy_none_is_evaluated(void **state) {
     assert_int_equal(pm_part_entropy(g, &w.system->part[0], z), PM_NO_NODE);
     assert_in_range(pm_graph_size(g), size, size + 3); // slices of z at most
     pm_graph_close(g);
-    pm_assembly *assembly = open(&w);
+    pm_monolithic *assembly = open(&w);
     step(assembly);
-    const pm_sample *sample = pm_assembly_sample(assembly);
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     for (int i = 0; i < 2; ++i) {
         assert_true(sample->entropy[i] == 0 && sample->bulk_entropy[i] == 0);
         assert_true(sample->flux[0][i].entropy == 0 && sample->flux[0][i].entropy_gross == 0);
         assert_true(sample->flux[0][i].energy_gross > 0);
     }
-    pm_assembly_close(assembly);
-    world_close(&w);
+    pm_monolithic_close(assembly);
+    random_system_close(&w);
 }
 
 // --- the ledger ---
 
-// One step's fluxes by hand, in the world of `pull`.
-static pm_status book(const world *w, pm_ledger *ledger, const pm_flux flux[2],
+// One step's fluxes by hand, in the random_system of `pull`.
+static pm_status book(const random_system *w, pm_ledger *ledger, const pm_flux flux[2],
                       const double bulk[4], pm_sample *sample) {
     pm_ledger_init(ledger, w->system);
     assert_int_equal(pm_ledger_book(ledger, sample), PM_OK);
@@ -244,15 +245,17 @@ static void ledger_finds_violations(void **state) {
         {{{1, 1, 1, 1}, {-1, 0, 1, 1}}, {1e-17, -1e-17, 1e-17, 1e-17}, 0, 0, PM_OK, NULL},
         {{{0, -1e-31, 0, 1e-31}, {0, 0, 0, 0}}, {0, 0, 0, 0}, 0, 0, PM_OK, NULL},
     };
-    world w;
-    world_of_text(&w, 1, HEAD PORT("bracket"), inert_entropy, pull);
+    random_system w;
+    random_system_of_text(&w, 1, HEAD PORT("bracket"), inert_entropy, pull);
     for (size_t i = 0; i < sizeof c / sizeof *c; ++i) {
         pm_sample *sample = NULL;
         pm_ledger ledger;
         assert_int_equal(pm_sample_new(&sample, w.scene), PM_OK);
         assert_int_equal(book(&w, &ledger, c[i].flux, c[i].bulk, sample), c[i].status);
-        world_check(&w, "energy residual", sample->energy_residual, c[i].energy_residual, 2e-16);
-        world_check(&w, "entropy residual", sample->entropy_residual, c[i].entropy_residual, 2e-16);
+        random_system_check(&w, "energy residual", sample->energy_residual, c[i].energy_residual,
+                            2e-16);
+        random_system_check(&w, "entropy residual", sample->entropy_residual, c[i].entropy_residual,
+                            2e-16);
         assert_int_equal(ledger.violations, c[i].status == PM_OK ? 0 : 1);
         if (c[i].name != NULL) {
             assert_string_equal(c[i].energy_residual > 0 ? ledger.worst_energy_at
@@ -264,15 +267,15 @@ static void ledger_finds_violations(void **state) {
         assert_true(ledger.worst_entropy_fall == 0.5 && ledger.steps == 1);
         pm_sample_free(sample);
     }
-    world_close(&w);
+    random_system_close(&w);
 }
 
 static void a_guard_ends_what_strays(void **state) {
     (void)state;
     static const pm_flux none[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
     static const double nothing[4] = {0, 0, 0, 0};
-    world w;
-    world_of_text(&w, 1, HEAD PORT("bracket"), inert_entropy, pull);
+    random_system w;
+    random_system_of_text(&w, 1, HEAD PORT("bracket"), inert_entropy, pull);
     for (int i = 0; i < 2; ++i) {
         pm_sample *sample = NULL;
         pm_ledger ledger;
@@ -282,7 +285,7 @@ static void a_guard_ends_what_strays(void **state) {
         assert_true(i == 0 || strstr(pm_error(), "step 1: the total energy has strayed by 2 J"));
         pm_sample_free(sample);
     }
-    world_close(&w);
+    random_system_close(&w);
 }
 
 // The soft form's fluxes do not cancel: measured and counted, not an error.
@@ -301,25 +304,25 @@ static void exchange_is_measured(void **state) {
         HEAD "ports:\n  joint: {law: exchange, between: [a, b], weights: j.h5, expose: {a: [q, p, "
              "s], b: [q, p, s]}}\n";
     for (uint64_t seed = 1; seed <= 10; ++seed) {
-        world w;
-        world_of_text(&w, seed, scene, part, port);
-        pm_assembly *assembly = open(&w);
+        random_system w;
+        random_system_of_text(&w, seed, scene, part, port);
+        pm_monolithic *assembly = open(&w);
         pm_ledger ledger;
         pm_ledger_init(&ledger, w.system);
         for (int i = 0; i < STEPS; ++i) {
             step(assembly);
-            pm_sample sample = *pm_assembly_sample(assembly);
+            pm_sample sample = *pm_monolithic_sample(assembly);
             assert_int_equal(pm_ledger_book(&ledger, &sample), PM_OK);
             const pm_flux *a = &sample.flux[0][0], *b = &sample.flux[0][1];
             assert_true(a->energy_gross > 0 && b->energy_gross > 0);
-            world_check(&w, "energy residual", sample.energy_residual,
-                        fabs(a->energy + b->energy) / fmax(a->energy_gross, b->energy_gross),
-                        1e-12);
+            random_system_check(
+                &w, "energy residual", sample.energy_residual,
+                fabs(a->energy + b->energy) / fmax(a->energy_gross, b->energy_gross), 1e-12);
         }
         assert_int_equal(ledger.violations, STEPS);
         assert_string_equal(ledger.worst_energy_at, "joint");
-        pm_assembly_close(assembly);
-        world_close(&w);
+        pm_monolithic_close(assembly);
+        random_system_close(&w);
     }
 }
 
@@ -347,19 +350,20 @@ static void steps_allocate_nothing(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 6; ++seed) {
         const bool mesh = seed % 2 == 0;
-        world w;
-        world_of_text(&w, seed, mesh ? mesh_scene : world_scene, mesh ? mesh_part : world_part,
-                      mesh ? mesh_port : world_port);
+        random_system w;
+        random_system_of_text(&w, seed, mesh ? mesh_scene : random_system_scene,
+                              mesh ? mesh_part : random_system_part,
+                              mesh ? mesh_port : random_system_port);
         w.scene->dt = 1e-4;
-        pm_assembly *assembly = open(&w);
+        pm_monolithic *assembly = open(&w);
         step(assembly);
         const long before = allocations;
         for (int i = 0; i < 20; ++i) {
             step(assembly);
         }
         assert_int_equal(allocations, before);
-        pm_assembly_close(assembly);
-        world_close(&w);
+        pm_monolithic_close(assembly);
+        random_system_close(&w);
     }
 }
 
@@ -367,28 +371,28 @@ static void steps_allocate_nothing(void **state) {
 static void running_away_ends_with_the_last_finite_state(void **state) {
     (void)state;
     static const char part[] = "energy: {features: [q, p], skip: quadratic}\n" CANONICAL;
-    world w;
-    world_of_text(&w, 2, HEAD, part, NULL);
+    random_system w;
+    random_system_of_text(&w, 2, HEAD, part, NULL);
     w.scene->dt = 1e9;
-    pm_assembly *assembly = open(&w);
+    pm_monolithic *assembly = open(&w);
     double last[10];
     pm_status status = PM_OK;
     int steps = 0;
     while (status == PM_OK && ++steps < 100) {
-        memcpy(last, pm_assembly_sample(assembly)->z, sizeof last);
-        status = pm_assembly_step(assembly);
+        memcpy(last, pm_monolithic_sample(assembly)->z, sizeof last);
+        status = pm_monolithic_step(assembly);
     }
     assert_int_equal(status, PM_ENUMERIC);
     assert_non_null(strstr(pm_error(), "subsystem a"));
     assert_null(strchr(pm_error(), '\n'));
-    const pm_sample *sample = pm_assembly_sample(assembly);
+    const pm_sample *sample = pm_monolithic_sample(assembly);
     assert_memory_equal(sample->z, last, sizeof last);
     assert_int_equal(sample->step, steps - 1);
     for (int i = 0; i < 10; ++i) {
         assert_true(isfinite(last[i]));
     }
-    pm_assembly_close(assembly);
-    world_close(&w);
+    pm_monolithic_close(assembly);
+    random_system_close(&w);
 }
 
 // The same of a subsystem alone: whoever drives it finds its last good state.
@@ -399,8 +403,8 @@ static void a_failed_step_is_taken_back(void **state) {
         char part[WORLD_TEXT];
         snprintf(part, sizeof part, "energy: {features: [%s], skip: quadratic}\n" CANONICAL,
                  energy[i]);
-        world w;
-        world_of_text(&w, 2, HEAD, part, NULL);
+        random_system w;
+        random_system_of_text(&w, 2, HEAD, part, NULL);
         w.scene->dt = 1e9;
         pm_subsystem *s = NULL;
         assert_int_equal(pm_subsystem_open(&s, w.system, 0), PM_OK);
@@ -420,7 +424,7 @@ static void a_failed_step_is_taken_back(void **state) {
         assert_int_equal(status, PM_ENUMERIC);
         assert_memory_equal(pm_subsystem_state(s), last, sizeof last);
         pm_subsystem_close(s);
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 

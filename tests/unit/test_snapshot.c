@@ -6,8 +6,8 @@
 // cmocka needs the above.
 #include <cmocka.h>
 
-#include "scratch.h"
 #include "store/snapshot.h"
+#include "tests/support/scratch.h"
 
 enum { COUNT = 5, DIGEST = 77, SESSION = 123456 };
 

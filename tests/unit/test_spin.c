@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <stdbool.h>
 
-#include "net/spin.h"
+#include "transport/spin.h"
 
 #define SHORT (0.5 * PM_SPIN_LONGEST)
 #define SLICE (3 * PM_SPIN_SLICE)

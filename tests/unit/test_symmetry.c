@@ -11,10 +11,10 @@
 #include <cmocka.h>
 
 #include "base/linalg.h"
-#include "normalise.h"
-#include "objective.h"
-#include "symmetry.h"
-#include "tests/property/world.h"
+#include "learn/normalization.h"
+#include "learn/objective.h"
+#include "learn/symmetry.h"
+#include "tests/support/random_system.h"
 
 // 2 x 2 x 2 bricks, 18 free nodes: scalars t, vectors u, tensors sigma, and what is no field.
 #define NNODE 18
@@ -22,7 +22,7 @@
 #define NZ (10 * NNODE + 2)
 #define NLOAD (3 * 4 * NNODE)
 #define UNROLL 2
-#define WIDTH ((1 + UNROLL) * NZ + UNROLL * PM_LOAD_ORDER * NLOAD)
+#define WIDTH ((1 + UNROLL) * NZ + UNROLL * PM_BOUNDARY_INPUT_ORDER * NLOAD)
 
 static const char scene[] =
     "scene: one\n"
@@ -30,7 +30,7 @@ static const char scene[] =
     "subsystems:\n"
     "  a: {weights: a.h5, state: {u: {unit: m, size: 54}, x: {unit: m, size: 2}, "
     "sigma: {unit: Pa, size: 108}, t: {unit: K, size: 18}}}\n"
-    "loads: {hand: {f: {unit: m, dE: \"f[0:54]\", dS: \"h[0:54]\"}, g: {unit: K, dE: "
+    "boundary_inputs: {hand: {f: {unit: m, dE: \"f[0:54]\", dS: \"h[0:54]\"}, g: {unit: K, dE: "
     "\"g[0:18]\"}}}\n"
     "ports: {grip: {law: exchange, between: [hand, a], weights: b.h5, expose: {hand: [f, g], "
     "a: [u, sigma]}}}\n";
@@ -40,9 +40,10 @@ static const char part[] = MESH "energy: {nodes: [u, sigma], width: 3, passes: 1
 #define GRIP "law: exchange\nform: free\n" MESH "rate: {nodes: [own.u], driven_by: other.dE.f, "
 static const char grip[] = GRIP "width: 3, passes: 1}\n";
 
-static pm_symmetry *make(const world *w, int unroll) {
+static pm_symmetry *make(const random_system *w, int unroll) {
     pm_symmetry *s = NULL;
-    if (pm_symmetry_make(&s, w->system, unroll, PM_LOAD_ORDER, &w->scene->arena) != PM_OK) {
+    if (pm_symmetry_make(&s, w->system, unroll, PM_BOUNDARY_INPUT_ORDER, &w->scene->arena) !=
+        PM_OK) {
         fail_msg("%s", pm_error());
     }
     return s;
@@ -115,41 +116,41 @@ static void image_by_hand(const double *from, int c, double *to) {
 
 static void images_turn_and_mirror_every_field(void **state) {
     (void)state;
-    world w;
-    world_of_text(&w, 1, scene, part, grip);
+    random_system w;
+    random_system_of_text(&w, 1, scene, part, grip);
     assert_true(w.scene->nz == NZ && w.scene->nprescribed == NLOAD);
     const pm_symmetry *s = make(&w, UNROLL);
     static double window[WIDTH], image[WIDTH], expected[WIDTH];
     draw(&w.rng, WIDTH, window);
-    for (int c = 0; c < PM_COPIES_OF_SQUARE; ++c) {
+    for (int c = 0; c < PM_SYMMETRY_COPIES_OF_SQUARE; ++c) {
         image_by_hand(window, c, expected);
         pm_symmetry_image(s, c, WIDTH, window, image);
         for (int i = 0; i < WIDTH; ++i) {
             if (image[i] != expected[i]) {
-                world_fail(&w, "copy %d: number %d is %g, expected %g", c, i, image[i],
-                           expected[i]);
+                random_system_fail(&w, "copy %d: number %d is %g, expected %g", c, i, image[i],
+                                   expected[i]);
             }
         }
         assert_int_equal(memcmp(image, window, sizeof window) == 0, c == 0);
     }
-    world_close(&w);
+    random_system_close(&w);
 }
 
 // Of a turn the turn back, of all others they themselves.
 static void an_image_of_an_image_is_the_window(void **state) {
     (void)state;
-    static const int inverse[PM_COPIES_OF_SQUARE] = {0, 1, 2, 3, 4, 6, 5, 7};
-    world w;
-    world_of_text(&w, 2, scene, part, grip);
+    static const int inverse[PM_SYMMETRY_COPIES_OF_SQUARE] = {0, 1, 2, 3, 4, 6, 5, 7};
+    random_system w;
+    random_system_of_text(&w, 2, scene, part, grip);
     const pm_symmetry *s = make(&w, UNROLL);
     static double window[WIDTH], image[WIDTH], back[WIDTH];
     draw(&w.rng, WIDTH, window);
-    for (int c = 0; c < PM_COPIES_OF_SQUARE; ++c) {
+    for (int c = 0; c < PM_SYMMETRY_COPIES_OF_SQUARE; ++c) {
         pm_symmetry_image(s, c, WIDTH, window, image);
         pm_symmetry_image(s, inverse[c], WIDTH, image, back);
         assert_memory_equal(back, window, sizeof window);
     }
-    world_close(&w);
+    random_system_close(&w);
 }
 
 // --- samples and their loss ---
@@ -157,14 +158,14 @@ static void an_image_of_an_image_is_the_window(void **state) {
 #define COUNT 3
 
 typedef struct bench {
-    world w;
+    random_system w;
     pm_samples samples;
     double z[COUNT * WIDTH], scale[NZ];
     pm_objective *objective;
 } bench;
 
 static void bench_open(bench *b) {
-    world_of_text(&b->w, 3, scene, part, grip);
+    random_system_of_text(&b->w, 3, scene, part, grip);
     draw(&b->w.rng, COUNT * WIDTH, b->z);
     for (int i = 0; i < NZ; ++i) {
         b->scale[i] = 1;
@@ -172,8 +173,8 @@ static void bench_open(bench *b) {
     b->samples = (pm_samples){.count = COUNT,
                               .unroll = UNROLL,
                               .nz = NZ,
-                              .nload = NLOAD,
-                              .load_order = PM_LOAD_ORDER,
+                              .nboundary_input = NLOAD,
+                              .input_order = PM_BOUNDARY_INPUT_ORDER,
                               .z = b->z,
                               .scale = b->scale};
     const pm_loss loss = {
@@ -184,7 +185,7 @@ static void bench_open(bench *b) {
 
 static void bench_close(bench *b) {
     pm_objective_close(b->objective);
-    world_close(&b->w);
+    random_system_close(&b->w);
 }
 
 static double *gradient_of(const bench *b) {
@@ -200,8 +201,8 @@ static void the_loss_of_an_image_is_that_of_the_turned_window(void **state) {
     bench_open(&plain);
     bench_open(&turned);
     turned.samples.symmetry = make(&turned.w, UNROLL);
-    assert_int_equal(pm_objective_images(plain.objective), COUNT);
-    assert_int_equal(pm_objective_images(turned.objective), 8 * COUNT);
+    assert_int_equal(pm_objective_symmetry_copies(plain.objective), COUNT);
+    assert_int_equal(pm_objective_symmetry_copies(turned.objective), 8 * COUNT);
     const int size = pm_objective_size(plain.objective), image = 5, second = 2;
     double *expected = gradient_of(&plain), *gradient = gradient_of(&turned);
     double by_hand[WIDTH];
@@ -225,29 +226,29 @@ static void what_is_not_square_is_refused(void **state) {
         const char *part, *port, *words;
     } bad[] = {
         {"energy: {features: [\"|u|^2\"], skip: linear}\n", "law: exchange\nform: free\nrate: {}\n",
-         "section: no model has a mesh"},
+         "symmetry: no model has a mesh"},
         {"mesh: {size: [3, 1, 1.5], elements: [2, 2, 2]}\nenergy: {nodes: u, width: 1, passes: "
          "0}\n",
-         "law: exchange\nform: free\nrate: {}\n", "section: the mesh has no square section"},
+         "law: exchange\nform: free\nrate: {}\n", "symmetry: the mesh has no square section"},
         {"mesh: {size: [3, 1, 1], elements: [3, 2, 1]}\nenergy: {nodes: u, width: 1, passes: 0}\n",
-         "law: exchange\nform: free\nrate: {}\n", "section: the mesh has no square section"},
+         "law: exchange\nform: free\nrate: {}\n", "symmetry: the mesh has no square section"},
         {part,
          "law: exchange\nform: free\nmesh: {size: [3, 1, 1], elements: [1, 2, 2]}\n"
          "rate: {nodes: [own.u], width: 1, passes: 0}\n",
-         "section: grip is on another mesh than the models before"},
+         "symmetry: grip is on another mesh than the models before"},
         {"mesh: {size: [3, 1, 1.5], elements: [2, 2, 2]}\nenergy: {nodes: u, width: 1, passes: "
          "0}\n",
-         grip, "section: grip is on another mesh than the models before"},
+         grip, "symmetry: grip is on another mesh than the models before"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
-        world w;
+        random_system w;
         pm_symmetry *s = NULL;
-        world_of_text(&w, 1, scene, bad[i].part, bad[i].port);
+        random_system_of_text(&w, 1, scene, bad[i].part, bad[i].port);
         assert_int_equal(pm_symmetry_make(&s, w.system, 1, 1, &w.scene->arena), PM_ECONFIG);
         if (s != NULL || strcmp(pm_error(), bad[i].words) != 0) {
-            world_fail(&w, "error \"%s\", expected \"%s\"", pm_error(), bad[i].words);
+            random_system_fail(&w, "error \"%s\", expected \"%s\"", pm_error(), bad[i].words);
         }
-        world_close(&w);
+        random_system_close(&w);
     }
 }
 
@@ -303,15 +304,15 @@ static void patterns_span_the_data(void **state) {
     static double z[STATES * WIDTH], basis[RANK][3 * NNODE];
     static bench b;
     b = (bench){0};
-    world_of_text(&b.w, 5, scene, patterned, grip);
+    random_system_of_text(&b.w, 5, scene, patterned, grip);
     draw_of_rank(&b, basis, z);
     const pm_samples samples = {.count = STATES,
                                 .unroll = UNROLL,
                                 .nz = NZ,
-                                .nload = NLOAD,
-                                .load_order = PM_LOAD_ORDER,
+                                .nboundary_input = NLOAD,
+                                .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = z};
-    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
     const pm_params *params = &b.w.system->part[0].params;
     const pm_param_entry *found = pm_params_find(params, "energy.0.field0.patterns");
     assert_true(found != NULL && found->rows == 3 * NNODE && found->cols == RANK);
@@ -321,10 +322,11 @@ static void patterns_span_the_data(void **state) {
         for (int c = 0; c < 3 * NNODE; ++c) {
             square += found->value[c * RANK + k] * found->value[c * RANK + k] / (3 * NNODE);
         }
-        world_check(&b.w, "mean square of a pattern", square, 1, 1e-6); // single precision
-        world_check(&b.w, "rest of the data", remainder_of(basis[k], found->value, RANK), 0, 1e-6);
+        random_system_check(&b.w, "mean square of a pattern", square, 1, 1e-6); // single precision
+        random_system_check(&b.w, "rest of the data", remainder_of(basis[k], found->value, RANK), 0,
+                            1e-6);
     }
-    world_close(&b.w);
+    random_system_close(&b.w);
 }
 
 // One state in four is five times as large as the others, which lead all the same.
@@ -334,7 +336,7 @@ static void small_states_count_as_large_ones_do(void **state) {
     static double z[STATES * WIDTH], basis[RANK][3 * NNODE];
     static bench b;
     b = (bench){0};
-    world_of_text(&b.w, 6, scene, patterned, grip);
+    random_system_of_text(&b.w, 6, scene, patterned, grip);
     draw_of_rank(&b, basis, z);
     for (int i = 0; i < STATES; ++i) {
         for (int c = 0; c < 3 * NNODE; ++c) {
@@ -344,14 +346,14 @@ static void small_states_count_as_large_ones_do(void **state) {
     const pm_samples samples = {.count = STATES,
                                 .unroll = UNROLL,
                                 .nz = NZ,
-                                .nload = NLOAD,
-                                .load_order = PM_LOAD_ORDER,
+                                .nboundary_input = NLOAD,
+                                .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = z};
-    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
     const pm_params *params = &b.w.system->part[0].params;
     const double *pattern = pm_params_find(params, "energy.0.field0.patterns")->value;
     assert_true(remainder_of(basis[1], pattern, 1) < 0.5 * remainder_of(basis[0], pattern, 1));
-    world_close(&b.w);
+    random_system_close(&b.w);
 }
 
 static void more_patterns_than_states_are_refused(void **state) {
@@ -359,17 +361,17 @@ static void more_patterns_than_states_are_refused(void **state) {
     static const char patterned[] = MESH "energy: {nodes: [u], width: 3, passes: 0, patterns: 9}\n";
     static bench b;
     b = (bench){0};
-    world_of_text(&b.w, 5, scene, patterned, grip);
+    random_system_of_text(&b.w, 5, scene, patterned, grip);
     draw(&b.w.rng, COUNT * WIDTH, b.z);
     const pm_samples samples = {.count = COUNT,
                                 .unroll = UNROLL,
                                 .nz = NZ,
-                                .nload = NLOAD,
-                                .load_order = PM_LOAD_ORDER,
+                                .nboundary_input = NLOAD,
+                                .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = b.z};
-    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_EDATA);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_EDATA);
     assert_non_null(strstr(pm_error(), "9 patterns cannot be found in 3 states"));
-    world_close(&b.w);
+    random_system_close(&b.w);
 }
 
 int main(void) {

@@ -8,9 +8,9 @@
 
 #include <cmocka.h>
 
-#include "scratch.h"
-#include "store/model_yaml.h"
-#include "store/system.h"
+#include "scene/model_reader.h"
+#include "scene/system.h"
+#include "tests/support/scratch.h"
 
 static const char good[] =
     "scene: pair\n"
@@ -173,7 +173,7 @@ static const char touching[] =
     "ports:\n"
     "  skin: {law: contact, between: [body, gaps], expose: {body: p, gaps: g}, model: touch}\n";
 
-static pm_system *load(const pm_scene *scene) {
+static pm_system *boundary_input(const pm_scene *scene) {
     pm_system *system = NULL;
     if (pm_system_load(&system, scene, NULL) != PM_OK) {
         fail_msg("%s", pm_error());
@@ -185,7 +185,7 @@ static pm_system *load(const pm_scene *scene) {
 static void test_matrix(void **state) {
     scratch *folder = *state;
     pm_scene *scene = edited_from(touching, folder, "pair", "pair");
-    pm_system *system = load(scene);
+    pm_system *system = boundary_input(scene);
     static const double expected[] = {1, 0, 0, -1, 2, 3};
     pm_port_model *port = &system->port[0];
     assert_memory_equal(pm_params_find(&port->params, "matrix")->value, expected, sizeof expected);
@@ -197,7 +197,7 @@ static void test_matrix(void **state) {
     pm_scene_free(scene);
 
     scene = edited_from(touching, folder, "model: touch", "weights: skin.h5");
-    system = load(scene);
+    system = boundary_input(scene);
     port = &system->port[0];
     assert_memory_equal(pm_params_find(&port->params, "matrix")->value, expected, sizeof expected);
     pm_system_free(system);
@@ -228,7 +228,7 @@ static void test_digest(void **state) {
     const char *const other[][2] = {{"pair", "pear"},
                                     {"dt: 0.3", "dt: 0.1"},
                                     {"ports:", "lockstep: {window: 2}\nports:"},
-                                    {"ports:", "guards: {region: 0.5}\nports:"},
+                                    {"ports:", "guards: {training_range: 0.5}\nports:"},
                                     {"rk4", "heun"},
                                     {"substeps: 8", "substeps: 4"},
                                     {"joint:", "hinge:"},
@@ -274,14 +274,14 @@ static void test_mismatch(void **state) {
                    "5:20: subsystem lower", "joint.h5: weights of a");
 }
 
-// The world presses on a body of 2 x 1 x 1 bricks; what that does is learned.
+// The random_system presses on a body of 2 x 1 x 1 bricks; what that does is learned.
 static const char pressed[] =
     "scene: pressed\n"
     "time: {dt: 0.1, steps: 1, integrator: euler, substeps: 2}\n"
     "models: {rests: {energy: \"|u|^2/2\"}}\n"
     "subsystems:\n"
     "  body: {model: rests, state: {u: {unit: m, size: 24}}}\n"
-    "loads:\n"
+    "boundary_inputs:\n"
     "  hand: {f: {unit: m, dE: \"f[0:24]\"}}\n"
     "ports:\n"
     "  grip: {law: exchange, between: [body, hand], expose: {body: u, hand: f},\n"
@@ -348,7 +348,7 @@ static void rates_hold_for_all_steps(void **state) {
     part_integrator = "rk4";
     save_weights(*state);
     pm_scene *scene = edited(*state, "rk4, substeps: 8", "heun, substeps: 3");
-    pm_system *system = load(scene);
+    pm_system *system = boundary_input(scene);
     assert_string_equal(system->part_provenance[0].integrator, "rk4");
     assert_true(system->part_provenance[0].step == 0.0375);
     pm_system_free(system);
@@ -368,7 +368,7 @@ static pm_dataset *dataset_in(const char *coordinates) {
 static void coordinates_must_agree_where_they_are_known(void **state) {
     static const struct {
         const char *part, *port, *data;
-        pm_status loads, fits;
+        pm_status boundary_inputs, fits;
     } cases[] = {
         {"basis 1", "basis 1", "basis 1", PM_OK, PM_OK},
         {"basis 1", "basis 2", NULL, PM_EWEIGHTS, PM_OK},
@@ -383,7 +383,7 @@ static void coordinates_must_agree_where_they_are_known(void **state) {
         pm_scene *scene = edited(*state, "pair", "pair");
         pm_system *system = NULL;
         pm_dataset *data = dataset_in(cases[i].data);
-        assert_int_equal(pm_system_load(&system, scene, NULL), cases[i].loads);
+        assert_int_equal(pm_system_load(&system, scene, NULL), cases[i].boundary_inputs);
         if (system == NULL) {
             assert_non_null(strstr(pm_error(), "t.yaml:8:20: port joint: the weights "));
             assert_non_null(strstr(pm_error(), "joint.h5 are made for basis 2, those of upper, "));

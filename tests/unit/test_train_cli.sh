@@ -184,8 +184,8 @@ succeed "sigma    trajectory" evaluate "$folder/graph/scene.yaml" --data "$nodes
 sed 's/integrator: euler/integrator: euler, substeps: 2/' "$folder/graph/scene.yaml" >"$folder/graph/halved.yaml"
 expect 6 "within a step of 0.05 s of euler, and hold for no other; the scene takes steps of 0.025 s" \
     evaluate "$folder/graph/halved.yaml" --data "$nodes"
-with_graph 's/^section: square/section: round/'
-expect 3 "section: expected one of any, square" fit "$folder/graph/train.yaml" --data "$nodes" -o "$new"
+with_graph 's/^symmetry: square/symmetry: round/'
+expect 3 "symmetry: expected one of any, square" fit "$folder/graph/train.yaml" --data "$nodes" -o "$new"
 with_graph 's/size: \[40, 10, 10\]/size: [40, 10, 9]/'
 expect 3 "the mesh has no square section" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
 with_graph 's/patterns: 3/patterns: 9/'
@@ -238,7 +238,7 @@ expect 2 "--stiffness K is missing" contact "$beam" --basis "$basis" --data "$fi
 expect 2 "--creep: expected a number > 0, found \"-1\"" contact "$beam" --basis "$basis" --stiffness 1e6 --creep -1 -o "$folder/two"
 expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$new"
 # The same body in other coordinates: a different basis.
-with_modes 's/swing: .*/swing: 0.003/'
+with_modes 's/inertia_time: .*/inertia_time: 0.003/'
 succeed "modes.h5: 16" reduce "$modes" --data "$folder/beam.h5" -o "$folder/other"
 other=$folder/other/basis.h5
 expect 5 "two/modes.h5: made with basis " reconstruct "$folder/two/modes.h5" --body upper --basis "$other"
@@ -254,8 +254,8 @@ with_beams 's/, 11\]/]/'
 expect 3 "origin: expected three numbers" contact "$beam" --stiffness 1e6 --basis "$basis" -o "$folder/two"
 with_modes 's/0.2, 0.5/0.2, -0.5/'
 expect 3 "relaxation: expected times > 0" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
-with_modes 's/section: square/section: round/'
-expect 3 "section: expected one of any, square" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+with_modes 's/symmetry: square/symmetry: round/'
+expect 3 "symmetry: expected one of any, square" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 with_modes 's/state: 3/state: 7/'
 expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 

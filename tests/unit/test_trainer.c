@@ -10,10 +10,10 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "normalise.h"
-#include "samples.h"
-#include "settle.h"
-#include "tests/property/world.h"
+#include "learn/fold_tangent.h"
+#include "learn/normalization.h"
+#include "learn/samples.h"
+#include "tests/support/random_system.h"
 
 #define NTRAJECTORY 3
 #define NTIME 9
@@ -42,12 +42,12 @@ static double slope_at(int trajectory, int column, double t) {
 }
 
 typedef struct bench {
-    world w;
+    random_system w;
     pm_dataset *data;
 } bench;
 
 static void bench_open(bench *b) {
-    world_of_text(&b->w, 1, scene, part, NULL);
+    random_system_of_text(&b->w, 1, scene, part, NULL);
     assert_int_equal(pm_dataset_new(&b->data, NTRAJECTORY, NTIME, 3, DT, columns), PM_OK);
     for (int i = 0; i < NTRAJECTORY; ++i) {
         for (int j = 0; j < NTIME; ++j) {
@@ -60,12 +60,12 @@ static void bench_open(bench *b) {
 
 static void bench_close(bench *b) {
     pm_dataset_free(b->data);
-    world_close(&b->w);
+    random_system_close(&b->w);
 }
 
 static void make(const bench *b, pm_samples *samples, pm_residual residual, int unroll) {
-    if (pm_samples_make(samples, b->w.scene, b->data, 1, 3, residual, unroll, PM_LOAD_ORDER) !=
-        PM_OK) {
+    if (pm_samples_make(samples, b->w.scene, b->data, 1, 3, residual, unroll,
+                        PM_BOUNDARY_INPUT_ORDER) != PM_OK) {
         fail_msg("%s", pm_error());
     }
 }
@@ -82,8 +82,8 @@ static void windows_are_cut_in_order(void **state) {
     for (int i = 0; i < samples.count; ++i) {
         for (int k = 0; k < 4 * 3; ++k) {
             const double t = (i % per_trajectory + k / 3) * DT;
-            world_check(&b.w, "window", samples.z[i * 12 + k],
-                        value_at(1 + i / per_trajectory, 2 - k % 3, t), 0);
+            random_system_check(&b.w, "window", samples.z[i * 12 + k],
+                                value_at(1 + i / per_trajectory, 2 - k % 3, t), 0);
         }
     }
     // The increments' root mean square, pooled over x and y.
@@ -94,9 +94,9 @@ static void windows_are_cut_in_order(void **state) {
             square[c / 2] += d * d / samples.count;
         }
     }
-    world_check(&b.w, "scale of x", samples.scale[0], sqrt(square[0] / 2), 1e-15);
-    world_check(&b.w, "scale of y", samples.scale[1], samples.scale[0], 0);
-    world_check(&b.w, "scale of s", samples.scale[2], sqrt(square[1]), 1e-15);
+    random_system_check(&b.w, "scale of x", samples.scale[0], sqrt(square[0] / 2), 1e-15);
+    random_system_check(&b.w, "scale of y", samples.scale[1], samples.scale[0], 0);
+    random_system_check(&b.w, "scale of s", samples.scale[2], sqrt(square[1]), 1e-15);
     pm_samples_free(&samples);
     bench_close(&b);
 }
@@ -113,8 +113,8 @@ static void derivatives_are_of_fourth_order(void **state) {
         for (int c = 0; c < 3; ++c) {
             const double *z = samples.z + (ptrdiff_t)i * 6;
             const double t = (i % (NTIME - 4) + 2) * DT;
-            world_check(&b.w, "derivative", (z[3 + c] - z[c]) / DT,
-                        slope_at(1 + i / (NTIME - 4), 2 - c, t), 1e-12);
+            random_system_check(&b.w, "derivative", (z[3 + c] - z[c]) / DT,
+                                slope_at(1 + i / (NTIME - 4), 2 - c, t), 1e-12);
         }
     }
     pm_samples_free(&samples);
@@ -134,12 +134,12 @@ static void rates_of_the_data_are_taken(void **state) {
     make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);
     assert_int_equal(samples.count, 2 * (NTIME - 1));
     const double *z = samples.z + 6 * (ptrdiff_t)(NTIME - 1); // trajectory 2, time 0
-    world_check(&b.w, "rate of s", (z[5] - z[2]) / DT, 2 * NTIME * 3, 1e-9);
+    random_system_check(&b.w, "rate of s", (z[5] - z[2]) / DT, 2 * NTIME * 3, 1e-9);
     const double given[] = {0, 7, 0};
     const double before = samples.scale[0];
     pm_samples_rescale(&samples, given);
-    world_check(&b.w, "given scale", samples.scale[1], 7, 0);
-    world_check(&b.w, "kept scale", samples.scale[0], before, 0);
+    random_system_check(&b.w, "given scale", samples.scale[1], 7, 0);
+    random_system_check(&b.w, "kept scale", samples.scale[0], before, 0);
     pm_samples_free(&samples);
     bench_close(&b);
 }
@@ -174,7 +174,7 @@ static void constants_are_the_statistics_of_the_data(void **state) {
     pm_samples samples;
     bench_open(&b);
     make(&b, &samples, PM_RESIDUAL_STEP, 1);
-    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
     double mean = 0, square = 0, length = 0, q2 = 0, s2 = 0;
     for (int i = 0; i < samples.count; ++i) {
         const double *z = samples.z + (ptrdiff_t)i * 6;
@@ -186,13 +186,16 @@ static void constants_are_the_statistics_of_the_data(void **state) {
         s2 += z[2] * z[2] / samples.count;
     }
     const double deviation = sqrt(square - mean * mean), tolerance = 1e-12 * mean;
-    world_check(&b.w, "mean of |q|^2", constant(&b, "energy.0.mean")[0], mean, tolerance);
-    world_check(&b.w, "deviation", constant(&b, "energy.0.deviation")[0], deviation, tolerance);
-    world_check(&b.w, "mean of |q|", constant(&b, "reversible.matrix.mean")[0], length, tolerance);
-    world_check(&b.w, "length of q", constant(&b, "reversible.along")[0], sqrt(2 * q2), tolerance);
+    random_system_check(&b.w, "mean of |q|^2", constant(&b, "energy.0.mean")[0], mean, tolerance);
+    random_system_check(&b.w, "deviation", constant(&b, "energy.0.deviation")[0], deviation,
+                        tolerance);
+    random_system_check(&b.w, "mean of |q|", constant(&b, "reversible.matrix.mean")[0], length,
+                        tolerance);
+    random_system_check(&b.w, "length of q", constant(&b, "reversible.along")[0], sqrt(2 * q2),
+                        tolerance);
     const double *scale = constant(&b, "reversible.scale");
-    world_check(&b.w, "scale x / scale y", scale[0] / scale[1], 1, 0);
-    world_check(&b.w, "scale q / scale s", scale[0] / scale[2], sqrt(q2 / s2), 1e-12);
+    random_system_check(&b.w, "scale x / scale y", scale[0] / scale[1], 1, 0);
+    random_system_check(&b.w, "scale q / scale s", scale[0] / scale[2], sqrt(q2 / s2), 1e-12);
     pm_samples_free(&samples);
     bench_close(&b);
 }
@@ -204,7 +207,7 @@ static const char loaded[] =
     "time: {dt: 0.1, steps: 1, integrator: euler}\n"
     "subsystems:\n"
     "  a: {weights: a.h5, state: {q: {unit: m, columns: [x, y]}, s: {unit: J, columns: [s]}}}\n"
-    "loads: {bath: {s: {unit: J, dE: x, dS: 1}}}\n"
+    "boundary_inputs: {bath: {s: {unit: J, dE: x, dS: 1}}}\n"
     "ports: {base: {law: bracket, between: [bath, a], expose: {bath: s, a: [s, q]}, weights: "
     "base.h5}}\n";
 static const char bath[] =
@@ -213,8 +216,8 @@ static const char bath[] =
 
 static void loaded_open(bench *b) {
     bench_open(b);
-    world_close(&b->w);
-    world_of_text(&b->w, 1, loaded, part, bath);
+    random_system_close(&b->w);
+    random_system_of_text(&b->w, 1, loaded, part, bath);
 }
 
 // Behind its states a window has the polynomials of its steps.
@@ -224,20 +227,20 @@ static void windows_carry_their_loads(void **state) {
     pm_samples samples;
     loaded_open(&b);
     make(&b, &samples, PM_RESIDUAL_STEP, 3);
-    assert_true(samples.nload == 3 && samples.count == 2 * (NTIME - 3));
-    assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * PM_LOAD_ORDER * 3);
+    assert_true(samples.nboundary_input == 3 && samples.count == 2 * (NTIME - 3));
+    assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * PM_BOUNDARY_INPUT_ORDER * 3);
     for (int i = 0; i < samples.count; ++i) {
         const int trajectory = 1 + i / (NTIME - 3), first = i % (NTIME - 3);
         for (int step = 0; step < 3; ++step) {
-            const double *load = samples.z + (ptrdiff_t)i * pm_samples_width(&samples) +
-                                 pm_samples_load(&samples, step);
+            const double *boundary_input = samples.z + (ptrdiff_t)i * pm_samples_width(&samples) +
+                                           pm_samples_load(&samples, step);
             double middle = 0; // of dE
-            for (int k = PM_LOAD_ORDER - 1; k >= 0; --k) {
-                middle = 0.5 * middle + load[3 * k + 1];
+            for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k >= 0; --k) {
+                middle = 0.5 * middle + boundary_input[3 * k + 1];
             }
-            world_check(&b.w, "temperature", middle,
-                        value_at(trajectory, 2, (first + step + 0.5) * DT), 1e-12);
-            assert_true(load[2] == 1 && load[5] == 0);
+            random_system_check(&b.w, "temperature", middle,
+                                value_at(trajectory, 2, (first + step + 0.5) * DT), 1e-12);
+            assert_true(boundary_input[2] == 1 && boundary_input[5] == 0);
         }
     }
     pm_samples_free(&samples);
@@ -245,28 +248,30 @@ static void windows_carry_their_loads(void **state) {
     assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 1, 3, PM_RESIDUAL_STEP, 3, 1),
                      PM_OK);
     assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * 3);
-    assert_int_equal(pm_samples_left_out(&samples), 3 * 3 * (PM_LOAD_ORDER - 1));
+    assert_int_equal(pm_samples_left_out(&samples), 3 * 3 * (PM_BOUNDARY_INPUT_ORDER - 1));
     for (int step = 0; step < 3; ++step) {
-        const double *load = samples.z + pm_samples_load(&samples, step);
-        world_check(&b.w, "at its beginning", load[1], value_at(1, 2, step * DT), 1e-12);
-        assert_true(load[2] == 1);
+        const double *boundary_input = samples.z + pm_samples_load(&samples, step);
+        random_system_check(&b.w, "at its beginning", boundary_input[1], value_at(1, 2, step * DT),
+                            1e-12);
+        assert_true(boundary_input[2] == 1);
     }
     pm_samples_free(&samples);
     make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);
-    const double *load = samples.z + pm_samples_load(&samples, 0);
-    world_check(&b.w, "at the derivative's state", load[1], value_at(1, 2, 2 * DT), 1e-12);
+    const double *boundary_input = samples.z + pm_samples_load(&samples, 0);
+    random_system_check(&b.w, "at the derivative's state", boundary_input[1],
+                        value_at(1, 2, 2 * DT), 1e-12);
     pm_samples_free(&samples);
     bench_close(&b);
 }
 
-// A world that shows no state has the scale of the subsystem's group of that name.
+// A random_system that shows no state has the scale of the subsystem's group of that name.
 static void worlds_scale_as_what_they_load(void **state) {
     (void)state;
     bench b;
     pm_samples samples;
     loaded_open(&b);
     make(&b, &samples, PM_RESIDUAL_STEP, 1);
-    assert_int_equal(pm_normalise_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
     double q2 = 0, s2 = 0, temperature = 0;
     for (int i = 0; i < samples.count; ++i) {
         const double *z = samples.z + (ptrdiff_t)i * pm_samples_width(&samples);
@@ -276,10 +281,11 @@ static void worlds_scale_as_what_they_load(void **state) {
     }
     const pm_params *params = &b.w.system->port[0].params;
     const double *scale = pm_params_find(params, "irreversible.scale")->value;
-    world_check(&b.w, "scale a.s / scale b.s", scale[0] / scale[1], 1, 0);
-    world_check(&b.w, "scale b.q / scale b.s", scale[2] / scale[1], sqrt(q2 / s2), 1e-12);
-    world_check(&b.w, "mean of the bath's temperature",
-                pm_params_find(params, "irreversible.matrix.mean")->value[0], temperature, 1e-12);
+    random_system_check(&b.w, "scale a.s / scale b.s", scale[0] / scale[1], 1, 0);
+    random_system_check(&b.w, "scale b.q / scale b.s", scale[2] / scale[1], sqrt(q2 / s2), 1e-12);
+    random_system_check(&b.w, "mean of the bath's temperature",
+                        pm_params_find(params, "irreversible.matrix.mean")->value[0], temperature,
+                        1e-12);
     pm_samples_free(&samples);
     bench_close(&b);
 }
@@ -307,12 +313,12 @@ static void settled_networks_are_the_same(void **state) {
     static const char resting[] =
         "energy:\n"
         "  - {features: [s], hidden: [2], skip: linear}\n"
-        "  - {features: [q, s], hidden: [3], skip: linear, rest: true}\n"
-        "  - {features: [q], hidden: [2, 2], skip: quadratic, rest: true}\n"
-        "entropy: {features: [s, q], hidden: [2], skip: linear, rest: true}\n";
-    world w;
+        "  - {features: [q, s], hidden: [3], skip: linear, zero_at_origin: true}\n"
+        "  - {features: [q], hidden: [2, 2], skip: quadratic, zero_at_origin: true}\n"
+        "entropy: {features: [s, q], hidden: [2], skip: linear, zero_at_origin: true}\n";
+    random_system w;
     pm_arena arena = {0};
-    world_of_text(&w, 3, scene, resting, NULL);
+    random_system_of_text(&w, 3, scene, resting, NULL);
     pm_part *p = &w.system->part[0];
     for (int i = 0; i < p->params.count; ++i) {
         pm_param_entry *e = &p->params.entry[i];
@@ -324,18 +330,18 @@ static void settled_networks_are_the_same(void **state) {
     for (int i = 0; i < 4; ++i) {
         potentials_at(p, 0.7 * i - 1, before[i]);
     }
-    assert_int_equal(pm_settle(p, &arena), PM_OK);
+    assert_int_equal(pm_fold_tangent(p, &arena), PM_OK);
     for (int i = 0; i < 4; ++i) {
         potentials_at(p, 0.7 * i - 1, after);
-        world_check(&w, "energy", after[0], before[i][0], 1e-12);
-        world_check(&w, "entropy", after[1], before[i][1], 1e-12);
+        random_system_check(&w, "energy", after[0], before[i][0], 1e-12);
+        random_system_check(&w, "entropy", after[1], before[i][1], 1e-12);
     }
     for (int i = 0; i < 3; ++i) {
-        assert_false(p->spec.energy.term[i].rest);
+        assert_false(p->spec.energy.term[i].zero_at_origin);
     }
-    assert_false(p->spec.entropy.term[0].rest);
+    assert_false(p->spec.entropy.term[0].zero_at_origin);
     pm_arena_free(&arena);
-    world_close(&w);
+    random_system_close(&w);
 }
 
 int main(void) {

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "net/transport.h"
+#include "transport/transport.h"
 
 #define MANY 2000
 

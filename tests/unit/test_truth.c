@@ -7,8 +7,8 @@
 
 #include <cmocka.h>
 
-#include "scratch.h"
 #include "store/dataset.h"
+#include "tests/support/scratch.h"
 #include "truth/chain.h"
 #include "truth/truth.h"
 
@@ -272,7 +272,8 @@ static void drive(scratch *folder, const char *text, int trajectory, double z[20
     pm_truth_free(truth);
 }
 
-// Seen from a pivot that moves steadily, a link moves as if at rest: its momentum is m v larger.
+// Seen from a pivot that moves steadily, a link moves as if at zero_at_origin: its momentum is m v
+// larger.
 static void a_steady_pivot_is_at_rest(void **state) {
     double z[20][DRIVEN_NZ], still[20][5];
     drive(*state, DRIVEN("0.5", "0", "0", "[0, 0]", "C: 0.1, b: 0"), 1, z);

@@ -6,7 +6,7 @@
 // cmocka needs the above.
 #include <cmocka.h>
 
-#include "net/waiting.h"
+#include "lockstep/waiting.h"
 
 // Many waits of `seconds` each; the time at which the next one begins.
 static double wait_often(pm_waiting *waiting, double seconds, double now) {

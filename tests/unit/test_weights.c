@@ -9,10 +9,10 @@
 
 #include <cmocka.h>
 
-#include "model/region.h"
-#include "scratch.h"
-#include "store/model_yaml.h"
-#include "store/weights.h"
+#include "model/training_range.h"
+#include "scene/model_reader.h"
+#include "scene/weights.h"
+#include "tests/support/scratch.h"
 
 static const char part_text[] =
     "energy:\n"
@@ -144,13 +144,13 @@ static void a_region_comes_back(void **state) {
     pm_part loaded = {0};
     pm_provenance found;
     const char *path = scratch_path(&folder, "region.h5");
-    assert_int_equal(pm_region_declare(&part), PM_OK);
-    pm_region_widen(&part, states[0]);
-    pm_region_widen(&part, states[1]);
+    assert_int_equal(pm_training_range_declare(&part), PM_OK);
+    pm_training_range_widen(&part, states[0]);
+    pm_training_range_widen(&part, states[1]);
     assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_OK);
     assert_int_equal(pm_weights_load_part(path, &arena, &loaded, &found), PM_OK);
-    assert_null(pm_region_departure(pm_region_of(&loaded), states[0]).group);
-    const pm_departure d = pm_region_departure(pm_region_of(&loaded), outside);
+    assert_null(pm_training_range_departure(pm_training_range_of(&loaded), states[0]).group);
+    const pm_departure d = pm_training_range_departure(pm_training_range_of(&loaded), outside);
     assert_string_equal(d.group->name, "q");
     assert_true(d.value == 20 && d.low == 1 && d.high == 5 && d.widths == 15. / 4);
     pm_part_free(&loaded);

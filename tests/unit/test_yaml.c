@@ -3,9 +3,9 @@
 #include <limits.h>
 #include <math.h>
 
-#include "scratch.h"
 #include "store/yaml.h"
-#include "yaml_case.h"
+#include "tests/support/scratch.h"
+#include "tests/support/yaml_case.h"
 
 static const char good[] = "name: \"a \\\"b\\\" c\"   # a comment\n"
                            "count: 12\n"

@@ -75,7 +75,7 @@ void pm_basis_coordinates(const pm_basis *b, char text[PM_BASIS_COORDINATES]) {
     digest = pm_digest_doubles(digest, b->mode, 3 * nmode * (size_t)b->nnode);
     digest = pm_digest_doubles(digest, b->stiffness, nmode);
     digest = pm_digest_doubles(digest, b->tau, (size_t)b->nbranch);
-    digest = pm_digest_doubles(digest, &b->swing, 1);
+    digest = pm_digest_doubles(digest, &b->inertia_time, 1);
     digest = pm_digest_doubles(digest, &b->temperature, 1);
     snprintf(text, PM_BASIS_COORDINATES, "basis %016" PRIx64, digest);
 }
@@ -114,7 +114,7 @@ static double *fill_products(const pm_basis *b, const double *a, double *feature
     return feature;
 }
 
-void pm_basis_fill_features(const pm_basis *b, const pm_reading *reading, double *feature) {
+void pm_basis_fill_features(const pm_basis *b, const pm_modal_state *reading, double *feature) {
     const size_t n = (size_t)b->nstate, nc = n * (size_t)b->nbranch;
     memcpy(feature, reading->a, n * sizeof *feature);
     feature += n;
@@ -246,7 +246,7 @@ static bool pattern_is_finite(const pm_basis *b, const pm_pattern *p) {
 static pm_status check_content(const pm_basis *b, const char *path) {
     const size_t width = 3 * (size_t)b->nnode;
     bool good =
-        is_positive(1, &b->swing) && is_positive(1, &b->temperature) &&
+        is_positive(1, &b->inertia_time) && is_positive(1, &b->temperature) &&
         is_positive((size_t)b->nmode, b->stiffness) &&
         is_positive((size_t)b->nlead, b->lead_scale) && is_positive((size_t)b->nbranch, b->tau) &&
         is_finite((size_t)b->nmode * width, b->mode) && pattern_is_finite(b, &b->displacement);
@@ -267,7 +267,7 @@ static pm_status check_content(const pm_basis *b, const char *path) {
 
 static pm_status read_content(pm_basis *b, const pm_hdf5 *file, const char *path) {
     const int position[2] = {b->nnode, 3}, mode[3] = {b->nmode, b->nnode, 3};
-    PM_TRY(pm_hdf5_read_number(file, "/", "swing_s", &b->swing));
+    PM_TRY(pm_hdf5_read_number(file, "/", "inertia_time_s", &b->inertia_time));
     PM_TRY(pm_hdf5_read_number(file, "/", "temperature_K", &b->temperature));
     PM_TRY(pm_hdf5_read(file, "/position", 2, position, b->position));
     if (!is_finite(3 * (size_t)b->nnode, b->position)) {
@@ -346,7 +346,7 @@ static pm_status write_content(const pm_basis *b, pm_hdf5 *file, const char *com
     const int position[2] = {b->nnode, 3}, mode[3] = {b->nmode, b->nnode, 3};
     PM_TRY(pm_hdf5_write_text(file, "/", "command", command));
     PM_TRY(pm_hdf5_write_integer(file, "/", "state_modes", (uint64_t)b->nstate));
-    PM_TRY(pm_hdf5_write_number(file, "/", "swing_s", b->swing));
+    PM_TRY(pm_hdf5_write_number(file, "/", "inertia_time_s", b->inertia_time));
     PM_TRY(pm_hdf5_write_number(file, "/", "temperature_K", b->temperature));
     PM_TRY(pm_hdf5_write(file, "/position", 2, position, b->position));
     PM_TRY(pm_hdf5_write(file, "/mode", 3, mode, b->mode));

@@ -9,12 +9,12 @@
 // time tau_k,
 //     dc_k/dt = (a - c_k) / tau_k,
 // the Prony series carried over from points to modes. The quasi-static body is given inertia: all
-// modes swing with the same short period, 2 pi `swing`; p = swing^2 da/dt.
+// modes inertia_time with the same short period, 2 pi `inertia_time`; p = inertia_time^2 da/dt.
 //
 // Sources: proper orthogonal decomposition (Sirovich, Quart. Appl. Math. 45, 1987), a quadratic and
 // cubic manifold for the rest (Barnett, Farhat, J. Comput. Phys. 464, 2022).
-#ifndef PM_MODAL_BASIS_H
-#define PM_MODAL_BASIS_H
+#ifndef PM_TRAINER_MODAL_BASIS_H
+#define PM_TRAINER_MODAL_BASIS_H
 
 #include "base/arena.h"
 #include "base/status.h"
@@ -40,7 +40,7 @@ typedef struct pm_basis {
     int nlead;  // the first of these appear in products of two and three
     int nbranch;
     double tau[PM_BASIS_MAX_BRANCHES]; // s
-    double swing;                      // s
+    double inertia_time;               // s
     double temperature;                // K, at which what is dissipated becomes entropy
     double *position;                  // [nnode][3] m, undeformed
     int nelement;                      // 0: not known
@@ -54,16 +54,16 @@ typedef struct pm_basis {
 } pm_basis;
 
 // What is known of the body at one time.
-typedef struct pm_reading {
+typedef struct pm_modal_state {
     const double *a;    // [nstate]
     const double *c;    // [nbranch][nstate]
     const double *load; // [nmode]
-} pm_reading;
+} pm_modal_state;
 
 // Features: a, c and loads; products of two and three of the leading a, and of the leading c of
 // each branch.
 int pm_basis_features(const pm_basis *basis);
-void pm_basis_fill_features(const pm_basis *basis, const pm_reading *reading, double *feature);
+void pm_basis_fill_features(const pm_basis *basis, const pm_modal_state *reading, double *feature);
 
 // Adds the field of a pattern to value [width]; `feature` [pm_basis_features].
 void pm_pattern_add(const pm_pattern *pattern, int nfeature, const double *feature, double *value);
@@ -77,7 +77,7 @@ pm_status pm_basis_add_pattern(pm_basis *basis, pm_pattern *pattern, int rank, i
 void pm_basis_free(pm_basis *basis); // NULL is allowed
 
 // Which coordinates a state in this basis is in, "basis " and a digest of all that gives its
-// numbers their meaning: modes, relaxation times, swing, temperature. Patterns do not count.
+// numbers their meaning: modes, relaxation times, inertia_time, temperature. Patterns do not count.
 #define PM_BASIS_COORDINATES 32
 void pm_basis_coordinates(const pm_basis *basis, char text[PM_BASIS_COORDINATES]);
 // Whether what was made in these coordinates (`text` NULL: nobody knows) is of this basis; `what`

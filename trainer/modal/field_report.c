@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "gnuplot.h"
+#include "evaluate/gnuplot.h"
 #include "sim/score.h"
 
 static const char *const names[PM_FIELD_NERROR] = {"displacement", "velocity", "stress"};

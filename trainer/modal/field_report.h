@@ -1,6 +1,6 @@
 // How far reconstructed fields are off: a table, and box plots.
-#ifndef PM_MODAL_FIELD_REPORT_H
-#define PM_MODAL_FIELD_REPORT_H
+#ifndef PM_TRAINER_MODAL_FIELD_REPORT_H
+#define PM_TRAINER_MODAL_FIELD_REPORT_H
 
 #include <stdbool.h>
 

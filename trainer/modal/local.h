@@ -3,8 +3,8 @@
 // at equal distances along x) that is the same everywhere but at the ends, so it is learned from
 // all sections together: stress of section k += sum over offsets of kernel[offset] forces of
 // section k + offset (Saint-Venant: it fades within the section's size).
-#ifndef PM_MODAL_LOCAL_H
-#define PM_MODAL_LOCAL_H
+#ifndef PM_TRAINER_MODAL_LOCAL_H
+#define PM_TRAINER_MODAL_LOCAL_H
 
 #include <stddef.h>
 

@@ -93,14 +93,15 @@ static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, 
 }
 
 // r->force is what presses on the body, and joins the loads on its modes.
-static void read_touch(reader *r, const pm_basis *b, const pm_touch *touch, const double *row) {
+static void read_touch(reader *r, const pm_basis *b, const pm_contact_force *touch,
+                       const double *row) {
     const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
     double *load = r->value + (1 + b->nbranch) * b->nstate;
     memset(r->force, 0, (size_t)width * sizeof *r->force);
     if (touch == NULL) {
         return;
     }
-    pm_touch_add_forces(touch, row, r->force);
+    pm_contact_force_add_forces(touch, row, r->force);
     for (int i = 0; i < b->nmode; ++i) {
         for (ptrdiff_t k = 0; k < width; ++k) {
             load[i] += b->mode[i * width + k] * r->force[k];
@@ -110,7 +111,8 @@ static void read_touch(reader *r, const pm_basis *b, const pm_touch *touch, cons
 
 // r->u, r->v and r->stress of one row of the dataset, without what is local. Velocities are those
 // of the state's modes.
-static void read_row(reader *r, const pm_basis *b, const pm_touch *touch, const double *row) {
+static void read_row(reader *r, const pm_basis *b, const pm_contact_force *touch,
+                     const double *row) {
     const int n = b->nstate, count = (1 + b->nbranch) * n + b->nmode;
     const int nfeature = pm_basis_features(b);
     const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
@@ -118,13 +120,13 @@ static void read_row(reader *r, const pm_basis *b, const pm_touch *touch, const 
         r->value[i] = r->column[i] == NO_COLUMN ? 0 : row[r->column[i]];
     }
     read_touch(r, b, touch, row);
-    const pm_reading reading = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
+    const pm_modal_state reading = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
     pm_basis_fill_features(b, &reading, r->feature);
     memset(r->u, 0, (size_t)width * sizeof *r->u);
     memset(r->stress, 0, 2 * (size_t)width * sizeof *r->stress);
     memset(r->v, 0, (size_t)width * sizeof *r->v);
     for (int i = 0; i < n; ++i) {
-        const double rate = row[r->momentum[i]] / (b->swing * b->swing);
+        const double rate = row[r->momentum[i]] / (b->inertia_time * b->inertia_time);
         for (ptrdiff_t k = 0; k < width; ++k) {
             r->u[k] += reading.a[i] * b->mode[i * width + k];
             r->v[k] += rate * b->mode[i * width + k];
@@ -155,7 +157,7 @@ static void write_state(const reader *r, const pm_basis *b, double *state) {
 }
 
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body, const pm_touch *touch, const pm_field *loads,
+                         const char *body, const pm_contact_force *touch, const pm_field *loads,
                          const int *which) {
     const pm_field_shape shape = {.ntrajectory = modes->ntrajectory,
                                   .ntime = modes->ntime,

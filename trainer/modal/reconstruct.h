@@ -1,21 +1,21 @@
 // From trajectories of a basis's state back to the fields of the body.
-#ifndef PM_MODAL_RECONSTRUCT_H
-#define PM_MODAL_RECONSTRUCT_H
+#ifndef PM_TRAINER_MODAL_RECONSTRUCT_H
+#define PM_TRAINER_MODAL_RECONSTRUCT_H
 
-#include "modal/assembly.h"
 #include "modal/basis.h"
+#include "modal/body_assembly.h"
 #include "store/dataset.h"
 #include "store/field.h"
 
 // All trajectories of a dataset with the columns that pm_reduce_project writes: positions,
 // velocities of the state's modes, stress (zero if the basis does not know it), loads left out.
 // What loads do to the stress close to them is added where their forces on the nodes are known:
-// `loads`, trajectory which[i] for trajectory i; may be NULL. `body` NULL: of the one body there
-// is; else of that one, whose columns begin with its name and "_". `touch`: what other bodies press
-// on it counts as loads do; NULL: nothing. Loads that have no columns are taken as none. PM_EDATA
-// (another column is missing), PM_ENOMEM. The caller frees.
+// `loads`, trajectory which[i] for trajectory i; may be NULL. `body` NULL: of the one
+// body there is; else of that one, whose columns begin with its name and "_". `touch`: what other
+// bodies press on it counts as loads do; NULL: nothing. Loads that have no columns are taken as
+// none. PM_EDATA (another column is missing), PM_ENOMEM. The caller frees.
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body, const pm_touch *touch, const pm_field *loads,
+                         const char *body, const pm_contact_force *touch, const pm_field *loads,
                          const int *which);
 
 // What is compared: displacements, velocities, stresses on free nodes.

@@ -20,10 +20,10 @@ double pm_reduction_norm(size_t count, const double *value) {
 }
 
 pm_status pm_reduction_for_each(pm_reduction *r, pm_visit_path *visit, void *context) {
-    pm_path *p = &r->path;
+    pm_modal_trajectory *p = &r->path;
     for (int i = 0; i < r->count; ++i) {
         for (int k = 0; k < r->ncopy; ++k) {
-            pm_path_take(p, r->field, r->trajectory[i], &r->copy[k]);
+            pm_modal_trajectory_take(p, r->field, r->trajectory[i], &r->copy[k]);
             const double size = pm_reduction_norm(3 * (size_t)p->nnode * (size_t)p->ntime, p->u);
             if (size > 0) {
                 PM_TRY(visit(r, 1 / size, context));
@@ -36,19 +36,19 @@ pm_status pm_reduction_for_each(pm_reduction *r, pm_visit_path *visit, void *con
 // --- all of it ---
 
 static pm_status open_reduction(pm_reduction *r, int nmode, int nbranch, bool square,
-                                pm_loads loads, bool stress) {
+                                pm_boundary_inputs loads, bool stress) {
     if (square) {
-        r->ncopy = PM_COPIES_OF_SQUARE;
-        PM_TRY(pm_copies_make(r->copy, r->field, &r->arena));
+        r->ncopy = PM_SYMMETRY_COPIES_OF_SQUARE;
+        PM_TRY(pm_symmetry_copies_make(r->copy, r->field, &r->arena));
     } else {
         r->ncopy = 1;
-        PM_TRY(pm_copies_none(&r->copy[0], r->field, &r->arena));
+        PM_TRY(pm_symmetry_copies_none(&r->copy[0], r->field, &r->arena));
     }
-    return pm_path_open(&r->path, r->field, nmode, nbranch, loads, stress);
+    return pm_modal_trajectory_open(&r->path, r->field, nmode, nbranch, loads, stress);
 }
 
 static void close_reduction(pm_reduction *r) {
-    pm_path_close(&r->path);
+    pm_modal_trajectory_close(&r->path);
     pm_arena_free(&r->arena);
 }
 
@@ -117,14 +117,14 @@ static double difference(const double *value, int stride, int ntime, int j, doub
 }
 
 // One time of a path as a row of the dataset, and its rates.
-static void write_row(const pm_path *p, const pm_basis *b, double dt, const double *dissipated,
-                      int j, double *z, double *zdot) {
+static void write_row(const pm_modal_trajectory *p, const pm_basis *b, double dt,
+                      const double *dissipated, int j, double *z, double *zdot) {
     const int n = b->nstate;
     const ptrdiff_t at = (ptrdiff_t)j * p->nmode;
     for (int i = 0; i < n; ++i) {
         const double rate = difference(p->a + i, p->nmode, p->ntime, j, dt);
         z[i] = p->a[at + i];
-        z[n + i] = b->swing * b->swing * rate;
+        z[n + i] = b->inertia_time * b->inertia_time * rate;
         zdot[i] = rate;
         zdot[n + i] = 0; // quasi-static
     }
@@ -144,7 +144,8 @@ static void write_row(const pm_path *p, const pm_basis *b, double dt, const doub
 }
 
 pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const pm_field *field,
-                            int count, const int *trajectory, bool square, pm_loads loads) {
+                            int count, const int *trajectory, bool square,
+                            pm_boundary_inputs loads) {
     pm_reduction r = {.field = field};
     const int ncolumn = (2 + basis->nbranch) * basis->nstate + 1 + basis->nmode;
     pm_dataset *d = NULL;
@@ -163,8 +164,8 @@ pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const p
     PM_TRY_DONE(pm_dataset_with_rates(d));
     for (int i = 0; i < d->ntrajectory; ++i) {
         const int from = trajectory[i / r.ncopy];
-        pm_path_take(&r.path, field, from, &r.copy[i % r.ncopy]);
-        pm_path_project(&r.path, basis, field->dt);
+        pm_modal_trajectory_take(&r.path, field, from, &r.copy[i % r.ncopy]);
+        pm_modal_trajectory_project(&r.path, basis, field->dt);
         const double *dissipated =
             field->energy == NULL
                 ? NULL

@@ -79,7 +79,7 @@ typedef struct flexibility {
 static pm_status find_lead_scale(pm_reduction *r, double weight, void *context) {
     (void)weight;
     pm_basis *b = context;
-    pm_path_project(&r->path, b, r->field->dt);
+    pm_modal_trajectory_project(&r->path, b, r->field->dt);
     for (int j = 0; j < r->path.ntime; ++j) {
         for (int i = 0; i < b->nlead; ++i) {
             const double size = fabs(r->path.a[(ptrdiff_t)j * r->path.nmode + i]);
@@ -91,13 +91,13 @@ static pm_status find_lead_scale(pm_reduction *r, double weight, void *context) 
 
 static pm_status add_flexibility(pm_reduction *r, double weight, void *context) {
     flexibility *x = context;
-    const pm_path *p = &r->path;
+    const pm_modal_trajectory *p = &r->path;
     const int n = x->b->nstate, count = pm_basis_features(x->b), used = count - n;
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
-    pm_path_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
     for (int j = 0; j < p->ntime; ++j) {
-        pm_reading reading;
-        pm_path_read(p, x->b, j, c, &reading);
+        pm_modal_state reading;
+        pm_modal_trajectory_read(p, x->b, j, c, &reading);
         pm_basis_fill_features(x->b, &reading, x->all);
         for (int i = 0; i < used; ++i) {
             x->feature[(ptrdiff_t)j * used + i] = weight * x->all[n + i];
@@ -171,8 +171,8 @@ static int order_modes(const flexibility *x, int most, int *order) {
 static pm_status measure_modes(pm_reduction *r, double weight, void *context) {
     (void)weight;
     const flexibility *x = context;
-    const pm_path *p = &r->path;
-    pm_path_project(&r->path, x->b, r->field->dt);
+    const pm_modal_trajectory *p = &r->path;
+    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
     for (int j = 0; j < p->ntime; ++j) {
         for (int i = 0; i < p->nmode; ++i) {
             const double a = p->a[(ptrdiff_t)j * p->nmode + i];
@@ -232,7 +232,7 @@ static pm_status open_flexibility(pm_reduction *r, flexibility *x, pm_basis *b) 
 static pm_status set_constants(pm_basis *b, const pm_reduce_how *how, const pm_field *field) {
     b->nbranch = how->nbranch;
     memcpy(b->tau, how->tau, sizeof b->tau);
-    b->swing = how->swing;
+    b->inertia_time = how->inertia_time;
     b->temperature = how->temperature;
     memcpy(b->position, field->position, 3 * (size_t)field->nnode * sizeof *b->position);
     if (field->hexahedron == NULL) {

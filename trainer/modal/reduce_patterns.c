@@ -29,12 +29,12 @@ typedef struct remainder_fit {
 } remainder_fit;
 
 // Features of all times of a path, times the weight.
-static void fill_features(const remainder_fit *x, const pm_path *p, double weight) {
+static void fill_features(const remainder_fit *x, const pm_modal_trajectory *p, double weight) {
     const int count = pm_basis_features(x->b);
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
     for (int j = 0; j < p->ntime; ++j) {
-        pm_reading reading;
-        pm_path_read(p, x->b, j, c, &reading);
+        pm_modal_state reading;
+        pm_modal_trajectory_read(p, x->b, j, c, &reading);
         pm_basis_fill_features(x->b, &reading, x->feature + (ptrdiff_t)j * count);
     }
     for (ptrdiff_t i = 0; i < (ptrdiff_t)p->ntime * count; ++i) {
@@ -43,7 +43,7 @@ static void fill_features(const remainder_fit *x, const pm_path *p, double weigh
 }
 
 // u less what the state's modes are, times the weight.
-static void subtract_modes(const pm_path *p, const pm_basis *b, int time, double weight,
+static void subtract_modes(const pm_modal_trajectory *p, const pm_basis *b, int time, double weight,
                            double *rest) {
     const int width = 3 * p->nnode;
     const double *a = p->a + (ptrdiff_t)time * p->nmode;
@@ -59,9 +59,9 @@ static void subtract_modes(const pm_path *p, const pm_basis *b, int time, double
 
 static pm_status add_displacement(pm_reduction *r, double weight, void *context) {
     remainder_fit *x = context;
-    const pm_path *p = &r->path;
+    const pm_modal_trajectory *p = &r->path;
     const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
-    pm_path_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
     fill_features(x, p, weight);
     for (int j = 0; j < p->ntime; ++j) {
         subtract_modes(p, x->b, j, weight, x->rest + j * width);
@@ -71,7 +71,8 @@ static pm_status add_displacement(pm_reduction *r, double weight, void *context)
 }
 
 // Stress less what is local, times the weight.
-static void subtract_local(const pm_path *p, const remainder_fit *x, int time, double weight) {
+static void subtract_local(const pm_modal_trajectory *p, const remainder_fit *x, int time,
+                           double weight) {
     const ptrdiff_t width = PM_BASIS_TENSOR * (ptrdiff_t)p->nnode, at = time * width;
     double *rest = x->rest + at;
     memset(rest, 0, (size_t)width * sizeof *rest);
@@ -82,16 +83,16 @@ static void subtract_local(const pm_path *p, const remainder_fit *x, int time, d
 }
 
 // Weighed by its own size, so that its units do not matter.
-static double weigh_stress(const pm_path *p) {
+static double weigh_stress(const pm_modal_trajectory *p) {
     return 1 / pm_reduction_norm(PM_BASIS_TENSOR * (size_t)p->nnode * (size_t)p->ntime, p->stress);
 }
 
 static pm_status add_stress(pm_reduction *r, double weight, void *context) {
     (void)weight;
     remainder_fit *x = context;
-    const pm_path *p = &r->path;
+    const pm_modal_trajectory *p = &r->path;
     const double stressed = weigh_stress(p);
-    pm_path_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
     fill_features(x, p, stressed);
     for (int j = 0; j < p->ntime; ++j) {
         subtract_local(p, x, j, stressed);
@@ -140,7 +141,7 @@ typedef struct local_fit {
 static pm_status find_loaded(pm_reduction *r, double weight, void *context) {
     (void)weight;
     const local_fit *x = context;
-    const pm_path *p = &r->path;
+    const pm_modal_trajectory *p = &r->path;
     for (ptrdiff_t i = 0; i < 3 * (ptrdiff_t)p->ntime * p->nnode; ++i) {
         x->carries[i / 3 % p->nnode] |= p->f[i] != 0;
     }
@@ -148,11 +149,11 @@ static pm_status find_loaded(pm_reduction *r, double weight, void *context) {
 }
 
 // Stress at a time less what the pattern makes of it.
-static void subtract_pattern(const local_fit *x, const pm_path *p, int time) {
+static void subtract_pattern(const local_fit *x, const pm_modal_trajectory *p, int time) {
     const int width = PM_BASIS_TENSOR * p->nnode;
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
-    pm_reading reading;
-    pm_path_read(p, x->b, time, c, &reading);
+    pm_modal_state reading;
+    pm_modal_trajectory_read(p, x->b, time, c, &reading);
     pm_basis_fill_features(x->b, &reading, x->feature);
     memset(x->stress, 0, (size_t)width * sizeof *x->stress);
     pm_pattern_add(&x->b->stress, pm_basis_features(x->b), x->feature, x->stress);
@@ -164,11 +165,11 @@ static void subtract_pattern(const local_fit *x, const pm_path *p, int time) {
 static pm_status add_local(pm_reduction *r, double weight, void *context) {
     (void)weight;
     local_fit *x = context;
-    const pm_path *p = &r->path;
+    const pm_modal_trajectory *p = &r->path;
     const pm_local *local = &x->b->local;
     const int count = pm_local_features(local), width = PM_LOCAL_TENSOR * local->nper;
     const double scale = weigh_stress(p);
-    pm_path_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
     for (int j = STRIDE - 1; j < p->ntime; j += STRIDE) {
         subtract_pattern(x, p, j);
         for (int k = 0; k < local->nsection; ++k) {

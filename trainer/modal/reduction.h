@@ -1,8 +1,8 @@
 // What the steps of a reduction share: inside trainer/modal/reduce*.c alone.
-#ifndef PM_MODAL_REDUCTION_H
-#define PM_MODAL_REDUCTION_H
+#ifndef PM_TRAINER_MODAL_REDUCTION_H
+#define PM_TRAINER_MODAL_REDUCTION_H
 
-#include "modal/path.h"
+#include "modal/modal_trajectory.h"
 #include "modal/reduce.h"
 
 typedef struct pm_reduction {
@@ -11,9 +11,9 @@ typedef struct pm_reduction {
     int count;
     const int *trajectory; // [count]
     int ncopy;
-    pm_copy copy[PM_COPIES_OF_SQUARE];
-    pm_path path;   // the one being visited
-    pm_arena arena; // work space
+    pm_copy copy[PM_SYMMETRY_COPIES_OF_SQUARE];
+    pm_modal_trajectory path; // the one being visited
+    pm_arena arena;           // work space
 } pm_reduction;
 
 // Calls visit for every trajectory and copy that moves, with its displacements, loads and stresses

@@ -1,6 +1,6 @@
 // Linear least squares with many results at once, and the low-rank form of what came out.
-#ifndef PM_MODAL_REGRESSION_H
-#define PM_MODAL_REGRESSION_H
+#ifndef PM_TRAINER_MODAL_REGRESSION_H
+#define PM_TRAINER_MODAL_REGRESSION_H
 
 #include "base/status.h"
 

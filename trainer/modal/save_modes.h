@@ -1,6 +1,6 @@
 // Where the commands that write trajectories of modes leave them.
-#ifndef PM_MODAL_SAVE_MODES_H
-#define PM_MODAL_SAVE_MODES_H
+#ifndef PM_TRAINER_MODAL_SAVE_MODES_H
+#define PM_TRAINER_MODAL_SAVE_MODES_H
 
 #include "modal/basis.h"
 #include "store/dataset.h"

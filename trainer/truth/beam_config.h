@@ -1,6 +1,6 @@
 // The configuration of beams: one, or several in contact, and what presses on one of them.
-#ifndef PM_TRUTH_BEAM_CONFIG_H
-#define PM_TRUTH_BEAM_CONFIG_H
+#ifndef PM_TRAINER_TRUTH_BEAM_CONFIG_H
+#define PM_TRAINER_TRUTH_BEAM_CONFIG_H
 
 #include "store/yaml.h"
 #include "truth/beam_load.h"

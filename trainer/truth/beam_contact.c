@@ -179,7 +179,8 @@ typedef struct weights {
     double c[3][PM_BEAM_TOUCH_NODES];
 } weights;
 
-static weights gather(const pm_beam_candidate *candidate, const gap *g, pm_beam_touch *touch) {
+static weights gather(const pm_beam_candidate *candidate, const gap *g,
+                      pm_beam_contact_force *touch) {
     weights w = {{{1}}};
     touch->nnode = 1 + g->weights.nnode;
     touch->node[0] = candidate->node;
@@ -193,7 +194,7 @@ static weights gather(const pm_beam_candidate *candidate, const gap *g, pm_beam_
 }
 
 static void set_stiffness(double scale, bool exact, const gap *g, const weights *w,
-                          pm_beam_touch *touch) {
+                          pm_beam_contact_force *touch) {
     const int n = 3 * touch->nnode;
     const double *a = g->r[PM_BY_U], *b = g->r[PM_BY_V];
     const double metric[3] = {dot(a, a), dot(a, b), dot(b, b)};
@@ -217,7 +218,7 @@ static void set_stiffness(double scale, bool exact, const gap *g, const weights 
 }
 
 bool pm_beam_contact_respond(const pm_beam_contact *contact, const pm_beam_candidate *candidate,
-                             const double *q, bool exact, pm_beam_touch *touch) {
+                             const double *q, bool exact, pm_beam_contact_force *touch) {
     gap g;
     if (!project(candidate, q, &g) || !lies_behind(&candidate->surface, &g)) {
         return false;

@@ -1,8 +1,8 @@
 // The eight-node brick with one pressure (Q1/P0, mean dilatation: Simo, Taylor, Pister, Comput.
 // Methods Appl. Mech. Eng. 51, 1985): the energy of volume is taken of the element's ratio of
 // volumes theta, as (theta - 1)^2 / D1, so that nearly incompressible material does not lock.
-#ifndef PM_TRUTH_BEAM_ELEMENT_H
-#define PM_TRUTH_BEAM_ELEMENT_H
+#ifndef PM_TRAINER_TRUTH_BEAM_ELEMENT_H
+#define PM_TRAINER_TRUTH_BEAM_ELEMENT_H
 
 #include <stdbool.h>
 

@@ -1,7 +1,7 @@
 // What presses on a beam: equal forces on some nodes of its surface, fixed in direction, whose size
 // follows a polyline in time.
-#ifndef PM_TRUTH_BEAM_LOAD_H
-#define PM_TRUTH_BEAM_LOAD_H
+#ifndef PM_TRAINER_TRUTH_BEAM_LOAD_H
+#define PM_TRAINER_TRUTH_BEAM_LOAD_H
 
 #include "base/rng.h"
 #include "truth/beam_mesh.h"

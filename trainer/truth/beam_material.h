@@ -6,8 +6,8 @@
 // (Linder, Tkachuk, Miehe, J. Mech. Phys. Solids 59, 2011). At held strain the stress of a branch
 // decays as exp(-t/tau_i), whatever the strain: a Prony series. With x the eigenvalues of Cbar A_i,
 //     dissipation = sum_i g_i mu / (2 tau_i) sum_x (x + 1/x - 2) >= 0.
-#ifndef PM_TRUTH_BEAM_MATERIAL_H
-#define PM_TRUTH_BEAM_MATERIAL_H
+#ifndef PM_TRAINER_TRUTH_BEAM_MATERIAL_H
+#define PM_TRAINER_TRUTH_BEAM_MATERIAL_H
 
 #include "truth/beam_tensor.h"
 

@@ -1,8 +1,8 @@
 // The stiffness of bodies as a sparse matrix over the freedoms that are not clamped, node by node,
 // three each: elements, whose places are known, and couplings of any nodes (contact). The only door
 // to CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
-#ifndef PM_TRUTH_BEAM_MATRIX_H
-#define PM_TRUTH_BEAM_MATRIX_H
+#ifndef PM_TRAINER_TRUTH_BEAM_MATRIX_H
+#define PM_TRAINER_TRUTH_BEAM_MATRIX_H
 
 #include <stdbool.h>
 

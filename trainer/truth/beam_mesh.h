@@ -1,7 +1,7 @@
 // Boxes of regular eight-node bricks, clamped at their own x = 0: one, or several equal ones placed
 // in space. Bodies follow one another in nodes and elements, each numbered as if it were alone.
-#ifndef PM_TRUTH_BEAM_MESH_H
-#define PM_TRUTH_BEAM_MESH_H
+#ifndef PM_TRAINER_TRUTH_BEAM_MESH_H
+#define PM_TRAINER_TRUTH_BEAM_MESH_H
 
 #include <stdbool.h>
 

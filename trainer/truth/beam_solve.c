@@ -35,7 +35,7 @@ struct pm_beam {
     pm_beam_memory (*after)[PM_BEAM_POINTS];  // [nelement] of the iteration
     double (*stress)[PM_SYMMETRIC];           // [nelement] of the iteration
     pm_beam_matrix *matrix;
-    pm_beam_touch touch; // of the iteration
+    pm_beam_contact_force touch; // of the iteration
     pm_beam_state now;
     double *f;        // [nnode][3] forces at the last equilibrium
     double *q;        // [nnode][3] of the iteration
@@ -184,7 +184,7 @@ static bool add_elements(pm_beam *beam, double h, totals *sum) {
 // False: out of memory.
 static bool add_contact(pm_beam *beam, bool exact, totals *sum) {
     const pm_beam_contact *contact = &beam->contact;
-    pm_beam_touch *touch = &beam->touch;
+    pm_beam_contact_force *touch = &beam->touch;
     for (int i = 0; i < contact->ncandidate; ++i) {
         if (pm_beam_contact_respond(contact, &contact->candidate[i], beam->q, exact, touch)) {
             for (int k = 0; k < 3 * touch->nnode; ++k) {

@@ -1,7 +1,7 @@
 // Quasi-static equilibrium of bodies (beam_mesh.h, beam_element.h) under loads and in contact
 // (beam_contact.h), step by step in time: Newton's method with the tangent of the step.
-#ifndef PM_TRUTH_BEAM_SOLVE_H
-#define PM_TRUTH_BEAM_SOLVE_H
+#ifndef PM_TRAINER_TRUTH_BEAM_SOLVE_H
+#define PM_TRAINER_TRUTH_BEAM_SOLVE_H
 
 #include "base/status.h"
 #include "truth/beam_element.h"

@@ -3,8 +3,8 @@
 // into the body along parabolas, so that nothing that slides over an edge gets or loses contact at
 // once. Every point is a sum of nodes by weights that depend on u and v alone and sum to 1: flat
 // sides stay flat, and a node's weights at its own place are 1 and zeros.
-#ifndef PM_TRUTH_BEAM_SURFACE_H
-#define PM_TRUTH_BEAM_SURFACE_H
+#ifndef PM_TRAINER_TRUTH_BEAM_SURFACE_H
+#define PM_TRAINER_TRUTH_BEAM_SURFACE_H
 
 #include "truth/beam_mesh.h"
 

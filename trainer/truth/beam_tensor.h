@@ -1,6 +1,6 @@
 // Small tensors: 3x3 matrices row by row, symmetric ones as xx yy zz xy xz yz.
-#ifndef PM_TRUTH_BEAM_TENSOR_H
-#define PM_TRUTH_BEAM_TENSOR_H
+#ifndef PM_TRAINER_TRUTH_BEAM_TENSOR_H
+#define PM_TRAINER_TRUTH_BEAM_TENSOR_H
 
 enum { PM_XX, PM_YY, PM_ZZ, PM_XY, PM_XZ, PM_YZ, PM_SYMMETRIC };
 

@@ -9,8 +9,8 @@
 //     f = de/dl = (C x - b (T - Tr)) / l               tension, N
 // conduction between neighbours i, j: sdot_i = K (T_j/T_i - 1), so that T_i sdot_i + T_j sdot_j =
 // 0.
-#ifndef PM_TRUTH_CHAIN_H
-#define PM_TRUTH_CHAIN_H
+#ifndef PM_TRAINER_TRUTH_CHAIN_H
+#define PM_TRAINER_TRUTH_CHAIN_H
 
 #define PM_CHAIN_MAX_LINKS 32
 

@@ -1,7 +1,7 @@
 // What the simulators of thermoelastic links read alike: a link's constants, and normal variables
 // that initial states are drawn from.
-#ifndef PM_TRUTH_LINK_H
-#define PM_TRUTH_LINK_H
+#ifndef PM_TRAINER_TRUTH_LINK_H
+#define PM_TRAINER_TRUTH_LINK_H
 
 #include "base/rng.h"
 #include "store/yaml.h"

@@ -1,6 +1,6 @@
 // Numbers that a simulator's configuration must give.
-#ifndef PM_TRUTH_NUMBERS_H
-#define PM_TRUTH_NUMBERS_H
+#ifndef PM_TRAINER_TRUTH_NUMBERS_H
+#define PM_TRAINER_TRUTH_NUMBERS_H
 
 #include "store/yaml.h"
 

@@ -1,7 +1,7 @@
 // Initial value problems zdot = f(z) solved by SUNDIALS CVODE (Hindmarsh et al., ACM Trans. Math.
 // Softw. 31, 2005) and sampled at equal intervals. The only door to SUNDIALS.
-#ifndef PM_TRUTH_ODE_H
-#define PM_TRUTH_ODE_H
+#ifndef PM_TRAINER_TRUTH_ODE_H
+#define PM_TRAINER_TRUTH_ODE_H
 
 #include "base/status.h"
 

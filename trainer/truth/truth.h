@@ -1,8 +1,8 @@
 // Ground truth: a configuration names a simulator, its parameters and how many trajectories to
 // draw. A simulator is one file with a function that reads its part of the configuration, and one
 // line in the table of truth.c. Shares no code with the models that are trained on its output.
-#ifndef PM_TRUTH_TRUTH_H
-#define PM_TRUTH_TRUTH_H
+#ifndef PM_TRAINER_TRUTH_TRUTH_H
+#define PM_TRAINER_TRUTH_TRUTH_H
 
 #include <stdint.h>
 

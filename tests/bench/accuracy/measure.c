@@ -1,13 +1,13 @@
-// Rollouts by evaluate.h, one-step residuals by objective.h, laws by the simulator.
+// Rollouts by evaluate/evaluate.h, one-step residuals by learn/objective.h, laws by the simulator.
 #include "measure.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#include "evaluate.h"
-#include "evaluate_plot.h"
+#include "evaluate/evaluate.h"
+#include "evaluate/evaluate_plot.h"
+#include "learn/training.h"
 #include "sim/score.h"
-#include "training.h"
 
 #define THREADS 2
 // J/K; the entropies are of order 1 and summed over 1600 integrator steps: beyond rounding.

@@ -12,7 +12,7 @@
 #include "coupled.h"
 #include "lattice.h"
 #include "ring.h"
-#include "store/columns.h"
+#include "scene/columns.h"
 
 #define ADDRESS "udpm://239.255.76.67:7667?ttl=0"
 #define LARGEST 64

@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "base/progress.h"
-#include "net/lead.h"
-#include "net/lockstep.h"
+#include "lockstep/lockstep.h"
+#include "lockstep/lookahead.h"
 
 #define PROCESSES_MAX 64
 #define WARM 16 // steps
@@ -138,7 +138,7 @@ pm_status coupled_run(const pm_system *system, const char *url, const double *z,
     }
     PM_TRY(url == NULL ? run_in_process(system, z, &w) : run_processes(system, url, z, &w));
     // Steps are observed in as many at once as are reported together.
-    *result = cost_of(steps, pm_lead(system->scene), w.time, w.cpu[1] - w.cpu[0],
+    *result = cost_of(steps, pm_lookahead(system->scene), w.time, w.cpu[1] - w.cpu[0],
                       w.bytes[1] - w.bytes[0]);
     return PM_OK;
 }

@@ -4,7 +4,7 @@
 #define TESTS_BENCH_COUPLED_H
 
 #include "cost.h"
-#include "store/system.h"
+#include "scene/system.h"
 
 #define COUPLED_STEPS_MAX 20000
 

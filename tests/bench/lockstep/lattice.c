@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "base/rng.h"
-#include "store/model_yaml.h"
+#include "scene/model_reader.h"
 
 const char lattice_trivial_part[] = "energy: {features: [\"|x|^2\"], skip: linear}\n";
 const char lattice_trivial_port[] = "law: bracket\n"

@@ -3,7 +3,7 @@
 #ifndef TESTS_BENCH_LATTICE_H
 #define TESTS_BENCH_LATTICE_H
 
-#include "store/system.h"
+#include "scene/system.h"
 
 // PAIRS: the first with the second, the third with the fourth, ...
 typedef enum lattice_shape { LATTICE_CHAIN, LATTICE_RING, LATTICE_PAIRS } lattice_shape;

@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 #include "base/progress.h"
-#include "net/transport.h"
+#include "transport/transport.h"
 
 #define MOST 64
 #define MESSAGE 72 // bytes

@@ -16,9 +16,9 @@
 
 #include "base/linalg.h"
 #include "bench.h"
-#include "evaluate.h"
-#include "sim/assembly.h"
+#include "evaluate/evaluate.h"
 #include "sim/integrator.h"
+#include "sim/monolithic.h"
 #include "truth/truth.h"
 
 #define SEED 20231105
@@ -138,8 +138,8 @@ static pm_status solve_exactly(bench *b) {
 // CPU time and substeps per simulated second, along one trajectory after another: all of them,
 // where these differ in it.
 static pm_status time_steps(const bench *b, row *r) {
-    pm_assembly *assembly = NULL;
-    PM_TRY(pm_assembly_open(&assembly, b->system));
+    pm_monolithic *assembly = NULL;
+    PM_TRY(pm_monolithic_open(&assembly, b->system));
     const long length = b->physics->ntime - 1, least = b->tolerance > 0 ? TRAJECTORIES * length : 0;
     long steps = 0, substeps = 0;
     double elapsed = 0, z[MAX_STATE];
@@ -147,14 +147,14 @@ static pm_status time_steps(const bench *b, row *r) {
         if (steps % length == 0) {
             const int trajectory = (int)(steps / length % TRAJECTORIES);
             pm_columns_to_state(&b->columns, pm_dataset_state(b->physics, trajectory, 0), z);
-            pm_assembly_set_state(assembly, z);
+            pm_monolithic_set_state(assembly, z);
         }
-        substeps += pm_assembly_substeps(assembly);
+        substeps += pm_monolithic_substeps(assembly);
         // A method that is not stable here costs what it costs.
-        (void)pm_assembly_step(assembly);
+        (void)pm_monolithic_step(assembly);
         elapsed = bench_clock() - start;
     }
-    pm_assembly_close(assembly);
+    pm_monolithic_close(assembly);
     r->seconds = elapsed / (double)steps / b->scene->dt;
     r->exchanges = r->exchanges * (double)substeps / (double)steps;
     return PM_OK;

@@ -1,0 +1,97 @@
+// Two checkpoints, and the file that holds both.
+#include "lockstep/checkpoint_ring.h"
+
+#include <string.h>
+
+#include "lockstep/codec.h"
+#include "store/snapshot.h"
+
+int64_t pm_checkpoint_ring_interval(const pm_scene *scene) {
+    const int64_t least = 2 * (int64_t)scene->window;
+    return scene->checkpoint > least ? scene->checkpoint : least;
+}
+
+static double *newer(const pm_checkpoint_ring *h) {
+    return h->memory + h->size;
+}
+
+pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *history, pm_arena *arena, const char *path,
+                                  const pm_system *system, const pm_process_subsystems *group) {
+    pm_checkpoint_ring *h = history;
+    h->path = path;
+    if (path == NULL) {
+        return PM_OK;
+    }
+    h->digest = system->digest;
+    h->interval = pm_checkpoint_ring_interval(system->scene);
+    h->size = 1 + pm_process_subsystems_checkpoint_size(group);
+    h->memory = pm_arena_array(arena, 2 * (size_t)h->size, sizeof *h->memory);
+    if (h->memory == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", path);
+    }
+    h->memory[0] = -1;
+    newer(h)[0] = 0;
+    pm_process_subsystems_save(group, newer(h) + 1);
+    return PM_OK;
+}
+
+static pm_status save(const pm_checkpoint_ring *h, int64_t session) {
+    return pm_snapshot_save(h->path, h->digest, session, 2 * h->size, h->memory);
+}
+
+pm_status pm_checkpoint_ring_knows(const pm_checkpoint_ring *history, int64_t session,
+                                   bool *known) {
+    int64_t found_session = 0;
+    bool found = false;
+    if (history->path != NULL) {
+        PM_TRY(pm_snapshot_session(history->path, history->digest, &found_session, &found));
+    }
+    *known = found && found_session == session;
+    return PM_OK;
+}
+
+pm_status pm_checkpoint_ring_begin(pm_checkpoint_ring *history, int64_t session) {
+    const pm_checkpoint_ring *h = history;
+    bool known;
+    PM_TRY(pm_checkpoint_ring_knows(h, session, &known));
+    if (!known) {
+        return save(h, session);
+    }
+    PM_TRY(pm_snapshot_load(h->path, h->digest, &session, 2 * h->size, h->memory, &known));
+    for (int i = 0; i < 2; ++i) {
+        const double step = h->memory[i * h->size];
+        if (step < -1 || step > (double)PM_STEPS_MAX) {
+            return pm_fail(PM_EFILE, "%s: a snapshot of step %g", h->path, step);
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_checkpoint_ring_note(pm_checkpoint_ring *history, int64_t session, int64_t step,
+                                  const pm_process_subsystems *group) {
+    const pm_checkpoint_ring *h = history;
+    if (h->path == NULL || step % h->interval != 0 || step == 0) {
+        return PM_OK;
+    }
+    memcpy(h->memory, newer(h), (size_t)h->size * sizeof *h->memory);
+    newer(h)[0] = (double)step;
+    pm_process_subsystems_save(group, newer(h) + 1);
+    return save(h, session);
+}
+
+int64_t pm_checkpoint_ring_go_back(pm_checkpoint_ring *history, int64_t step,
+                                   pm_process_subsystems *group) {
+    const pm_checkpoint_ring *h = history;
+    if (h->path == NULL) {
+        return -1;
+    }
+    if ((double)step < newer(h)[0]) {
+        if (h->memory[0] < 0 || (double)step < h->memory[0]) {
+            return -1;
+        }
+        memcpy(newer(h), h->memory, (size_t)h->size * sizeof *h->memory);
+        h->memory[0] = -1;
+    }
+    pm_process_subsystems_restore(group, newer(h) + 1);
+    return (int64_t)newer(h)[0];
+}

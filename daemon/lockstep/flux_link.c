@@ -1,0 +1,92 @@
+// A neighbour's fluxes, and where in them each port's are.
+#include "lockstep/flux_link.h"
+
+#include "sim/integrator.h"
+#include "transport/channel.h"
+
+// Walks through a process's ends in the order of its messages, up to the one given (port_id -1: all
+// of them); how many ends and components come before it.
+static void measure(const pm_scene *scene, int process_id, int port_id, pm_end end, int *nend,
+                    int *ny) {
+    const pm_scene_process *process = &scene->process[process_id];
+    *nend = *ny = 0;
+    for (int i = 0; i < process->count; ++i) {
+        for (int k = 0; k < 2 * scene->nport; ++k) {
+            const pm_scene_port *port = &scene->port[k / 2];
+            if (port->subsystem[k % 2] != process->subsystem[i] ||
+                !pm_scene_joins_processes(scene, port)) {
+                continue;
+            }
+            if (k / 2 == port_id && k % 2 == (int)end) {
+                return;
+            }
+            *nend += 1;
+            *ny += port->layout[k % 2].nz;
+        }
+    }
+}
+
+pm_status pm_flux_make(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
+                       int process_id) {
+    int nend, ny;
+    measure(scene, process_id, -1, PM_END_A, &nend, &ny);
+    const pm_integrator *integrator = pm_integrator_find(scene->integrator);
+    const int nresponse = integrator != NULL && integrator->discrete ? ny : 0;
+    const size_t count = 2 * (size_t)nend + 3 * (size_t)ny + (size_t)nresponse;
+    double *memory = pm_arena_array(arena, count, sizeof(double));
+    if (memory == NULL) {
+        return pm_fail(PM_ENOMEM, "flux of %zu numbers: out of memory", count);
+    }
+    *flux = (portmet_flux_t){.nend = nend,
+                             .energy_flux = memory,
+                             .entropy_flux = memory + nend,
+                             .ny = ny,
+                             .y = memory + 2 * nend,
+                             .e = memory + 2 * nend + ny,
+                             .eta = memory + 2 * nend + 2 * ny,
+                             .nresponse = nresponse,
+                             .response = memory + 2 * nend + 3 * ny};
+    return PM_OK;
+}
+
+int pm_flux_first(const pm_scene *scene, int port_id, pm_end end) {
+    const int subsystem_id = scene->port[port_id].subsystem[end];
+    int nend, ny;
+    measure(scene, scene->subsystem[subsystem_id].process, port_id, end, &nend, &ny);
+    return ny;
+}
+
+pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,
+                            int process_id) {
+    link->process_id = process_id;
+    link->neighbour = scene->process[process_id].name;
+    PM_TRY(pm_channel_process(link->channel, scene, "FLUX", process_id));
+    PM_TRY(pm_channel_request(link->address, scene, link->neighbour));
+    PM_TRY(pm_flux_make(&link->scratch, arena, scene, process_id));
+    for (int i = 0; i < PM_INBOX_DEPTH; ++i) {
+        PM_TRY(pm_flux_make(&link->inbox[i], arena, scene, process_id));
+        link->inbox_key[i] = -1;
+    }
+    return PM_OK;
+}
+
+pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present) {
+    const int slot = (int)(key % PM_INBOX_DEPTH);
+    if (key < present || link->inbox_key[slot] == key) {
+        return PM_DROP_REPEATED;
+    }
+    if (key > present + 1) {
+        return PM_DROP_RANGE;
+    }
+    // The inbox takes the decoded arrays and leaves its own for the next message.
+    const portmet_flux_t unused = link->inbox[slot];
+    link->inbox[slot] = link->scratch;
+    link->inbox_key[slot] = key;
+    link->scratch = unused;
+    return PM_KEEP;
+}
+
+const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key) {
+    const int slot = (int)(key % PM_INBOX_DEPTH);
+    return link->inbox_key[slot] == key ? &link->inbox[slot] : NULL;
+}

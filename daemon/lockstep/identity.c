@@ -1,0 +1,88 @@
+// Hellos and refusals.
+#include "lockstep/identity.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "lockstep/checkpoint_ring.h"
+#include "transport/channel.h"
+
+pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const char *name,
+                           int64_t session, bool keeps_checkpoints, pm_transport *transport) {
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    identity->transport = transport;
+    identity->hello = (portmet_hello_t){
+        .protocol = pm_protocol(),
+        .session = session,
+        .instance = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec,
+        .digest = (int64_t)system->digest,
+        .checkpoint = keeps_checkpoints ? pm_checkpoint_ring_interval(system->scene) : 0,
+        .sender = (char *)name,
+    };
+    PM_TRY(pm_channel_scene(identity->hello_channel, system->scene, "HELLO"));
+    return pm_channel_scene(identity->command_channel, system->scene, "COMMAND");
+}
+
+pm_status pm_identity_say(const pm_identity *identity) {
+    unsigned char data[64 + PM_CHANNEL_SIZE];
+    const size_t size = pm_hello_encode(&identity->hello, data, sizeof data);
+    return pm_transport_publish(identity->transport, identity->hello_channel, data, size);
+}
+
+bool pm_identity_rivals(const pm_identity *identity, const portmet_hello_t *hello) {
+    const portmet_hello_t *own = &identity->hello;
+    return strcmp(own->sender, hello->sender) == 0 && own->session == hello->session &&
+           own->instance != hello->instance;
+}
+
+bool pm_identity_precedes(const pm_identity *identity, int64_t instance) {
+    return identity->hello.instance < instance;
+}
+
+bool pm_identity_differs(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
+                         size_t size) {
+    const portmet_hello_t *own = &identity->hello;
+    if (hello->protocol != own->protocol) {
+        snprintf(reason, size,
+                 "node %s speaks another version of the protocol: %016" PRIx64
+                 ", expected %016" PRIx64,
+                 hello->sender, (uint64_t)hello->protocol, (uint64_t)own->protocol);
+    } else if (hello->digest != own->digest) {
+        snprintf(reason, size,
+                 "node %s holds another scene, weights or initial state: digest %016" PRIx64
+                 ", expected %016" PRIx64,
+                 hello->sender, (uint64_t)hello->digest, (uint64_t)own->digest);
+    } else if (hello->checkpoint != own->checkpoint) {
+        snprintf(reason, size,
+                 "node %s keeps a checkpoint every %" PRId64 " steps, the run every %" PRId64
+                 " (0: none): give all of them --checkpoint, or none, and the same `lockstep`",
+                 hello->sender, hello->checkpoint, own->checkpoint);
+    } else {
+        return false;
+    }
+    return true;
+}
+
+pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
+                             pm_status code, const char *reason) {
+    const portmet_command_t message = {
+        .session = session,
+        .instance = instance,
+        .kind = PORTMET_COMMAND_T_REFUSE,
+        .code = (int8_t)code,
+        .reason = (char *)reason,
+    };
+    unsigned char data[64 + PM_TEXT_MAX];
+    const size_t size = pm_command_encode(&message, data, sizeof data);
+    return pm_transport_publish(identity->transport, identity->command_channel, data, size);
+}
+
+bool pm_identity_is_refused(const pm_identity *identity, int64_t session,
+                            const portmet_command_t *command) {
+    return command->kind == PORTMET_COMMAND_T_REFUSE &&
+           command->instance == identity->hello.instance &&
+           (command->session == identity->hello.session || command->session == session);
+}

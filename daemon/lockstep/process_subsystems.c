@@ -1,0 +1,270 @@
+// Rounds of several subsystems at once. Every one exposes before any couples, and couples before
+// any advances.
+#include "lockstep/process_subsystems.h"
+
+#include <string.h>
+
+#include "transport/channel.h"
+
+static pm_status no_memory(const pm_scene *scene, int process_id) {
+    return pm_fail(PM_ENOMEM, "%s: out of memory", scene->process[process_id].name);
+}
+
+// --- opening ---
+
+// The link to a process, made when it is first asked for.
+static pm_status find_link(pm_process_subsystems *group, pm_arena *arena, const pm_scene *scene,
+                           int process_id, int *link) {
+    for (*link = 0; *link < group->nlink; ++*link) {
+        if (group->link[*link].process_id == process_id) {
+            return PM_OK;
+        }
+    }
+    return pm_flux_link_init(&group->link[group->nlink++], arena, scene, process_id);
+}
+
+static int position_of(const pm_scene_process *process, int subsystem_id) {
+    int i = 0;
+    while (process->subsystem[i] != subsystem_id) {
+        ++i;
+    }
+    return i;
+}
+
+// Which of a subsystem's ports, in the scene's order, an end is.
+static int port_position(const pm_subsystem *subsystem, int port_id) {
+    int i = 0;
+    while (pm_subsystem_port_id(subsystem, i) != port_id) {
+        ++i;
+    }
+    return i;
+}
+
+static pm_status open_port(pm_process_subsystems *group, pm_arena *arena, const pm_scene *scene,
+                           int process_id, const pm_subsystem *subsystem, int position,
+                           pm_process_subsystems_port *port) {
+    const int port_id = pm_subsystem_port_id(subsystem, position);
+    const pm_end own = pm_subsystem_end(subsystem, position);
+    const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
+    const int neighbour = scene->port[port_id].subsystem[other];
+    port->boundary_input = pm_subsystem_is_load(subsystem, position);
+    if (port->boundary_input) {
+        return PM_OK;
+    }
+    if (!pm_scene_joins_processes(scene, &scene->port[port_id])) {
+        port->peer = position_of(&scene->process[process_id], neighbour);
+        port->peer_port = port_position(group->part[port->peer].subsystem, port_id);
+        return PM_OK;
+    }
+    port->peer = -1;
+    port->first = pm_flux_first(scene, port_id, other);
+    port->ny = scene->port[port_id].layout[other].nz;
+    return find_link(group, arena, scene, scene->subsystem[neighbour].process, &port->link);
+}
+
+// What two subsystems of this group would both evaluate, the first one does.
+static pm_status share_port(const pm_process_subsystems *group, int part_id, int position) {
+    const pm_process_subsystems_part *part = &group->part[part_id];
+    const pm_process_subsystems_port *port = &part->port[position];
+    if (port->boundary_input || port->peer <= part_id) {
+        return PM_OK;
+    }
+    return pm_subsystem_share(part->subsystem, position, group->part[port->peer].subsystem,
+                              port->peer_port);
+}
+
+static pm_status open_part(pm_process_subsystems_part *part, pm_arena *arena,
+                           const pm_system *system, int subsystem_id, const double *z,
+                           const pm_boundary_input *boundary_input) {
+    PM_TRY(pm_subsystem_open(&part->subsystem, system, subsystem_id));
+    pm_subsystem_set_boundary_input(part->subsystem, boundary_input);
+    if (z != NULL) {
+        pm_subsystem_set_state(part->subsystem, z + system->scene->subsystem[subsystem_id].first);
+    }
+    part->nport = pm_subsystem_nport(part->subsystem);
+    part->port = pm_arena_array(arena, (size_t)part->nport, sizeof *part->port);
+    return part->port == NULL
+               ? no_memory(system->scene, system->scene->subsystem[subsystem_id].process)
+               : PM_OK;
+}
+
+pm_status pm_process_subsystems_init(pm_process_subsystems *group, pm_arena *arena,
+                                     const pm_system *system, int process_id, const double *z,
+                                     const pm_boundary_input *boundary_input, int depth) {
+    const pm_scene *scene = system->scene;
+    const pm_scene_process *process = &scene->process[process_id];
+    group->part = pm_arena_array(arena, (size_t)process->count, sizeof *group->part);
+    group->link = pm_arena_array(arena, (size_t)scene->nprocess, sizeof *group->link);
+    if (group->part == NULL || group->link == NULL) {
+        return no_memory(scene, process_id);
+    }
+    for (int i = 0; i < process->count; ++i) {
+        group->count = i + 1;
+        PM_TRY(open_part(&group->part[i], arena, system, process->subsystem[i], z, boundary_input));
+    }
+    for (int i = 0; i < group->count; ++i) {
+        const pm_process_subsystems_part *part = &group->part[i];
+        for (int k = 0; k < part->nport; ++k) {
+            PM_TRY(open_port(group, arena, scene, process_id, part->subsystem, k, &part->port[k]));
+            PM_TRY(share_port(group, i, k));
+        }
+    }
+    PM_TRY(pm_flux_make(&group->shown, arena, scene, process_id));
+    PM_TRY(pm_channel_process(group->sent.channel, scene, "FLUX", process_id));
+    return pm_resend_buffer_init(&group->sent, arena, depth, pm_flux_size(&group->shown));
+}
+
+void pm_process_subsystems_free(pm_process_subsystems *group) {
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_close(group->part[i].subsystem);
+    }
+}
+
+// --- a round ---
+
+// Gathers what leaves this process: same order as pm_flux_first's.
+static void gather_shown(pm_process_subsystems *group) {
+    portmet_flux_t *shown = &group->shown;
+    int end = 0, first = 0;
+    for (int i = 0; i < group->count; ++i) {
+        const pm_process_subsystems_part *part = &group->part[i];
+        const pm_books books = pm_subsystem_books(part->subsystem);
+        for (int k = 0; k < part->nport; ++k) {
+            if (part->port[k].boundary_input || part->port[k].peer >= 0) {
+                continue;
+            }
+            const pm_port_values *values = pm_subsystem_values(part->subsystem, k);
+            const size_t size = (size_t)values->ny * sizeof(double);
+            shown->energy_flux[end] = books.flux[k].energy;
+            shown->entropy_flux[end] = books.flux[k].entropy;
+            memcpy(shown->y + first, values->y, size);
+            memcpy(shown->e + first, values->e, size);
+            memcpy(shown->eta + first, values->eta, size);
+            if (values->response != NULL) {
+                memcpy(shown->response + first, values->response, size);
+            }
+            end += 1;
+            first += values->ny;
+        }
+    }
+}
+
+static pm_status send_shown(pm_process_subsystems *group, pm_transport *transport, int64_t key,
+                            const portmet_flux_t *head) {
+    portmet_flux_t *shown = &group->shown;
+    gather_shown(group);
+    shown->session = head->session;
+    shown->step = head->step;
+    shown->round = head->round;
+    shown->time = head->time;
+    unsigned char *data = pm_resend_buffer_data(&group->sent, key);
+    const size_t size = pm_flux_encode(shown, data, group->sent.capacity);
+    if (size == 0) {
+        return pm_fail(PM_ENUMERIC, "channel %s: not finite in round %d of step %lld",
+                       group->sent.channel, head->round, (long long)head->step);
+    }
+    return pm_resend_buffer_publish(&group->sent, transport, key, size);
+}
+
+pm_status pm_process_subsystems_start_round(pm_process_subsystems *group, pm_transport *transport,
+                                            int64_t key, const portmet_flux_t *head) {
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_expose(group->part[i].subsystem);
+    }
+    if (group->nlink > 0) {
+        PM_TRY(send_shown(group, transport, key, head));
+    }
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_bulk(group->part[i].subsystem);
+    }
+    group->part_id = group->port_id = 0;
+    return PM_OK;
+}
+
+bool pm_process_subsystems_couple(pm_process_subsystems *group, int64_t key, bool *used) {
+    *used = false;
+    for (; group->part_id < group->count; ++group->part_id, group->port_id = 0) {
+        const pm_process_subsystems_part *part = &group->part[group->part_id];
+        for (; group->port_id < part->nport; ++group->port_id) {
+            const pm_process_subsystems_port *port = &part->port[group->port_id];
+            if (port->boundary_input) {
+                pm_subsystem_couple(part->subsystem, group->port_id, NULL);
+                continue;
+            }
+            if (port->peer >= 0) {
+                const pm_subsystem *peer = group->part[port->peer].subsystem;
+                pm_subsystem_couple(part->subsystem, group->port_id,
+                                    pm_subsystem_values(peer, port->peer_port));
+                continue;
+            }
+            const pm_flux_link *link = &group->link[port->link];
+            const portmet_flux_t *flux = pm_flux_link_take(link, key);
+            if (flux == NULL) {
+                return false;
+            }
+            const int first = port->first;
+            const pm_port_values values = {port->ny, flux->y + first, flux->e + first,
+                                           flux->eta + first,
+                                           flux->nresponse > 0 ? flux->response + first : NULL};
+            pm_subsystem_couple(part->subsystem, group->port_id, &values);
+            *used = true;
+        }
+    }
+    return true;
+}
+
+const pm_flux_link *pm_process_subsystems_misses(const pm_process_subsystems *group, int64_t key) {
+    for (int i = 0; i < group->nlink; ++i) {
+        if (pm_flux_link_take(&group->link[i], key) == NULL) {
+            return &group->link[i];
+        }
+    }
+    return NULL;
+}
+
+void pm_process_subsystems_advance(pm_process_subsystems *group) {
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_advance(group->part[i].subsystem);
+    }
+}
+
+pm_status pm_process_subsystems_end_step(pm_process_subsystems *group) {
+    for (int i = 0; i < group->count; ++i) {
+        PM_TRY(pm_subsystem_end_step(group->part[i].subsystem));
+    }
+    return PM_OK;
+}
+
+void pm_process_subsystems_set_substeps(pm_process_subsystems *group, int substeps) {
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_set_substeps(group->part[i].subsystem, substeps);
+    }
+}
+
+int pm_process_subsystems_rounds(const pm_process_subsystems *group) {
+    return pm_subsystem_rounds(group->part[0].subsystem);
+}
+
+// --- memory ---
+
+int pm_process_subsystems_checkpoint_size(const pm_process_subsystems *group) {
+    int count = 0;
+    for (int i = 0; i < group->count; ++i) {
+        count += pm_subsystem_checkpoint_size(group->part[i].subsystem);
+    }
+    return count;
+}
+
+void pm_process_subsystems_save(const pm_process_subsystems *group, double *memory) {
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_save(group->part[i].subsystem, memory);
+        memory += pm_subsystem_checkpoint_size(group->part[i].subsystem);
+    }
+}
+
+void pm_process_subsystems_restore(pm_process_subsystems *group, const double *memory) {
+    for (int i = 0; i < group->count; ++i) {
+        pm_subsystem_restore(group->part[i].subsystem, memory);
+        memory += pm_subsystem_checkpoint_size(group->part[i].subsystem);
+    }
+}

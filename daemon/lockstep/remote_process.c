@@ -1,0 +1,107 @@
+// A process's reports, taken apart.
+#include "lockstep/remote_process.h"
+
+#include <string.h>
+
+#include "lockstep/flux_link.h"
+#include "lockstep/reporter.h"
+#include "transport/channel.h"
+
+// The ends of ports in the order of reports: by subsystem, then by port, then the world's ends of
+// the subsystem's loads.
+static pm_status list_ends(pm_remote_process *remote, pm_arena *arena) {
+    const pm_scene *scene = remote->scene;
+    const pm_scene_process *process = &scene->process[remote->id];
+    remote->end = pm_arena_array(arena, 2 * (size_t)scene->nport, sizeof *remote->end);
+    if (remote->end == NULL) {
+        return pm_fail(PM_ENOMEM, "coordinator: out of memory for %s", remote->name);
+    }
+    for (int i = 0; i < process->count; ++i) {
+        const int first = remote->nend;
+        for (int k = 0; k < 2 * scene->nport; ++k) {
+            if (scene->port[k / 2].subsystem[k % 2] == process->subsystem[i]) {
+                remote->end[remote->nend++] = k;
+            }
+        }
+        for (int k = first, count = remote->nend; k < count; ++k) {
+            const int other = remote->end[k] ^ 1;
+            if (scene->port[other / 2].boundary_input[other % 2] >= 0) {
+                remote->end[remote->nend++] = other;
+            }
+        }
+        remote->nz += scene->subsystem[process->subsystem[i]].layout.nz;
+    }
+    return PM_OK;
+}
+
+pm_status pm_remote_process_init(pm_remote_process *remote, pm_arena *arena, const pm_scene *scene,
+                                 int process_id) {
+    remote->id = process_id;
+    remote->name = scene->process[process_id].name;
+    remote->scene = scene;
+    remote->done = -1;
+    PM_TRY(pm_channel_process(remote->channel, scene, "REPORT", process_id));
+    PM_TRY(pm_channel_process(remote->flux_channel, scene, "FLUX", process_id));
+    PM_TRY(pm_channel_request(remote->address, scene, remote->name));
+    PM_TRY(list_ends(remote, arena));
+    PM_TRY(pm_flux_make(&remote->shown, arena, scene, process_id));
+    PM_TRY(pm_report_make(&remote->scratch, arena, scene, process_id));
+    remote->most_part = remote->scratch.npart;
+    remote->most_end = remote->scratch.nend;
+    remote->most_z = remote->scratch.nz;
+    return PM_OK;
+}
+
+int pm_remote_process_rows(const pm_remote_process *remote) {
+    return remote->scratch.npart / remote->scene->process[remote->id].count;
+}
+
+pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, size_t size,
+                                 bool with_state) {
+    portmet_report_t *r = &remote->scratch;
+    r->npart = remote->most_part;
+    r->nend = remote->most_end;
+    r->nz = remote->most_z;
+    const pm_drop drop = pm_report_decode(r, data, size);
+    if (drop != PM_KEEP || r->kind != PORTMET_REPORT_T_DONE) {
+        return drop;
+    }
+    const int rows = pm_remote_process_rows(remote);
+    const bool whole = rows > 0 && r->npart == rows * remote->scene->process[remote->id].count &&
+                       r->nend == rows * remote->nend &&
+                       r->nz == (with_state ? rows * remote->nz : 0);
+    return whole ? PM_KEEP : PM_DROP_COUNT;
+}
+
+void pm_remote_process_fill(const pm_remote_process *remote, int row, pm_sample *sample) {
+    const portmet_report_t *r = &remote->scratch;
+    const pm_scene_process *process = &remote->scene->process[remote->id];
+    const double *z = r->nz > 0 ? r->z + row * remote->nz : NULL;
+    for (int k = 0; k < process->count; ++k) {
+        const int i = process->subsystem[k], from = row * process->count + k;
+        sample->energy[i] = r->energy[from];
+        sample->entropy[i] = r->entropy[from];
+        sample->bulk_energy[i] = r->bulk_energy[from];
+        sample->bulk_entropy[i] = r->bulk_entropy[from];
+        sample->bulk_gross[2 * i] = r->bulk_energy_gross[from];
+        sample->bulk_gross[2 * i + 1] = r->bulk_entropy_gross[from];
+        sample->evaluated[i] = (long)r->evaluated[from];
+        sample->skipped[i] = (long)r->skipped[from];
+        sample->outside[i] = (long)r->outside[from];
+        sample->error[i] = r->error[from];
+        if (z != NULL) {
+            const pm_scene_subsystem *subsystem = &remote->scene->subsystem[i];
+            memcpy(sample->z + subsystem->first, z, (size_t)subsystem->layout.nz * sizeof *z);
+            z += subsystem->layout.nz;
+        }
+    }
+    for (int k = 0; k < remote->nend; ++k) {
+        const int from = row * remote->nend + k;
+        sample->flux[remote->end[k] / 2][remote->end[k] % 2] = (pm_flux){
+            .energy = r->energy_flux[from],
+            .entropy = r->entropy_flux[from],
+            .energy_gross = r->energy_gross[from],
+            .entropy_gross = r->entropy_gross[from],
+        };
+    }
+}

@@ -1,0 +1,52 @@
+// Back-off and patience.
+#include "lockstep/waiting.h"
+
+// Follows the median: as far up as down, whatever the distance. Waits for what was lost hardly move
+// it, long as they are.
+#define RATE 0.0625
+
+static double clamp(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+}
+
+void pm_waiting_init(pm_waiting *waiting, int processes) {
+    const double first = PM_WAITING_EACH * processes;
+    *waiting = (pm_waiting){.first = clamp(first, PM_WAITING_FIRST, PM_WAITING_LAST / 2)};
+}
+
+static double follow(double usual, double taken, double first) {
+    if (usual == 0) {
+        return first / PM_WAITING_FACTOR;
+    }
+    const double moved = usual * (taken > usual ? 1 + RATE : 1 - RATE);
+    return clamp(moved, PM_WAITING_SOONEST / PM_WAITING_FACTOR, first / PM_WAITING_FACTOR);
+}
+
+void pm_waiting_start(pm_waiting *waiting, double now) {
+    waiting->usual = follow(waiting->usual, now - waiting->since, waiting->first);
+    waiting->since = now;
+    waiting->interval = waiting->wary > 0 ? PM_WAITING_FACTOR * waiting->usual : waiting->first;
+    waiting->wary -= waiting->wary > 0;
+    waiting->next = now + waiting->interval;
+}
+
+bool pm_waiting_ask(pm_waiting *waiting, double now) {
+    if (now < waiting->next) {
+        return false;
+    }
+    waiting->interval *= 2;
+    if (waiting->interval > PM_WAITING_LAST) {
+        waiting->interval = PM_WAITING_LAST;
+    }
+    waiting->next = now + waiting->interval;
+    waiting->wary = PM_WAITING_LATELY;
+    return true;
+}
+
+bool pm_waiting_long(const pm_waiting *waiting) {
+    return waiting->interval >= PM_WAITING_LAST;
+}
+
+bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now) {
+    return now - waiting->since > patience && now - heard > patience;
+}

@@ -1,0 +1,218 @@
+// How far a state may move while nothing closes.
+#include "model/contact_bound.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "model/derived.h"
+#include "model/formula_steps.h"
+#include "model/potential.h"
+
+#define MOST_SUMS 8
+
+// --- what is unconstrained ---
+
+// The image x of |min(x,0)|^2, where this is read as a feature; or -1.
+static int find_image(const pm_part *part, const pm_step *s, const pm_symbols *symbols) {
+    for (int i = part->layout.ngroup; i < symbols->count && s->kind == PM_STEP_FEATURE; ++i) {
+        char squared[PM_MAX_STEP_FEATURE];
+        snprintf(squared, sizeof squared, "|min(%s,0)|^2", symbols->symbol[i].name);
+        if (strcmp(s->feature, squared) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static bool is_number(const pm_formula_steps *f, int at) {
+    return f->step[at].kind == PM_STEP_NUMBER;
+}
+
+// The position of the sum |min(x,0)|^2 that a formula is, but for a factor; or -1. (Not where x is
+// a group: then it is no more work than a comparison.)
+static int find_sum(const pm_part *part, const pm_formula_steps *f, const pm_symbols *symbols) {
+    int at = f->whole;
+    for (;;) {
+        const pm_step *s = &f->step[at];
+        if (s->kind == PM_STEP_MULTIPLY && is_number(f, s->a)) {
+            at = s->b;
+        } else if ((s->kind == PM_STEP_MULTIPLY || s->kind == PM_STEP_DIVIDE) &&
+                   is_number(f, s->b)) {
+            at = s->a;
+        } else {
+            break;
+        }
+    }
+    const pm_step *s = &f->step[at];
+    return s->kind == PM_STEP_NEGATIVE_SQUARED || find_image(part, s, symbols) >= 0 ? at : -1;
+}
+
+static bool is_sum(const pm_part *part, const pm_formula *formula, const pm_symbols *symbols) {
+    pm_formula_steps steps;
+    pm_formula_read_again(&steps, formula, symbols);
+    return find_sum(part, &steps, symbols) >= 0;
+}
+
+// Whether a potential depends on the group by anything else.
+static bool depends_otherwise(const pm_part *part, const pm_potential_spec *potential,
+                              const pm_symbols *symbols, const char *group) {
+    pm_potential_spec others = *potential;
+    others.nformula = 0;
+    bool depends = pm_part_depends(part, &others, group);
+    for (int i = 0; i < potential->nformula; ++i) {
+        const pm_potential_spec alone = {.nformula = 1, .formula = &potential->formula[i]};
+        depends = depends || (pm_part_depends(part, &alone, group) &&
+                              !is_sum(part, &potential->formula[i], symbols));
+    }
+    return depends;
+}
+
+// Marks the unconstrained components; radius [ngroup] of their groups. False if there are none.
+static bool find_loose(pm_graph *g, const pm_part *part, const pm_symbols *symbols, pm_node width,
+                       bool *unconstrained, pm_node *radius) {
+    const pm_potential_spec *energy = &part->spec.energy, *entropy = &part->spec.entropy;
+    bool any = false;
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        const pm_group *group = &part->layout.group[i];
+        const bool is_loose = (pm_part_depends(part, energy, group->name) ||
+                               pm_part_depends(part, entropy, group->name)) &&
+                              !depends_otherwise(part, energy, symbols, group->name) &&
+                              !depends_otherwise(part, entropy, symbols, group->name);
+        for (int c = group->first; c < group->first + group->size; ++c) {
+            unconstrained[c] = is_loose;
+        }
+        radius[i] = is_loose ? pm_slice(g, width, group->first, group->size) : PM_NO_NODE;
+        any = any || is_loose;
+    }
+    return any;
+}
+
+// --- bounds ---
+
+// How far a named number moves. False: it is an expression of what is unconstrained.
+static bool bound_feature(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
+                          const pm_node *radius, pm_node *spread) {
+    *spread = PM_NO_NODE;
+    for (int i = 0; i < symbols->count; ++i) {
+        const pm_symbol *symbol = &symbols->symbol[i];
+        if (radius[i] == PM_NO_NODE || !pm_feature_mentions(s->feature, symbol->name)) {
+            continue;
+        }
+        if (strcmp(s->feature, symbol->name) != 0) {
+            return false;
+        }
+        *spread =
+            s->component == PM_STEP_WHOLE ? radius[i] : pm_slice(g, radius[i], s->component, 1);
+    }
+    return true;
+}
+
+// |a| spread_b + |b| spread_a + spread_a spread_b
+static pm_node bound_product(pm_graph *g, pm_node a, pm_node spread_a, pm_node b,
+                             pm_node spread_b) {
+    pm_node sum = PM_NO_NODE;
+    if (spread_b != PM_NO_NODE) {
+        sum = pm_mul(g, pm_magnitude(g, a), spread_b);
+    }
+    if (spread_a != PM_NO_NODE) {
+        sum = pm_add_or(g, sum, pm_mul(g, pm_magnitude(g, b), spread_a));
+    }
+    return spread_a == PM_NO_NODE || spread_b == PM_NO_NODE
+               ? sum
+               : pm_add(g, sum, pm_mul(g, spread_a, spread_b));
+}
+
+// What rounding adds, relative to the operands, to a spread that is one.
+static pm_node add_rounding(pm_graph *g, pm_node spread, pm_node size) {
+    return spread == PM_NO_NODE ? spread
+                                : pm_add(g, spread, pm_scale(g, size, PM_DERIVED_ROUNDING));
+}
+
+static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
+                       const pm_node *radius, const pm_node *value, const pm_node *spread,
+                       pm_node *result) {
+    *result = PM_NO_NODE;
+    switch (s->kind) {
+    case PM_STEP_NUMBER:
+        return true;
+    case PM_STEP_FEATURE:
+        return bound_feature(g, s, symbols, radius, result);
+    case PM_STEP_ADD:
+    case PM_STEP_SUBTRACT:
+        *result =
+            add_rounding(g, pm_add_or(g, spread[s->a], spread[s->b]),
+                         pm_add(g, pm_magnitude(g, value[s->a]), pm_magnitude(g, value[s->b])));
+        return true;
+    case PM_STEP_MULTIPLY:
+        *result =
+            add_rounding(g, bound_product(g, value[s->a], spread[s->a], value[s->b], spread[s->b]),
+                         pm_magnitude(g, pm_mul(g, value[s->a], value[s->b])));
+        return true;
+    case PM_STEP_DIVIDE:
+    case PM_STEP_EXP:
+    case PM_STEP_LN:
+    case PM_STEP_SQRT:
+    case PM_STEP_NEGATIVE_SQUARED:
+        break;
+    }
+    return spread[s->a] == PM_NO_NODE && spread[s->b] == PM_NO_NODE;
+}
+
+// x and its spread in the sum that the formula is; PM_NO_NODE if nothing unconstrained is in it.
+// False: there is no bound.
+static bool bound_formula(pm_graph *g, const pm_part *part, const pm_formula *formula,
+                          const pm_symbols *symbols, const pm_node *radius, pm_node *value,
+                          pm_node *spread) {
+    pm_formula_steps f;
+    pm_node values[PM_MAX_STEPS], spreads[PM_MAX_STEPS];
+    pm_formula_read_again(&f, formula, symbols);
+    const int sum = find_sum(part, &f, symbols), derived = find_image(part, &f.step[sum], symbols);
+    if (derived >= 0) {
+        *value = symbols->symbol[derived].node;
+        *spread = radius[derived];
+        return true;
+    }
+    pm_formula_build_steps(g, &f, symbols, values);
+    const int x = f.step[sum].a;
+    for (int i = 0; i <= x; ++i) {
+        if (!bound_step(g, &f.step[i], symbols, radius, values, spreads, &spreads[i])) {
+            return false;
+        }
+    }
+    *value = values[x];
+    *spread = spreads[x] == PM_NO_NODE ? PM_NO_NODE
+                                       : pm_broadcast_to(g, spreads[x], pm_graph_shape(g, *value));
+    return true;
+}
+
+bool pm_contact_bound_build(pm_graph *g, const pm_part *part, pm_node z, pm_node width,
+                            bool *unconstrained, pm_node *value, pm_node *spread) {
+    const pm_potential_spec *potential[2] = {&part->spec.energy, &part->spec.entropy};
+    const pm_symbols symbols = pm_part_symbols(part, g, z);
+    pm_node radius[PM_MAX_SYMBOLS], values[MOST_SUMS], spreads[MOST_SUMS];
+    int count = 0;
+    if (part->spec.form == PM_FREE ||
+        !find_loose(g, part, &symbols, width, unconstrained, radius)) {
+        return false;
+    }
+    pm_derived_spread(part, g, &symbols, radius);
+    for (int p = 0; p < 2; ++p) {
+        for (int i = 0; i < potential[p]->nformula; ++i) {
+            const pm_formula *formula = &potential[p]->formula[i];
+            if (!is_sum(part, formula, &symbols)) {
+                continue;
+            }
+            if (count == MOST_SUMS || !bound_formula(g, part, formula, &symbols, radius,
+                                                     &values[count], &spreads[count])) {
+                return false;
+            }
+            count += spreads[count] != PM_NO_NODE;
+        }
+    }
+    if (count == 0) {
+        return false;
+    }
+    *value = pm_concat(g, count, values);
+    *spread = pm_concat(g, count, spreads);
+    return true;
+}

@@ -1,0 +1,56 @@
+// Ranges of lengths and values.
+#include "model/training_range.h"
+
+#include <float.h>
+#include <math.h>
+
+static const char low_name[] = "training_range.low", high_name[] = "training_range.high";
+
+// Finite, as all that weights files hold; the first state replaces both.
+pm_status pm_training_range_declare(pm_part *part) {
+    const int n = part->layout.ngroup;
+    PM_TRY(pm_params_add(&part->params, low_name, 1, n, false, 0, DBL_MAX));
+    return pm_params_add(&part->params, high_name, 1, n, false, 0, -DBL_MAX);
+}
+
+static double measure(const pm_group *group, const double *z) {
+    const double *x = z + group->first;
+    double square = 0;
+    for (int c = 0; c < group->size; ++c) {
+        square += x[c] * x[c];
+    }
+    return group->size == 1 ? x[0] : sqrt(square);
+}
+
+void pm_training_range_widen(pm_part *part, const double *z) {
+    double *low = pm_params_find(&part->params, low_name)->value;
+    double *high = pm_params_find(&part->params, high_name)->value;
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        const double value = measure(&part->layout.group[i], z);
+        low[i] = fmin(low[i], value);
+        high[i] = fmax(high[i], value);
+    }
+}
+
+pm_training_range pm_training_range_of(const pm_part *part) {
+    const pm_param_entry *low = pm_params_find(&part->params, low_name);
+    const pm_param_entry *high = pm_params_find(&part->params, high_name);
+    return low == NULL || high == NULL
+               ? (pm_training_range){.low = NULL}
+               : (pm_training_range){&part->layout, low->value, high->value};
+}
+
+pm_departure pm_training_range_departure(pm_training_range region, const double *z) {
+    pm_departure worst = {.group = NULL};
+    for (int i = 0; region.low != NULL && i < region.layout->ngroup; ++i) {
+        const pm_group *group = &region.layout->group[i];
+        const double low = region.low[i], high = region.high[i];
+        const double value = measure(group, z), width = high - low;
+        const double beyond = fmax(low - value, value - high);
+        const double widths = width > 0 ? beyond / width : beyond > 0 ? INFINITY : 0;
+        if (widths > worst.widths) {
+            worst = (pm_departure){group, value, low, high, widths};
+        }
+    }
+    return worst;
+}

@@ -1,0 +1,174 @@
+// Columns as piecewise polynomials, by Newton's divided differences.
+#include "scene/boundary_input.h"
+
+#include <limits.h>
+#include <string.h>
+
+#include "base/digest.h"
+#include "store/names.h"
+
+// `names`: of the dataset; NULL: there is none.
+static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scene_prescribed *value,
+                             const pm_names *names, int *column) {
+    if (value->column == NULL) {
+        *column = -1;
+        return PM_OK;
+    }
+    if (names == NULL) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: load %s follows the column \"%s\", but there is no `reference`",
+                       value->at, owner->name, value->column);
+    }
+    *column = pm_names_find(names, value->column);
+    return *column >= 0 ? PM_OK
+                        : pm_fail(PM_EDATA, "%s: load %s: column \"%s\" is not in the dataset",
+                                  value->at, owner->name, value->column);
+}
+
+static pm_status find_columns(pm_boundary_input *boundary_input, const pm_dataset *dataset,
+                              pm_arena *arena) {
+    pm_names names;
+    if (dataset != NULL) {
+        PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
+    }
+    for (int i = 0; i < boundary_input->scene->nboundary_input; ++i) {
+        const pm_scene_boundary_input *owner = &boundary_input->scene->boundary_input[i];
+        for (int k = 0; k < 3 * owner->layout.nz; ++k) {
+            PM_TRY(find_column(owner, &owner->value[k], dataset == NULL ? NULL : &names,
+                               &boundary_input->column[owner->first + k]));
+        }
+    }
+    return PM_OK;
+}
+
+static bool has_columns(const pm_boundary_input *boundary_input) {
+    for (int i = 0; i < boundary_input->n; ++i) {
+        if (boundary_input->column[i] >= 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Fills value [n] with the numbers.
+static void take_numbers(const pm_boundary_input *boundary_input) {
+    for (int i = 0; i < boundary_input->scene->nboundary_input; ++i) {
+        const pm_scene_boundary_input *owner = &boundary_input->scene->boundary_input[i];
+        for (int k = 0; k < 3 * owner->layout.nz; ++k) {
+            boundary_input->value[owner->first + k] = owner->value[k].number;
+        }
+    }
+}
+
+pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_scene *scene,
+                                 const pm_dataset *dataset, int stride, pm_arena *arena) {
+    const size_t n = (size_t)scene->nprescribed;
+    *boundary_input =
+        (pm_boundary_input){.n = scene->nprescribed, .stride = 1, .end = LONG_MAX, .scene = scene};
+    boundary_input->column = pm_arena_array(arena, n, sizeof *boundary_input->column);
+    boundary_input->value = pm_arena_array(arena, n, sizeof *boundary_input->value);
+    if (boundary_input->column == NULL || boundary_input->value == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for loads");
+    }
+    PM_TRY(find_columns(boundary_input, dataset, arena));
+    size_t intervals = 1;
+    if (has_columns(boundary_input)) {
+        if (dataset->ntime < 2) {
+            return pm_fail(PM_EDATA, "%s: a load cannot follow a trajectory of one state",
+                           scene->path);
+        }
+        intervals = (size_t)dataset->ntime - 1;
+        boundary_input->stride = stride;
+        boundary_input->end = (long)intervals * stride;
+    }
+    boundary_input->coefficient = pm_arena_array(arena, intervals * PM_BOUNDARY_INPUT_ORDER * n,
+                                                 sizeof *boundary_input->coefficient);
+    if (boundary_input->coefficient == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for loads");
+    }
+    take_numbers(boundary_input);
+    memcpy(boundary_input->coefficient, boundary_input->value, n * sizeof *boundary_input->value);
+    return PM_OK;
+}
+
+// --- polynomials ---
+
+// The polynomial through d[i] at x = i - origin, i < n <= PM_BOUNDARY_INPUT_ORDER, in powers of x.
+// Overwrites d with the divided differences.
+static void interpolate(int n, int origin, double *d, double power[PM_BOUNDARY_INPUT_ORDER]) {
+    for (int level = 1; level < n; ++level) {
+        for (int i = n - 1; i >= level; --i) {
+            d[i] = (d[i] - d[i - 1]) / level;
+        }
+    }
+    // Newton's form, from the inside out: power = power * (x - x_i) + d_i.
+    memset(power, 0, PM_BOUNDARY_INPUT_ORDER * sizeof *power);
+    for (int i = n - 1; i >= 0; --i) {
+        for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k > 0; --k) {
+            power[k] = power[k - 1] - (i - origin) * power[k];
+        }
+        power[0] = d[i] - (i - origin) * power[0];
+    }
+}
+
+void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_dataset *dataset,
+                              int trajectory) {
+    const int ntime = boundary_input->end == LONG_MAX ? 1 : dataset->ntime;
+    const int n = ntime < PM_BOUNDARY_INPUT_ORDER ? ntime : PM_BOUNDARY_INPUT_ORDER;
+    take_numbers(boundary_input);
+    for (int j = 0; j < ntime - 1; ++j) {
+        // The states before and after the interval, as many on either side as there are.
+        int first = j + 1 - n / 2;
+        first = first > ntime - n ? ntime - n : first;
+        first = first < 0 ? 0 : first;
+        double *to = boundary_input->coefficient +
+                     (ptrdiff_t)j * PM_BOUNDARY_INPUT_ORDER * boundary_input->n;
+        for (int i = 0; i < boundary_input->n; ++i) {
+            double state[PM_BOUNDARY_INPUT_ORDER],
+                power[PM_BOUNDARY_INPUT_ORDER] = {boundary_input->value[i]};
+            if (boundary_input->column[i] >= 0) {
+                for (int k = 0; k < n; ++k) {
+                    state[k] =
+                        pm_dataset_state(dataset, trajectory, first + k)[boundary_input->column[i]];
+                }
+                interpolate(n, j - first, state, power);
+            }
+            for (int k = 0; k < PM_BOUNDARY_INPUT_ORDER; ++k) {
+                to[(ptrdiff_t)k * boundary_input->n + i] = power[k];
+            }
+        }
+    }
+}
+
+const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input, long interval) {
+    return boundary_input->coefficient + (boundary_input->end == LONG_MAX ? 0 : interval) *
+                                             PM_BOUNDARY_INPUT_ORDER * (ptrdiff_t)boundary_input->n;
+}
+
+void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, double fraction,
+                          double *value) {
+    const long last = boundary_input->end / boundary_input->stride - 1;
+    const long interval =
+        step / boundary_input->stride < last ? step / boundary_input->stride : last;
+    const double x =
+        ((double)(step - interval * boundary_input->stride) + fraction) / boundary_input->stride;
+    const double *c = pm_boundary_input_interval(boundary_input, interval) +
+                      (PM_BOUNDARY_INPUT_ORDER - 1) * (ptrdiff_t)boundary_input->n;
+    memcpy(value, c, (size_t)boundary_input->n * sizeof *value);
+    for (int k = PM_BOUNDARY_INPUT_ORDER - 2; k >= 0; --k) {
+        c -= boundary_input->n;
+        for (int i = 0; i < boundary_input->n; ++i) {
+            value[i] = value[i] * x + c[i];
+        }
+    }
+}
+
+uint64_t pm_boundary_input_digest(const pm_boundary_input *boundary_input, uint64_t digest) {
+    const size_t intervals = boundary_input->end == LONG_MAX
+                                 ? 1
+                                 : (size_t)(boundary_input->end / boundary_input->stride);
+    return boundary_input->n == 0
+               ? digest
+               : pm_digest_doubles(digest, boundary_input->coefficient,
+                                   intervals * PM_BOUNDARY_INPUT_ORDER * (size_t)boundary_input->n);
+}

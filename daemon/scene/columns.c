@@ -1,0 +1,150 @@
+// The map between dataset columns and states. A component measured from another (relative_to) is
+//     z_i = row[column_i] - row[column of base_i],
+// so a state is read from a row without following chains, and a row is written by following them.
+#include "scene/columns.h"
+
+#include <string.h>
+
+#include "store/names.h"
+
+static pm_status fail_memory(void) {
+    return pm_fail(PM_ENOMEM, "columns: out of memory");
+}
+
+static pm_status fail_missing(const pm_scene_subsystem *subsystem, int component,
+                              const pm_dataset *dataset, pm_arena *arena) {
+    const char *list = pm_names_fold(dataset->column, dataset->ncolumn, arena);
+    return pm_fail(PM_EDATA,
+                   "%s: subsystem %s: column \"%s\" is not in the dataset, which has: %.255s",
+                   subsystem->column_at[component], subsystem->name, subsystem->column[component],
+                   list == NULL ? "" : list);
+}
+
+static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsystem,
+                                const pm_dataset *dataset, const pm_names *names, bool *mapped,
+                                pm_arena *arena) {
+    if (subsystem->column == NULL) {
+        return pm_fail(PM_ECONFIG, "%s: subsystem %s maps no columns of the dataset", subsystem->at,
+                       subsystem->name);
+    }
+    for (int i = 0; i < subsystem->layout.nz; ++i) {
+        const int k = pm_names_find(names, subsystem->column[i]);
+        if (k < 0) {
+            return fail_missing(subsystem, i, dataset, arena);
+        }
+        if (mapped[k]) {
+            return pm_fail(PM_ECONFIG, "%s: subsystem %s: column \"%s\" is mapped twice",
+                           subsystem->column_at[i], subsystem->name, subsystem->column[i]);
+        }
+        mapped[k] = true;
+        c->column[subsystem->first + i] = k;
+    }
+    return PM_OK;
+}
+
+static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dataset *dataset,
+                              pm_arena *arena) {
+    pm_names names;
+    bool *mapped = pm_arena_array(arena, (size_t)dataset->ncolumn, sizeof *mapped);
+    if (mapped == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
+    for (int s = 0; s < scene->nsubsystem; ++s) {
+        PM_TRY(bind_subsystem(c, &scene->subsystem[s], dataset, &names, mapped, arena));
+    }
+    return PM_OK;
+}
+
+// Groups of one name share an index, in order of first appearance.
+static int group_index(pm_columns *c, const char *name) {
+    int g = 0;
+    while (g < c->ngroup && strcmp(c->group_name[g], name) != 0) {
+        ++g;
+    }
+    c->group_name[g] = name;
+    c->ngroup += g == c->ngroup;
+    return g;
+}
+
+static pm_status bind_group(pm_columns *c, const pm_scene *scene,
+                            const pm_scene_subsystem *subsystem, int group_id) {
+    const pm_group *group = &subsystem->layout.group[group_id];
+    const int other_id = subsystem->relative_subsystem[group_id];
+    int base = -1;
+    if (other_id >= 0) {
+        const pm_scene_subsystem *other = &scene->subsystem[other_id];
+        const pm_group *from = &other->layout.group[subsystem->relative_group[group_id]];
+        if (from->size != group->size) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: group %s.%s has %d components, but is measured from %s.%s, which "
+                           "has %d",
+                           subsystem->group_at[group_id], subsystem->name, group->name, group->size,
+                           other->name, from->name, from->size);
+        }
+        base = other->first + from->first;
+    }
+    const int index = group_index(c, group->name);
+    for (int i = 0; i < group->size; ++i) {
+        c->group[subsystem->first + group->first + i] = index;
+        c->base[subsystem->first + group->first + i] = base < 0 ? -1 : base + i;
+    }
+    return PM_OK;
+}
+
+// A chain of bases that does not end within nz links runs in a circle.
+static pm_status check_chains(const pm_columns *c, const pm_scene *scene,
+                              const pm_dataset *dataset) {
+    for (int i = 0; i < c->nz; ++i) {
+        int links = 0;
+        for (int k = i; k >= 0; k = c->base[k]) {
+            if (++links > c->nz) {
+                return pm_fail(PM_ECONFIG,
+                               "%s: column \"%s\" is measured from itself (relative_to)",
+                               scene->path, dataset->column[c->column[i]]);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
+                          pm_arena *arena) {
+    const size_t nz = (size_t)scene->nz;
+    pm_columns c = {
+        .nz = scene->nz,
+        .column = pm_arena_array(arena, nz, sizeof *c.column),
+        .base = pm_arena_array(arena, nz, sizeof *c.base),
+        .group = pm_arena_array(arena, nz, sizeof *c.group),
+        .group_name = pm_arena_array(arena, nz, sizeof *c.group_name),
+    };
+    if (c.column == NULL || c.base == NULL || c.group == NULL || c.group_name == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(bind_columns(&c, scene, dataset, arena));
+    for (int s = 0; s < scene->nsubsystem; ++s) {
+        for (int g = 0; g < scene->subsystem[s].layout.ngroup; ++g) {
+            PM_TRY(bind_group(&c, scene, &scene->subsystem[s], g));
+        }
+    }
+    PM_TRY(check_chains(&c, scene, dataset));
+    *columns = c;
+    return PM_OK;
+}
+
+void pm_columns_to_state(const pm_columns *columns, const double *row, double *z) {
+    for (int i = 0; i < columns->nz; ++i) {
+        const int base = columns->base[i];
+        z[i] = row[columns->column[i]] - (base < 0 ? 0 : row[columns->column[base]]);
+    }
+}
+
+void pm_columns_to_row(const pm_columns *columns, const double *z, double *row) {
+    for (int i = 0; i < columns->nz; ++i) {
+        double value = z[i];
+        for (int base = columns->base[i]; base >= 0; base = columns->base[base]) {
+            value += z[base];
+        }
+        row[columns->column[i]] = value;
+    }
+}

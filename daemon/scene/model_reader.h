@@ -1,0 +1,45 @@
+// The `model:` block, the same text in a training file and in a weights file's attribute:
+//
+//   constants: {m: 2.0}             # numbers that formulas name
+//   form: hard                      # default; or soft; or free, which has nothing but a rate
+//   energy:                         # a formula, a network, {given: groups}, or a list of them,
+//     - "|p|^2/(2*m)"               # summed; or none
+//     - {features: ["ln|q|", s], hidden: [16, 16], activation: tanh, skip: quadratic}
+//   entropy: {given: s}
+//   reversible:                     # given pairs [row, column, coefficient], a learned operator,
+//     given: [[q, p, 1.0]]          # both; or none
+//     learned: {acts_on: [p, s], along: ["q/|q|^2"], features: ["ln|q|"], hidden: [8]}
+//   irreversible:
+//     given: [[p, s, "0.1*dE.s"]]   # coefficients are numbers or formulas
+//     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
+//   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
+//   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh/mesh.h),
+//   whose
+//                                 # networks may have, in the place of features, activation, skip,
+//                                 # {nodes: [u], width: 8, passes: 1, patterns: 16, hidden: [48]}
+//                                 # and in a rate driven_by: other.dE.f, within: 0.05
+//
+// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu, exp),
+// skip none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
+// groups "a.q", co-energies "a.dE.s" (model/spec.h); its learned L may act on groups of one end
+// `against: [b.q]` those of the other. With `law: contact` it has nothing else but
+// `matrix: [[1.0, 0.0], [0.0, -1.0]]`, row by row. Formulas: model/formula.h.
+#ifndef PM_SCENE_MODEL_READER_H
+#define PM_SCENE_MODEL_READER_H
+
+#include "base/arena.h"
+#include "model/spec.h"
+#include "store/yaml.h"
+
+// Reads a block into plain data; everything it points to is in the arena. PM_ECONFIG, PM_ENOMEM.
+// `constants`, a mapping or absent, adds to those of the block, and comes before them.
+// Names of groups and features are checked later, against the layout (pm_part_declare).
+pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec);
+pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec);
+
+// The block as YAML text in the arena, such that reading it gives the same spec. NULL: out of
+// memory.
+const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena);
+const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena);
+
+#endif

@@ -1,0 +1,390 @@
+// Samples of a run and their HDF5 recording. Every quantity is a series of its own, with a buffer
+// that is written when a block is full or a second has passed, so that a step pays for a copy only.
+#include "scene/recording.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/attempt.h"
+#include "base/progress.h"
+#include "store/hdf5_io.h"
+
+#define BLOCK 256         // samples buffered, and per chunk in the file
+#define CHUNK 131072      // numbers of a chunk: fewer samples where states are large
+#define FLUSH_SECONDS 1.0 // what a killed run may lose
+#define MAX_NAMED 1000    // components that an attribute of at most 64 KiB names one by one
+
+// --- samples ---
+
+// The next `count` elements of 8-byte aligned memory.
+static void *carve(char **memory, size_t count, size_t size) {
+    void *piece = *memory;
+    *memory += (count * size + 7) / 8 * 8;
+    return piece;
+}
+
+pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
+    const size_t nz = (size_t)scene->nz, n = (size_t)scene->nsubsystem;
+    const size_t nport = (size_t)scene->nport;
+    const size_t size = sizeof(pm_sample) + (nz + 7 * n) * sizeof(double) + 3 * n * sizeof(long) +
+                        nport * sizeof(pm_flux[2]);
+    pm_sample *s = calloc(1, size);
+    if (s == NULL) {
+        return pm_fail(PM_ENOMEM, "sample: out of memory");
+    }
+    char *memory = (char *)(s + 1);
+    s->z = carve(&memory, nz, sizeof *s->z);
+    s->energy = carve(&memory, n, sizeof *s->energy);
+    s->entropy = carve(&memory, n, sizeof *s->entropy);
+    s->bulk_energy = carve(&memory, n, sizeof *s->bulk_energy);
+    s->bulk_entropy = carve(&memory, n, sizeof *s->bulk_entropy);
+    s->bulk_gross = carve(&memory, 2 * n, sizeof *s->bulk_gross);
+    s->error = carve(&memory, n, sizeof *s->error);
+    s->flux = carve(&memory, nport, sizeof *s->flux);
+    s->evaluated = carve(&memory, n, sizeof *s->evaluated);
+    s->skipped = carve(&memory, n, sizeof *s->skipped);
+    s->outside = carve(&memory, n, sizeof *s->outside);
+    *sample = s;
+    return PM_OK;
+}
+
+void pm_sample_free(pm_sample *sample) {
+    free(sample);
+}
+
+// --- the recording ---
+
+typedef struct column {
+    const char *path, *unit; // unit NULL: none is written
+    int width;               // 0: one number per sample
+    pm_hdf5_series series;
+    double *buffer; // [BLOCK][width or 1]
+    int count;      // numbers per sample
+} column;
+
+struct pm_recording {
+    pm_arena arena;
+    pm_hdf5 *file;
+    const pm_scene *scene;
+    int ncolumn;
+    column *column; // in the order in which put_sample fills them
+    int buffered;   // samples
+    double flushed; // s, pm_clock
+};
+
+#define SCENE_COLUMNS 6
+#define SUBSYSTEM_COLUMNS 5
+#define PORT_COLUMNS 4
+
+static pm_status fail_memory(void) {
+    return pm_fail(PM_ENOMEM, "recording: out of memory");
+}
+
+// Lists the series /`folder`/`name`.
+static pm_status add(pm_recording *r, const char *folder, const char *name, int width,
+                     const char *unit) {
+    column *c = &r->column[r->ncolumn++];
+    c->path = pm_arena_printf(&r->arena, "%s/%s", folder, name);
+    c->unit = unit;
+    c->width = width;
+    c->count = width == 0 ? 1 : width;
+    c->buffer = pm_arena_array(&r->arena, (size_t)c->count * BLOCK, sizeof *c->buffer);
+    return c->path == NULL || c->buffer == NULL ? fail_memory() : PM_OK;
+}
+
+// Names and units of the components of z: "s", or "q[0]" in a group of several; of the groups,
+// "q[0:5000]", where there are too many components for an attribute.
+static pm_status describe_state(pm_recording *r, const char *path,
+                                const pm_scene_subsystem *subsystem) {
+    const pm_layout *layout = &subsystem->layout;
+    const bool whole = layout->nz > MAX_NAMED;
+    const size_t capacity = (size_t)(whole ? layout->ngroup : layout->nz);
+    const char **name = pm_arena_array(&r->arena, capacity, sizeof *name);
+    const char **unit = pm_arena_array(&r->arena, capacity, sizeof *unit);
+    if (name == NULL || unit == NULL) {
+        return fail_memory();
+    }
+    int count = 0;
+    for (int g = 0; g < layout->ngroup; ++g) {
+        const pm_group *group = &layout->group[g];
+        for (int i = 0; i < (whole ? 1 : group->size); ++i, ++count) {
+            name[count] = group->size == 1 ? group->name
+                          : whole ? pm_arena_printf(&r->arena, "%s[0:%d]", group->name, group->size)
+                                  : pm_arena_printf(&r->arena, "%s[%d]", group->name, i);
+            unit[count] = group->unit;
+            if (name[count] == NULL) {
+                return fail_memory();
+            }
+        }
+    }
+    PM_TRY(pm_hdf5_write_texts(r->file, path, "variables", count, name));
+    return pm_hdf5_write_texts(r->file, path, "units", count, unit);
+}
+
+static pm_status add_subsystem(pm_recording *r, const pm_scene_subsystem *subsystem) {
+    const char *folder = pm_arena_printf(&r->arena, "/subsystems/%s", subsystem->name);
+    if (folder == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(add(r, folder, "z", subsystem->layout.nz, NULL));
+    PM_TRY(add(r, folder, "E", 0, "J"));
+    PM_TRY(add(r, folder, "S", 0, "J/K"));
+    PM_TRY(add(r, folder, "bulk_energy", 0, "W"));
+    return add(r, folder, "bulk_entropy", 0, "W/K");
+}
+
+static pm_status add_port(pm_recording *r, const pm_scene_port *port) {
+    const char *folder = pm_arena_printf(&r->arena, "/ports/%s", port->name);
+    if (folder == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(add(r, folder, "energy_flux_a", 0, "W"));
+    PM_TRY(add(r, folder, "energy_flux_b", 0, "W"));
+    PM_TRY(add(r, folder, "entropy_flux_a", 0, "W/K"));
+    return add(r, folder, "entropy_flux_b", 0, "W/K");
+}
+
+static pm_status add_all(pm_recording *r) {
+    const pm_scene *scene = r->scene;
+    PM_TRY(add(r, "", "time", 0, "s"));
+    PM_TRY(add(r, "", "step", 0, NULL));
+    PM_TRY(add(r, "/ledger", "energy", 0, "J"));
+    PM_TRY(add(r, "/ledger", "entropy", 0, "J/K"));
+    PM_TRY(add(r, "/ledger", "energy_residual", 0, "1"));
+    PM_TRY(add(r, "/ledger", "entropy_residual", 0, "1"));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY(add_subsystem(r, &scene->subsystem[i]));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY(add_port(r, &scene->port[i]));
+    }
+    return PM_OK;
+}
+
+static pm_status describe_port(pm_recording *r, const pm_scene_port *port) {
+    const char *folder = pm_arena_printf(&r->arena, "/ports/%s", port->name);
+    const char *const ends[2] = {pm_scene_end_name(r->scene, port, 0),
+                                 pm_scene_end_name(r->scene, port, 1)};
+    return folder == NULL ? fail_memory() : pm_hdf5_write_texts(r->file, folder, "ends", 2, ends);
+}
+
+static pm_status create_all(pm_recording *r) {
+    const pm_scene *scene = r->scene;
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 1));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
+    PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
+    for (int i = 0; i < r->ncolumn; ++i) {
+        column *c = &r->column[i];
+        const int rows = c->count <= CHUNK / BLOCK ? BLOCK : 1 + (CHUNK - 1) / c->count;
+        PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, rows,
+                                     strcmp(c->path, "/step") == 0));
+        if (c->unit != NULL) {
+            PM_TRY(pm_hdf5_write_text(r->file, c->path, "units", c->unit));
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const int state = SCENE_COLUMNS + SUBSYSTEM_COLUMNS * i;
+        PM_TRY(describe_state(r, r->column[state].path, &scene->subsystem[i]));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY(describe_port(r, &scene->port[i]));
+    }
+    return pm_hdf5_flush(r->file);
+}
+
+static pm_status open_all(pm_recording *r, long count) {
+    for (int i = 0; i < r->ncolumn; ++i) {
+        column *c = &r->column[i];
+        PM_TRY(pm_hdf5_series_open(&c->series, r->file, c->path, c->width, count));
+    }
+    return PM_OK;
+}
+
+// The folder of `path`, or NULL.
+static char *folder_of(const char *path) {
+    const char *slash = strrchr(path, '/');
+    if (slash == NULL) {
+        return strdup(".");
+    }
+    return slash == path ? strdup("/") : strndup(path, (size_t)(slash - path));
+}
+
+static pm_status check_folder(const char *path) {
+    char *folder = folder_of(path);
+    if (folder == NULL) {
+        return fail_memory();
+    }
+    pm_status status = PM_OK;
+    if (access(folder, W_OK | X_OK) != 0) {
+        status = pm_fail(PM_EFILE, "%s: cannot create a recording: folder %s: %s", path, folder,
+                         strerror(errno));
+    }
+    free(folder);
+    return status;
+}
+
+pm_status pm_recording_check(const char *path) {
+    struct stat there;
+    if (stat(path, &there) != 0) {
+        return *path == 0 ? pm_fail(PM_EFILE, "a recording needs a name") : check_folder(path);
+    }
+    if (!S_ISREG(there.st_mode)) {
+        return pm_fail(PM_EFILE,
+                       "%s: cannot create a recording: there is something that is not a "
+                       "file",
+                       path);
+    }
+    if (access(path, W_OK) != 0) {
+        return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));
+    }
+    return PM_OK;
+}
+
+// A new file, or with `count` >= 0 one that holds at least as many samples.
+static pm_status open_at(pm_recording **recording, const char *path, const pm_scene *scene,
+                         long count) {
+    pm_recording *r = calloc(1, sizeof *r);
+    if (r == NULL) {
+        return fail_memory();
+    }
+    pm_status status;
+    const int ncolumn =
+        SCENE_COLUMNS + SUBSYSTEM_COLUMNS * scene->nsubsystem + PORT_COLUMNS * scene->nport;
+    r->scene = scene;
+    r->column = pm_arena_array(&r->arena, (size_t)ncolumn, sizeof *r->column);
+    if (r->column == NULL) {
+        status = fail_memory();
+        goto done;
+    }
+    PM_TRY_DONE(add_all(r));
+    PM_TRY_DONE(count < 0 ? pm_hdf5_create(&r->file, path, PM_HDF5_IN_PLACE)
+                          : pm_hdf5_reopen(&r->file, path));
+    PM_TRY_DONE(count < 0 ? create_all(r) : open_all(r, count));
+    r->flushed = pm_clock();
+    *recording = r;
+    return PM_OK;
+done:
+    pm_hdf5_close(r->file);
+    pm_arena_free(&r->arena);
+    free(r);
+    return status;
+}
+
+pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene) {
+    return open_at(recording, path, scene, -1);
+}
+
+typedef struct reopening {
+    const char *path;
+    const pm_scene *scene;
+    long count;
+} reopening;
+
+static void try_reopen(const void *context) {
+    const reopening *what = context;
+    pm_recording *recording = NULL;
+    if (open_at(&recording, what->path, what->scene, what->count) == PM_OK) {
+        pm_recording_close(recording);
+    }
+    pm_hdf5_end();
+}
+
+// A file that its writer did not close may be damaged, and must not end us.
+pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
+                              long count) {
+    const reopening context = {path, scene, count};
+    char what[512];
+    snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+    PM_TRY(pm_attempt(try_reopen, &context, PM_EFILE, what));
+    return open_at(recording, path, scene, count);
+}
+
+// --- appending ---
+
+// Copies the next column's numbers of this sample into its buffer.
+static void put(const pm_recording *r, int *next, const double *value) {
+    const column *c = &r->column[(*next)++];
+    const size_t count = (size_t)c->count;
+    memcpy(c->buffer + (size_t)r->buffered * count, value, count * sizeof *value);
+}
+
+static void put_one(const pm_recording *r, int *next, double value) {
+    put(r, next, &value);
+}
+
+static double total(int n, const double *value) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += value[i];
+    }
+    return sum;
+}
+
+static void put_sample(const pm_recording *r, const pm_sample *s) {
+    const pm_scene *scene = r->scene;
+    int next = 0;
+    put_one(r, &next, s->time);
+    put_one(r, &next, (double)s->step);
+    put_one(r, &next, s->world_energy + total(scene->nsubsystem, s->energy));
+    put_one(r, &next, s->world_entropy + total(scene->nsubsystem, s->entropy));
+    put_one(r, &next, s->energy_residual);
+    put_one(r, &next, s->entropy_residual);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        put(r, &next, s->z + scene->subsystem[i].first);
+        put_one(r, &next, s->energy[i]);
+        put_one(r, &next, s->entropy[i]);
+        put_one(r, &next, s->bulk_energy[i]);
+        put_one(r, &next, s->bulk_entropy[i]);
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        put_one(r, &next, s->flux[i][0].energy);
+        put_one(r, &next, s->flux[i][1].energy);
+        put_one(r, &next, s->flux[i][0].entropy);
+        put_one(r, &next, s->flux[i][1].entropy);
+    }
+}
+
+static pm_status write_buffers(pm_recording *r) {
+    const int count = r->buffered;
+    r->buffered = 0;
+    for (int i = 0; count > 0 && i < r->ncolumn; ++i) {
+        PM_TRY(pm_hdf5_series_append(&r->column[i].series, count, r->column[i].buffer));
+    }
+    return PM_OK;
+}
+
+pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample) {
+    put_sample(recording, sample);
+    ++recording->buffered;
+    if (pm_clock() - recording->flushed >= FLUSH_SECONDS) {
+        return pm_recording_flush(recording);
+    }
+    return recording->buffered == BLOCK ? write_buffers(recording) : PM_OK;
+}
+
+pm_status pm_recording_flush(pm_recording *recording) {
+    recording->flushed = pm_clock();
+    PM_TRY(write_buffers(recording));
+    return pm_hdf5_flush(recording->file);
+}
+
+pm_status pm_recording_close(pm_recording *recording) {
+    if (recording == NULL) {
+        return PM_OK;
+    }
+    pm_status status;
+    PM_TRY_DONE(write_buffers(recording));
+    status = pm_hdf5_commit(recording->file);
+done:
+    pm_hdf5_close(recording->file);
+    pm_arena_free(&recording->arena);
+    free(recording);
+    return status;
+}

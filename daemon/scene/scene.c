@@ -1,0 +1,332 @@
+// The scene reader: its plain settings and the whole. scene_subsystem.c reads states,
+// scene_boundary_input.c loads, scene_port.c ports. Each section is checked where it stands; what
+// refers to other subsystems (relative_to, ports) is read once all of them are known.
+#include "scene/scene.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "scene/scene_reader.h"
+
+#define MAX_NAME 48 // characters of a name
+
+pm_status pm_scene_no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory while reading a scene");
+}
+
+// --- names and paths ---
+
+static bool is_letter(char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+}
+
+static pm_status check_name(pm_yaml at, const char *name) {
+    bool good = is_letter(name[0]) && strlen(name) <= MAX_NAME;
+    for (const char *c = name; *c != '\0'; ++c) {
+        good = good && (is_letter(*c) || (*c >= '0' && *c <= '9') || *c == '_');
+    }
+    return good ? PM_OK
+                : pm_yaml_fail(
+                      at,
+                      "expected a name of a letter, then letters, digits or '_', at most %d "
+                      "in all, found \"%.64s\"",
+                      MAX_NAME, name);
+}
+
+pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name) {
+    PM_TRY(pm_yaml_text(at, r->arena, name));
+    return check_name(at, *name);
+}
+
+pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path) {
+    PM_TRY(pm_yaml_text(at, r->arena, path));
+    const char *slash = strrchr(r->scene->path, '/');
+    if (**path != '/' && slash != NULL) {
+        const int folder = (int)(slash - r->scene->path) + 1;
+        *path = pm_arena_printf(r->arena, "%.*s%s", folder, r->scene->path, *path);
+    }
+    return *path == NULL ? pm_scene_no_memory() : PM_OK;
+}
+
+pm_status pm_scene_read_at(pm_scene_reader *r, pm_yaml value, const char **at) {
+    *at = pm_yaml_where(value, r->arena);
+    return *at == NULL ? pm_scene_no_memory() : PM_OK;
+}
+
+// --- text that must not occur twice ---
+
+// By text, then by the order written, so that the error points at the later of two.
+static int compare_named(const void *a, const void *b) {
+    const pm_scene_named *x = a, *y = b;
+    const int order = strcmp(x->text, y->text);
+    return order != 0 ? order : x->at.node - y->at.node;
+}
+
+pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *what) {
+    qsort(list, (size_t)count, sizeof *list, compare_named);
+    for (int i = 1; i < count; ++i) {
+        if (strcmp(list[i - 1].text, list[i].text) == 0) {
+            return pm_yaml_fail(list[i].at, "%s \"%.64s\" occurs twice", what, list[i].text);
+        }
+    }
+    return PM_OK;
+}
+
+// --- lists of what exists ---
+
+const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = 0;
+    for (int i = 0; i < scene->nsubsystem && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
+                                 scene->subsystem[i].name);
+    }
+    return buffer;
+}
+
+const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = strlen(pm_scene_subsystem_names(scene, buffer, size));
+    for (int i = 0; i < scene->nboundary_input && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, ", %s", scene->boundary_input[i].name);
+    }
+    return buffer;
+}
+
+const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size) {
+    size_t used = 0;
+    for (int i = 0; i < layout->ngroup && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
+                                 layout->group[i].name);
+    }
+    return buffer;
+}
+
+// --- sections of plain settings ---
+
+static pm_status read_url(pm_scene_reader *r) {
+    const pm_yaml value = pm_yaml_get(r->root, "url");
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_text(value, r->arena, &r->scene->url));
+    return pm_scene_read_at(r, value, &r->scene->url_at);
+}
+
+static pm_status read_key_file(pm_scene_reader *r) {
+    const pm_yaml value = pm_yaml_get(r->root, "key_file");
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_scene_read_path(r, value, &r->scene->key_file));
+    return pm_scene_read_at(r, value, &r->scene->key_file_at);
+}
+
+static pm_status read_time(pm_scene_reader *r) {
+    static const char *const keys[] = {"dt", "steps", "integrator", "substeps", "tolerance", NULL};
+    pm_scene *scene = r->scene;
+    pm_yaml time, value;
+    PM_TRY(pm_yaml_require(r->root, "time", &time));
+    PM_TRY(pm_yaml_allow(time, keys));
+    PM_TRY(pm_yaml_require(time, "dt", &value));
+    PM_TRY(pm_yaml_double(value, DBL_MIN, INFINITY, &scene->dt));
+    PM_TRY(pm_yaml_require(time, "steps", &value));
+    PM_TRY(pm_yaml_int(value, 1, 1000000000, &scene->steps));
+    PM_TRY(pm_yaml_require(time, "integrator", &value));
+    PM_TRY(pm_yaml_text(value, r->arena, &scene->integrator));
+    PM_TRY(pm_scene_read_at(r, value, &scene->integrator_at));
+    scene->substeps = 1;
+    value = pm_yaml_get(time, "substeps");
+    if (pm_yaml_exists(value)) {
+        PM_TRY(pm_yaml_int(value, 1, 100000, &scene->substeps));
+    }
+    value = pm_yaml_get(time, "tolerance");
+    return pm_yaml_exists(value) ? pm_yaml_double(value, DBL_MIN, 1, &scene->tolerance) : PM_OK;
+}
+
+static pm_status read_laws(pm_scene_reader *r) {
+    static const char *const keys[] = {"energy", "entropy", NULL};
+    r->scene->energy_tolerance = 1e-12;
+    r->scene->entropy_tolerance = 1e-15;
+    const pm_yaml laws = pm_yaml_get(r->root, "laws");
+    if (!pm_yaml_exists(laws)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_allow(laws, keys));
+    const pm_yaml energy = pm_yaml_get(laws, "energy");
+    if (pm_yaml_exists(energy)) {
+        PM_TRY(pm_yaml_double(energy, 0, INFINITY, &r->scene->energy_tolerance));
+    }
+    const pm_yaml entropy = pm_yaml_get(laws, "entropy");
+    return pm_yaml_exists(entropy)
+               ? pm_yaml_double(entropy, 0, INFINITY, &r->scene->entropy_tolerance)
+               : PM_OK;
+}
+
+static pm_status read_guards(pm_scene_reader *r) {
+    static const char *const keys[] = {"energy_drift", "training_range", NULL};
+    r->scene->largest_drift = r->scene->largest_departure = INFINITY;
+    const pm_yaml guards = pm_yaml_get(r->root, "guards");
+    if (!pm_yaml_exists(guards)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_allow(guards, keys));
+    const pm_yaml drift = pm_yaml_get(guards, "energy_drift");
+    if (pm_yaml_exists(drift)) {
+        PM_TRY(pm_yaml_double(drift, DBL_MIN, INFINITY, &r->scene->largest_drift));
+    }
+    const pm_yaml range = pm_yaml_get(guards, "training_range");
+    return pm_yaml_exists(range) ? pm_yaml_double(range, 0, INFINITY, &r->scene->largest_departure)
+                                 : PM_OK;
+}
+
+static pm_status read_lockstep(pm_scene_reader *r) {
+    static const char *const keys[] = {"window", "patience", "checkpoint", NULL};
+    r->scene->window = 1;
+    r->scene->patience = 10;
+    r->scene->checkpoint = 100;
+    const pm_yaml lockstep = pm_yaml_get(r->root, "lockstep");
+    if (!pm_yaml_exists(lockstep)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_allow(lockstep, keys));
+    const pm_yaml window = pm_yaml_get(lockstep, "window");
+    if (pm_yaml_exists(window)) {
+        PM_TRY(pm_yaml_int(window, 1, 1000000, &r->scene->window));
+    }
+    const pm_yaml checkpoint = pm_yaml_get(lockstep, "checkpoint");
+    if (pm_yaml_exists(checkpoint)) {
+        PM_TRY(pm_yaml_int(checkpoint, 1, 1000000000, &r->scene->checkpoint));
+    }
+    const pm_yaml patience = pm_yaml_get(lockstep, "patience");
+    return pm_yaml_exists(patience) ? pm_yaml_double(patience, DBL_MIN, 1e6, &r->scene->patience)
+                                    : PM_OK;
+}
+
+static pm_status read_reference(pm_scene_reader *r) {
+    static const char *const keys[] = {"file", "trajectory", NULL};
+    const pm_yaml reference = pm_yaml_get(r->root, "reference");
+    if (!pm_yaml_exists(reference)) {
+        return PM_OK;
+    }
+    pm_yaml file;
+    PM_TRY(pm_yaml_allow(reference, keys));
+    PM_TRY(pm_yaml_require(reference, "file", &file));
+    PM_TRY(pm_scene_read_path(r, file, &r->scene->reference));
+    PM_TRY(pm_scene_read_at(r, file, &r->scene->reference_at));
+    const pm_yaml trajectory = pm_yaml_get(reference, "trajectory");
+    const bool named = pm_yaml_exists(trajectory);
+    PM_TRY(pm_scene_read_at(r, named ? trajectory : reference, &r->scene->reference_trajectory_at));
+    return named ? pm_yaml_int(trajectory, 0, 1000000000, &r->scene->reference_trajectory) : PM_OK;
+}
+
+static pm_status check_tolerance(pm_scene_reader *r) {
+    const pm_yaml tolerance = pm_yaml_get(pm_yaml_get(r->root, "time"), "tolerance");
+    return r->scene->tolerance > 0 && r->scene->window > 1
+               ? pm_yaml_fail(tolerance, "each step tells how long the next one's substeps are: "
+                                         "expected a lockstep window of 1")
+               : PM_OK;
+}
+
+// --- the whole ---
+
+static pm_status read_scene(pm_scene_reader *r) {
+    static const char *const keys[] = {
+        "scene", "url",       "key_file",  "time", "subsystems", "boundary_inputs", "models",
+        "ports", "processes", "reference", "laws", "guards",     "lockstep",        NULL};
+    pm_yaml value;
+    PM_TRY(pm_yaml_allow(r->root, keys));
+    PM_TRY(pm_yaml_require(r->root, "scene", &value));
+    PM_TRY(pm_scene_read_name(r, value, &r->scene->name));
+    PM_TRY(read_url(r));
+    PM_TRY(read_key_file(r));
+    PM_TRY(read_time(r));
+    PM_TRY(pm_scene_read_subsystems(r));
+    PM_TRY(pm_scene_read_boundary_inputs(r));
+    PM_TRY(pm_scene_read_ports(r));
+    PM_TRY(read_reference(r));
+    PM_TRY(read_laws(r));
+    PM_TRY(read_guards(r));
+    PM_TRY(read_lockstep(r));
+    PM_TRY(check_tolerance(r));
+    return pm_scene_read_processes(r);
+}
+
+static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
+    pm_scene *scene = calloc(1, sizeof *scene);
+    if (scene == NULL) {
+        return pm_scene_no_memory();
+    }
+    pm_scene_reader r = {.scene = scene, .arena = &scene->arena, .root = root};
+    scene->path = pm_arena_strdup(&scene->arena, path);
+    const pm_status status = scene->path == NULL ? pm_scene_no_memory() : read_scene(&r);
+    if (status != PM_OK) {
+        pm_scene_free(scene);
+        return status;
+    }
+    *result = scene;
+    return PM_OK;
+}
+
+pm_status pm_scene_load(pm_scene **scene, const char *path) {
+    pm_yaml_document *document;
+    pm_yaml root;
+    PM_TRY(pm_yaml_open(&document, path, &root));
+    const pm_status status = scene_from(scene, root, path);
+    pm_yaml_close(document);
+    return status;
+}
+
+pm_status pm_scene_parse(pm_scene **scene, const char *text, const char *path) {
+    pm_yaml_document *document;
+    pm_yaml root;
+    PM_TRY(pm_yaml_parse(&document, text, path, &root));
+    const pm_status status = scene_from(scene, root, path);
+    pm_yaml_close(document);
+    return status;
+}
+
+void pm_scene_free(pm_scene *scene) {
+    if (scene != NULL) {
+        pm_arena_free(&scene->arena);
+        free(scene);
+    }
+}
+
+int pm_scene_find_subsystem(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (strcmp(scene->subsystem[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+int pm_scene_find_boundary_input(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nboundary_input; ++i) {
+        if (strcmp(scene->boundary_input[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+int pm_scene_find_port(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nport; ++i) {
+        if (strcmp(scene->port[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end) {
+    return port->subsystem[end] >= 0 ? scene->subsystem[port->subsystem[end]].name
+                                     : scene->boundary_input[port->boundary_input[end]].name;
+}
+
+const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end) {
+    return port->subsystem[end] >= 0 ? &scene->subsystem[port->subsystem[end]].layout
+                                     : &scene->boundary_input[port->boundary_input[end]].layout;
+}

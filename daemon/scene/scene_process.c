@@ -1,0 +1,136 @@
+// Reading which subsystems share a process, `processes: {NAME: [SUBSYSTEM, ...]}`; each of the
+// others has a process of its own.
+#include "scene/scene_reader.h"
+
+#include <string.h>
+
+#define UNASSIGNED (-1)
+
+// Appends an empty process with room for `count` subsystems.
+static pm_status add_process(pm_scene *scene, const char *name, int count) {
+    pm_scene_process *process = &scene->process[scene->nprocess++];
+    process->name = name;
+    process->subsystem = pm_arena_array(&scene->arena, (size_t)count, sizeof *process->subsystem);
+    return process->subsystem == NULL ? pm_scene_no_memory() : PM_OK;
+}
+
+// --- the section ---
+
+// `number` (its position in the section) becomes the mark of the subsystems it lists.
+static pm_status mark_subsystems(pm_scene_reader *r, pm_yaml list, int number) {
+    int count;
+    const char **name;
+    PM_TRY(pm_yaml_texts(list, r->arena, &count, &name));
+    if (count == 0) {
+        return pm_yaml_fail(list, "expected at least one subsystem");
+    }
+    for (int i = 0; i < count; ++i) {
+        const pm_yaml at = pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
+        const int id = pm_scene_find_subsystem(r->scene, name[i]);
+        if (id < 0) {
+            char names[512];
+            return pm_yaml_fail(at, "there is no subsystem \"%.64s\"; subsystems: %s", name[i],
+                                pm_scene_subsystem_names(r->scene, names, sizeof names));
+        }
+        if (r->scene->subsystem[id].process != UNASSIGNED) {
+            return pm_yaml_fail(at, "subsystem \"%s\" has a process already", name[i]);
+        }
+        r->scene->subsystem[id].process = number;
+    }
+    return PM_OK;
+}
+
+// A process may be called like a subsystem only if it serves it: others would take its channels.
+static pm_status check_owner(pm_scene_reader *r, pm_yaml key, const char *name, int number) {
+    const int id = pm_scene_find_subsystem(r->scene, name);
+    return id < 0 || r->scene->subsystem[id].process == number
+               ? PM_OK
+               : pm_yaml_fail(key, "a subsystem is called \"%s\" that this process does not serve",
+                              name);
+}
+
+// Marks all subsystems that the section names.
+static pm_status read_section(pm_scene_reader *r, pm_yaml section, const char **name) {
+    pm_yaml key, list;
+    for (int i = 0; i < pm_yaml_count(section); ++i) {
+        pm_yaml_entry(section, i, &key, &list);
+        PM_TRY(pm_scene_read_name(r, key, &name[i]));
+        PM_TRY(mark_subsystems(r, list, i));
+    }
+    for (int i = 0; i < pm_yaml_count(section); ++i) {
+        pm_yaml_entry(section, i, &key, &list);
+        PM_TRY(check_owner(r, key, name[i], i));
+    }
+    return PM_OK;
+}
+
+// --- the processes ---
+
+// Turns marks into processes, in the order of their first subsystems; `made` [marks] starts at
+// UNASSIGNED.
+static pm_status make_processes(pm_scene *scene, const char *const *name, int *made) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        const int mark = subsystem->process;
+        const bool known = mark != UNASSIGNED && made[mark] != UNASSIGNED;
+        if (!known) {
+            const char *own = mark == UNASSIGNED ? subsystem->name : name[mark];
+            PM_TRY(add_process(scene, own, mark == UNASSIGNED ? 1 : scene->nsubsystem));
+        }
+        subsystem->process = known ? made[mark] : scene->nprocess - 1;
+        if (mark != UNASSIGNED) {
+            made[mark] = subsystem->process;
+        }
+        pm_scene_process *process = &scene->process[subsystem->process];
+        process->subsystem[process->count++] = i;
+    }
+    return PM_OK;
+}
+
+pm_status pm_scene_read_processes(pm_scene_reader *r) {
+    pm_scene *scene = r->scene;
+    const pm_yaml section = pm_yaml_get(r->root, "processes");
+    if (pm_yaml_exists(section)) {
+        PM_TRY(pm_yaml_require_entries(section));
+    }
+    const size_t nmark = (size_t)pm_yaml_count(section);
+    const char **name = pm_arena_array(r->arena, nmark, sizeof *name);
+    int *made = pm_arena_array(r->arena, nmark, sizeof *made);
+    scene->process = pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *scene->process);
+    if (name == NULL || made == NULL || scene->process == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (size_t i = 0; i < nmark; ++i) {
+        made[i] = UNASSIGNED;
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        scene->subsystem[i].process = UNASSIGNED;
+    }
+    PM_TRY(read_section(r, section, name));
+    return make_processes(scene, name, made);
+}
+
+pm_status pm_scene_join_processes(pm_scene *scene) {
+    scene->nprocess = 0;
+    PM_TRY(add_process(scene, "all", scene->nsubsystem));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        scene->subsystem[i].process = 0;
+        scene->process[0].subsystem[i] = i;
+    }
+    scene->process[0].count = scene->nsubsystem;
+    return PM_OK;
+}
+
+bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port) {
+    const int a = port->subsystem[0], b = port->subsystem[1];
+    return a >= 0 && b >= 0 && scene->subsystem[a].process != scene->subsystem[b].process;
+}
+
+int pm_scene_find_process(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nprocess; ++i) {
+        if (strcmp(scene->process[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}

@@ -1,0 +1,281 @@
+// Reading the subsystems of a scene: their states, initial values, dataset columns, and positions
+// measured from a neighbour.
+#include "scene/scene_reader.h"
+
+#include <string.h>
+
+#include "store/names.h"
+
+#define MAX_COMPONENTS 100000 // of one group
+#define MAX_STATE 1000000     // components of the scene
+
+// --- one subsystem ---
+
+// One group of a state; `columns` receives its [size] dataset columns, or NULL.
+static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, pm_yaml block,
+                            pm_scene_named **columns) {
+    static const char *const keys[] = {"unit", "columns", "size", "relative_to", NULL};
+    pm_yaml unit;
+    pm_group group = {.first = layout->nz};
+    PM_TRY(pm_scene_read_name(r, key, &group.name));
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(pm_yaml_require(block, "unit", &unit));
+    PM_TRY(pm_yaml_text(unit, r->arena, &group.unit));
+    if (strchr(group.unit, ';') != NULL) {
+        return pm_yaml_fail(unit, "expected a unit without ';', found \"%.64s\"", group.unit);
+    }
+    const pm_yaml list = pm_yaml_get(block, "columns"), size = pm_yaml_get(block, "size");
+    if (pm_yaml_exists(list) == pm_yaml_exists(size)) {
+        return pm_yaml_fail(block, "expected either \"columns\" (of a dataset) or \"size\"");
+    }
+    *columns = NULL;
+    if (pm_yaml_exists(size)) {
+        PM_TRY(pm_yaml_int(size, 1, MAX_COMPONENTS, &group.size));
+    } else {
+        PM_TRY(pm_scene_read_columns(r, list, &group.size, columns));
+    }
+    layout->nz += group.size;
+    layout->group[layout->ngroup++] = group;
+    return PM_OK;
+}
+
+// Joins the groups' columns to those of the state.
+static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
+                              pm_scene_named *const *columns) {
+    const pm_layout *layout = &subsystem->layout;
+    const char **column = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *column);
+    const char **at = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *at);
+    if (column == NULL || at == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        for (int j = 0; j < group->size; ++j) {
+            column[group->first + j] = columns[i][j].text;
+        }
+        PM_TRY(pm_scene_read_places(r, columns[i], group->size, &at[group->first]));
+    }
+    subsystem->column = column;
+    subsystem->column_at = at;
+    return PM_OK;
+}
+
+static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state) {
+    pm_layout *layout = &subsystem->layout;
+    pm_scene_named *columns[PM_MAX_GROUPS] = {NULL};
+    PM_TRY(pm_yaml_require_entries(state));
+    if (pm_yaml_count(state) > PM_MAX_GROUPS) {
+        return pm_yaml_fail(state, "%d groups, at most %d are possible", pm_yaml_count(state),
+                            PM_MAX_GROUPS);
+    }
+    for (int i = 0; i < pm_yaml_count(state); ++i) {
+        pm_yaml key, block;
+        pm_yaml_entry(state, i, &key, &block);
+        PM_TRY(read_group(r, layout, key, block, &columns[i]));
+        PM_TRY(pm_scene_read_at(r, key, &subsystem->group_at[i]));
+        const bool mapped = subsystem == r->scene->subsystem ? columns[0] != NULL
+                                                             : r->scene->subsystem->column != NULL;
+        if ((columns[i] != NULL) != mapped) {
+            return pm_yaml_fail(block,
+                                "expected \"%s\" as in the groups before: either all groups "
+                                "of a scene name dataset columns or none does",
+                                mapped ? "columns" : "size");
+        }
+    }
+    return columns[0] == NULL ? PM_OK : join_columns(r, subsystem, columns);
+}
+
+static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml initial) {
+    const pm_layout *layout = &subsystem->layout;
+    const char *keys[PM_MAX_GROUPS + 1] = {NULL};
+    double *z = pm_arena_array(r->arena, (size_t)layout->nz, sizeof *z);
+    if (z == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < layout->ngroup; ++i) {
+        keys[i] = layout->group[i].name;
+    }
+    PM_TRY(pm_yaml_allow(initial, keys));
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        pm_yaml list;
+        int count;
+        double *value;
+        PM_TRY(pm_yaml_require(initial, group->name, &list));
+        PM_TRY(pm_yaml_doubles(list, r->arena, &count, &value));
+        if (count != group->size) {
+            return pm_yaml_fail(list, "expected %d numbers, found %d", group->size, count);
+        }
+        memcpy(z + group->first, value, (size_t)count * sizeof *z);
+    }
+    subsystem->initial = z;
+    return PM_OK;
+}
+
+static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml key,
+                                pm_yaml block) {
+    static const char *const keys[] = {"weights", "model",    "constants", "state",
+                                       "initial", "substeps", NULL};
+    pm_yaml state;
+    PM_TRY(pm_scene_read_name(r, key, &subsystem->name));
+    PM_TRY(pm_scene_read_at(r, key, &subsystem->at));
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(pm_scene_read_part_maker(r, block, subsystem));
+    PM_TRY(pm_yaml_require(block, "state", &state));
+    PM_TRY(read_state(r, subsystem, state));
+    for (int i = 0; i < PM_MAX_GROUPS; ++i) {
+        subsystem->relative_subsystem[i] = subsystem->relative_group[i] = -1;
+    }
+    const pm_yaml substeps = pm_yaml_get(block, "substeps");
+    subsystem->substeps = 1;
+    if (pm_yaml_exists(substeps)) {
+        PM_TRY(pm_yaml_int(substeps, 1, 100000, &subsystem->substeps));
+        PM_TRY(pm_scene_read_at(r, substeps, &subsystem->substeps_at));
+    }
+    const pm_yaml initial = pm_yaml_get(block, "initial");
+    return pm_yaml_exists(initial) ? read_initial(r, subsystem, initial) : PM_OK;
+}
+
+// The block of a group, by positions.
+static pm_yaml group_block(pm_yaml subsystems, int subsystem_id, int group_id) {
+    pm_yaml key, value;
+    pm_yaml_entry(subsystems, subsystem_id, &key, &value);
+    pm_yaml_entry(pm_yaml_get(value, "state"), group_id, &key, &value);
+    return value;
+}
+
+static pm_status check_columns(pm_scene_reader *r) {
+    const pm_scene *scene = r->scene;
+    if (scene->subsystem->column == NULL) {
+        return PM_OK;
+    }
+    pm_names names;
+    const char **column = pm_arena_array(r->arena, (size_t)scene->nz, sizeof *column);
+    if (column == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        memcpy(column + subsystem->first, subsystem->column,
+               (size_t)subsystem->layout.nz * sizeof *column);
+    }
+    PM_TRY(pm_names_sort(&names, column, scene->nz, r->arena));
+    const int twice = pm_names_twice(&names);
+    const pm_scene_subsystem *owner = scene->subsystem;
+    while (twice >= owner->first + owner->layout.nz) {
+        ++owner;
+    }
+    return twice < 0 ? PM_OK
+                     : pm_fail(PM_ECONFIG, "%s: columns: dataset column \"%.64s\" occurs twice",
+                               owner->column_at[twice - owner->first], column[twice]);
+}
+
+// --- positions measured from a neighbour ---
+
+static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem, int group_id,
+                               pm_yaml at) {
+    const pm_scene *scene = r->scene;
+    const pm_group *group = &subsystem->layout.group[group_id];
+    char names[512];
+    const char *text;
+    PM_TRY(pm_yaml_text(at, r->arena, &text));
+    const char *dot = strchr(text, '.');
+    if (dot == NULL) {
+        return pm_yaml_fail(at, "expected SUBSYSTEM.GROUP, found \"%.64s\"", text);
+    }
+    const char *name = pm_arena_printf(r->arena, "%.*s", (int)(dot - text), text);
+    if (name == NULL) {
+        return pm_scene_no_memory();
+    }
+    const int other_id = pm_scene_find_subsystem(scene, name);
+    if (other_id < 0) {
+        return pm_yaml_fail(at, "there is no subsystem \"%.64s\"; subsystems: %s", name,
+                            pm_scene_subsystem_names(scene, names, sizeof names));
+    }
+    const pm_layout *layout = &scene->subsystem[other_id].layout;
+    const pm_group *other = pm_layout_find(layout, dot + 1);
+    if (other == NULL) {
+        return pm_yaml_fail(at, "%s has no group \"%.64s\"; groups: %s", name, dot + 1,
+                            pm_scene_group_names(layout, names, sizeof names));
+    }
+    if (other->size != group->size || strcmp(other->unit, group->unit) != 0) {
+        return pm_yaml_fail(at, "%.64s has %d components in %.32s, expected %d in %.32s", text,
+                            other->size, other->unit, group->size, group->unit);
+    }
+    subsystem->relative_subsystem[group_id] = other_id;
+    subsystem->relative_group[group_id] = (int)(other - layout->group);
+    return PM_OK;
+}
+
+// Follows the chain that starts at a group; one longer than there are groups comes back to itself.
+static bool chain_ends(const pm_scene *scene, int subsystem_id, int group_id) {
+    for (int i = 0; i <= scene->nsubsystem * PM_MAX_GROUPS; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->subsystem[subsystem_id];
+        if (subsystem->relative_subsystem[group_id] < 0) {
+            return true;
+        }
+        subsystem_id = subsystem->relative_subsystem[group_id];
+        group_id = subsystem->relative_group[group_id];
+    }
+    return false;
+}
+
+static pm_yaml relative_of(pm_yaml subsystems, int subsystem_id, int group_id) {
+    return pm_yaml_get(group_block(subsystems, subsystem_id, group_id), "relative_to");
+}
+
+static pm_status read_relatives(pm_scene_reader *r, pm_yaml subsystems) {
+    for (int i = 0; i < r->scene->nsubsystem; ++i) {
+        pm_scene_subsystem *subsystem = &r->scene->subsystem[i];
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            const pm_yaml at = relative_of(subsystems, i, g);
+            if (pm_yaml_exists(at)) {
+                PM_TRY(read_relative(r, subsystem, g, at));
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_chains(pm_scene_reader *r, pm_yaml subsystems) {
+    for (int i = 0; i < r->scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &r->scene->subsystem[i];
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            if (!chain_ends(r->scene, i, g)) {
+                return pm_yaml_fail(relative_of(subsystems, i, g),
+                                    "a cycle: each group of this chain is measured from the next, "
+                                    "none from the origin");
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// --- all of them ---
+
+pm_status pm_scene_read_subsystems(pm_scene_reader *r) {
+    pm_scene *scene = r->scene;
+    pm_yaml subsystems;
+    PM_TRY(pm_yaml_require(r->root, "subsystems", &subsystems));
+    PM_TRY(pm_yaml_require_entries(subsystems));
+    scene->nsubsystem = pm_yaml_count(subsystems);
+    scene->subsystem =
+        pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *scene->subsystem);
+    if (scene->subsystem == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        pm_yaml key, block;
+        pm_yaml_entry(subsystems, i, &key, &block);
+        PM_TRY(read_subsystem(r, subsystem, key, block));
+        subsystem->first = scene->nz;
+        scene->nz += subsystem->layout.nz;
+        if (scene->nz > MAX_STATE) {
+            return pm_yaml_fail(key, "more than %d components in all", MAX_STATE);
+        }
+    }
+    PM_TRY(check_columns(r));
+    PM_TRY(read_relatives(r, subsystems));
+    return check_chains(r, subsystems);
+}

@@ -1,0 +1,330 @@
+// Joining a scene with its weights: every file is loaded and compared with what the scene declares.
+#include "scene/system.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/digest.h"
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory while loading a system");
+}
+
+// "q[2] in m, p[2] in kg m/s" in the arena, for messages.
+static const char *describe(const pm_layout *layout, pm_arena *arena) {
+    const char *text = "";
+    for (int i = 0; i < layout->ngroup && text != NULL; ++i) {
+        const pm_group *group = &layout->group[i];
+        text = pm_arena_printf(arena, "%s%s%s[%d] in %s", text, i == 0 ? "" : ", ", group->name,
+                               group->size, group->unit);
+    }
+    return text == NULL ? "?" : text;
+}
+
+// `who` is the subsystem or the end of a port, as text; `at` its place in the scene.
+static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *at,
+                              const char *who, const char *path, pm_system *system) {
+    if (pm_layout_equal(declared, own)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EWEIGHTS, "%s: %s: the weights %s are made for %s; the scene says %s", at,
+                   who, path, describe(own, &system->arena), describe(declared, &system->arena));
+}
+
+// Where the scene's first group that differs from the weights' stands, or its last group.
+static const char *differing_group(const pm_scene_subsystem *subsystem, const pm_layout *own) {
+    const pm_layout *declared = &subsystem->layout;
+    int i = 0;
+    while (i < declared->ngroup - 1 && i < own->ngroup &&
+           pm_group_equal(&declared->group[i], &own->group[i])) {
+        ++i;
+    }
+    return subsystem->group_at[i];
+}
+
+// A failure to load the weights that the scene names at a place.
+static pm_status load_failed(pm_status status, const char *at, const char *what, const char *name) {
+    return pm_fail(status, "%s: %s %s: %s", at, what, name, pm_error());
+}
+
+// --- known models ---
+
+// A model may serve several components: the error, which has its place, tells which one it was.
+static pm_status name_component(pm_status status, const char *name) {
+    return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
+}
+
+// A model in a scene has no weights.
+static pm_status check_known(const pm_params *params, const char *at, const char *name) {
+    PM_TRY(name_component(pm_spec_locate(at, pm_params_check_given(params)), name));
+    return pm_params_trained(params) == 0
+               ? PM_OK
+               : pm_fail(PM_ECONFIG,
+                         "%s: the model of %s has %zu numbers to be learned: it needs weights", at,
+                         name, pm_params_trained(params));
+}
+
+pm_status pm_system_declare_part(pm_system *system, int id) {
+    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
+    pm_part *part = &system->part[id];
+    part->spec = *subsystem->model;
+    PM_TRY(name_component(pm_part_declare(part), subsystem->name));
+    PM_TRY(check_known(&part->params, subsystem->weights_at, subsystem->name));
+    return pm_weights_digest_part(part, &system->part_provenance[id].digest);
+}
+
+pm_status pm_system_declare_port(pm_system *system, int id) {
+    const pm_scene_port *port = &system->scene->port[id];
+    pm_port_model *model = &system->port[id];
+    model->spec = *port->model;
+    if (strcmp(model->spec.law, port->law) != 0) {
+        return pm_fail(PM_ECONFIG, "%s: the model of port %s is one of the law %s", port->law_at,
+                       port->name, model->spec.law);
+    }
+    PM_TRY(name_component(pm_port_declare(model), port->name));
+    PM_TRY(check_known(&model->params, port->weights_at, port->name));
+    return pm_weights_digest_port(model, &system->port_provenance[id].digest);
+}
+
+// --- weights ---
+
+// The file to load: the scene's path, or the file of the same name in `weights_dir`. NULL: no
+// memory.
+static const char *weights_path(const char *path, const char *weights_dir, pm_arena *arena) {
+    if (weights_dir == NULL) {
+        return path;
+    }
+    const char *slash = strrchr(path, '/');
+    return pm_arena_printf(arena, "%s/%s", weights_dir, slash == NULL ? path : slash + 1);
+}
+
+static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
+    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
+    const char *path = weights_path(subsystem->weights, weights_dir, &system->arena);
+    const char *who = pm_arena_printf(&system->arena, "subsystem %s", subsystem->name);
+    if (path == NULL || who == NULL) {
+        return no_memory();
+    }
+    const pm_status status =
+        pm_weights_load_part(path, &system->arena, &system->part[id], &system->part_provenance[id]);
+    if (status != PM_OK) {
+        return load_failed(status, subsystem->weights_at, "subsystem", subsystem->name);
+    }
+    const pm_layout *own = &system->part[id].layout;
+    return check_layout(&subsystem->layout, own, differing_group(subsystem, own), who, path,
+                        system);
+}
+
+static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
+    const pm_scene *scene = system->scene;
+    const pm_scene_port *port = &scene->port[id];
+    const pm_port_model *model = &system->port[id];
+    const char *path = weights_path(port->weights, weights_dir, &system->arena);
+    if (path == NULL) {
+        return no_memory();
+    }
+    const pm_status status =
+        pm_weights_load_port(path, &system->arena, &system->port[id], &system->port_provenance[id]);
+    if (status != PM_OK) {
+        return load_failed(status, port->weights_at, "port", port->name);
+    }
+    if (strcmp(model->spec.law, port->law) != 0) {
+        return pm_fail(PM_EWEIGHTS,
+                       "%s: port %s: the weights %s are made for the law %s; the scene says %s",
+                       port->law_at, port->name, path, model->spec.law, port->law);
+    }
+    for (int end = 0; end < 2; ++end) {
+        const char *who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
+                                          pm_scene_end_name(scene, port, end));
+        if (who == NULL) {
+            return no_memory();
+        }
+        PM_TRY(check_layout(&port->layout[end], &model->layout[end], port->expose_at[end], who,
+                            path, system));
+    }
+    return PM_OK;
+}
+
+static uint64_t digest_layout(uint64_t digest, const pm_layout *layout) {
+    digest = pm_digest_integer(digest, layout->ngroup);
+    for (int i = 0; i < layout->ngroup; ++i) {
+        digest = pm_digest_text(digest, layout->group[i].name);
+        digest = pm_digest_text(digest, layout->group[i].unit);
+        digest = pm_digest_integer(digest, layout->group[i].size);
+    }
+    return digest;
+}
+
+// What every process of a run must agree on. The number of steps is not part of it: the coordinator
+// tells. Whoever knows the initial state folds that in (app/setup.h).
+static uint64_t digest_system(const pm_system *system) {
+    const pm_scene *scene = system->scene;
+    uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
+    digest = pm_digest_doubles(digest, &scene->dt, 1);
+    digest = pm_digest_integer(digest, scene->window);
+    digest = pm_digest_integer(digest, scene->checkpoint);
+    digest = pm_digest_doubles(digest, &scene->largest_departure, 1); // which ends a node's run
+    digest = pm_digest_text(digest, scene->integrator);
+    digest = pm_digest_integer(digest, scene->substeps);
+    digest = pm_digest_doubles(digest, &scene->tolerance, 1);
+    digest = pm_digest_integer(digest, scene->nsubsystem);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        digest = pm_digest_text(digest, scene->subsystem[i].name);
+        digest = pm_digest_integer(digest, scene->subsystem[i].process);
+        digest = pm_digest_integer(digest, scene->subsystem[i].substeps);
+        digest = digest_layout(digest, &scene->subsystem[i].layout);
+        digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i].digest);
+    }
+    digest = pm_digest_integer(digest, scene->nport);
+    for (int i = 0; i < scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i];
+        digest = pm_digest_text(digest, port->name);
+        digest = pm_digest_text(digest, port->law);
+        for (int end = 0; end < 2; ++end) {
+            digest = pm_digest_text(digest, pm_scene_end_name(scene, port, end));
+            digest = digest_layout(digest, &port->layout[end]);
+        }
+        digest = pm_digest_integer(digest, (int64_t)system->port_provenance[i].digest);
+    }
+    return digest;
+}
+
+pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
+    pm_system *system = calloc(1, sizeof *system);
+    if (system == NULL) {
+        return no_memory();
+    }
+    const size_t npart = (size_t)scene->nsubsystem, nport = (size_t)scene->nport;
+    pm_arena *arena = &system->arena;
+    system->scene = scene;
+    system->part = pm_arena_array(arena, npart, sizeof *system->part);
+    system->port = pm_arena_array(arena, nport, sizeof *system->port);
+    system->part_provenance = pm_arena_array(arena, npart, sizeof *system->part_provenance);
+    system->port_provenance = pm_arena_array(arena, nport, sizeof *system->port_provenance);
+    if (system->part == NULL || system->port == NULL || system->part_provenance == NULL ||
+        system->port_provenance == NULL) {
+        pm_arena_free(arena);
+        free(system);
+        return no_memory();
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        system->part[i].layout = scene->subsystem[i].layout;
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        system->port[i].layout[0] = scene->port[i].layout[0];
+        system->port[i].layout[1] = scene->port[i].layout[1];
+    }
+    *result = system;
+    return PM_OK;
+}
+
+static pm_status check_load(const pm_scene *scene, const pm_port_model *model,
+                            const pm_scene_port *port, int end) {
+    const pm_scene_boundary_input *boundary_input =
+        &scene->boundary_input[port->boundary_input[end]];
+    for (int i = 0; i < port->layout[end].ngroup; ++i) {
+        const pm_group *group = &port->layout[end].group[i];
+        const int component = port->component[end][group->first];
+        // Of every group dE is given, and dS if it has a place in the scene.
+        if (boundary_input->value[2 * boundary_input->layout.nz + component].at == NULL &&
+            pm_port_responds(model, (pm_end)end, group->name)) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: load %s: group \"%s\" needs a \"dS\": port %s exchanges entropy "
+                           "with it",
+                           boundary_input->value[boundary_input->layout.nz + component].at,
+                           boundary_input->name, group->name, port->name);
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_system_check_loads(const pm_system *system) {
+    const pm_scene *scene = system->scene;
+    for (int i = 0; i < 2 * scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i / 2];
+        if (port->boundary_input[i % 2] >= 0) {
+            PM_TRY(check_load(scene, &system->port[i / 2], port, i % 2));
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *weights_dir) {
+    pm_status status;
+    pm_system *system = NULL;
+    PM_TRY_DONE(pm_system_new(&system, scene));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY_DONE(scene->subsystem[i].model != NULL ? pm_system_declare_part(system, i)
+                                                      : load_part(system, i, weights_dir));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY_DONE(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
+                                                 : load_port(system, i, weights_dir));
+    }
+    PM_TRY_DONE(pm_system_check_loads(system));
+    PM_TRY_DONE(pm_system_check_coordinates(system));
+    PM_TRY_DONE(pm_system_check_steps(system));
+    system->digest = digest_system(system);
+    *result = system;
+    system = NULL;
+done:
+    pm_system_free(system);
+    return status;
+}
+
+void pm_system_free(pm_system *system) {
+    if (system == NULL) {
+        return;
+    }
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        pm_part_free(&system->part[i]);
+    }
+    for (int i = 0; i < system->scene->nport; ++i) {
+        pm_port_free(&system->port[i]);
+    }
+    pm_arena_free(&system->arena);
+    free(system);
+}
+
+int pm_system_components(const pm_system *system) {
+    return system->scene->nsubsystem + system->scene->nport;
+}
+
+pm_params *pm_system_params(const pm_system *system, int component) {
+    const int nsubsystem = system->scene->nsubsystem;
+    return component < nsubsystem ? &system->part[component].params
+                                  : &system->port[component - nsubsystem].params;
+}
+
+bool pm_system_end_has_entropy(const pm_system *system, int port, int end) {
+    const pm_scene_port *scene = &system->scene->port[port];
+    return scene->subsystem[end] >= 0
+               ? pm_part_has_entropy(&system->part[scene->subsystem[end]])
+               : system->scene->boundary_input[scene->boundary_input[end]].entropy;
+}
+
+int pm_system_without_energy(const pm_system *system) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        if (!pm_part_has_energy(&system->part[i])) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+void pm_system_responding(const pm_system *system, int subsystem, bool *component) {
+    const pm_scene *scene = system->scene;
+    memset(component, 0, (size_t)scene->subsystem[subsystem].layout.nz * sizeof *component);
+    for (int i = 0; i < 2 * scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i / 2];
+        const pm_end end = (pm_end)(i % 2);
+        const pm_layout *layout = &port->layout[end];
+        for (int k = 0; k < layout->ngroup && port->subsystem[end] == subsystem; ++k) {
+            const pm_group *group = &layout->group[k];
+            for (int c = 0; c < group->size; ++c) {
+                component[port->component[end][group->first + c]] |=
+                    pm_port_responds(&system->port[i / 2], end, group->name);
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+// Whether a scene takes the steps that weights hold for.
+#include <math.h>
+#include <string.h>
+
+#include "scene/system.h"
+
+#define SAME_STEP 1e-9 // relative: steps are quotients of numbers written in decimals
+
+// Nothing is known of the steps by which a known model, or weights that do not say, were made.
+static bool hold_for_one_step(const pm_network_spec *rate, const pm_provenance *p) {
+    return rate->message != NULL && p->step > 0 &&
+           rate->message->within <= p->step * (1 + SAME_STEP);
+}
+
+static pm_status check_rate(const pm_scene *scene, const pm_network_spec *rate,
+                            const pm_provenance *p, const char *at, const char *name) {
+    const double step = scene->dt / scene->substeps;
+    if (!hold_for_one_step(rate, p) ||
+        (strcmp(p->integrator, scene->integrator) == 0 && scene->tolerance == 0 &&
+         fabs(p->step - step) <= SAME_STEP * step)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EWEIGHTS,
+                   "%s: %s: the weights %s say what happens within a step of %.9g s of "
+                   "%.40s, and hold for no other; the scene takes steps of %s%.9g s of %s",
+                   at, name, p->path, p->step, p->integrator, scene->tolerance > 0 ? "up to " : "",
+                   step, scene->integrator);
+}
+
+pm_status pm_system_check_steps(const pm_system *system) {
+    const pm_scene *scene = system->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *part = &scene->subsystem[i];
+        PM_TRY(check_rate(scene, &system->part[i].spec.rate, &system->part_provenance[i],
+                          part->weights_at, part->name));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        const pm_scene_port *port = &scene->port[i];
+        PM_TRY(check_rate(scene, &system->port[i].spec.rate, &system->port_provenance[i],
+                          port->weights_at, port->name));
+    }
+    return PM_OK;
+}

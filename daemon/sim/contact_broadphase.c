@@ -1,0 +1,133 @@
+// Boxes in which nothing closes.
+#include "sim/contact_broadphase.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "model/contact_bound.h"
+
+#define SAFETY 0.9   // of the largest box
+#define ENOUGH 1.001 // of a value in terms of its spread: rounding of the box itself is far less
+#define LONGEST 1e6  // s
+#define MOST_TRIES 8 // until one is found
+#define ASIDE 0.05   // of the fastest of a group: how fast at least a box takes all of it to be
+
+static pm_status open_program(pm_contact_broadphase *b, const pm_part *part) {
+    pm_graph *g = NULL;
+    pm_status status = PM_OK;
+    PM_TRY(pm_graph_open(&g));
+    const pm_node z = pm_input(g, true, 1, b->nz), width = pm_input(g, true, 1, b->nz);
+    pm_node output[2];
+    if (!pm_contact_bound_build(g, part, z, width, b->unconstrained, &output[0], &output[1])) {
+        b->unconstrained = NULL;
+        goto done;
+    }
+    PM_TRY_DONE(pm_program_open(&b->program, g, 2, output, 1));
+    b->n = pm_graph_shape(g, output[0]).cols;
+    b->program_z = pm_program_value(b->program, z);
+    b->program_width = pm_program_value(b->program, width);
+    b->value = pm_program_value(b->program, output[0]);
+    b->spread = pm_program_value(b->program, output[1]);
+done:
+    pm_graph_close(g);
+    return status;
+}
+
+pm_status pm_contact_broadphase_open(pm_contact_broadphase *b, pm_arena *arena,
+                                     const pm_part *part) {
+    b->nz = part->layout.nz;
+    b->layout = &part->layout;
+    b->unconstrained = pm_arena_array(arena, (size_t)b->nz, sizeof *b->unconstrained);
+    b->width = pm_arena_array(arena, (size_t)b->nz, sizeof *b->width);
+    return b->unconstrained == NULL || b->width == NULL
+               ? pm_fail(PM_ENOMEM, "out of memory for a bounding test")
+               : open_program(b, part);
+}
+
+void pm_contact_broadphase_close(pm_contact_broadphase *b) {
+    pm_program_close(b->program);
+}
+
+void pm_contact_broadphase_forget(pm_contact_broadphase *b) {
+    b->enclosed = false;
+    b->duration = 1;
+}
+
+// --- enclosing ---
+
+static bool is_flat(const pm_contact_broadphase *b, const double *covector) {
+    for (int c = 0; covector != NULL && c < b->nz; ++c) {
+        if (b->unconstrained[c] && covector[c] != 0) {
+            return false;
+        }
+    }
+    return true;
+}
+
+// The box's width for each second that it is to last.
+static void fill_width(pm_contact_broadphase *b, const double *rate) {
+    for (int i = 0; i < b->layout->ngroup; ++i) {
+        const pm_group *group = &b->layout->group[i];
+        double fastest = 0;
+        for (int c = group->first; rate != NULL && c < group->first + group->size; ++c) {
+            fastest = fmax(fastest, fabs(rate[c]));
+        }
+        for (int c = group->first; c < group->first + group->size; ++c) {
+            b->width[c] = rate == NULL ? 1 : fmax(fabs(rate[c]), ASIDE * fastest);
+        }
+    }
+}
+
+// The least that a value is in terms of its spread, in a box for this duration; 0 if one is closed.
+static double least_ratio(pm_contact_broadphase *b, double duration) {
+    double least = INFINITY;
+    for (int c = 0; c < b->nz; ++c) {
+        b->program_width[c] = duration * b->width[c];
+    }
+    pm_program_run(b->program, 1);
+    for (int i = 0; i < b->n; ++i) {
+        const double ratio = b->value[i] / b->spread[i];
+        least = ratio >= least ? least : ratio; // NaN too
+    }
+    return least > 0 ? least : 0;
+}
+
+void pm_contact_broadphase_enclose(pm_contact_broadphase *b, const double *z, const double *dE,
+                                   const double *rate) {
+    b->enclosed = false;
+    if (b->unconstrained == NULL || !is_flat(b, dE)) {
+        return;
+    }
+    memcpy(b->program_z, z, (size_t)b->nz * sizeof *z);
+    fill_width(b, rate);
+    double duration = b->duration;
+    for (int i = 0; i < MOST_TRIES && isnormal(duration); ++i) {
+        const double ratio = least_ratio(b, duration);
+        if (ratio > ENOUGH && (i > 0 || ratio < 2)) {
+            b->enclosed = true;
+            b->duration = duration;
+            break;
+        }
+        duration = fmin(duration * SAFETY * ratio, LONGEST); // exact but for what is not linear
+    }
+    for (int c = 0; c < b->nz; ++c) {
+        b->width[c] *= duration;
+    }
+}
+
+// --- the test ---
+
+bool pm_contact_broadphase_holds(const pm_contact_broadphase *b, const double *centre,
+                                 const double *z) {
+    if (!b->enclosed) {
+        return false;
+    }
+    for (int c = 0; c < b->nz; ++c) {
+        const bool inside = b->unconstrained[c] ? fabs(z[c] - centre[c]) <= b->width[c]
+                                                : memcmp(&z[c], &centre[c], sizeof z[c]) == 0;
+        if (!inside) {
+            return false;
+        }
+    }
+    return true;
+}

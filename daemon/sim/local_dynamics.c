@@ -1,0 +1,184 @@
+// The graphs of a part's exposure and bulk term.
+#include "sim/local_dynamics.h"
+
+#include "sim/port_instance.h"
+
+// By how much dE rises per unit of rate, where a port's prediction asks for it.
+static pm_status build_response(pm_graph *g, pm_arena *arena, const pm_system *system, int id,
+                                double h, pm_node dE, pm_node z, pm_node *result) {
+    const pm_part *part = &system->part[id];
+    bool *wanted = pm_arena_array(arena, (size_t)part->layout.nz, sizeof *wanted);
+    if (wanted == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the graphs of a subsystem");
+    }
+    pm_system_responding(system, id, wanted);
+    const pm_node response = pm_part_response(g, part, dE, z, wanted);
+    *result = response == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, response, h);
+    return PM_OK;
+}
+
+#define OUTPUTS 5
+
+// Those of the outputs that are not PM_NO_NODE are computed; *value[i] receives where they are.
+static pm_status open_exposure(pm_local_dynamics *t, pm_graph *g, pm_node z, pm_node from,
+                               const pm_node wanted[OUTPUTS]) {
+    const double **const value[OUTPUTS] = {&t->E, &t->S, &t->dE, &t->dS, &t->response};
+    pm_node output[OUTPUTS];
+    int count = 0;
+    for (int i = 0; i < OUTPUTS; ++i) {
+        if (wanted[i] != PM_NO_NODE) {
+            output[count++] = pm_broadcast_to(
+                g, wanted[i], (pm_shape){true, 1, pm_graph_shape(g, wanted[i]).cols});
+        }
+    }
+    PM_TRY(pm_program_open(&t->exposure, g, count, output, 1));
+    t->exposure_z = pm_program_value(t->exposure, z);
+    t->exposure_from = from == PM_NO_NODE ? NULL : pm_program_value(t->exposure, from);
+    count = 0;
+    for (int i = 0; i < OUTPUTS; ++i) {
+        *value[i] = wanted[i] == PM_NO_NODE ? NULL : pm_program_value(t->exposure, output[count++]);
+    }
+    return PM_OK;
+}
+
+static pm_status build_exposure(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
+                                int id, const pm_integrator *integrator, double h) {
+    const pm_part *part = &system->part[id];
+    pm_graph *g = NULL;
+    pm_status status;
+    PM_TRY(pm_graph_open(&g));
+    const pm_node z = pm_input(g, true, 1, t->nz);
+    const pm_node from = integrator->discrete ? pm_input(g, true, 1, t->nz) : PM_NO_NODE;
+    pm_node dE, dS, response = PM_NO_NODE;
+    const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
+    pm_part_coenergies(g, part, from, z, &dE, &dS);
+    if (integrator->discrete) {
+        PM_TRY_DONE(build_response(g, arena, system, id, h, dE, z, &response));
+    }
+    status = open_exposure(t, g, z, from, (const pm_node[]){E, S, dE, dS, response});
+done:
+    pm_graph_close(g);
+    return status;
+}
+
+static pm_status open_bulk(pm_local_dynamics *t, const pm_part *part) {
+    pm_graph *g = NULL;
+    PM_TRY(pm_graph_open(&g));
+    const pm_node z = pm_input(g, true, 1, t->nz), dE = pm_input(g, true, 1, t->nz);
+    const pm_node dS = t->dS == NULL ? PM_NO_NODE : pm_input(g, true, 1, t->nz);
+    pm_node degeneracy = PM_NO_NODE;
+    const pm_node rate = pm_part_bulk(g, part, z, dE, dS, &degeneracy);
+    pm_status status = PM_OK;
+    if (rate != PM_NO_NODE) {
+        status = pm_program_open(&t->bulk, g, 1, &rate, 1);
+    }
+    if (t->bulk != NULL) {
+        t->bulk_z = pm_input_of(t->bulk, z);
+        t->bulk_dE = pm_input_of(t->bulk, dE);
+        t->bulk_dS = pm_input_of(t->bulk, dS);
+        t->bulk_rate = pm_program_value(t->bulk, rate);
+    }
+    pm_graph_close(g);
+    return status;
+}
+
+pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
+                                 int subsystem_id, const pm_integrator *integrator, double h) {
+    const pm_part *part = &system->part[subsystem_id];
+    t->nz = part->layout.nz;
+    PM_TRY(build_exposure(t, arena, system, subsystem_id, integrator, h));
+    PM_TRY(pm_contact_broadphase_open(&t->bounding, arena, part));
+    return open_bulk(t, part);
+}
+
+void pm_local_dynamics_close(pm_local_dynamics *t) {
+    pm_program_close(t->exposure);
+    pm_program_close(t->bulk);
+    pm_contact_broadphase_close(&t->bounding);
+}
+
+void pm_local_dynamics_forget(pm_local_dynamics *t) {
+    t->exposure_known = t->bulk_known = false;
+}
+
+// Whether a step from `from` (NULL: none) to z is in the box.
+static bool is_bounded(const pm_local_dynamics *t, const double *z, const double *from) {
+    const double *centre = t->exposure_z;
+    return pm_contact_broadphase_holds(&t->bounding, centre, z) &&
+           (from == NULL || pm_contact_broadphase_holds(&t->bounding, centre, from));
+}
+
+// What was evaluated is that of a box if both ends are in it.
+static void enclose(pm_local_dynamics *t, const double *rate) {
+    pm_contact_broadphase_enclose(&t->bounding, t->exposure_z, t->dE, rate);
+    if (!is_bounded(t, t->exposure_z, t->exposure_from)) {
+        t->bounding.enclosed = false;
+    }
+}
+
+pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, const double *from,
+                                     const double *rate) {
+    if (t->exposure_known && is_bounded(t, z, t->exposure_from == NULL ? NULL : from)) {
+        return PM_EXPOSURE_BOUNDED;
+    }
+    bool renewed = !t->exposure_known;
+    renewed |= pm_renew(t->exposure_z, z, t->nz);
+    renewed |= pm_renew(t->exposure_from, from, t->nz);
+    if (!renewed) {
+        return PM_EXPOSURE_SAME;
+    }
+    pm_program_run(t->exposure, 1);
+    t->exposure_known = true;
+    enclose(t, rate);
+    return PM_EXPOSURE_EVALUATED;
+}
+
+pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z,
+                                         const double *from) {
+    pm_contact_broadphase_forget(&t->bounding);
+    const pm_exposure exposure = pm_local_dynamics_expose(t, z, from, NULL);
+    if (exposure == PM_EXPOSURE_SAME) {
+        enclose(t, NULL);
+    }
+    return exposure;
+}
+
+bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z) {
+    bool renewed = !t->bulk_known;
+    renewed |= pm_renew(t->bulk_z, z, t->nz);
+    renewed |= pm_renew(t->bulk_dE, t->dE, t->nz);
+    renewed |= pm_renew(t->bulk_dS, t->dS, t->nz);
+    if (renewed) {
+        pm_program_run(t->bulk, 1);
+        t->bulk_known = true;
+    }
+    return renewed;
+}
+
+// --- memory ---
+
+#define INPUTS 3 // z, dE, dS
+
+int pm_local_dynamics_checkpoint_size(const pm_local_dynamics *t) {
+    return 1 + INPUTS * t->nz;
+}
+
+void pm_local_dynamics_save(const pm_local_dynamics *t, double *memory) {
+    const double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
+    *memory++ = t->bulk_known;
+    for (int i = 0; i < INPUTS * t->nz; ++i) {
+        const double *from = input[i / t->nz];
+        memory[i] = from == NULL ? 0 : from[i % t->nz];
+    }
+}
+
+void pm_local_dynamics_restore(pm_local_dynamics *t, const double *memory) {
+    double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
+    t->bulk_known = *memory++ != 0;
+    for (int i = 0; i < INPUTS && t->bulk_known; ++i) {
+        pm_renew(input[i], memory + (ptrdiff_t)i * t->nz, t->nz);
+    }
+    if (t->bulk_known) {
+        pm_program_run(t->bulk, 1);
+    }
+}

@@ -1,0 +1,305 @@
+// One end of a port: the graph of its law.
+#include "sim/port_instance.h"
+
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+#include "model/prediction.h"
+
+bool pm_renew(double *to, const double *from, int n) {
+    const size_t size = (size_t)n * sizeof *to;
+    if (to == NULL || from == NULL || memcmp(to, from, size) == 0) {
+        return false;
+    }
+    memcpy(to, from, size);
+    return true;
+}
+
+static double value_at(const double *covector, int i) {
+    return covector == NULL ? 0 : covector[i];
+}
+
+// --- opening ---
+
+static pm_status open_end(pm_port_instance_end *end, pm_arena *arena, const pm_scene_port *port,
+                          int ny, bool discrete) {
+    double *memory = pm_arena_array(arena, 4 * (size_t)ny, sizeof *memory);
+    if (memory == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for port %s", port->name);
+    }
+    *end = (pm_port_instance_end){.ny = ny,
+                                  .y = memory,
+                                  .e = memory + ny,
+                                  .eta = memory + 2 * (ptrdiff_t)ny,
+                                  .response = memory + 3 * (ptrdiff_t)ny};
+    end->shown = (pm_port_values){ny, end->y, end->e, end->eta, discrete ? end->response : NULL};
+    return PM_OK;
+}
+
+static double *value_of(pm_program *program, pm_node x) {
+    return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
+}
+
+double *pm_input_of(pm_program *program, pm_node x) {
+    return x == PM_NO_NODE || !pm_program_depends(program, x) ? NULL : value_of(program, x);
+}
+
+// The law's graph: inputs, and what it makes of them at one or both ends.
+typedef struct law_graph {
+    pm_port_nodes input[2];
+    pm_node last, next;
+    pm_node rate[2], e[2];
+} law_graph;
+
+// The rate at `end`; index 0 of rate and e is the subsystem's end, 1 the other one.
+static void build_rate(pm_graph *g, const pm_port_model *model, law_graph *law, int index,
+                       pm_end end) {
+    pm_port_nodes ends[2] = {law->input[0], law->input[1]};
+    pm_node degeneracy = PM_NO_NODE;
+    law->rate[index] = pm_port_rate(g, model, end, ends, law->last, &law->next, &degeneracy);
+    law->e[index] = ends[end].e == law->input[end].e ? PM_NO_NODE : ends[end].e;
+}
+
+static void build_law(pm_graph *g, const pm_system *system, const pm_port_instance *j,
+                      bool discrete, law_graph *law) {
+    const pm_port_model *model = &system->port[j->port_id];
+    for (int i = 0; i < 2; ++i) {
+        const int ny = model->layout[i].nz;
+        const bool entropy = pm_system_end_has_entropy(system, j->port_id, i);
+        // What is prescribed does not respond.
+        const bool responds = discrete && (j->boundary_input == NULL || i == (int)j->end);
+        law->input[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
+                                        entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE,
+                                        responds ? pm_input(g, true, 1, ny) : PM_NO_NODE};
+    }
+    law->last = pm_input(g, true, 1, j->nboth);
+    law->rate[1] = law->e[1] = PM_NO_NODE;
+    build_rate(g, model, law, 0, j->end);
+    if (j->boundary_input != NULL || j->shared) {
+        build_rate(g, model, law, 1, j->end == PM_END_A ? PM_END_B : PM_END_A);
+    }
+}
+
+static pm_status open_program(pm_port_instance *j, const pm_graph *g, const law_graph *law) {
+    const pm_node wanted[] = {law->rate[0], law->e[0], law->rate[1], law->e[1], law->next};
+    pm_node output[5];
+    int count = 0;
+    for (int i = 0; i < 5; ++i) {
+        if (wanted[i] != PM_NO_NODE) {
+            output[count++] = wanted[i];
+        }
+    }
+    PM_TRY(pm_program_open(&j->program, g, count, output, 1));
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_nodes *n = &law->input[i];
+        j->input[i] = (pm_port_instance_end){.ny = pm_graph_shape(g, n->y).cols,
+                                             .y = pm_input_of(j->program, n->y),
+                                             .e = pm_input_of(j->program, n->e),
+                                             .eta = pm_input_of(j->program, n->eta),
+                                             .response = pm_input_of(j->program, n->response)};
+        j->rate[i] = value_of(j->program, law->rate[i]);
+        j->law_e[i] = value_of(j->program, law->e[i]);
+    }
+    j->next = value_of(j->program, law->next);
+    j->last = law->next == PM_NO_NODE ? NULL : value_of(j->program, law->last);
+    return PM_OK;
+}
+
+static pm_status open_law(pm_port_instance *j, const pm_system *system, bool discrete) {
+    pm_graph *g = NULL;
+    PM_TRY(pm_graph_open(&g));
+    law_graph law;
+    build_law(g, system, j, discrete, &law);
+    const pm_status status = law.rate[0] == PM_NO_NODE ? PM_OK : open_program(j, g, &law);
+    pm_graph_close(g);
+    return status;
+}
+
+pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_system *system,
+                                const pm_integrator *integrator, int port_id, pm_end end) {
+    const pm_scene_port *port = &system->scene->port[port_id];
+    const int other = 1 - (int)end;
+    *j = (pm_port_instance){.port_id = port_id,
+                            .end = end,
+                            .component = port->component[end],
+                            .world_component = port->component[other],
+                            .nboth = port->layout[0].nz + port->layout[1].nz};
+    PM_TRY(open_end(&j->own, arena, port, port->layout[end].nz, integrator->discrete));
+    if (port->boundary_input[other] >= 0) {
+        j->boundary_input = &system->scene->boundary_input[port->boundary_input[other]];
+        PM_TRY(open_end(&j->world, arena, port, port->layout[other].nz, false));
+    }
+    return open_law(j, system, integrator->discrete);
+}
+
+pm_status pm_port_instance_share(pm_port_instance *here, pm_port_instance *there,
+                                 const pm_system *system, const pm_integrator *integrator) {
+    if (system->port[here->port_id].law->separate || here->program == NULL ||
+        there->program == NULL) {
+        return PM_OK;
+    }
+    pm_port_instance_close(here);
+    pm_port_instance_close(there);
+    there->peer = here;
+    here->shared = true;
+    return open_law(here, system, integrator->discrete);
+}
+
+void pm_port_instance_close(pm_port_instance *j) {
+    pm_program_close(j->program);
+    j->program = NULL;
+}
+
+// --- one round ---
+
+void pm_port_instance_expose(pm_port_instance *j, const double *z, const double *dE,
+                             const double *dS, const double *response) {
+    for (int c = 0; c < j->own.ny; ++c) {
+        const int at = j->component[c];
+        j->own.y[c] = z[at];
+        j->own.e[c] = value_at(dE, at);
+        j->own.eta[c] = value_at(dS, at);
+        j->own.response[c] = value_at(response, at);
+    }
+}
+
+const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const double *prescribed) {
+    const double *value = prescribed + j->boundary_input->first;
+    const int nz = j->boundary_input->layout.nz;
+    for (int c = 0; c < j->world.ny; ++c) {
+        const int at = j->world_component[c];
+        j->world.y[c] = value[at];
+        j->world.e[c] = value[nz + at];
+        j->world.eta[c] = value[2 * nz + at];
+    }
+    return &j->world.shown;
+}
+
+void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const double *eta,
+                  const double *rate) {
+    pm_flux sum = {0};
+    for (int i = 0; i < n; ++i) {
+        const double power = value_at(e, i) * rate[i], production = value_at(eta, i) * rate[i];
+        sum.energy += weight * power;
+        sum.entropy += weight * production;
+        sum.energy_gross += weight * fabs(power);
+        sum.entropy_gross += weight * fabs(production);
+    }
+    flux->energy += sum.energy;
+    flux->entropy += sum.entropy;
+    flux->energy_gross += sum.energy_gross;
+    flux->entropy_gross += sum.entropy_gross;
+}
+
+// The prediction starts from nothing in the first stage, then from what it found in the last one.
+static bool renew_last(pm_port_instance *j, bool first) {
+    if (!first) {
+        return pm_renew(j->last, j->next, j->nboth);
+    }
+    bool renewed = false;
+    for (int i = 0; i < j->nboth && j->last != NULL; ++i) {
+        renewed = renewed || j->last[i] != 0;
+        j->last[i] = 0;
+    }
+    return renewed;
+}
+
+// True if any of them has changed.
+static bool renew_inputs(pm_port_instance *j, const pm_port_values *other, bool first) {
+    bool renewed = renew_last(j, first);
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_values *shown = i == (int)j->end ? &j->own.shown : other;
+        const pm_port_instance_end *to = &j->input[i];
+        assert(shown->ny == to->ny);
+        renewed |= pm_renew(to->y, shown->y, to->ny);
+        renewed |= pm_renew(to->e, shown->e, to->ny);
+        renewed |= pm_renew(to->eta, shown->eta, to->ny);
+        renewed |= pm_renew(to->response, shown->response, to->ny);
+    }
+    return renewed;
+}
+
+static void evaluate(pm_port_instance *j, const pm_port_values *other, bool first) {
+    j->renewed = renew_inputs(j, other, first) || !j->known;
+    if (j->renewed) {
+        pm_program_run(j->program, 1);
+        j->known = true;
+    }
+}
+
+static void book(pm_flux *flux, double weight, const pm_port_instance_end *end, const double *law_e,
+                 const double *rate) {
+    pm_flux_book(flux, weight, end->ny, law_e != NULL ? law_e : end->e, end->eta, rate);
+}
+
+bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, bool first,
+                             double weight, double *k) {
+    const pm_port_instance *law = j->peer != NULL ? j->peer : j;
+    const int index = j->peer != NULL ? 1 : 0;
+    if (law->program == NULL) {
+        return false;
+    }
+    if (j->peer == NULL) {
+        evaluate(j, other, first);
+    }
+    for (int c = 0; c < j->own.ny; ++c) {
+        k[j->component[c]] += law->rate[index][c];
+    }
+    book(&j->booking, weight, &j->own, law->law_e[index], law->rate[index]);
+    if (j->boundary_input != NULL && j->rate[1] != NULL) {
+        book(&j->world_booking, weight, &j->world, j->law_e[1], j->rate[1]);
+    }
+    return law->renewed;
+}
+
+// --- memory ---
+
+#define INPUTS 4 // y, e, eta, response at each end
+
+int pm_port_instance_checkpoint_size(const pm_port_instance *j) {
+    return j->program == NULL ? 0 : 1 + (INPUTS + 1) * j->nboth;
+}
+
+// The law's inputs [INPUTS * 2 + 1], and how long each is; NULL where it has none.
+static void list_inputs(const pm_port_instance *j, double **input, int *count) {
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_instance_end *end = &j->input[i];
+        double *const of_end[INPUTS] = {end->y, end->e, end->eta, end->response};
+        for (int k = 0; k < INPUTS; ++k) {
+            *input++ = of_end[k];
+            *count++ = end->ny;
+        }
+    }
+    *input = j->last;
+    *count = j->nboth;
+}
+
+void pm_port_instance_save(const pm_port_instance *j, double *memory) {
+    double *input[2 * INPUTS + 1];
+    int count[2 * INPUTS + 1];
+    if (j->program == NULL) {
+        return;
+    }
+    list_inputs(j, input, count);
+    *memory++ = j->known;
+    for (int i = 0; i < 2 * INPUTS + 1; memory += count[i++]) {
+        for (int k = 0; k < count[i]; ++k) {
+            memory[k] = value_at(input[i], k);
+        }
+    }
+}
+
+void pm_port_instance_restore(pm_port_instance *j, const double *memory) {
+    double *input[2 * INPUTS + 1];
+    int count[2 * INPUTS + 1];
+    j->known = j->program != NULL && *memory++ != 0;
+    if (!j->known) {
+        return;
+    }
+    list_inputs(j, input, count);
+    for (int i = 0; i < 2 * INPUTS + 1; memory += count[i++]) {
+        pm_renew(input[i], memory, count[i]);
+    }
+    pm_program_run(j->program, 1);
+}

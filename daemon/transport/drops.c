@@ -1,0 +1,11 @@
+// The names of the reasons for which messages are dropped.
+#include "transport/drops.h"
+
+const char *pm_drop_name(pm_drop drop) {
+    static const char *const name[PM_NDROP] = {
+        "used",         "wrong length", "foreign type",    "wrong size",
+        "bad text",     "not finite",   "foreign session", "repeated",
+        "out of range", "not LCM's",    "not authentic",   "replayed",
+    };
+    return drop >= 0 && drop < PM_NDROP ? name[drop] : "unknown";
+}

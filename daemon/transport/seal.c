@@ -1,0 +1,132 @@
+// Stamps, tags and the file of the key, by libsodium.
+#include "transport/seal.h"
+
+#include <endian.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <sodium.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#define STAMP_SIZE 8
+#define TAG_SIZE (PM_SEAL_SIZE - STAMP_SIZE)
+
+struct pm_seal {
+    crypto_generichash_state keyed; // every tag goes on from here
+    int64_t offset;                 // ns, from the monotonic clock to that of stamps
+    int64_t newest;                 // stamp heard, or the start of listening
+};
+
+// --- the key ---
+
+static pm_status read_key(pm_key *key, int file, const char *path) {
+    struct stat about;
+    unsigned char bytes[PM_KEY_SIZE + 1];
+    if (fstat(file, &about) != 0) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    if (!S_ISREG(about.st_mode)) {
+        return pm_fail(PM_EFILE, "%s: not a file", path);
+    }
+    if ((about.st_mode & 077) != 0) {
+        return pm_fail(PM_EFILE,
+                       "%s: others may use this key (mode %04o): chmod 600 it, or make "
+                       "another",
+                       path, (unsigned)about.st_mode & 07777);
+    }
+    const ssize_t count = read(file, bytes, sizeof bytes);
+    if (count == PM_KEY_SIZE) {
+        memcpy(key->byte, bytes, PM_KEY_SIZE);
+    }
+    sodium_memzero(bytes, sizeof bytes);
+    return count == PM_KEY_SIZE ? PM_OK
+                                : pm_fail(PM_EFILE,
+                                          "%s: %lld bytes, expected a key of %d, as from "
+                                          "\"head -c %d /dev/urandom\"",
+                                          path, (long long)about.st_size, PM_KEY_SIZE, PM_KEY_SIZE);
+}
+
+pm_status pm_key_load(pm_key *key, const char *path) {
+    const int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (file < 0) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    const pm_status status = read_key(key, file, path);
+    close(file);
+    return status;
+}
+
+void pm_key_clear(pm_key *key) {
+    sodium_memzero(key, sizeof *key);
+}
+
+// --- the seal ---
+
+static int64_t read_clock(clockid_t clock) {
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now) {
+    // Locked in memory where the system lets us, and aligned as the state wants it, since its size
+    // is a multiple of that.
+    pm_seal *made = sodium_init() < 0 ? NULL : sodium_malloc(sizeof *made);
+    if (made == NULL) {
+        return pm_fail(PM_ENOMEM, "no memory to keep a key in");
+    }
+    crypto_generichash_init(&made->keyed, key->byte, PM_KEY_SIZE, TAG_SIZE);
+    made->offset = now - read_clock(CLOCK_MONOTONIC);
+    made->newest = now;
+    *seal = made;
+    return PM_OK;
+}
+
+void pm_seal_close(pm_seal *seal) {
+    sodium_free(seal); // which clears it
+}
+
+int64_t pm_seal_clock(const pm_seal *seal) {
+    return seal == NULL ? read_clock(CLOCK_REALTIME) : read_clock(CLOCK_MONOTONIC) + seal->offset;
+}
+
+// `size` bytes: payload and stamp.
+static void make_tag(const pm_seal *seal, const char *channel, const void *data, size_t size,
+                     unsigned char *tag) {
+    crypto_generichash_state state = seal->keyed;
+    crypto_generichash_update(&state, (const unsigned char *)channel, strlen(channel) + 1);
+    crypto_generichash_update(&state, data, size);
+    crypto_generichash_final(&state, tag, TAG_SIZE);
+}
+
+void pm_seal_write(const pm_seal *seal, const char *channel, void *data, size_t size,
+                   int64_t stamp) {
+    unsigned char *trailer = (unsigned char *)data + size;
+    const uint64_t bits = htobe64((uint64_t)stamp);
+    memcpy(trailer, &bits, STAMP_SIZE);
+    make_tag(seal, channel, data, size + STAMP_SIZE, trailer + STAMP_SIZE);
+}
+
+pm_drop pm_seal_check(pm_seal *seal, const char *channel, const void *data, size_t *size) {
+    if (*size < PM_SEAL_SIZE) {
+        return PM_DROP_LENGTH;
+    }
+    const size_t payload = *size - PM_SEAL_SIZE;
+    const unsigned char *trailer = (const unsigned char *)data + payload;
+    unsigned char tag[TAG_SIZE];
+    make_tag(seal, channel, data, payload + STAMP_SIZE, tag);
+    if (sodium_memcmp(tag, trailer + STAMP_SIZE, TAG_SIZE) != 0) {
+        return PM_DROP_SEAL;
+    }
+    uint64_t bits;
+    memcpy(&bits, trailer, STAMP_SIZE);
+    const int64_t stamp = (int64_t)be64toh(bits);
+    if (stamp < seal->newest - PM_SEAL_AGE) {
+        return PM_DROP_REPLAY;
+    }
+    seal->newest = stamp > seal->newest ? stamp : seal->newest;
+    *size = payload;
+    return PM_KEEP;
+}

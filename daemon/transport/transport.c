@@ -1,0 +1,104 @@
+// The table of transports, and the calls through it.
+#include "transport/transport.h"
+
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "transport/transport_table.h"
+
+struct pm_transport {
+    const pm_transport_table *table;
+    void *state;
+    pm_drops drops;
+};
+
+static const struct {
+    const char *scheme;
+    const pm_transport_table *table;
+} schemes[] = {
+    {"udpm://", &pm_transport_lcm},
+    {"mpudpm://", &pm_transport_lcm},
+    {"memory://", &pm_transport_memory},
+};
+
+static pm_status find(const char *url, const pm_transport_table **table) {
+    for (size_t i = 0; i < sizeof schemes / sizeof schemes[0]; ++i) {
+        if (strncmp(url, schemes[i].scheme, strlen(schemes[i].scheme)) == 0) {
+            *table = schemes[i].table;
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_ECONFIG,
+                   "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT or "
+                   "memory://",
+                   url);
+}
+
+pm_status pm_transport_check(const char *url) {
+    const pm_transport_table *table = NULL;
+    PM_TRY(find(url, &table));
+    return table->check(url);
+}
+
+pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
+    const pm_transport_table *table = NULL;
+    PM_TRY(find(url, &table));
+    pm_transport *made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
+    }
+    made->table = table;
+    const pm_status status = table->open(&made->state, url, hub, &made->drops);
+    if (status != PM_OK) {
+        free(made);
+        return status;
+    }
+    *transport = made;
+    return PM_OK;
+}
+
+void pm_transport_close(pm_transport *transport) {
+    if (transport != NULL) {
+        transport->table->close(transport->state);
+        free(transport);
+    }
+}
+
+pm_status pm_transport_seal(pm_transport *transport, const pm_key *key) {
+    void *state;
+    PM_TRY(pm_transport_sealed_open(&state, transport->table, transport->state, key,
+                                    &transport->drops));
+    transport->table = &pm_transport_sealed;
+    transport->state = state;
+    return PM_OK;
+}
+
+pm_status pm_transport_subscribe(pm_transport *transport, const char *channel,
+                                 pm_message_handler *handler, void *context) {
+    assert(strlen(channel) < PM_CHANNEL_SIZE);
+    return transport->table->subscribe(transport->state, channel, handler, context);
+}
+
+pm_status pm_transport_publish(pm_transport *transport, const char *channel, const void *data,
+                               size_t size) {
+    assert(strlen(channel) < PM_CHANNEL_SIZE);
+    return transport->table->publish(transport->state, channel, data, size);
+}
+
+pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handled) {
+    int count = 0;
+    const pm_status status = transport->table->wait(transport->state, seconds, &count);
+    if (handled != NULL) {
+        *handled = count;
+    }
+    return status;
+}
+
+int pm_transport_file(const pm_transport *transport) {
+    return transport->table->file(transport->state);
+}
+
+const pm_drops *pm_transport_drops(const pm_transport *transport) {
+    return &transport->drops;
+}

@@ -1,0 +1,215 @@
+// Messages between endpoints in one thread: a queue per receiver, and for tests a hub that loses,
+// repeats and delays. Message buffers are reused, so that a run in its stride allocates nothing.
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/rng.h"
+#include "transport/transport_table.h"
+
+typedef struct subscription {
+    struct subscription *next;
+    pm_message_handler *handler;
+    void *context;
+    char channel[PM_CHANNEL_SIZE];
+} subscription;
+
+typedef struct message {
+    struct message *next;
+    const subscription *to;
+    long due; // handed out when the receiver's count of waits has reached this
+    size_t size, capacity;
+    unsigned char data[];
+} message;
+
+typedef struct endpoint {
+    struct endpoint *next;
+    pm_hub *hub;
+    subscription *subscriptions;
+    message *head, **tail; // waiting, oldest first; where the next one is linked
+    long waits;            // calls of pm_transport_wait so far
+} endpoint;
+
+struct pm_hub {
+    endpoint *endpoints;
+    message *unused;
+    pm_hub_faults faults;
+    pm_rng rng;
+};
+
+static void free_messages(message *m) {
+    while (m != NULL) {
+        message *next = m->next;
+        free(m);
+        m = next;
+    }
+}
+
+pm_status pm_hub_open(pm_hub **hub, const pm_hub_faults *faults) {
+    pm_hub *made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        return pm_fail(PM_ENOMEM, "message hub: out of memory");
+    }
+    if (faults != NULL) {
+        made->faults = *faults;
+    }
+    pm_rng_init(&made->rng, made->faults.seed, 0);
+    *hub = made;
+    return PM_OK;
+}
+
+void pm_hub_close(pm_hub *hub) {
+    if (hub != NULL) {
+        free_messages(hub->unused);
+        free(hub);
+    }
+}
+
+static pm_status memory_check(const char *url) {
+    (void)url;
+    return PM_OK;
+}
+
+static pm_status memory_open(void **state, const char *url, pm_hub *hub, pm_drops *drops) {
+    (void)drops;
+    if (hub == NULL) {
+        return pm_fail(PM_ECONFIG, "transport \"%s\" works inside one process only", url);
+    }
+    endpoint *e = calloc(1, sizeof *e);
+    if (e == NULL) {
+        return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
+    }
+    e->hub = hub;
+    e->tail = &e->head;
+    // At the end of the list: messages go out in the order in which endpoints were opened.
+    endpoint **link = &hub->endpoints;
+    while (*link != NULL) {
+        link = &(*link)->next;
+    }
+    *link = e;
+    *state = e;
+    return PM_OK;
+}
+
+static void memory_close(void *state) {
+    endpoint *e = state;
+    endpoint **link = &e->hub->endpoints;
+    while (*link != e) {
+        link = &(*link)->next;
+    }
+    *link = e->next;
+    free_messages(e->head);
+    while (e->subscriptions != NULL) {
+        subscription *next = e->subscriptions->next;
+        free(e->subscriptions);
+        e->subscriptions = next;
+    }
+    free(e);
+}
+
+static pm_status memory_subscribe(void *state, const char *channel, pm_message_handler *handler,
+                                  void *context) {
+    endpoint *e = state;
+    subscription *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
+    }
+    s->handler = handler;
+    s->context = context;
+    strcpy(s->channel, channel);
+    s->next = e->subscriptions;
+    e->subscriptions = s;
+    return PM_OK;
+}
+
+// A buffer for `size` bytes: the first unused one that is large enough, else a new one.
+static message *take_message(pm_hub *hub, size_t size) {
+    for (message **link = &hub->unused; *link != NULL; link = &(*link)->next) {
+        message *m = *link;
+        if (m->capacity >= size) {
+            *link = m->next;
+            return m;
+        }
+    }
+    const size_t capacity = size < 256 ? 256 : size;
+    message *m = malloc(sizeof *m + capacity);
+    if (m != NULL) {
+        m->capacity = capacity;
+    }
+    return m;
+}
+
+static pm_status enqueue(endpoint *e, const subscription *to, const void *data, size_t size) {
+    pm_hub *hub = e->hub;
+    message *m = take_message(hub, size);
+    if (m == NULL) {
+        return pm_fail(PM_ENOMEM, "channel %s: out of memory", to->channel);
+    }
+    m->next = NULL;
+    m->to = to;
+    m->due = 0;
+    m->size = size;
+    memcpy(m->data, data, size);
+    if (hub->faults.delay > 0 && pm_rng_uniform(&hub->rng) < hub->faults.delay) {
+        m->due = e->waits + 1 + (long)pm_rng_below(&hub->rng, (uint64_t)hub->faults.max_delay);
+    }
+    *e->tail = m;
+    e->tail = &m->next;
+    return PM_OK;
+}
+
+static pm_status memory_publish(void *state, const char *channel, const void *data, size_t size) {
+    pm_hub *hub = ((endpoint *)state)->hub;
+    const pm_hub_faults *faults = &hub->faults;
+    for (endpoint *e = hub->endpoints; e != NULL; e = e->next) {
+        for (const subscription *s = e->subscriptions; s != NULL; s = s->next) {
+            if (strcmp(s->channel, channel) != 0) {
+                continue;
+            }
+            if (faults->drop > 0 && pm_rng_uniform(&hub->rng) < faults->drop) {
+                continue;
+            }
+            PM_TRY(enqueue(e, s, data, size));
+            if (faults->duplicate > 0 && pm_rng_uniform(&hub->rng) < faults->duplicate) {
+                PM_TRY(enqueue(e, s, data, size));
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status memory_wait(void *state, double seconds, int *handled) {
+    (void)seconds;
+    endpoint *e = state;
+    e->waits += 1;
+    // Only what waits now: handlers may add more.
+    const message *const *end = (const message *const *)e->tail;
+    message **link = &e->head;
+    for (bool more = e->head != NULL; more;) {
+        message *m = *link;
+        more = (const message *const *)&m->next != end;
+        if (m->due > e->waits) {
+            link = &m->next;
+            continue;
+        }
+        *link = m->next;
+        if (e->tail == &m->next) {
+            e->tail = link;
+        }
+        m->to->handler(m->to->context, m->to->channel, m->data, m->size);
+        *handled += 1;
+        m->next = e->hub->unused;
+        e->hub->unused = m;
+    }
+    return PM_OK;
+}
+
+static int memory_file(const void *state) {
+    (void)state;
+    return -1;
+}
+
+const pm_transport_table pm_transport_memory = {
+    memory_check,   memory_open, memory_close, memory_subscribe,
+    memory_publish, memory_wait, memory_file,
+};

@@ -1,0 +1,114 @@
+// A transport in front of another: seals what is published, and hands out only what was sealed with
+// the same key.
+#include <stdlib.h>
+#include <string.h>
+
+#include "transport/transport_table.h"
+
+#define FIRST_CAPACITY 1024 // bytes
+
+typedef struct subscription {
+    struct subscription *next;
+    struct sealed *owner;
+    pm_message_handler *handler;
+    void *context;
+} subscription;
+
+typedef struct sealed {
+    const pm_transport_table *table; // of the transport beneath
+    void *beneath;
+    pm_seal *seal;
+    pm_drops *drops;
+    unsigned char *data; // [capacity] a message with its seal
+    size_t capacity;
+    subscription *subscriptions;
+} sealed;
+
+static void sealed_close(void *state) {
+    sealed *s = state;
+    s->table->close(s->beneath);
+    pm_seal_close(s->seal);
+    while (s->subscriptions != NULL) {
+        subscription *next = s->subscriptions->next;
+        free(s->subscriptions);
+        s->subscriptions = next;
+    }
+    free(s->data);
+    free(s);
+}
+
+pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
+                                   const pm_key *key, pm_drops *drops) {
+    sealed *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        return pm_fail(PM_ENOMEM, "sealed transport: out of memory");
+    }
+    const pm_status status = pm_seal_open(&s->seal, key, pm_seal_clock(NULL));
+    if (status != PM_OK) {
+        free(s);
+        return status;
+    }
+    s->table = table;
+    s->beneath = beneath;
+    s->drops = drops;
+    *state = s;
+    return PM_OK;
+}
+
+static void check(void *context, const char *channel, const void *data, size_t size) {
+    const subscription *s = context;
+    const pm_drop drop = pm_seal_check(s->owner->seal, channel, data, &size);
+    if (drop == PM_KEEP) {
+        s->handler(s->context, channel, data, size);
+    } else {
+        s->owner->drops->count[drop] += 1;
+    }
+}
+
+static pm_status sealed_subscribe(void *state, const char *channel, pm_message_handler *handler,
+                                  void *context) {
+    sealed *s = state;
+    subscription *made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
+    }
+    *made = (subscription){s->subscriptions, s, handler, context};
+    s->subscriptions = made;
+    return s->table->subscribe(s->beneath, channel, check, made);
+}
+
+static pm_status sealed_publish(void *state, const char *channel, const void *data, size_t size) {
+    sealed *s = state;
+    if (s->capacity < size + PM_SEAL_SIZE) {
+        const size_t capacity = 2 * size + FIRST_CAPACITY;
+        unsigned char *larger = realloc(s->data, capacity);
+        if (larger == NULL) {
+            return pm_fail(PM_ENOMEM, "channel %s: no memory for %zu bytes", channel, size);
+        }
+        s->data = larger;
+        s->capacity = capacity;
+    }
+    if (size > 0) {
+        memcpy(s->data, data, size);
+    }
+    pm_seal_write(s->seal, channel, s->data, size, pm_seal_clock(s->seal));
+    return s->table->publish(s->beneath, channel, s->data, size + PM_SEAL_SIZE);
+}
+
+static pm_status sealed_wait(void *state, double seconds, int *handled) {
+    const sealed *s = state;
+    return s->table->wait(s->beneath, seconds, handled);
+}
+
+static int sealed_file(const void *state) {
+    const sealed *s = state;
+    return s->table->file(s->beneath);
+}
+
+const pm_transport_table pm_transport_sealed = {
+    .close = sealed_close,
+    .subscribe = sealed_subscribe,
+    .publish = sealed_publish,
+    .wait = sealed_wait,
+    .file = sealed_file,
+};

@@ -1,0 +1,21 @@
+// Boxes of bricks that lie apart, for tests of what is between bodies.
+#ifndef PM_TESTS_BOXES_H
+#define PM_TESTS_BOXES_H
+
+#include "body/contact_pairs.h"
+
+#define GAP 0.25
+#define MOST_NODES 100
+
+typedef struct box {
+    double position[MOST_NODES][3], hexahedron[MOST_NODES][8], u[MOST_NODES][3];
+    pm_placed placed;
+} box;
+
+// From the origin, `count` bricks along x, y, z, each a cube of side `step`.
+void box_make(box *b, const int count[3], double step);
+
+// Fails unless a number of a pair is as expected, to rounding.
+void boxes_check(const char *what, int pair, double value, double expected);
+
+#endif

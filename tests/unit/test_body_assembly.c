@@ -1,0 +1,373 @@
+// Boxes of bricks in a stack, that share a basis: which of them meet, and what the modes of all say
+// about the gaps and the forces between them.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/rng.h"
+#include "graph/program.h"
+#include "modal/body_assembly.h"
+#include "tests/support/boxes.h"
+
+enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
+static const int trajectory = 0;
+
+// Two modes: one tilts along x, one shifts along y.
+static void mode_fields(const double *x, double u[2][3]) {
+    memset(u, 0, 6 * sizeof **u);
+    u[0][2] = x[0];
+    u[1][1] = 1;
+}
+
+static pm_basis *make_basis(const box *b) {
+    pm_basis *basis = NULL;
+    assert_int_equal(pm_basis_new(&basis, b->placed.nnode, 2, 2, 0), PM_OK);
+    basis->inertia_time = 1;
+    basis->temperature = 1;
+    double square[2] = {0};
+    for (int n = 0; n < b->placed.nnode; ++n) {
+        double u[2][3];
+        mode_fields(b->position[n], u);
+        for (int m = 0; m < 2; ++m) {
+            memcpy(basis->mode + 3 * (m * b->placed.nnode + n), u[m], sizeof u[m]);
+            square[m] += u[m][1] * u[m][1] + u[m][2] * u[m][2];
+        }
+    }
+    basis->stiffness[0] = 1 / square[0];
+    basis->stiffness[1] = 1 / square[1];
+    return basis;
+}
+
+static double amplitude(int body, int mode, int time) {
+    return 0.01 * (1 + body) * time * (mode == 0 ? 1 : -2);
+}
+
+// In modes alone; forces of contact push what is above up and what is below down, 5 N per time.
+static pm_field *make_field(const box *b, int body) {
+    const pm_field_shape shape = {.ntrajectory = 1,
+                                  .ntime = NTIME,
+                                  .nnode = b->placed.nnode,
+                                  .nvariable = 6,
+                                  .contact = true};
+    pm_field *field = NULL;
+    assert_int_equal(pm_field_new(&field, shape, 0.1, "qx qy qz vx vy vz"), PM_OK);
+    memcpy(field->position, b->position, 3 * (size_t)b->placed.nnode * sizeof(double));
+    for (int j = 0; j < NTIME; ++j) {
+        for (int n = 0; n < b->placed.nnode; ++n) {
+            double u[2][3], *q = pm_field_state(field, 0, j) + 6 * n;
+            mode_fields(b->position[n], u);
+            for (int d = 0; d < 3; ++d) {
+                q[d] = b->position[n][d] + amplitude(body, 0, j) * u[0][d] +
+                       amplitude(body, 1, j) * u[1][d];
+            }
+        }
+        pm_field_contact(field, 0, j)[3 * 2 + 2] = body == 0 ? -5 * j : body == 2 ? 5 * j : 0;
+    }
+    return field;
+}
+
+typedef struct stack {
+    box box;
+    pm_basis *basis;
+    pm_body_assembly assembly;
+    pm_field *field[NBODY];
+} stack;
+
+static void make_stack(stack *s) {
+    static const char *const names[NBODY] = {"bottom", "middle", "top"};
+    memset(s, 0, sizeof *s);
+    box_make(&s->box, (int[3]){3, 2, 1}, 2);
+    s->basis = make_basis(&s->box);
+    s->assembly = (pm_body_assembly){.basis = s->basis, .nbody = NBODY};
+    s->assembly.body = pm_arena_array(&s->assembly.arena, NBODY, sizeof *s->assembly.body);
+    for (int i = 0; i < NBODY; ++i) {
+        s->assembly.body[i] = s->box.placed;
+        s->assembly.body[i].name = names[i];
+        s->assembly.body[i].origin[2] = i * (2 + GAP);
+        s->field[i] = make_field(&s->box, i);
+    }
+    assert_int_equal(pm_body_assembly_meet(&s->assembly), PM_OK);
+}
+
+static void free_stack(stack *s) {
+    for (int i = 0; i < NBODY; ++i) {
+        pm_field_free(s->field[i]);
+    }
+    pm_arena_free(&s->assembly.arena);
+    pm_basis_free(s->basis);
+}
+
+static void neighbours_meet(void **state) {
+    (void)state;
+    stack s;
+    make_stack(&s);
+    assert_int_equal(s.assembly.ncontact, 2); // bottom and top have the middle between them
+    for (int m = 0; m < 2; ++m) {
+        assert_int_equal(s.assembly.meeting[m].body[0], m);
+        assert_int_equal(s.assembly.meeting[m].body[1], m + 1);
+        assert_int_equal(s.assembly.meeting[m].facing.npair, NPAIR);
+    }
+    free_stack(&s);
+}
+
+static int column_of(const pm_dataset *d, const char *name) {
+    int i = 0;
+    while (i < d->ncolumn && strcmp(d->column[i], name) != 0) {
+        ++i;
+    }
+    if (i == d->ncolumn) {
+        fail_msg("no column %s", name);
+    }
+    return i;
+}
+
+// Openings are those of the undeformed boxes and what the matrices make of the amplitudes.
+static void matrices_give_the_openings(void **state) {
+    (void)state;
+    static const char *const a_names[2] = {"middle_a0", "top_a0"};
+    static const char *const travels[2] = {"middle_top_middle0", "middle_top_top0"};
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    assert_int_equal(
+        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
+        PM_OK);
+    const pm_contact_interface *m = &s.assembly.meeting[1];
+    pm_openings openings;
+    double matrix[2][PM_CONTACT_GROUPS * NPAIR][2];
+    for (int end = 0; end < 2; ++end) {
+        assert_int_equal(pm_contact_interface_matrix(&s.assembly, m, end, matrix[end][0]), PM_OK);
+    }
+    assert_int_equal(pm_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena), PM_OK);
+    const int creep = column_of(d, "middle_top_creep0");
+    for (int j = 0; j < NTIME; ++j) {
+        double *row = pm_dataset_state(d, 0, j);
+        boxes_check("creep", j, row[creep + 1], 0);
+        boxes_check("entropy", j, row[column_of(d, "middle_top_s")], 0);
+        row[creep + 1] = 0.5;
+        for (int i = 0; i < PM_CONTACT_GROUPS * NPAIR; ++i) {
+            double expected = i == 1 ? GAP + 0.5 : i < NPAIR ? GAP : 0;
+            for (int end = 0; end < 2; ++end) {
+                const double *a = row + column_of(d, a_names[end]);
+                boxes_check("amplitude", end, a[0], amplitude(1 + end, 0, j));
+                boxes_check("travel", end, row[column_of(d, travels[end]) + 1], a[1]);
+                expected += matrix[end][i][0] * a[0] + matrix[end][i][1] * a[1];
+            }
+            boxes_check("opening", i, pm_openings_at(&openings, row)[i], expected);
+        }
+    }
+    boxes_check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
+    // A tilt alone does not move a side along itself, but what lies below it counts as lagging.
+    for (int i = 0; i < 2 * NPAIR; ++i) {
+        const double slid = matrix[1][PM_CONTACT_SLID_U * NPAIR + i][0];
+        boxes_check("slid", i, slid, 0.5 * matrix[1][PM_CONTACT_SLOPE_U * NPAIR + i][0]);
+    }
+    const double slope_u = matrix[1][PM_CONTACT_SLOPE_U * NPAIR][0];
+    const double slope_v = matrix[1][PM_CONTACT_SLOPE_V * NPAIR][0];
+    boxes_check("slope", 0, hypot(slope_u, slope_v), 0.5);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
+// The part's energy, built as a graph, is that of the openings of a row with the same numbers.
+static void the_part_stores_the_openings(void **state) {
+    (void)state;
+    const pm_gap_constants constants = {.stiffness = 30, .creep = 0.01};
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    pm_part part;
+    pm_openings openings;
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    pm_rng rng;
+    pm_rng_init(&rng, 5, 0);
+    const pm_contact_interface *m = &s.assembly.meeting[0];
+    assert_int_equal(
+        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
+        PM_OK);
+    assert_int_equal(pm_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena), PM_OK);
+    assert_int_equal(
+        pm_contact_interface_part(&s.assembly, m, &constants, &s.assembly.arena, &part), PM_OK);
+    assert_int_equal(part.layout.nz, 2 + 2 + NPAIR + 1);
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z = pm_input(g, true, 1, part.layout.nz), E = pm_part_energy(g, &part, z);
+    assert_int_equal(pm_program_open(&program, g, 1, &E, 1), PM_OK);
+    double *row = pm_dataset_state(d, 0, 0), *state_z = pm_program_value(program, z);
+    row += column_of(d, "bottom_middle_bottom0");
+    int closed = 0;
+    for (int trial = 0; trial < 100; ++trial) {
+        for (int c = 0; c < part.layout.nz; ++c) {
+            row[c] = state_z[c] = 0.3 * pm_rng_normal(&rng);
+        }
+        const double *v = pm_openings_at(&openings, pm_dataset_state(d, 0, 0));
+        double energy = s.basis->temperature * row[part.layout.nz - 1];
+        for (int i = 0; i < NPAIR; ++i) {
+            const double x =
+                v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
+            energy += constants.stiffness / 2 * fmin(x, 0) * fmin(x, 0);
+            closed += x < 0;
+        }
+        pm_program_run(program, 1);
+        boxes_check("energy", trial, *pm_program_value(program, E), energy);
+    }
+    assert_true(closed > 20 && closed < 100 * NPAIR - 20);
+    pm_program_close(program);
+    pm_graph_close(g);
+    pm_part_free(&part);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
+// A row whose opening of one pair of each meeting is `opening` and which is open by 1 elsewhere.
+static void fill_creep(const pm_openings *o, double opening, double *row) {
+    for (int i = 0; i < NPAIR; ++i) {
+        row[o->creep + i] = 0;
+    }
+    const double *v = pm_openings_at(o, row);
+    double now[NPAIR];
+    for (int i = 0; i < NPAIR; ++i) {
+        now[i] = v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
+    }
+    for (int i = 0; i < NPAIR; ++i) {
+        row[o->creep + i] = (i == 2 ? opening : 1) - now[i];
+    }
+}
+
+static void forces_are_compared(void **state) {
+    (void)state;
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    assert_int_equal(
+        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
+        PM_OK);
+    for (int m = 0; m < 2; ++m) {
+        const pm_contact_interface *meeting = &s.assembly.meeting[m];
+        const pm_field *const *field = (const pm_field *const *)s.field;
+        pm_openings openings;
+        double error = -1;
+        assert_int_equal(pm_openings_open(&openings, &s.assembly, meeting, d, &s.assembly.arena),
+                         PM_OK);
+        // One pair closed such that 10 N/m give the truth's force, then half of that.
+        for (int j = 0; j < NTIME; ++j) {
+            fill_creep(&openings, -0.5 * j, pm_dataset_state(d, 0, j));
+        }
+        assert_int_equal(pm_contact_interface_force_errors(&s.assembly, meeting, d, 10, field,
+                                                           &trajectory, &error),
+                         PM_OK);
+        boxes_check("all of the force", m, error, 0);
+        assert_int_equal(pm_contact_interface_force_errors(&s.assembly, meeting, d, 5, field,
+                                                           &trajectory, &error),
+                         PM_OK);
+        boxes_check("half of the force", m, error, 0.5);
+    }
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
+// What nodes of the middle box, displaced by u, make of its openings: the energy of a row's
+// openings and theirs.
+static double energy_of(const stack *s, double (*u)[3], const double *row, const pm_dataset *d,
+                        double stiffness) {
+    double energy = 0;
+    for (int m = 0; m < 2; ++m) {
+        const pm_contact_interface *meeting = &s->assembly.meeting[m];
+        pm_arena arena = {0};
+        pm_openings openings;
+        double v[PM_CONTACT_GROUPS * NPAIR];
+        assert_int_equal(pm_openings_open(&openings, &s->assembly, meeting, d, &arena), PM_OK);
+        memcpy(v, pm_openings_at(&openings, row), sizeof v);
+        pm_contact_pairs_measure(&meeting->facing, m == 0 ? 1 : 0, &s->assembly.body[1], u[0], v);
+        for (int i = 0; i < NPAIR; ++i) {
+            const double x =
+                v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
+            energy += stiffness / 2 * fmin(x, 0) * fmin(x, 0);
+        }
+        pm_arena_free(&arena);
+    }
+    return energy;
+}
+
+// Of the middle one, which is pressed from both sides.
+static void forces_are_the_slope_of_the_energy(void **state) {
+    (void)state;
+    static double u[MOST_NODES][3];
+    const double stiffness = 30, h = 1e-5, tolerance = 1e-6;
+    stack s;
+    pm_contact_force touch;
+    pm_dataset *d = NULL;
+    pm_rng rng;
+    pm_rng_init(&rng, 22, 0);
+    make_stack(&s);
+    assert_int_equal(
+        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
+        PM_OK);
+    assert_int_equal(pm_contact_force_open(&touch, &s.assembly, 1, d, stiffness, &s.assembly.arena),
+                     PM_OK);
+    double f[MOST_NODES][3] = {{0}}, largest = 0, *row = pm_dataset_state(d, 0, 0);
+    for (int c = column_of(d, "bottom_middle_bottom0"); c < d->ncolumn; ++c) {
+        row[c] = 0.3 * pm_rng_normal(&rng);
+    }
+    pm_contact_force_add_forces(&touch, row, f[0]);
+    for (int i = 0; i < 3 * s.box.placed.nnode; ++i) {
+        double *own = &u[i / 3][i % 3], force = f[i / 3][i % 3];
+        *own = h;
+        double slope = energy_of(&s, u, row, d, stiffness);
+        *own = -h;
+        slope = (slope - energy_of(&s, u, row, d, stiffness)) / (2 * h);
+        *own = 0;
+        largest = fmax(largest, fabs(slope));
+        if (!(fabs(force + slope) <= tolerance)) {
+            fail_msg("seed 22, component %d: %.9g, expected %.9g within %g", i, force, -slope,
+                     tolerance);
+        }
+    }
+    assert_true(largest > 1);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
+// Fields of another number of trajectories, states or nodes are not read.
+static void fields_that_do_not_fit_are_refused(void **state) {
+    (void)state;
+    stack s;
+    make_stack(&s);
+    pm_dataset *d = NULL;
+    double error = -1;
+    const pm_field *const *field = (const pm_field *const *)s.field;
+    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, field, 1, &trajectory), PM_OK);
+    int *const number[] = {&s.field[2]->ntrajectory, &s.field[2]->ntime, &s.field[2]->nnode};
+    for (int i = 0; i < 3; ++i) {
+        pm_dataset *none = NULL;
+        --*number[i];
+        assert_int_equal(pm_body_assembly_check(&s.assembly, field), PM_EDATA);
+        assert_non_null(strstr(pm_error(), "the field of top has"));
+        assert_int_equal(pm_body_assembly_project(&none, &s.assembly, field, 1, &trajectory),
+                         PM_EDATA);
+        assert_int_equal(pm_contact_interface_force_errors(&s.assembly, &s.assembly.meeting[1], d,
+                                                           1, field, &trajectory, &error),
+                         PM_EDATA);
+        ++*number[i];
+    }
+    assert_int_equal(pm_body_assembly_check(&s.assembly, field), PM_OK);
+    pm_dataset_free(d);
+    free_stack(&s);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(neighbours_meet),
+        cmocka_unit_test(matrices_give_the_openings),
+        cmocka_unit_test(the_part_stores_the_openings),
+        cmocka_unit_test(forces_are_compared),
+        cmocka_unit_test(forces_are_the_slope_of_the_energy),
+        cmocka_unit_test(fields_that_do_not_fit_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

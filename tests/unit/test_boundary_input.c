@@ -1,0 +1,211 @@
+// Loads over time: polynomials between the states of a dataset, numbers, places in error.
+#include <limits.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/digest.h"
+#include "scene/boundary_input.h"
+
+#define NTIME 30
+#define STRIDE 3
+// Of the values' size: divided differences of the eighth state amplify rounding.
+#define ROUNDING 1e-13
+
+static const char text[] =
+    "scene: loaded\n"
+    "time: {dt: 0.1, steps: 5, integrator: rk4}\n"
+    "subsystems: {a: {weights: a.h5, state: {q: {unit: m, size: 1}, s: {unit: J, size: 1}}}}\n"
+    "boundary_inputs:\n"
+    "  wind:\n"
+    "    p: {unit: kg, value: 2, dE: force}\n"
+    "    s: {unit: J, dE: bath, dS: 1}\n"
+    "  wall: {q: {unit: m, dE: [force, -0.5]}}\n";
+
+// The values of wind (p, s) and wall (q, q): state, dE, dS of each.
+enum { WIND_P, WIND_S, WIND_DP, WIND_DS, WIND_ETA_P, WIND_ETA_S, WALL_DQ = 8, NVALUE = 12 };
+
+static const char *const columns[] = {"bath", "force"};
+
+typedef struct fixture {
+    pm_scene *scene;
+    pm_dataset *data;
+    pm_arena arena;
+    pm_boundary_input boundary_input;
+} fixture;
+
+static void open(fixture *f, int ntime) {
+    *f = (fixture){0};
+    if (pm_scene_parse(&f->scene, text, "t.yaml") != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    assert_int_equal(f->scene->nprescribed, NVALUE);
+    assert_int_equal(pm_dataset_new(&f->data, 2, ntime, 2, 0.1 * STRIDE, columns), PM_OK);
+}
+
+static void close(fixture *f) {
+    pm_arena_free(&f->arena);
+    pm_dataset_free(f->data);
+    pm_scene_free(f->scene);
+}
+
+static void follow(fixture *f) {
+    if (pm_boundary_input_bind(&f->boundary_input, f->scene, f->data, STRIDE, &f->arena) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    pm_boundary_input_follow(&f->boundary_input, f->data, 1);
+}
+
+static void near(const char *what, long step, double value, double expected, double tolerance) {
+    if (!(fabs(value - expected) <= tolerance)) {
+        fail_msg("%s at step %ld: %.17g, expected %.17g within %g", what, step, value, expected,
+                 tolerance);
+    }
+}
+
+// x in states of the dataset.
+static double polynomial(double x, int degree) {
+    double sum = 0;
+    for (int k = 0; k <= degree; ++k) {
+        sum += (k % 3 - 0.8) * pow((x - 7) / 5, k);
+    }
+    return sum;
+}
+
+// Largest difference from f over all steps and some fractions; checks the numbers on the way.
+static double largest_error(const fixture *f, double (*exact)(double x, int parameter),
+                            int parameter) {
+    double worst = 0, value[NVALUE];
+    for (long step = 0; step < f->boundary_input.end; ++step) {
+        for (int k = 0; k <= 4; ++k) {
+            const double x = ((double)step + k / 4.0) / STRIDE;
+            pm_boundary_input_at(&f->boundary_input, step, k / 4.0, value);
+            worst = fmax(worst, fabs(value[WIND_DP] - exact(x, parameter)));
+            near("bath", step, value[WIND_DS], 1 + x, ROUNDING * 30);
+            near("the same column", step, value[WALL_DQ], value[WIND_DP], 0);
+            near("a number", step, value[WALL_DQ + 1], -0.5, 0);
+            near("value", step, value[WIND_P], 2, 0);
+            near("dS", step, value[WIND_ETA_S], 1, 0);
+            near("nothing said", step, value[WIND_ETA_P], 0, 0);
+        }
+    }
+    return worst;
+}
+
+static void fill(fixture *f, double (*exact)(double x, int parameter), int parameter) {
+    for (int j = 0; j < f->data->ntime; ++j) {
+        double *row = pm_dataset_state(f->data, 1, j);
+        row[0] = 1 + j;
+        row[1] = exact(j, parameter);
+    }
+}
+
+static void polynomials_are_exact(void **state) {
+    (void)state;
+    for (int ntime = 2; ntime <= NTIME; ++ntime) {
+        const int degree =
+            ntime < PM_BOUNDARY_INPUT_ORDER ? ntime - 1 : PM_BOUNDARY_INPUT_ORDER - 1;
+        fixture f;
+        open(&f, ntime);
+        fill(&f, polynomial, degree);
+        follow(&f);
+        assert_int_equal(f.boundary_input.end, STRIDE * (ntime - 1));
+        near("polynomial", ntime, largest_error(&f, polynomial, degree), 0,
+             ROUNDING * fabs(polynomial(NTIME, degree)));
+        close(&f);
+    }
+}
+
+// Angular frequency parameter / 100 per state.
+static double sine(double x, int parameter) {
+    return sin(0.01 * parameter * x + 0.3);
+}
+
+// The error of boundary_input.h in the middle, and of eighth order everywhere.
+static void sines_are_off_by_the_eighth_power(void **state) {
+    (void)state;
+    double error[2];
+    for (int i = 0; i < 2; ++i) {
+        fixture f;
+        open(&f, NTIME);
+        fill(&f, sine, 40 << i);
+        follow(&f);
+        error[i] = largest_error(&f, sine, 40 << i);
+        double value[NVALUE], middle = 0;
+        for (long step = 8 * STRIDE; step < f.boundary_input.end - 8 * STRIDE; ++step) {
+            pm_boundary_input_at(&f.boundary_input, step, 0.5, value);
+            middle =
+                fmax(middle, fabs(value[WIND_DP] - sine(((double)step + 0.5) / STRIDE, 40 << i)));
+        }
+        near("bound", i, middle / (1.1e-3 * pow(0.4 * (1 << i), 8)), 0.9, 0.15);
+        close(&f);
+    }
+    near("order", 0, log2(error[1] / error[0]), 8, 0.5);
+}
+
+static void numbers_need_no_dataset(void **state) {
+    (void)state;
+    pm_scene *scene = NULL;
+    pm_arena arena = {0};
+    pm_boundary_input boundary_input;
+    double value[6];
+    const char *still = "scene: still\ntime: {dt: 1, steps: 1, integrator: rk4}\n"
+                        "subsystems: {a: {weights: a.h5, state: {q: {unit: m, size: 1}}}}\n"
+                        "boundary_inputs: {wind: {p: {unit: kg, dE: [0.1, -2e3]}}}\n";
+    assert_int_equal(pm_scene_parse(&scene, still, "t.yaml"), PM_OK);
+    assert_int_equal(pm_boundary_input_bind(&boundary_input, scene, NULL, 0, &arena), PM_OK);
+    assert_true(boundary_input.end == LONG_MAX);
+    pm_boundary_input_at(&boundary_input, 123456789, 0.7, value);
+    assert_true(value[2] == 0.1 && value[3] == -2e3 && value[0] == 0 && value[4] == 0);
+    pm_arena_free(&arena);
+    pm_scene_free(scene);
+}
+
+static void fails(fixture *f, const pm_dataset *data, pm_status code, const char *words) {
+    const pm_status status =
+        pm_boundary_input_bind(&f->boundary_input, f->scene, data, 1, &f->arena);
+    if (status != code || strstr(pm_error(), words) == NULL) {
+        fail_msg("status %d, expected %d; error \"%s\", expected \"%s\"", status, code, pm_error(),
+                 words);
+    }
+}
+
+static void what_cannot_be_followed(void **state) {
+    (void)state;
+    fixture f;
+    open(&f, 1);
+    fails(&f, NULL, PM_ECONFIG, "t.yaml:6:33: load wind follows the column \"force\", but there");
+    fails(&f, f.data, PM_EDATA, "cannot follow a trajectory of one state");
+    f.data->ncolumn = 1;
+    fails(&f, f.data, PM_EDATA, "t.yaml:6:33: load wind: column \"force\" is not in the dataset");
+    close(&f);
+}
+
+static void the_digest_tells_loads_apart(void **state) {
+    (void)state;
+    fixture f;
+    open(&f, NTIME);
+    fill(&f, sine, 40);
+    follow(&f);
+    const uint64_t digest = pm_boundary_input_digest(&f.boundary_input, PM_DIGEST_INIT);
+    pm_dataset_state(f.data, 1, NTIME - 1)[1] += 1e-9;
+    pm_boundary_input_follow(&f.boundary_input, f.data, 1);
+    assert_true(pm_boundary_input_digest(&f.boundary_input, PM_DIGEST_INIT) != digest);
+    close(&f);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(polynomials_are_exact),
+        cmocka_unit_test(sines_are_off_by_the_eighth_power),
+        cmocka_unit_test(numbers_need_no_dataset),
+        cmocka_unit_test(what_cannot_be_followed),
+        cmocka_unit_test(the_digest_tells_loads_apart),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,269 @@
+// Nodes are matched by position, loads by their place and their forces.
+#include "body/correction.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SAME 1e-5       // of the body's size, of a force: single precision
+#define SAME_TOTAL 1e-3 // of a total force
+
+// A place of a load: of a trajectory of own's, or of a known one.
+typedef struct place {
+    double x[3]; // m
+} place;
+
+typedef struct correction {
+    const pm_field *known;
+    int count;
+    const int *trajectory; // [count] of known
+    pm_field *result;      // own's, in known's numbering
+    double near;           // m, within which places are the same
+    place *own, *at;       // [result->ntrajectory], [count]
+    double *difference;    // [count][ntime][nnode][nvariable]
+    pm_arena arena;
+} correction;
+
+static size_t numbers(const correction *c) {
+    return (size_t)c->known->ntime * (size_t)c->known->nnode * (size_t)c->known->nvariable;
+}
+
+static pm_status check_like(const pm_field *own, const pm_field *known) {
+    if (own->nnode != known->nnode || own->ntime != known->ntime ||
+        fabs(own->dt - known->dt) > SAME * known->dt) {
+        return pm_fail(
+            PM_EDATA,
+            "the simulation has %d nodes at %d times %g s apart, what is known %d at %d, "
+            "%g s",
+            own->nnode, own->ntime, own->dt, known->nnode, known->ntime, known->dt);
+    }
+    return strcmp(own->variable, known->variable) == 0
+               ? PM_OK
+               : pm_fail(PM_EDATA, "the simulation's variables are \"%s\", those known \"%s\"",
+                         own->variable, known->variable);
+}
+
+// --- numbering ---
+
+static double size_of(const pm_field *d) {
+    double size = 0;
+    for (int i = 0; i < 3 * d->nnode; ++i) {
+        size = fmax(size, fabs(d->position[i]));
+    }
+    return size;
+}
+
+static bool is_near(const double *a, const double *b, double near) {
+    return fabs(a[0] - b[0]) <= near && fabs(a[1] - b[1]) <= near && fabs(a[2] - b[2]) <= near;
+}
+
+static pm_status match_nodes(const correction *c, const pm_field *own, int *node) {
+    for (int i = 0; i < own->nnode; ++i) {
+        const double *at = c->known->position + 3 * (ptrdiff_t)i;
+        node[i] = 0;
+        while (node[i] < own->nnode &&
+               !is_near(own->position + 3 * (ptrdiff_t)node[i], at, c->near)) {
+            ++node[i];
+        }
+        if (node[i] == own->nnode) {
+            return pm_fail(PM_EDATA, "the simulation has no node at %g, %g, %g", at[0], at[1],
+                           at[2]);
+        }
+    }
+    return PM_OK;
+}
+
+static void copy_renumbered(const correction *c, const pm_field *own, const int *node) {
+    pm_field *d = c->result;
+    const size_t row = (size_t)d->nvariable * sizeof *d->z;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            for (int n = 0; n < d->nnode; ++n) {
+                memcpy(pm_field_state(d, i, j) + (ptrdiff_t)n * d->nvariable,
+                       pm_field_state(own, i, j) + (ptrdiff_t)node[n] * d->nvariable, row);
+                memcpy(pm_field_force(d, i, j) + 3 * (ptrdiff_t)n,
+                       pm_field_force(own, i, j) + 3 * (ptrdiff_t)node[n], 3 * sizeof *d->f);
+            }
+        }
+    }
+}
+
+static pm_status renumber(correction *c, const pm_field *own) {
+    const pm_field *known = c->known;
+    const pm_field_shape shape = {own->ntrajectory, own->ntime,      own->nnode,
+                                  own->nvariable,   known->nelement, false};
+    int *node = pm_arena_array(&c->arena, (size_t)own->nnode, sizeof *node);
+    if (node == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for nodes");
+    }
+    PM_TRY(match_nodes(c, own, node));
+    PM_TRY(pm_field_new(&c->result, shape, known->dt, known->variable));
+    pm_field *d = c->result;
+    d->energy = d->clamped = NULL; // not known
+    memcpy(d->t, known->t, (size_t)d->ntime * sizeof *d->t);
+    memcpy(d->position, known->position, 3 * (size_t)d->nnode * sizeof *d->position);
+    if (d->nelement > 0) {
+        memcpy(d->hexahedron, known->hexahedron, 8 * (size_t)d->nelement * sizeof *d->hexahedron);
+    }
+    copy_renumbered(c, own, node);
+    return PM_OK;
+}
+
+// --- loads ---
+
+static pm_status find_place(const pm_field *d, int trajectory, const char *whose, place *at) {
+    const double *f = pm_field_force(d, trajectory, d->ntime - 1);
+    double *x = at->x, sum = 0;
+    x[0] = x[1] = x[2] = 0;
+    for (int i = 0; i < d->nnode; ++i, f += 3) {
+        const double size = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+        for (int k = 0; k < 3; ++k) {
+            x[k] += size * d->position[3 * i + k];
+        }
+        sum += size;
+    }
+    for (int k = 0; k < 3 && sum > 0; ++k) {
+        x[k] /= sum;
+    }
+    return sum > 0 ? PM_OK
+                   : pm_fail(PM_EDATA, "trajectory %d of %s ends without a load: it has no place",
+                             trajectory, whose);
+}
+
+// The sum of a trajectory's forces at one time.
+static void add_up(const pm_field *d, int trajectory, int time, double sum[3]) {
+    const double *f = pm_field_force(d, trajectory, time);
+    sum[0] = sum[1] = sum[2] = 0;
+    for (int i = 0; i < 3 * d->nnode; ++i) {
+        sum[i % 3] += f[i];
+    }
+}
+
+// Relatively, how far the history of the total force of a trajectory of own's is from that of a
+// known one.
+static double total_apart(const correction *c, int own, int known) {
+    double off = 0, whole = 0;
+    for (int j = 0; j < c->known->ntime; ++j) {
+        double a[3], b[3];
+        add_up(c->result, own, j, a);
+        add_up(c->known, known, j, b);
+        for (int k = 0; k < 3; ++k) {
+            off += (a[k] - b[k]) * (a[k] - b[k]);
+            whole += b[k] * b[k];
+        }
+    }
+    return off == 0 ? 0 : sqrt(off / whole);
+}
+
+// Relatively, how far the forces of a trajectory of own's are from those of a known one.
+static double force_apart(const correction *c, int own, int known) {
+    const size_t count = 3 * (size_t)c->known->nnode * (size_t)c->known->ntime;
+    const double *a = pm_field_force(c->result, own, 0), *b = pm_field_force(c->known, known, 0);
+    double off = 0, whole = 0;
+    for (size_t i = 0; i < count; ++i) {
+        off += (a[i] - b[i]) * (a[i] - b[i]);
+        whole += b[i] * b[i];
+    }
+    return off == 0 ? 0 : sqrt(off / whole);
+}
+
+// What each of the known trajectories differs from the one of own's with the same load.
+static pm_status find_differences(correction *c) {
+    for (int k = 0; k < c->count; ++k) {
+        const int known = c->trajectory[k];
+        int own = 0;
+        while (own < c->result->ntrajectory && (!is_near(c->own[own].x, c->at[k].x, c->near) ||
+                                                force_apart(c, own, known) > SAME)) {
+            ++own;
+        }
+        if (own == c->result->ntrajectory) {
+            return pm_fail(PM_EDATA,
+                           "the simulation has no load as that of trajectory %d of what is known, "
+                           "at %g, %g, %g",
+                           known, c->at[k].x[0], c->at[k].x[1], c->at[k].x[2]);
+        }
+        const double *a = pm_field_state(c->result, own, 0),
+                     *b = pm_field_state(c->known, known, 0);
+        for (size_t i = 0; i < numbers(c); ++i) {
+            c->difference[(size_t)k * numbers(c) + i] = b[i] - a[i];
+        }
+    }
+    return PM_OK;
+}
+
+// The known load of the same size and direction next to that of a trajectory of own's along x, in
+// direction `sign`; -1: none in a row with it.
+static int next_known(const correction *c, int own, double sign) {
+    const place *p = &c->own[own];
+    int best = -1;
+    for (int k = 0; k < c->count; ++k) {
+        const double *x = c->at[k].x;
+        const double ahead = sign * (x[0] - p->x[0]);
+        const bool in_row = fabs(x[1] - p->x[1]) <= c->near && fabs(x[2] - p->x[2]) <= c->near;
+        if (in_row && ahead >= -c->near && total_apart(c, own, c->trajectory[k]) <= SAME_TOTAL &&
+            (best < 0 || ahead < sign * (c->at[best].x[0] - p->x[0]))) {
+            best = k;
+        }
+    }
+    return best;
+}
+
+static pm_status correct_one(const correction *c, int own) {
+    const place *p = &c->own[own];
+    int low = next_known(c, own, -1), high = next_known(c, own, 1);
+    if (low < 0 && high < 0) {
+        return pm_fail(PM_EDATA,
+                       "no known load of the same size and direction lies in a row with that of "
+                       "trajectory %d of the simulation, at %g, %g, %g",
+                       own, p->x[0], p->x[1], p->x[2]);
+    }
+    low = low < 0 ? high : low;
+    high = high < 0 ? low : high;
+    const double length = c->at[high].x[0] - c->at[low].x[0];
+    const double w = length > c->near ? (p->x[0] - c->at[low].x[0]) / length : 0;
+    const double *first = c->difference + (size_t)low * numbers(c);
+    const double *second = c->difference + (size_t)high * numbers(c);
+    double *z = pm_field_state(c->result, own, 0);
+    for (size_t i = 0; i < numbers(c); ++i) {
+        z[i] += (1 - w) * first[i] + w * second[i];
+    }
+    return PM_OK;
+}
+
+static pm_status correct_all(correction *c) {
+    const int n = c->result->ntrajectory;
+    c->own = pm_arena_array(&c->arena, (size_t)n, sizeof *c->own);
+    c->at = pm_arena_array(&c->arena, (size_t)c->count, sizeof *c->at);
+    c->difference = pm_arena_array(&c->arena, (size_t)c->count * numbers(c), sizeof *c->difference);
+    if (c->own == NULL || c->at == NULL || c->difference == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for differences of fields");
+    }
+    for (int i = 0; i < n; ++i) {
+        PM_TRY(find_place(c->result, i, "the simulation", &c->own[i]));
+    }
+    for (int k = 0; k < c->count; ++k) {
+        PM_TRY(find_place(c->known, c->trajectory[k], "what is known", &c->at[k]));
+    }
+    PM_TRY(find_differences(c));
+    for (int i = 0; i < n; ++i) {
+        PM_TRY(correct_one(c, i));
+    }
+    return PM_OK;
+}
+
+pm_status pm_correct(pm_field **corrected, const pm_field *own, const pm_field *known, int count,
+                     const int *trajectory) {
+    correction c = {.known = known, .count = count, .trajectory = trajectory};
+    pm_status status;
+    PM_TRY(check_like(own, known));
+    c.near = SAME * size_of(known);
+    PM_TRY_DONE(renumber(&c, own));
+    PM_TRY_DONE(correct_all(&c));
+    *corrected = c.result;
+    c.result = NULL;
+done:
+    pm_field_free(c.result);
+    pm_arena_free(&c.arena);
+    return status;
+}

@@ -1,0 +1,250 @@
+// Surfaces as quadrangles in a gnuplot script, which sorts them by depth.
+#include "body/picture.h"
+
+#include <errno.h>
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/path.h"
+#include "evaluate/gnuplot.h"
+
+#define PASCAL_PER_UNIT 1e3 // of the colours: kPa
+#define PANEL_HEIGHT 440    // pixels
+
+// --- surfaces ---
+
+// A face of a hexahedron: its nodes in turn, and in order.
+typedef struct face {
+    int node[4], sorted[4];
+} face;
+
+static int compare_ints(const void *a, const void *b) {
+    return *(const int *)a - *(const int *)b;
+}
+
+static int compare_faces(const void *a, const void *b) {
+    const face *x = a, *y = b;
+    int order = 0;
+    for (int i = 0; i < 4 && order == 0; ++i) {
+        order = x->sorted[i] - y->sorted[i];
+    }
+    return order;
+}
+
+// Faces that only one hexahedron has; how many. `all` has room for 6 of each.
+static int find_surface(const pm_field *field, face *all) {
+    static const int corner[6][4] = {{0, 4, 7, 3}, {1, 2, 6, 5}, {0, 1, 5, 4},
+                                     {3, 7, 6, 2}, {0, 3, 2, 1}, {4, 5, 6, 7}};
+    const int count = 6 * field->nelement;
+    for (int i = 0; i < count; ++i) {
+        for (int k = 0; k < 4; ++k) {
+            all[i].node[k] = (int)field->hexahedron[i / 6 * 8 + corner[i % 6][k]];
+        }
+        memcpy(all[i].sorted, all[i].node, sizeof all[i].sorted);
+        qsort(all[i].sorted, 4, sizeof(int), compare_ints);
+    }
+    qsort(all, (size_t)count, sizeof *all, compare_faces);
+    int found = 0;
+    for (int i = 0; i < count;) {
+        int same = 1;
+        while (i + same < count && compare_faces(&all[i], &all[i + same]) == 0) {
+            ++same;
+        }
+        if (same == 1) {
+            all[found++] = all[i];
+        }
+        i += same;
+    }
+    return found;
+}
+
+// --- states ---
+
+typedef struct body {
+    const double *z; // [nnode][nvariable]
+    const pm_field *field;
+    pm_placement placement; // in the picture
+    int q, stress;          // first columns
+    face *face;             // [nface]; the surface
+    int nface;
+} body;
+
+static int nearest_state(const pm_field *field, double time) {
+    int best = 0;
+    for (int j = 1; j < field->ntime; ++j) {
+        best = fabs(field->t[j] - time) < fabs(field->t[best] - time) ? j : best;
+    }
+    return best;
+}
+
+static pm_status open_body(body *b, const pm_picture *picture, int i, bool together) {
+    const pm_field *field = picture->field[i];
+    *b = (body){.field = field,
+                .placement = together ? field->placement : PM_PLACEMENT_WORLD,
+                .q = pm_field_columns(field, "qx qy qz"),
+                .stress = pm_field_columns(field, "sxx syy szz sxy sxz syz")};
+    if (field->hexahedron == NULL || field->nelement == 0 || b->stress < 0) {
+        return pm_fail(PM_EDATA, "%s: there is no mesh of hexahedra, or no stress to colour it by",
+                       picture->title[i]);
+    }
+    if (picture->trajectory < 0 || picture->trajectory >= field->ntrajectory) {
+        return pm_fail(PM_EDATA, "%s: there is no trajectory %d, only %d of them",
+                       picture->title[i], picture->trajectory, field->ntrajectory);
+    }
+    b->z = pm_field_state(field, picture->trajectory, nearest_state(field, picture->time));
+    b->face = calloc(6 * (size_t)field->nelement, sizeof *b->face);
+    if (b->face == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a picture");
+    }
+    b->nface = find_surface(field, b->face);
+    return PM_OK;
+}
+
+static void position_of(const body *b, int node, double *world) {
+    const double *own = b->q >= 0 ? b->z + (ptrdiff_t)node * b->field->nvariable + b->q
+                                  : b->field->position + 3 * (ptrdiff_t)node;
+    pm_placement_point(&b->placement, own, world);
+}
+
+static double von_mises(const body *b, int node) {
+    const double *s = b->z + (ptrdiff_t)node * b->field->nvariable + b->stress;
+    const double xy = s[0] - s[1], yz = s[1] - s[2], zx = s[2] - s[0];
+    const double shear = s[3] * s[3] + s[4] * s[4] + s[5] * s[5];
+    return sqrt((xy * xy + yz * yz + zx * zx) / 2 + 3 * shear);
+}
+
+// --- the script ---
+
+typedef struct bounds {
+    double low[3], high[3], stress;
+} bounds;
+
+static void widen(bounds *all, const body *b) {
+    for (int node = 0; node < b->field->nnode; ++node) {
+        double at[3];
+        position_of(b, node, at);
+        for (int d = 0; d < 3; ++d) {
+            all->low[d] = fmin(all->low[d], at[d]);
+            all->high[d] = fmax(all->high[d], at[d]);
+        }
+        all->stress = fmax(all->stress, von_mises(b, node));
+    }
+}
+
+// A quadrangle is a grid of two by two points, set apart from the next by two empty lines.
+static void write_face(FILE *file, const body *b, const face *f) {
+    static const int order[4] = {0, 1, 3, 2};
+    for (int k = 0; k < 4; ++k) {
+        double at[3];
+        position_of(b, f->node[order[k]], at);
+        fprintf(file, "%.5g %.5g %.5g %.4g\n%s", at[0], at[1], at[2],
+                von_mises(b, f->node[order[k]]) / PASCAL_PER_UNIT, k % 2 == 1 ? "\n" : "");
+    }
+    fputc('\n', file);
+}
+
+static void write_bodies(FILE *file, int count, const body *bodies, const char *name) {
+    fprintf(file, "%s << END\n", name);
+    for (int i = 0; i < count; ++i) {
+        for (int k = 0; k < bodies[i].nface; ++k) {
+            write_face(file, &bodies[i], &bodies[i].face[k]);
+        }
+    }
+    fputs("END\n", file);
+}
+
+// Text between single quotes.
+static void write_quoted(FILE *file, const char *text) {
+    fputc('\'', file);
+    for (; *text != '\0'; ++text) {
+        fputs(*text == '\'' ? "''" : (const char[]){*text, '\0'}, file);
+    }
+    fputc('\'', file);
+}
+
+static void write_setting(FILE *file, const bounds *all, const char *path, int npanel) {
+    fprintf(file, "set terminal pngcairo size 1000,%d font 'DejaVu Sans,11' background 'white'\n",
+            PANEL_HEIGHT * npanel);
+    fputs("set output ", file);
+    write_quoted(file, path);
+    for (int d = 0; d < 3; ++d) {
+        fprintf(file, "\nset %crange [%.6g:%.6g]", "xyz"[d], all -> low[d], all -> high[d]);
+    }
+    fprintf(file,
+            "\nset cbrange [0:%.4g]\nset cblabel 'von Mises stress, kPa'\n"
+            "set palette defined (0 '#440154', 1 '#414487', 2 '#2a788e', 3 '#22a884', 4 '#7ad151', "
+            "5 '#fde725')\n"
+            "set pm3d depthorder corners2color mean border linecolor '#404040' linewidth 0.3\n"
+            "set view 65, 30, 2.4\nset view equal xyz\nset xyplane 0\n"
+            "unset border\nunset tics\nunset key\nset cbtics\n"
+            "set lmargin 0\nset rmargin 0\nset bmargin 0\n"
+            "set colorbox user origin 0.88, 0.2 size 0.02, 0.6\n",
+            fmax(all->stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT);
+}
+
+// `together`: all bodies in one panel.
+static void write_script(FILE *file, const pm_picture *picture, const body *bodies, bool together,
+                         const char *path) {
+    const int npanel = together ? 1 : picture->count;
+    bounds all = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}, 0};
+    for (int i = 0; i < picture->count; ++i) {
+        widen(&all, &bodies[i]);
+    }
+    write_setting(file, &all, path, npanel);
+    if (npanel > 1) {
+        fprintf(file, "set multiplot layout %d,1\n", npanel);
+    }
+    for (int i = 0; i < npanel; ++i) {
+        const double *t = bodies[i].field->t;
+        write_bodies(file, together ? picture->count : 1, &bodies[i], "$surface");
+        fputs("set title ", file);
+        write_quoted(file, npanel > 1 ? picture->title[i] : "");
+        fprintf(file, ".' trajectory %d, %.4g s' noenhanced\n", picture->trajectory,
+                t[nearest_state(bodies[i].field, picture->time)]);
+        fprintf(file, "splot $surface using 1:2:3:4 with pm3d\n%s",
+                i == 0 ? "unset colorbox\n" : "");
+    }
+}
+
+static pm_status write_file(const pm_picture *picture, const body *bodies, bool together,
+                            const char *script, const char *path) {
+    FILE *file = fopen(script, "w");
+    if (file == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", script, strerror(errno));
+    }
+    write_script(file, picture, bodies, together, path);
+    const bool failed = ferror(file) != 0;
+    return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: cannot be written", script) : PM_OK;
+}
+
+pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
+    pm_arena arena = {NULL};
+    const char *script = pm_arena_printf(&arena, "%.*s.gp", (int)pm_path_stem(path), path);
+    body *bodies = calloc((size_t)picture->count, sizeof *bodies);
+    bool together = true;
+    pm_status status = PM_OK;
+    if (script == NULL || bodies == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a picture");
+    } else if (strcmp(script, path) == 0) {
+        status = pm_fail(PM_EUSAGE, "%s: the picture's script takes this name", path);
+    }
+    for (int i = 0; i < picture->count; ++i) {
+        together = together && picture->field[i]->placed;
+    }
+    for (int i = 0; i < picture->count && status == PM_OK; ++i) {
+        status = open_body(&bodies[i], picture, i, together);
+    }
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(write_file(picture, bodies, together, script, path));
+    status = pm_gnuplot_run(".", script);
+done:
+    for (int i = 0; i < picture->count && bodies != NULL; ++i) {
+        free(bodies[i].face);
+    }
+    free(bodies);
+    pm_arena_free(&arena);
+    return status;
+}

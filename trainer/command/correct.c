@@ -1,0 +1,77 @@
+// portmet-train correct: fields of a simulation, corrected by better known ones.
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "body/correction.h"
+#include "command/commands.h"
+#include "command/options.h"
+#include "store/xdmf.h"
+
+typedef struct arguments {
+    const char *fields, *known, *trajectories, *output;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--by", NULL, "FILE", NULL, &a->known, true, "better known fields of the same body"},
+        {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
+         "only these of the known ones, such as 0,3,6:9"},
+        {"--output", "-o", "FILE", NULL, &a->output, true, "write the corrected fields (HDF5)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train correct FIELDS --by FILE -o FILE [options]",
+        .summary =
+            "Adds to the fields of a simulation what better known ones with the same loads differ\n"
+            "from them; between two known places of the load, the difference interpolated. Nodes\n"
+            "are then numbered as in the known fields.",
+        .positional_name = "FIELDS",
+        .positional = &a->fields,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+static pm_status save(const arguments *a, const pm_field *field, const char *command) {
+    const char *const notes[][2] = {
+        {"title", "Fields of a simulation, corrected by better known ones"},
+        {"source", "portmet-train correct"},
+        {"command", command},
+    };
+    PM_TRY(pm_field_save(field, a->output, (int)(sizeof notes / sizeof *notes), notes));
+    PM_TRY(field->nelement == 0 ? PM_OK : pm_xdmf_save(field, a->output));
+    printf("wrote %s: %d trajectories of %d states, %d nodes\n", a->output, field->ntrajectory,
+           field->ntime, field->nnode);
+    return PM_OK;
+}
+
+pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    arguments a = {0};
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_field *own = NULL, *known = NULL, *corrected = NULL;
+    int count = 0, *which = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_field_load(&own, a.fields));
+    PM_TRY_DONE(pm_field_load(&known, a.known));
+    which = calloc((size_t)known->ntrajectory, sizeof *which);
+    if (which == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
+        goto done;
+    }
+    PM_TRY_DONE(pm_options_list(a.trajectories, known->ntrajectory, which, &count));
+    PM_TRY_DONE(pm_correct(&corrected, own, known, count, which));
+    status = save(&a, corrected, command);
+done:
+    free(which);
+    pm_field_free(own);
+    pm_field_free(known);
+    pm_field_free(corrected);
+    return status;
+}

@@ -1,0 +1,121 @@
+// portmet-train nodes: fields of a body as trajectories of nodal values.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "body/nodes.h"
+#include "command/commands.h"
+#include "command/options.h"
+
+typedef struct arguments {
+    const char *fields, *relaxation, *temperature, *states, *trajectories, *output;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--relaxation", NULL, "TAU[,TAU...]", NULL, &a->relaxation, false,
+         "s, of a viscoelastic body's Prony series, e.g. 0.2,0.5; without, it remembers nothing"},
+        {"--temperature", NULL, "T", NULL, &a->temperature, false,
+         "K, by which what is dissipated is divided (default: 300)"},
+        {"--states", NULL, "N", NULL, &a->states, false, "only the first N of each trajectory"},
+        {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: up to the last"},
+        {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train nodes FIELDS -o FILE [options]",
+        .summary =
+            "Writes fields of a body on a box of bricks as trajectories of the values at its\n"
+            "free nodes, a dataset for `fit` and `evaluate` of networks on its mesh.\n"
+            "`reconstruct` goes back.",
+        .positional_name = "FIELDS",
+        .positional = &a->fields,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+// The number of states to keep.
+static pm_status read_states(const arguments *a, const pm_field *field, pm_nodes_how *how) {
+    double count = field->ntime;
+    if (a->states != NULL) {
+        PM_TRY(pm_options_positive("--states", a->states, &count));
+    }
+    if (count != floor(count) || count > field->ntime) {
+        return pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found \"%s\"",
+                       field->ntime, a->states);
+    }
+    how->nstate = (int)count;
+    return PM_OK;
+}
+
+static pm_status read_how(const arguments *a, pm_nodes_how *how) {
+    how->temperature = 300;
+    if (a->temperature != NULL) {
+        PM_TRY(pm_options_positive("--temperature", a->temperature, &how->temperature));
+    }
+    return a->relaxation == NULL
+               ? PM_OK
+               : pm_options_positives("--relaxation", a->relaxation, PM_NODES_MOST_BRANCHES,
+                                      how->tau, &how->nbranch);
+}
+
+static pm_status print_mesh(const pm_field *field) {
+    pm_arena arena = {0};
+    const pm_mesh *mesh;
+    const int *node;
+    const pm_status status = pm_nodes_mesh(field, &arena, &mesh, &node);
+    if (status == PM_OK) {
+        printf("mesh: {size: [%g, %g, %g], elements: [%d, %d, %d]}   %d free nodes, %d edges\n",
+               mesh->size[0], mesh->size[1], mesh->size[2], mesh->elements[0], mesh->elements[1],
+               mesh->elements[2], mesh->nnode, mesh->nedge);
+    }
+    pm_arena_free(&arena);
+    return status;
+}
+
+static pm_status write_nodes(const arguments *a, const pm_field *field, const pm_nodes_how *how,
+                             const char *command) {
+    int count = 0, *which = calloc((size_t)field->ntrajectory, sizeof *which);
+    pm_dataset *nodes = NULL;
+    pm_status status;
+    if (which == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
+    }
+    PM_TRY_DONE(pm_options_list(a->trajectories, field->ntrajectory, which, &count));
+    PM_TRY_DONE(pm_nodes_dataset(&nodes, field, count, which, how));
+    PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", a->fields));
+    PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
+    PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
+    PM_TRY_DONE(pm_dataset_save(nodes, a->output));
+    printf("wrote %s: %d trajectories of %d states, %d columns\n", a->output, nodes->ntrajectory,
+           nodes->ntime, nodes->ncolumn);
+done:
+    pm_dataset_free(nodes);
+    free(which);
+    return status;
+}
+
+pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    arguments a = {0};
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_nodes_how how = {0};
+    pm_field *field = NULL;
+    pm_status status;
+    PM_TRY(read_how(&a, &how));
+    PM_TRY_DONE(pm_field_load(&field, a.fields));
+    PM_TRY_DONE(read_states(&a, field, &how));
+    PM_TRY_DONE(print_mesh(field));
+    PM_TRY_DONE(write_nodes(&a, field, &how, command));
+done:
+    pm_field_free(field);
+    return status;
+}

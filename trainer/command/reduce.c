@@ -1,0 +1,185 @@
+// portmet-train reduce: fields of a body as trajectories of a few numbers.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "command/commands.h"
+#include "command/options.h"
+#include "modal/reduce.h"
+#include "modal/save_modes.h"
+#include "store/yaml.h"
+
+typedef struct arguments {
+    const char *configuration, *data, *basis, *trajectories, *output;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--data", "-d", "FILE", NULL, &a->data, true, "fields of the body (HDF5)"},
+        {"--basis", "-b", "FILE", NULL, &a->basis, false,
+         "project on this basis instead of making one as CONFIG says"},
+        {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: up to the last"},
+        {"--output", "-o", "DIR", NULL, &a->output, true,
+         "write modes.h5, and basis.h5 where one is made, into DIR"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train reduce CONFIG --data FIELDS -o DIR [options]",
+        .summary =
+            "Finds the modes in which a body moves and writes its fields as trajectories of\n"
+            "their amplitudes, a dataset for `fit` and `evaluate`. `reconstruct` goes back.",
+        .positional_name = "CONFIG",
+        .positional = &a->configuration,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+static pm_status read_positive(pm_yaml root, const char *key, double *result) {
+    pm_yaml value;
+    PM_TRY(pm_yaml_require(root, key, &value));
+    PM_TRY(pm_yaml_double(value, 0, INFINITY, result));
+    return *result > 0 ? PM_OK : pm_yaml_fail(value, "expected a number > 0");
+}
+
+static pm_status read_count(pm_yaml root, const char *key, int most, int *result) {
+    pm_yaml value;
+    PM_TRY(pm_yaml_require(root, key, &value));
+    return pm_yaml_int(value, 1, most, result);
+}
+
+static pm_status read_relaxation(pm_yaml list, pm_arena *arena, pm_reduce_how *how) {
+    double *tau = NULL;
+    PM_TRY(pm_yaml_doubles(list, arena, &how->nbranch, &tau));
+    if (how->nbranch > PM_BASIS_MAX_BRANCHES) {
+        return pm_yaml_fail(list, "expected at most %d times", PM_BASIS_MAX_BRANCHES);
+    }
+    for (int i = 0; i < how->nbranch; ++i) {
+        if (!(tau[i] > 0)) {
+            return pm_yaml_fail(list, "expected times > 0");
+        }
+        how->tau[i] = tau[i];
+    }
+    return PM_OK;
+}
+
+static pm_status read_how(pm_yaml root, pm_arena *arena, pm_reduce_how *how) {
+    static const char *const keys[] = {"modes",        "state",       "leading",      "relaxation",
+                                       "inertia_time", "temperature", "displacement", "stress",
+                                       "symmetry",     "reach",       "trajectories", NULL};
+    static const char *const sections[] = {"any", "square", NULL};
+    pm_yaml value;
+    int section = 0;
+    PM_TRY(pm_yaml_allow(root, keys));
+    PM_TRY(read_count(root, "modes", PM_BASIS_MAX_MODES, &how->nmode));
+    PM_TRY(read_count(root, "state", how->nmode, &how->nstate));
+    PM_TRY(read_count(root, "leading", how->nmode, &how->nlead));
+    PM_TRY(read_positive(root, "inertia_time", &how->inertia_time));
+    PM_TRY(read_positive(root, "temperature", &how->temperature));
+    PM_TRY(read_count(root, "displacement", PM_BASIS_MAX_RANK, &how->displacement_rank));
+    PM_TRY(read_count(root, "stress", PM_BASIS_MAX_RANK, &how->stress_rank));
+    if (pm_yaml_exists(value = pm_yaml_get(root, "relaxation"))) {
+        PM_TRY(read_relaxation(value, arena, how));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(root, "reach"))) {
+        PM_TRY(pm_yaml_int(value, 0, PM_LOCAL_MAX_REACH, &how->reach));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(root, "symmetry"))) {
+        PM_TRY(pm_yaml_choice(value, sections, &section));
+    }
+    how->square = section == 1;
+    return PM_OK;
+}
+
+static void print_basis(const pm_basis *b) {
+    printf("modes             %d, of which %d carry the energy; features of the rest %d\n",
+           b->nmode, b->nstate, pm_basis_features(b));
+    printf("stiffness         ");
+    for (int i = 0; i < b->nmode; ++i) {
+        printf("%s%.3g", i == 0 ? "" : i == b->nstate ? " | " : " ", b->stiffness[i]);
+    }
+    printf("\n");
+}
+
+static pm_status save_basis(const pm_basis *basis, const char *folder, const char *command) {
+    pm_arena arena = {0};
+    const char *path = pm_arena_printf(&arena, "%s/basis.h5", folder);
+    const pm_status status = path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path")
+                                          : pm_basis_save(basis, path, command);
+    pm_arena_free(&arena);
+    return status;
+}
+
+static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *field,
+                            const char *command, pm_basis **basis, pm_reduce_how *how, int *which,
+                            int *count) {
+    pm_arena arena = {0};
+    const char *range = a->trajectories;
+    pm_status status = read_how(root, &arena, how);
+    const pm_yaml value = pm_yaml_get(root, "trajectories");
+    if (status == PM_OK && range == NULL && a->basis == NULL && pm_yaml_exists(value)) {
+        status = pm_yaml_text(value, &arena, &range);
+    }
+    if (status == PM_OK) {
+        status = pm_options_list(range, field->ntrajectory, which, count);
+    }
+    if (status == PM_OK && a->basis != NULL) {
+        status = pm_basis_load(basis, a->basis);
+    } else if (status == PM_OK) {
+        status = pm_reduce_fit(basis, field, *count, which, how);
+        if (status == PM_OK) {
+            print_basis(*basis);
+            status = save_basis(*basis, a->output, command);
+        }
+    }
+    pm_arena_free(&arena);
+    return status;
+}
+
+static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm_field *field,
+                             int count, const int *which, bool square, const char *command) {
+    pm_dataset *modes = NULL;
+    PM_TRY(pm_reduce_project(&modes, basis, field, count, which, square, PM_LOADS_OF_ALL));
+    const pm_status status = pm_modes_save(modes, basis, a->data, "reduce", command, a->output);
+    pm_dataset_free(modes);
+    return status;
+}
+
+pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    arguments a;
+    memset(&a, 0, sizeof a);
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    pm_field *field = NULL;
+    pm_basis *basis = NULL;
+    pm_reduce_how how = {0};
+    int count = 0, *which = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_yaml_open(&document, a.configuration, &root));
+    PM_TRY_DONE(pm_field_load(&field, a.data));
+    PM_TRY_DONE(pm_options_folder(a.output));
+    which = calloc((size_t)field->ntrajectory, sizeof *which);
+    if (which == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
+        goto done;
+    }
+    PM_TRY_DONE(find_basis(&a, root, field, command, &basis, &how, which, &count));
+    // What is learned from has its copies beside it; what is only projected stands alone.
+    status = write_modes(&a, basis, field, count, which, how.square && a.basis == NULL, command);
+done:
+    free(which);
+    pm_basis_free(basis);
+    pm_field_free(field);
+    pm_yaml_close(document);
+    return status;
+}

@@ -1,0 +1,180 @@
+// portmet-train truth: simulates the trajectories a configuration asks for and writes a dataset.
+#include "command/commands.h"
+#include "command/truth_body.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/progress.h"
+#include "command/options.h"
+#include "store/dataset.h"
+#include "truth/truth.h"
+
+// Relative difference between two solutions below which a trajectory counts as converged.
+#define CONVERGED 1e-10
+
+typedef struct arguments {
+    const char *config, *output, *trajectories;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
+        {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
+         "only trajectories A up to, not including, B"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train truth CONFIG -o FILE [--trajectories A:B]",
+        .summary =
+            "Simulates ground truth with SUNDIALS CVODE at the limit of double precision and\n"
+            "prints how far the result is converged and how well it keeps the laws. Every\n"
+            "trajectory has random numbers of its own, so a part is the same as in the whole.\n"
+            "For bodies on a mesh: quasi-static finite elements, with their balance of energy; a\n"
+            "file for each of several bodies, with its name before the ending of FILE, and an\n"
+            "XDMF file beside each, with which ParaView opens it.",
+        .positional_name = "CONFIG",
+        .positional = &a->config,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+static void print_report(const pm_truth *truth, const pm_truth_report *report) {
+    const pm_truth_model *model = &truth->model;
+    for (int k = 0; k < model->nconserved; ++k) {
+        printf("%-17s drifts by %.1e of its largest value %.4g\n", model->conserved[k],
+               report->magnitude[k] > 0 ? report->drift[k] / report->magnitude[k] : 0,
+               report->magnitude[k]);
+    }
+    if (model->entropy != NULL) {
+        printf("entropy           rises by %.4g J/K in the mean, smallest step %.1e J/K\n",
+               report->entropy_rise, report->entropy_step);
+    }
+}
+
+// Prints how far the trajectories are converged, and lists those beyond the tolerance by name.
+static void print_convergence(int first, int count, const double *difference) {
+    double worst = 0;
+    int beyond = 0;
+    for (int i = 0; i < count; ++i) {
+        worst = fmax(worst, difference[i]);
+        beyond += difference[i] > CONVERGED;
+    }
+    printf("convergence       %d of %d trajectories to %.0e, all to %.1e\n", count - beyond, count,
+           CONVERGED, worst);
+    for (int i = 0; i < count; ++i) {
+        if (difference[i] > CONVERGED) {
+            printf("                  trajectory %d amplifies errors: converged to %.1e\n",
+                   first + i, difference[i]);
+        }
+    }
+}
+
+static pm_status note_convergence(pm_dataset *dataset, const double *difference) {
+    const char *text = "";
+    for (int i = 0; i < dataset->ntrajectory && text != NULL; ++i) {
+        text = pm_arena_printf(&dataset->arena, "%s%s%.1e", text, i > 0 ? " " : "", difference[i]);
+    }
+    return text == NULL ? pm_fail(PM_ENOMEM, "truth: out of memory")
+                        : pm_dataset_note(dataset, "convergence", "%s", text);
+}
+
+// Those components of the states z [ntime][nz] that are columns.
+static void keep_columns(const pm_truth *truth, const double *z, pm_dataset *dataset,
+                         int trajectory) {
+    const size_t nz = (size_t)truth->model.ode.nz, ncolumn = (size_t)dataset->ncolumn;
+    for (int j = 0; j < truth->ntime; ++j) {
+        memcpy(pm_dataset_state(dataset, trajectory, j), z + (size_t)j * nz, ncolumn * sizeof *z);
+    }
+}
+
+// Fills the dataset and `difference` [ntrajectory]; `z` and `check` [ntime][nz] are work space.
+static pm_status run_all(const pm_truth *truth, int first, pm_dataset *dataset, double *difference,
+                         double *z, double *check, const volatile sig_atomic_t *stop) {
+    pm_truth_report report;
+    pm_progress progress;
+    pm_status status = PM_OK;
+    pm_truth_report_init(&report);
+    pm_progress_init(&progress, "truth", dataset->ntrajectory);
+    for (int i = 0; i < dataset->ntrajectory && status == PM_OK; ++i) {
+        status = *stop ? pm_fail(PM_EINTERRUPTED, "truth: interrupted, nothing written")
+                       : pm_truth_run(truth, first + i, z, check);
+        if (status == PM_OK) {
+            pm_truth_report_add(&report, truth, z);
+            difference[i] = pm_truth_difference(truth, z, check);
+            keep_columns(truth, z, dataset, i);
+            pm_progress_update(&progress, i + 1, NULL);
+        }
+    }
+    pm_progress_finish(&progress);
+    if (status == PM_OK) {
+        print_report(truth, &report);
+        print_convergence(first, dataset->ntrajectory, difference);
+    }
+    return status;
+}
+
+static pm_status simulate(const pm_truth *truth, int first, pm_dataset *dataset,
+                          const volatile sig_atomic_t *stop) {
+    const size_t nstate = (size_t)truth->ntime * (size_t)truth->model.ode.nz;
+    double *difference = calloc((size_t)dataset->ntrajectory, sizeof *difference);
+    double *z = calloc(nstate, sizeof *z), *check = calloc(nstate, sizeof *check);
+    pm_status status = PM_OK;
+    if (difference == NULL || z == NULL || check == NULL) {
+        status = pm_fail(PM_ENOMEM, "truth: out of memory");
+        goto done;
+    }
+    PM_TRY_DONE(run_all(truth, first, dataset, difference, z, check, stop));
+    PM_TRY_DONE(note_convergence(dataset, difference));
+done:
+    free(difference);
+    free(z);
+    free(check);
+    return status;
+}
+
+static pm_status add_notes(pm_dataset *dataset, const pm_truth *truth, int first,
+                           const char *command) {
+    PM_TRY(pm_dataset_note(dataset, "title", "%s", truth->model.title));
+    PM_TRY(pm_dataset_note(dataset, "source", "portmet-train truth"));
+    PM_TRY(pm_dataset_note(dataset, "command", "%s", command));
+    PM_TRY(pm_dataset_note(dataset, "seed", "%llu", (unsigned long long)truth->seed));
+    PM_TRY(pm_dataset_note(dataset, "parameters", "%s", truth->model.parameters));
+    PM_TRY(pm_dataset_note(dataset, "units", "%s", truth->model.units));
+    return pm_dataset_note(dataset, "first_trajectory", "%d", first);
+}
+
+pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    arguments a = {NULL, NULL, NULL};
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_truth *truth = NULL;
+    pm_dataset *dataset = NULL;
+    pm_status status = PM_OK;
+    int first = 0, end = 0;
+    PM_TRY_DONE(pm_truth_load(&truth, a.config));
+    PM_TRY_DONE(pm_options_range(a.trajectories, truth->ntrajectory, &first, &end));
+    if (truth->model.body != NULL) {
+        status = pm_truth_body_write(truth, first, end - first, command, a.output, stop);
+        goto done;
+    }
+    PM_TRY_DONE(pm_dataset_new(&dataset, end - first, truth->ntime, truth->model.ncolumn, truth->dt,
+                               truth->model.column));
+    PM_TRY_DONE(add_notes(dataset, truth, first, command));
+    PM_TRY_DONE(simulate(truth, first, dataset, stop));
+    PM_TRY_DONE(pm_dataset_save(dataset, a.output));
+    printf("wrote %s: %d trajectories of %d states, %g s apart\n", a.output, end - first,
+           truth->ntime, truth->dt);
+done:
+    pm_dataset_free(dataset);
+    pm_truth_free(truth);
+    return status;
+}

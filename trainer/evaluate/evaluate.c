@@ -1,0 +1,289 @@
+// Rollouts over a dataset, shared out among threads: each thread has an assembly of its own and
+// takes the next trajectory, whose results go to a place of their own.
+#include "evaluate/evaluate.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/progress.h"
+#include "sim/monolithic.h"
+
+// Relative; dt comes as decimal text in one place and as a double in the other.
+#define DT_TOLERANCE 1e-9
+
+// --- one rollout ---
+
+static void book(pm_rollout *rollout, const pm_monolithic *assembly) {
+    pm_sample sample = *pm_monolithic_sample(assembly);
+    if (pm_ledger_book(&rollout->ledger, &sample) != PM_OK && rollout->violation[0] == 0) {
+        snprintf(rollout->violation, sizeof rollout->violation, "trajectory %d: %.200s",
+                 rollout->trajectory, pm_error());
+    }
+}
+
+// The state just reached, beside what the scene does not predict, such as loads.
+static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index, const double *z) {
+    const int j = rollout->reached++;
+    double *row = pm_dataset_state(e->predicted, index, j);
+    memcpy(row, pm_dataset_state(e->truth, rollout->trajectory, j),
+           (size_t)e->truth->ncolumn * sizeof *row);
+    pm_columns_to_row(&e->columns, z, row);
+    rollout->energy[j] = rollout->ledger.energy;
+    rollout->entropy[j] = rollout->ledger.entropy;
+}
+
+// Steps to the next state of the dataset; false once the state is not finite.
+static bool advance(pm_rollout *rollout, pm_monolithic *assembly, int stride) {
+    for (int i = 0; i < stride; ++i) {
+        const double before = pm_clock();
+        if (pm_monolithic_step(assembly) != PM_OK) {
+            return false;
+        }
+        rollout->seconds_per_step += pm_clock() - before;
+        book(rollout, assembly);
+    }
+    return true;
+}
+
+// Errors of a rollout that has left the range of numbers count as infinite, from there on.
+static void score(const pm_evaluation *e, pm_rollout *rollout, const double *predicted) {
+    const int ngroup = e->columns.ngroup, ntime = e->truth->ntime;
+    pm_score(&e->columns, ntime, e->truth->ncolumn, predicted,
+             pm_dataset_state(e->truth, rollout->trajectory, 0), rollout->error, rollout->snapshot);
+    for (int i = 0; i < ngroup; ++i) {
+        if (rollout->reached < ntime || isnan(rollout->error[i])) {
+            rollout->error[i] = INFINITY;
+        }
+    }
+    for (int i = 0; i < ntime * ngroup; ++i) {
+        if (i >= rollout->reached * ngroup || isnan(rollout->snapshot[i])) {
+            rollout->snapshot[i] = INFINITY;
+        }
+    }
+}
+
+// `z` [nz] is work space.
+static void roll(const pm_evaluation *e, pm_monolithic *assembly, pm_boundary_input *boundary_input,
+                 int index, double *z) {
+    pm_rollout *rollout = &e->rollout[index];
+    pm_boundary_input_follow(boundary_input, e->truth, rollout->trajectory);
+    pm_monolithic_set_boundary_input(assembly, boundary_input);
+    const size_t row_size = (size_t)e->truth->ncolumn * sizeof *z;
+    pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, 0), z);
+    pm_monolithic_set_state(assembly, z);
+    pm_ledger_init(&rollout->ledger, e->system);
+    book(rollout, assembly);
+    keep_state(e, rollout, index, z);
+    while (rollout->reached < e->truth->ntime && advance(rollout, assembly, e->stride)) {
+        keep_state(e, rollout, index, pm_monolithic_sample(assembly)->z);
+    }
+    for (int i = rollout->reached; i < e->truth->ntime; ++i) {
+        memcpy(pm_dataset_state(e->predicted, index, i),
+               pm_dataset_state(e->predicted, index, i - 1), row_size);
+    }
+    const long steps = rollout->ledger.steps;
+    rollout->seconds_per_step /= steps > 0 ? (double)steps : 1;
+    score(e, rollout, pm_dataset_state(e->predicted, index, 0));
+}
+
+// --- all of them ---
+
+typedef struct pool {
+    pm_evaluation *evaluation;
+    const pm_evaluate_how *how;
+    pthread_mutex_t lock; // of all that follows
+    int next, done;
+    pm_status status; // the first failure, with its description
+    char error[512];
+} pool;
+
+// The next rollout to do, or -1.
+static int take(pool *p) {
+    pthread_mutex_lock(&p->lock);
+    if (p->how->stop != NULL && *p->how->stop && p->status == PM_OK) {
+        p->status = PM_EINTERRUPTED;
+        snprintf(p->error, sizeof p->error, "evaluate: interrupted");
+    }
+    const bool more = p->status == PM_OK && p->next < p->evaluation->count;
+    const int index = more ? p->next++ : -1;
+    pthread_mutex_unlock(&p->lock);
+    return index;
+}
+
+static void report_done(pool *p) {
+    pthread_mutex_lock(&p->lock);
+    ++p->done;
+    if (p->how->progress != NULL) {
+        p->how->progress(p->how->context, p->done);
+    }
+    pthread_mutex_unlock(&p->lock);
+}
+
+static void report_failure(pool *p, pm_status status) {
+    pthread_mutex_lock(&p->lock);
+    if (p->status == PM_OK) {
+        p->status = status;
+        snprintf(p->error, sizeof p->error, "%s", pm_error());
+    }
+    pthread_mutex_unlock(&p->lock);
+}
+
+static void *work(void *context) {
+    pool *p = context;
+    const pm_system *system = p->evaluation->system;
+    const pm_evaluation *e = p->evaluation;
+    pm_arena arena = {0};
+    pm_boundary_input boundary_input;
+    pm_monolithic *assembly = NULL;
+    double *z = pm_arena_array(&arena, (size_t)system->scene->nz, sizeof *z);
+    pm_status status = z == NULL ? pm_fail(PM_ENOMEM, "evaluate: out of memory") : PM_OK;
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(
+        pm_boundary_input_bind(&boundary_input, system->scene, e->truth, e->stride, &arena));
+    PM_TRY_DONE(pm_monolithic_open(&assembly, system));
+    for (int index = take(p); index >= 0; index = take(p)) {
+        roll(e, assembly, &boundary_input, index, z);
+        report_done(p);
+    }
+done:
+    if (status != PM_OK) {
+        report_failure(p, status);
+    }
+    pm_monolithic_close(assembly);
+    pm_arena_free(&arena);
+    return NULL;
+}
+
+// The calling thread works too, so that no thread at all need be had.
+static pm_status run_pool(pm_evaluation *e, const pm_evaluate_how *how) {
+    enum { MOST = 64 };
+    pthread_t thread[MOST];
+    pool p = {.evaluation = e, .how = how};
+    pthread_mutex_init(&p.lock, NULL);
+    int started = 0;
+    while (started < how->threads - 1 && started < MOST && started < e->count - 1 &&
+           pthread_create(&thread[started], NULL, work, &p) == 0) {
+        ++started;
+    }
+    work(&p);
+    for (int i = 0; i < started; ++i) {
+        pthread_join(thread[i], NULL);
+    }
+    pthread_mutex_destroy(&p.lock);
+    return p.status == PM_OK ? PM_OK : pm_fail(p.status, "%s", p.error);
+}
+
+// --- before and after ---
+
+static pm_status find_stride(pm_evaluation *e) {
+    const pm_scene *scene = e->system->scene;
+    const double ratio = e->truth->dt / scene->dt;
+    const double whole = round(ratio);
+    if (!(whole >= 1 && whole < 1e6 && fabs(ratio - whole) <= DT_TOLERANCE * whole)) {
+        return pm_fail(PM_EDATA,
+                       "%s: dt is %.12g s, and the dataset's %.12g s is no multiple of it",
+                       scene->path, scene->dt, e->truth->dt);
+    }
+    e->stride = (int)whole;
+    return PM_OK;
+}
+
+static pm_status allocate(pm_evaluation *e, int first) {
+    const size_t ngroup = (size_t)e->columns.ngroup, ntime = (size_t)e->truth->ntime;
+    e->rollout = pm_arena_array(&e->arena, (size_t)e->count, sizeof *e->rollout);
+    e->trajectory = pm_arena_array(&e->arena, ngroup, sizeof *e->trajectory);
+    e->snapshot = pm_arena_array(&e->arena, ngroup, sizeof *e->snapshot);
+    bool made = e->rollout != NULL && e->trajectory != NULL && e->snapshot != NULL;
+    for (int i = 0; made && i < e->count; ++i) {
+        pm_rollout *rollout = &e->rollout[i];
+        rollout->trajectory = first + i;
+        rollout->error = pm_arena_array(&e->arena, ngroup, sizeof(double));
+        rollout->snapshot = pm_arena_array(&e->arena, ntime * ngroup, sizeof(double));
+        rollout->energy = pm_arena_array(&e->arena, ntime, sizeof(double));
+        rollout->entropy = pm_arena_array(&e->arena, ntime, sizeof(double));
+        made = rollout->error != NULL && rollout->snapshot != NULL && rollout->energy != NULL &&
+               rollout->entropy != NULL;
+    }
+    if (!made) {
+        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
+    }
+    PM_TRY(pm_dataset_new(&e->predicted, e->count, e->truth->ntime, e->truth->ncolumn, e->truth->dt,
+                          e->truth->column));
+    memcpy(e->predicted->t, e->truth->t, ntime * sizeof(double));
+    return PM_OK;
+}
+
+static pm_status fill_boxes(pm_evaluation *e) {
+    const int ngroup = e->columns.ngroup, ntime = e->truth->ntime;
+    double *value = calloc((size_t)e->count * (size_t)ntime, sizeof *value);
+    if (value == NULL) {
+        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
+    }
+    for (int g = 0; g < ngroup; ++g) {
+        for (int i = 0; i < e->count; ++i) {
+            value[i] = e->rollout[i].error[g];
+        }
+        e->trajectory[g] = pm_box_of(e->count, value);
+        int n = 0;
+        for (int i = 0; i < e->count; ++i) {
+            for (int j = 1; j < ntime; ++j) {
+                value[n++] = e->rollout[i].snapshot[j * ngroup + g];
+            }
+        }
+        e->snapshot[g] = pm_box_of(n, value);
+    }
+    free(value);
+    return PM_OK;
+}
+
+pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,
+                      int first, int end, const pm_evaluate_how *how) {
+    if (truth->ntime < 2) {
+        return pm_fail(PM_EDATA, "evaluate: a trajectory of %d states leaves nothing to predict",
+                       truth->ntime);
+    }
+    pm_evaluation *e = calloc(1, sizeof *e);
+    if (e == NULL) {
+        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
+    }
+    *e = (pm_evaluation){.system = system, .truth = truth, .count = end - first};
+    pm_status status;
+    PM_TRY_DONE(find_stride(e));
+    PM_TRY_DONE(pm_columns_bind(&e->columns, system->scene, truth, &e->arena));
+    PM_TRY_DONE(allocate(e, first));
+    PM_TRY_DONE(run_pool(e, how));
+    PM_TRY_DONE(fill_boxes(e));
+    *evaluation = e;
+    e = NULL;
+done:
+    pm_evaluation_free(e);
+    return status;
+}
+
+void pm_evaluation_free(pm_evaluation *evaluation) {
+    if (evaluation != NULL) {
+        pm_dataset_free(evaluation->predicted);
+        pm_arena_free(&evaluation->arena);
+        free(evaluation);
+    }
+}
+
+const pm_rollout *pm_evaluation_violation(const pm_evaluation *evaluation) {
+    for (int i = 0; i < evaluation->count; ++i) {
+        if (evaluation->rollout[i].violation[0] != 0) {
+            return &evaluation->rollout[i];
+        }
+    }
+    return NULL;
+}
+
+int pm_evaluation_failures(const pm_evaluation *evaluation) {
+    int count = 0;
+    for (int i = 0; i < evaluation->count; ++i) {
+        count += evaluation->rollout[i].reached < evaluation->truth->ntime;
+    }
+    return count;
+}

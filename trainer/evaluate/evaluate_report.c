@@ -1,0 +1,238 @@
+// Tables and JSON of an evaluation.
+#include "evaluate/evaluate_report.h"
+
+#include <math.h>
+#include <stdio.h>
+
+// What is worst over all rollouts.
+typedef struct summary {
+    const pm_rollout *energy, *entropy; // with the largest residual; NULL: no residual at all
+    long violations, steps;
+    double energy_drift, entropy_change, entropy_fall; // largest, mean, largest
+    double seconds_per_step;                           // mean over the rollouts
+} summary;
+
+static summary summarise(const pm_evaluation *e) {
+    summary s = {.energy = NULL};
+    for (int i = 0; i < e->count; ++i) {
+        const pm_rollout *r = &e->rollout[i];
+        const pm_ledger *ledger = &r->ledger;
+        if (ledger->worst_energy > (s.energy == NULL ? 0 : s.energy->ledger.worst_energy)) {
+            s.energy = r;
+        }
+        if (ledger->worst_entropy < (s.entropy == NULL ? 0 : s.entropy->ledger.worst_entropy)) {
+            s.entropy = r;
+        }
+        s.violations += ledger->violations;
+        s.steps += ledger->steps;
+        s.energy_drift = fmax(s.energy_drift, r->ledger.energy_drift);
+        s.entropy_change += (ledger->entropy - ledger->first_entropy) / e->count;
+        s.entropy_fall = fmax(s.entropy_fall, ledger->worst_entropy_fall);
+        s.seconds_per_step += r->seconds_per_step / e->count;
+    }
+    return s;
+}
+
+// --- tables ---
+
+static void print_box(const char *group, const char *kind, const pm_box *b) {
+    printf("  %-8s %-11s %9.3g %9.3g %9.3g %9.3g %9.3g %9.3g\n", group, kind, 100 * b->low,
+           100 * b->first_quartile, 100 * b->median, 100 * b->third_quartile, 100 * b->high,
+           100 * b->mean);
+}
+
+static void print_worst(const char *what, double residual, const char *at, int trajectory,
+                        long step) {
+    printf("  %-28s %10.2e", what, residual);
+    if (at != NULL) {
+        printf("  %s, trajectory %d, step %ld", at, trajectory, step);
+    }
+    printf("\n");
+}
+
+static void print_laws(const pm_evaluation *e, const summary *s) {
+    printf("\nBoth laws\n");
+    const int without = pm_system_without_energy(e->system);
+    if (without >= 0) {
+        printf("  not defined: %s is free of structure and has no energy\n",
+               e->system->scene->subsystem[without].name);
+        return;
+    }
+    if (s->energy == NULL) {
+        print_worst("worst energy residual", 0, NULL, 0, 0);
+    } else {
+        print_worst("worst energy residual", s->energy->ledger.worst_energy,
+                    s->energy->ledger.worst_energy_at, s->energy->trajectory,
+                    s->energy->ledger.worst_energy_step);
+    }
+    if (s->entropy == NULL) {
+        print_worst("worst entropy residual", 0, NULL, 0, 0);
+    } else {
+        print_worst("worst entropy residual", s->entropy->ledger.worst_entropy,
+                    s->entropy->ledger.worst_entropy_at, s->entropy->trajectory,
+                    s->entropy->ledger.worst_entropy_step);
+    }
+    printf("  %-28s %10ld of %ld\n", "steps in violation", s->violations, s->steps);
+    printf("  %-28s %10.2e J, largest\n", "total energy drifts by", s->energy_drift);
+    printf("  %-28s %+10.2e J/K, mean; largest fall over a step %.2e J/K\n",
+           "total entropy changes by", s->entropy_change, s->entropy_fall);
+}
+
+static void print_failures(const pm_evaluation *e) {
+    const int failures = pm_evaluation_failures(e);
+    if (failures > 0) {
+        printf("\n%d of %d rollouts became non-finite; their errors count as infinite:", failures,
+               e->count);
+        for (int i = 0; i < e->count; ++i) {
+            if (e->rollout[i].reached < e->truth->ntime) {
+                printf(" %d (after %d states)", e->rollout[i].trajectory, e->rollout[i].reached);
+            }
+        }
+        printf("\n");
+    }
+}
+
+static bool is_zero(const pm_evaluation *e, int group) {
+    pm_score_sums sums = {0};
+    for (int i = 0; i < e->count; ++i) {
+        for (int j = 0; j < e->truth->ntime; ++j) {
+            const double *row = pm_dataset_state(e->truth, e->rollout[i].trajectory, j);
+            pm_score_add(&e->columns, group, row, row, &sums);
+        }
+    }
+    return sums.norm == 0;
+}
+
+static void print_errors(const pm_evaluation *e, const char *title) {
+    printf("%s %d to %d, %d states %g s apart\n\n", title, e->rollout[0].trajectory,
+           e->rollout[e->count - 1].trajectory, e->truth->ntime, e->truth->dt);
+    printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
+           "quartile", "whisker", "mean");
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        print_box(e->columns.group_name[g], "trajectory", &e->trajectory[g]);
+    }
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        print_box(e->columns.group_name[g], "snapshot", &e->snapshot[g]);
+    }
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        if (is_zero(e, g)) {
+            printf("  %s is zero in truth: its errors are absolute, times 100\n",
+                   e->columns.group_name[g]);
+        }
+    }
+    print_failures(e);
+}
+
+void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained) {
+    const summary s = summarise(e);
+    printf("%s: ", e->system->scene->name);
+    print_errors(e, "trajectories");
+    if (trained != NULL) {
+        print_errors(trained, "\nTrajectories that training saw:");
+    }
+    print_laws(e, &s);
+    const pm_scene *scene = e->system->scene;
+    printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator);
+    if (scene->tolerance > 0) {
+        printf("tolerance %g)\n", scene->tolerance);
+    } else {
+        printf("%d substeps)\n", scene->substeps);
+    }
+}
+
+// --- JSON ---
+
+static void json_text(const char *text) {
+    putchar('"');
+    for (const char *c = text; *c != 0; ++c) {
+        if (*c == '"' || *c == '\\') {
+            printf("\\%c", *c);
+        } else if ((unsigned char)*c < 0x20) {
+            printf("\\u%04x", (unsigned)(unsigned char)*c);
+        } else {
+            putchar(*c);
+        }
+    }
+    putchar('"');
+}
+
+// "name": value and what follows it.
+static void json_number(const char *name, double value, const char *after) {
+    json_text(name);
+    if (isfinite(value)) {
+        printf(": %.17g%s", value, after);
+    } else {
+        printf(": null%s", after);
+    }
+}
+
+static void json_box(const char *name, const pm_box *b, const char *after) {
+    json_text(name);
+    printf(": {");
+    json_number("low", b->low, ", ");
+    json_number("first_quartile", b->first_quartile, ", ");
+    json_number("median", b->median, ", ");
+    json_number("third_quartile", b->third_quartile, ", ");
+    json_number("high", b->high, ", ");
+    json_number("mean", b->mean, "}");
+    printf("%s", after);
+}
+
+static void json_groups(const pm_evaluation *e, const char *name) {
+    printf("  \"%s\": {\n", name);
+    for (int g = 0; g < e->columns.ngroup; ++g) {
+        printf("    ");
+        json_text(e->columns.group_name[g]);
+        printf(": {");
+        json_box("trajectory", &e->trajectory[g], ", ");
+        json_box("snapshot", &e->snapshot[g], g + 1 < e->columns.ngroup ? "},\n" : "}\n");
+    }
+    printf("  },\n");
+}
+
+static void json_laws(const pm_evaluation *e, const summary *s) {
+    if (pm_system_without_energy(e->system) >= 0) {
+        printf("  \"laws\": null,\n");
+        return;
+    }
+    printf("  \"laws\": {");
+    json_number("worst_energy_residual", s->energy == NULL ? 0 : s->energy->ledger.worst_energy,
+                ", ");
+    json_number("worst_entropy_residual", s->entropy == NULL ? 0 : s->entropy->ledger.worst_entropy,
+                ", ");
+    printf("\"violations\": %ld, \"steps\": %ld, ", s->violations, s->steps);
+    json_number("energy_drift", s->energy_drift, ", ");
+    json_number("entropy_change", s->entropy_change, ", ");
+    json_number("entropy_fall", s->entropy_fall, "},\n");
+}
+
+static void json_rollouts(const pm_evaluation *e) {
+    printf("  \"rollouts\": [\n");
+    for (int i = 0; i < e->count; ++i) {
+        const pm_rollout *r = &e->rollout[i];
+        printf("    {\"trajectory\": %d, \"states\": %d, \"error\": {", r->trajectory, r->reached);
+        for (int g = 0; g < e->columns.ngroup; ++g) {
+            json_number(e->columns.group_name[g], r->error[g],
+                        g + 1 < e->columns.ngroup ? ", " : "}, ");
+        }
+        json_number("energy_drift", r->ledger.energy_drift, i + 1 < e->count ? "},\n" : "}\n");
+    }
+    printf("  ]\n");
+}
+
+void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *trained) {
+    const summary s = summarise(e);
+    printf("{\n  \"scene\": ");
+    json_text(e->system->scene->name);
+    printf(",\n  \"trajectories\": %d, \"states\": %d, ", e->count, e->truth->ntime);
+    json_number("dt", e->truth->dt, ", ");
+    printf("\"nonfinite\": %d, ", pm_evaluation_failures(e));
+    json_number("seconds_per_step", s.seconds_per_step, ",\n");
+    json_groups(e, "groups");
+    if (trained != NULL) {
+        json_groups(trained, "trained_groups");
+    }
+    json_laws(e, &s);
+    json_rollouts(e);
+    printf("}\n");
+}

@@ -1,0 +1,73 @@
+// f(x) - f(0) - f'(0) x, in the normalised features (x - mean)/deviation that the linear form has.
+#include "learn/fold_tangent.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "graph/program.h"
+
+static double *numbers_of(const pm_part *part, const char *prefix, const char *name) {
+    char full[128];
+    snprintf(full, sizeof full, "%s.%s", prefix, name);
+    return pm_params_find(&part->params, full)->value;
+}
+
+// The numbers of the network change as it is evaluated for the last time.
+static void subtract_tangent(const pm_part *part, const char *prefix, int count, double value,
+                             const double *slope) {
+    const double *mean = numbers_of(part, prefix, "mean");
+    const double *deviation = numbers_of(part, prefix, "deviation");
+    double *linear = numbers_of(part, prefix, "linear");
+    double *bias = numbers_of(part, prefix, "output.bias");
+    *bias -= value;
+    for (int i = 0; i < count; ++i) {
+        linear[i] -= slope[i] * deviation[i];
+        *bias -= slope[i] * mean[i];
+    }
+}
+
+static pm_status settle_network(const pm_part *part, const pm_network_spec *network,
+                                const char *prefix) {
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    char mean[128];
+    snprintf(mean, sizeof mean, "%s.mean", prefix);
+    const int count = pm_params_find(&part->params, mean)->cols;
+    pm_status status;
+    PM_TRY_DONE(pm_graph_open(&g));
+    const pm_node origin = pm_input(g, true, 1, count);
+    pm_node out[2] = {pm_network_build_from(g, network, origin, 1, &part->params, prefix),
+                      PM_NO_NODE};
+    pm_gradient(g, out[0], PM_NO_NODE, 1, &origin, &out[1]);
+    PM_TRY_DONE(pm_program_open(&program, g, 2, out, 1));
+    memset(pm_program_value(program, origin), 0, (size_t)count * sizeof(double));
+    pm_program_run(program, 1);
+    subtract_tangent(part, prefix, count, *pm_program_value(program, out[0]),
+                     pm_program_value(program, out[1]));
+done:
+    pm_program_close(program);
+    pm_graph_close(g);
+    return status;
+}
+
+static pm_status settle_potential(const pm_part *part, pm_potential_spec *potential,
+                                  const char *name, pm_arena *arena) {
+    pm_network_spec *term = pm_arena_array(arena, (size_t)potential->nterm, sizeof *term);
+    if (term == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for networks at rest");
+    }
+    for (int i = 0; i < potential->nterm; ++i) {
+        char prefix[32];
+        snprintf(prefix, sizeof prefix, "%s.%d", name, i);
+        term[i] = potential->term[i];
+        term[i].zero_at_origin = false;
+        PM_TRY(potential->term[i].zero_at_origin ? settle_network(part, &term[i], prefix) : PM_OK);
+    }
+    potential->term = term;
+    return PM_OK;
+}
+
+pm_status pm_fold_tangent(pm_part *part, pm_arena *arena) {
+    PM_TRY(settle_potential(part, &part->spec.energy, "energy", arena));
+    return settle_potential(part, &part->spec.entropy, "entropy", arena);
+}

@@ -1,0 +1,260 @@
+// Jacobians by reverse accumulation, one pass per residual, with the weights repeated per sample so
+// that gradients stay apart. Two lanes, as in learn/objective.c.
+#include "learn/gauss_newton_matrix.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "graph/program.h"
+
+#define LANES 2
+#define CHUNK 32
+// Keeps the root of the degeneracy differentiable at zero.
+#define SMALLEST_DEGENERACY 1e-20
+
+typedef struct lane {
+    pm_gauss_newton_matrix *normal;
+    int id;
+    pm_program *program;
+    double *jacobian; // [CHUNK * nresidual][size]
+    double *hessian;  // [size][size]
+    double *gradient; // [size]
+    int count;
+    const int *index;
+} lane;
+
+struct pm_gauss_newton_matrix {
+    pm_objective *objective;
+    pm_loss_context context;
+    int size, nresidual, nentry;
+    pm_node input, residual; // residual [1][nresidual]
+    pm_node *derivative;     // [nresidual][nentry], PM_NO_NODE where independent
+    int *entry_size;         // [nentry]
+    lane lane[LANES];
+};
+
+// --- opening ---
+
+// Every trained matrix as a node of g; returns their number.
+static int list_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int *size) {
+    int count = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        for (int j = 0; j < params->count; ++j) {
+            const pm_param_entry *entry = &params->entry[j];
+            if (entry->trained) {
+                if (leaf != NULL) {
+                    leaf[count] = pm_weight(g, entry->value, entry->rows, entry->cols);
+                    size[count] = entry->rows * entry->cols;
+                }
+                ++count;
+            }
+        }
+    }
+    return count;
+}
+
+// The residuals of a sample whose squares add up to its loss.
+static pm_node build_residuals(pm_graph *g, const pm_loss_context *c, pm_node *input) {
+    pm_loss_nodes nodes;
+    if (pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes) != PM_OK) {
+        return PM_NO_NODE;
+    }
+    *input = nodes.input;
+    const int n = pm_graph_shape(g, nodes.residual).cols;
+    const pm_node part[2] = {
+        pm_scale(g, nodes.residual, 1 / sqrt(n)),
+        nodes.degeneracy == PM_NO_NODE
+            ? PM_NO_NODE
+            : pm_sqrt(g, pm_offset(g, pm_scale(g, nodes.degeneracy, c->loss->degeneracy),
+                                   SMALLEST_DEGENERACY)),
+    };
+    return pm_concat(g, part[1] == PM_NO_NODE ? 1 : 2, part);
+}
+
+static pm_status build_derivatives(pm_gauss_newton_matrix *n, pm_graph *g, const pm_node *leaf,
+                                   pm_node *output, int *noutput) {
+    output[(*noutput)++] = n->residual;
+    for (int r = 0; r < n->nresidual; ++r) {
+        pm_node *row = n->derivative + (ptrdiff_t)r * n->nentry;
+        pm_gradient(g, pm_slice(g, n->residual, r, 1), PM_NO_NODE, n->nentry, leaf, row);
+        for (int i = 0; i < n->nentry; ++i) {
+            if (row[i] != PM_NO_NODE) {
+                output[(*noutput)++] = row[i];
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status open_lanes(pm_gauss_newton_matrix *n, pm_graph *g, int noutput,
+                            const pm_node *output) {
+    const size_t size = (size_t)n->size;
+    for (int i = 0; i < LANES; ++i) {
+        lane *l = &n->lane[i];
+        l->normal = n;
+        l->id = i;
+        PM_TRY(pm_program_open(&l->program, g, noutput, output, CHUNK));
+        l->jacobian = malloc((size_t)CHUNK * (size_t)n->nresidual * size * sizeof *l->jacobian);
+        l->hessian = malloc(size * size * sizeof *l->hessian);
+        l->gradient = malloc(size * sizeof *l->gradient);
+        if (l->jacobian == NULL || l->hessian == NULL || l->gradient == NULL) {
+            return pm_fail(PM_ENOMEM, "out of memory for the normal equations of %d weights",
+                           n->size);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status build(pm_gauss_newton_matrix *n, pm_graph *g) {
+    pm_graph_weights_per_item(g);
+    n->residual = build_residuals(g, &n->context, &n->input);
+    if (n->residual == PM_NO_NODE) {
+        return PM_ENOMEM;
+    }
+    n->nresidual = pm_graph_shape(g, n->residual).cols;
+    n->nentry = list_weights(g, n->context.system, NULL, NULL);
+    const size_t cells = (size_t)n->nresidual * (size_t)n->nentry + 1;
+    n->derivative = malloc(cells * sizeof *n->derivative);
+    n->entry_size = malloc((size_t)n->nentry * sizeof *n->entry_size);
+    pm_node *leaf = malloc((size_t)n->nentry * sizeof *leaf);
+    pm_node *output = malloc(cells * sizeof *output);
+    pm_status status = PM_OK;
+    if (n->derivative == NULL || n->entry_size == NULL || leaf == NULL || output == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for the normal equations");
+        goto done;
+    }
+    list_weights(g, n->context.system, leaf, n->entry_size);
+    int noutput = 0;
+    PM_TRY_DONE(build_derivatives(n, g, leaf, output, &noutput));
+    PM_TRY_DONE(open_lanes(n, g, noutput, output));
+done:
+    free(leaf);
+    free(output);
+    return status;
+}
+
+pm_status pm_gauss_newton_matrix_open(pm_gauss_newton_matrix **normal, pm_objective *objective) {
+    pm_gauss_newton_matrix *n = calloc(1, sizeof *n);
+    if (n == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the normal equations");
+    }
+    n->objective = objective;
+    n->context = pm_objective_context(objective);
+    n->size = pm_objective_size(objective);
+    pm_graph *g = NULL;
+    pm_status status = pm_graph_open(&g);
+    if (status == PM_OK) {
+        status = build(n, g);
+    }
+    pm_graph_close(g);
+    if (status != PM_OK) {
+        pm_gauss_newton_matrix_close(n);
+        return status;
+    }
+    *normal = n;
+    return PM_OK;
+}
+
+void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal) {
+    if (normal != NULL) {
+        for (int i = 0; i < LANES; ++i) {
+            pm_program_close(normal->lane[i].program);
+            free(normal->lane[i].jacobian);
+            free(normal->lane[i].hessian);
+            free(normal->lane[i].gradient);
+        }
+        free(normal->derivative);
+        free(normal->entry_size);
+        free(normal);
+    }
+}
+
+// --- evaluation ---
+
+// The weighted Jacobian rows of one residual for all samples of a chunk.
+static void fill_rows(lane *l, int residual, int batch, const double *root) {
+    const pm_gauss_newton_matrix *n = l->normal;
+    size_t first = 0;
+    for (int i = 0; i < n->nentry; ++i) {
+        const pm_node node = n->derivative[(ptrdiff_t)residual * n->nentry + i];
+        const size_t size = (size_t)n->entry_size[i];
+        const double *from = node == PM_NO_NODE ? NULL : pm_program_value(l->program, node);
+        for (int s = 0; s < batch; ++s) {
+            double *to = l->jacobian +
+                         ((size_t)residual * (size_t)batch + (size_t)s) * (size_t)n->size + first;
+            for (size_t k = 0; k < size; ++k) {
+                to[k] = from == NULL ? 0 : root[s] * from[(size_t)s * size + k];
+            }
+        }
+        first += size;
+    }
+}
+
+static void add_gradient(lane *l, int batch, const double *root) {
+    const pm_gauss_newton_matrix *n = l->normal;
+    const double *value = pm_program_value(l->program, n->residual);
+    for (int r = 0; r < n->nresidual; ++r) {
+        for (int s = 0; s < batch; ++s) {
+            const double factor = root[s] * value[(ptrdiff_t)s * n->nresidual + r];
+            const double *row =
+                l->jacobian + ((size_t)r * (size_t)batch + (size_t)s) * (size_t)n->size;
+            for (int k = 0; k < n->size; ++k) {
+                l->gradient[k] += factor * row[k];
+            }
+        }
+    }
+}
+
+static void *work(void *context) {
+    lane *l = context;
+    const pm_gauss_newton_matrix *n = l->normal;
+    const pm_samples *samples = n->context.samples;
+    const size_t width = (size_t)pm_samples_width(samples);
+    memset(l->hessian, 0, (size_t)n->size * (size_t)n->size * sizeof *l->hessian);
+    memset(l->gradient, 0, (size_t)n->size * sizeof *l->gradient);
+    for (int first = l->id * CHUNK; first < l->count; first += LANES * CHUNK) {
+        const int batch = l->count - first < CHUNK ? l->count - first : CHUNK;
+        double root[CHUNK];
+        double *input = pm_program_value(l->program, n->input);
+        for (int s = 0; s < batch; ++s) {
+            const int sample = l->index[first + s];
+            pm_samples_window(samples, sample, input + (size_t)s * width);
+            root[s] = sqrt(pm_objective_sample_weight(n->objective, sample));
+        }
+        pm_program_run(l->program, batch);
+        for (int r = 0; r < n->nresidual; ++r) {
+            fill_rows(l, r, batch, root);
+        }
+        pm_gram_add(batch * n->nresidual, n->size, l->jacobian, l->hessian);
+        add_gradient(l, batch, root);
+    }
+    return NULL;
+}
+
+void pm_gauss_newton_matrix_evaluate(pm_gauss_newton_matrix *normal, int count, const int *index,
+                                     double *gradient, double *hessian) {
+    pm_gauss_newton_matrix *n = normal;
+    pthread_t thread;
+    for (int i = 0; i < LANES; ++i) {
+        n->lane[i].count = count;
+        n->lane[i].index = index;
+    }
+    const bool started = pthread_create(&thread, NULL, work, &n->lane[1]) == 0;
+    work(&n->lane[0]);
+    if (started) {
+        pthread_join(thread, NULL);
+    } else {
+        work(&n->lane[1]);
+    }
+    const size_t size = (size_t)n->size;
+    for (size_t i = 0; i < size; ++i) {
+        gradient[i] = (n->lane[0].gradient[i] + n->lane[1].gradient[i]) / count;
+    }
+    for (size_t i = 0; i < size * size; ++i) {
+        hessian[i] = (n->lane[0].hessian[i] + n->lane[1].hessian[i]) / count;
+    }
+}

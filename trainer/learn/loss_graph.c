@@ -1,0 +1,84 @@
+// Unrolling steps from the first state of a window and comparing with the others.
+#include "learn/loss_graph.h"
+
+#include <assert.h>
+#include <stdlib.h>
+
+#include "learn/step_graph.h"
+
+int pm_loss_load_order(const pm_loss *loss) {
+    if (loss->residual == PM_RESIDUAL_DERIVATIVE) {
+        return 1;
+    }
+    bool later = loss->substeps > 1;
+    for (int i = 0; i < loss->integrator->nstage; ++i) {
+        later = later || pm_integrator_time(loss->integrator, i) > 0;
+    }
+    return later ? PM_BOUNDARY_INPUT_ORDER : 1;
+}
+
+// What is needed while building; all [nsubsystem] or [unroll].
+typedef struct scratch {
+    pm_node *z, *residual;
+    pm_step_work work;
+} scratch;
+
+static void build(pm_graph *g, const pm_system *system, const pm_samples *samples,
+                  const pm_loss *loss, const scratch *s, pm_loss_nodes *nodes) {
+    const pm_scene *scene = system->scene;
+    const int nz = samples->nz, unroll = samples->unroll;
+    const bool derivative = loss->residual == PM_RESIDUAL_DERIVATIVE;
+    const pm_integrator *rk = derivative ? pm_integrator_find("euler") : loss->integrator;
+    const int substeps = derivative ? 1 : loss->substeps;
+    nodes->input = pm_input(g, true, 1, pm_samples_width(samples));
+    nodes->degeneracy = PM_NO_NODE;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        s->z[i] =
+            pm_slice(g, nodes->input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
+    }
+    const pm_node scale = pm_param(g, samples->scale, 1, nz);
+    for (int step = 0; step < unroll; ++step) {
+        const pm_node boundary_input =
+            samples->nboundary_input == 0
+                ? PM_NO_NODE
+                : pm_slice(g, nodes->input, pm_samples_load(samples, step),
+                           samples->input_order * samples->nboundary_input);
+        pm_build_step(g, system, rk, scene->dt / substeps, substeps, s->z, boundary_input,
+                      &nodes->degeneracy, &s->work);
+        const pm_node target = pm_slice(g, nodes->input, (step + 1) * nz, nz);
+        const pm_node predicted = pm_concat(g, scene->nsubsystem, s->z);
+        s->residual[step] = pm_div(g, pm_sub(g, predicted, target), scale);
+    }
+    nodes->residual = pm_concat(g, unroll, s->residual);
+    if (nodes->degeneracy != PM_NO_NODE) {
+        nodes->degeneracy = pm_scale(g, nodes->degeneracy, 1.0 / (unroll * substeps * rk->nstage));
+    }
+}
+
+pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_samples *samples,
+                              const pm_loss *loss, pm_loss_nodes *nodes) {
+    const size_t count = (size_t)system->scene->nsubsystem;
+    assert(samples->nboundary_input == 0 || samples->input_order >= pm_loss_load_order(loss));
+    scratch s = {
+        .z = calloc(count, sizeof *s.z),
+        .residual = calloc((size_t)samples->unroll, sizeof *s.residual),
+        .work = {calloc(count, sizeof *s.work.state),
+                 calloc(count * PM_MAX_STAGES, sizeof *s.work.k),
+                 calloc((size_t)system->scene->nport + 1, sizeof *s.work.last),
+                 calloc((size_t)system->scene->nz, sizeof *s.work.responding)},
+    };
+    pm_status status = PM_OK;
+    if (s.z == NULL || s.residual == NULL || s.work.state == NULL || s.work.k == NULL ||
+        s.work.last == NULL || s.work.responding == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a loss");
+    } else {
+        build(g, system, samples, loss, &s, nodes);
+    }
+    free(s.z);
+    free(s.residual);
+    free(s.work.state);
+    free(s.work.k);
+    free(s.work.last);
+    free(s.work.responding);
+    return status;
+}

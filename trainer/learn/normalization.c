@@ -1,0 +1,312 @@
+// Statistics of the expressions that models name, computed by running their graphs on the data.
+#include "learn/normalization.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "graph/program.h"
+#include "learn/step_graph.h"
+#include "model/training_range.h"
+
+#define MAX_SETS 256
+// A feature that never varies gets deviation 1.
+#define SMALLEST_DEVIATION 1e-12
+
+// Numbers in the windows that statistics are taken from at most; of more, some are taken.
+#define MOST_NUMBERS 100000000
+// What is small counts as if it were this large, relative to what is typical.
+#define SMALLEST_SNAPSHOT 0.1
+
+// One set of constants: where its values go, and the node that gives the data.
+typedef struct set {
+    pm_normaliser_kind kind;
+    pm_param_entry *mean, *deviation; // all but features use `deviation` alone
+    pm_node node;
+    int count;                 // expressions
+    int size[PM_MAX_FEATURES]; // components of each
+    int twin[PM_MAX_FEATURES]; // of a scale: the group of the same name at the other end, or -1
+} set;
+
+typedef struct collection {
+    pm_graph *g;
+    pm_params *params; // of the component being visited
+    int count;
+    set set[MAX_SETS];
+} collection;
+
+static pm_param_entry *entry_of(const collection *c, const char *prefix, const char *name) {
+    char full[160];
+    snprintf(full, sizeof full, "%s.%s", prefix, name);
+    return pm_params_find(c->params, full);
+}
+
+// The group that the other end of a port calls the same: "b.s" for "a.s".
+static int find_twin(const pm_normaliser *n, int own) {
+    const char *dot = strchr(n->expression[own], '.');
+    for (int i = 0; i < n->count && dot != NULL; ++i) {
+        const char *other = strchr(n->expression[i], '.');
+        if (i != own && other != NULL && strcmp(dot, other) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static pm_status collect(void *context, const pm_normaliser *n) {
+    collection *c = context;
+    if (c->count == MAX_SETS) {
+        return pm_fail(PM_ECONFIG, "more than %d networks and operators", MAX_SETS);
+    }
+    static const char *const name[] = {"deviation", "scale", "along", "patterns"};
+    set *s = &c->set[c->count++];
+    *s = (set){.kind = n->kind, .count = n->count};
+    s->mean = n->kind == PM_NORMALISE_FEATURES ? entry_of(c, n->prefix, "mean") : NULL;
+    s->deviation = entry_of(c, n->prefix, name[n->kind]);
+    for (int i = 0; i < n->count; ++i) {
+        PM_TRY(pm_feature_size(n->expression[i], n->symbols, &s->size[i]));
+        s->twin[i] = n->kind == PM_NORMALISE_SCALE ? find_twin(n, i) : -1;
+    }
+    const pm_node node = pm_features_build(c->g, n->count, n->expression, n->symbols);
+    s->node = pm_broadcast_to(c->g, node, (pm_shape){true, 1, pm_graph_shape(c->g, node).cols});
+    return PM_OK;
+}
+
+// --- the kinds of statistics, over value [count][cols] ---
+
+static void fix_features(const set *s, const double *value, int count, int cols) {
+    for (int c = 0; c < cols; ++c) {
+        double mean = 0, square = 0;
+        for (int i = 0; i < count; ++i) {
+            mean += value[(size_t)i * (size_t)cols + (size_t)c] / count;
+        }
+        for (int i = 0; i < count; ++i) {
+            const double difference = value[(size_t)i * (size_t)cols + (size_t)c] - mean;
+            square += difference * difference / count;
+        }
+        s->mean->value[c] = mean;
+        s->deviation->value[c] = sqrt(square) > SMALLEST_DEVIATION ? sqrt(square) : 1;
+    }
+}
+
+// Root mean square over components [first, first + size); 0 only if all are.
+static double pooled_rms(const double *value, int count, int cols, int first, int size) {
+    double square = 0;
+    for (int i = 0; i < count; ++i) {
+        for (int c = first; c < first + size; ++c) {
+            const double x = value[(size_t)i * (size_t)cols + (size_t)c];
+            square += x * x / ((double)count * size);
+        }
+    }
+    return sqrt(square);
+}
+
+static void fix_scale(const set *s, const double *value, int count, int cols) {
+    double typical[PM_MAX_FEATURES], square = 0;
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        typical[k] = pooled_rms(value, count, cols, first, s->size[k]);
+    }
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        // The world shows no state at its end of a load: what it trades counts as it does at the
+        // subsystem's.
+        const double own = typical[k] > 0 || s->twin[k] < 0 ? typical[k] : typical[s->twin[k]];
+        const double rms = own > 0 ? own : 1;
+        for (int c = first; c < first + s->size[k]; ++c) {
+            s->deviation->value[c] = rms;
+            square += rms * rms / cols;
+        }
+    }
+    for (int c = 0; c < cols; ++c) {
+        s->deviation->value[c] /= sqrt(square);
+    }
+}
+
+static void fix_along(const set *s, const double *value, int count, int cols) {
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        const double rms = pooled_rms(value, count, cols, first, s->size[k]);
+        s->deviation->value[k] = (rms > 0 ? rms : 1) * sqrt((double)s->size[k]);
+    }
+}
+
+// Snapshots [count][cols] divided by their lengths, so that small ones count as large ones do.
+static void scale_snapshots(const double *value, int count, int cols, double *snapshot) {
+    const double typical = pooled_rms(value, count, cols, 0, cols);
+    for (int i = 0; i < count; ++i) {
+        const double *from = value + (size_t)i * (size_t)cols;
+        const double own = pooled_rms(from, 1, cols, 0, cols);
+        const double length = fmax(own, SMALLEST_SNAPSHOT * typical);
+        for (int c = 0; c < cols; ++c) {
+            snapshot[(size_t)i * (size_t)cols + (size_t)c] = length > 0 ? from[c] / length : 0;
+        }
+    }
+}
+
+// The leading directions of the snapshots, by the eigenvectors of their products (Sirovich, Q.
+// Appl. Math. 45 (1987) 561). Rounded to what a weights file may keep.
+static pm_status find_patterns(const set *s, const double *snapshot, int count, int cols) {
+    const int npattern = s->deviation->cols;
+    double *product = malloc((size_t)count * (size_t)count * sizeof *product);
+    double *value = malloc((size_t)npattern * sizeof *value);
+    double *vector = malloc((size_t)npattern * (size_t)count * sizeof *vector);
+    double *pattern = malloc((size_t)npattern * (size_t)cols * sizeof *pattern);
+    pm_status status = PM_OK;
+    if (product == NULL || value == NULL || vector == NULL || pattern == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for patterns");
+        goto done;
+    }
+    pm_gemm(false, true, count, count, cols, snapshot, snapshot, product);
+    if (npattern > count || !pm_eigen_largest(count, product, npattern, value, vector)) {
+        status = pm_fail(PM_EDATA, "%d patterns cannot be found in %d states", npattern, count);
+        goto done;
+    }
+    pm_gemm(false, false, npattern, cols, count, vector, snapshot, pattern);
+    for (int k = 0; k < npattern; ++k) {
+        const double *from = pattern + (size_t)k * (size_t)cols;
+        const double rms = pooled_rms(from, 1, cols, 0, cols);
+        for (int c = 0; c < cols; ++c) {
+            s->deviation->value[(size_t)c * (size_t)npattern + (size_t)k] =
+                rms > 0 ? (float)(from[c] / rms) : 0;
+        }
+    }
+done:
+    free(product);
+    free(value);
+    free(vector);
+    free(pattern);
+    return status;
+}
+
+static pm_status fix_patterns(const set *s, const double *value, int count, int cols) {
+    double *snapshot = malloc((size_t)count * (size_t)cols * sizeof *snapshot);
+    if (snapshot == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for patterns");
+    }
+    scale_snapshots(value, count, cols, snapshot);
+    const pm_status status = find_patterns(s, snapshot, count, cols);
+    free(snapshot);
+    return status;
+}
+
+static pm_status fix(const set *s, const double *value, int count, int cols) {
+    static void (*const rule[])(const set *, const double *, int, int) = {fix_features, fix_scale,
+                                                                          fix_along};
+    if (s->kind == PM_NORMALISE_PATTERNS) {
+        return fix_patterns(s, value, count, cols);
+    }
+    rule[s->kind](s, value, count, cols);
+    return PM_OK;
+}
+
+// --- running the graphs ---
+
+static pm_status visit_all(collection *c, pm_system *system, const pm_state_nodes *state,
+                           pm_node prescribed) {
+    const pm_scene *scene = system->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        c->params = &system->part[i].params;
+        if (system->scene->subsystem[i].model != NULL) {
+            continue; // known, and stepped as it stands
+        }
+        PM_TRY(pm_part_visit(&system->part[i], c->g, state[i].z, state[i].dE, state[i].dS, collect,
+                             c));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        pm_port_nodes end[2];
+        pm_build_port_nodes(c->g, system, i, state, prescribed, end);
+        c->params = &system->port[i].params;
+        if (system->scene->port[i].model != NULL) {
+            continue;
+        }
+        PM_TRY(system->port[i].law->visit(&system->port[i], c->g, end, collect, c));
+    }
+    return PM_OK;
+}
+
+// Every window, or as many as memory should hold, evenly chosen, each as another of its images.
+static int choose_windows(const pm_samples *samples) {
+    const int most = MOST_NUMBERS / (pm_samples_width(samples) + pm_samples_left_out(samples)) + 1;
+    return samples->count < most ? samples->count : most;
+}
+
+static void write_windows(const pm_samples *samples, int count, double *window) {
+    const int images = pm_samples_symmetry_copies(samples) / samples->count;
+    for (int i = 0; i < count; ++i) {
+        const int which = (int)((long)i * samples->count / count);
+        pm_samples_window(samples, which + i % images * samples->count,
+                          window + (size_t)i * (size_t)pm_samples_width(samples));
+    }
+}
+
+static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *samples) {
+    if (c->count == 0) {
+        return PM_OK;
+    }
+    pm_node output[MAX_SETS];
+    for (int i = 0; i < c->count; ++i) {
+        output[i] = c->set[i].node;
+    }
+    pm_program *program = NULL;
+    const int count = choose_windows(samples);
+    PM_TRY(pm_program_open(&program, c->g, c->count, output, count));
+    write_windows(samples, count, pm_program_value(program, window));
+    pm_program_run(program, count);
+    pm_status status = PM_OK;
+    for (int i = 0; i < c->count && status == PM_OK; ++i) {
+        status = fix(&c->set[i], pm_program_value(program, output[i]), count,
+                     pm_graph_shape(c->g, output[i]).cols);
+    }
+    pm_program_close(program);
+    return status;
+}
+
+static pm_status one_pass(pm_system *system, const pm_samples *samples) {
+    const int count = system->scene->nsubsystem;
+    pm_graph *g = NULL;
+    collection *c = calloc(1, sizeof *c);
+    pm_state_nodes *state = calloc((size_t)count, sizeof *state);
+    pm_status status = PM_OK;
+    if (c == NULL || state == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for normalisation");
+        goto done;
+    }
+    PM_TRY_DONE(pm_graph_open(&g));
+    c->g = g;
+    const pm_node window = pm_input(g, true, 1, pm_samples_width(samples));
+    for (int i = 0; i < count; ++i) {
+        const pm_scene_subsystem *s = &system->scene->subsystem[i];
+        state[i].z = state[i].to = pm_slice(g, window, s->first, s->layout.nz);
+        state[i].from = state[i].response = PM_NO_NODE;
+    }
+    pm_build_coenergies(g, system, state);
+    const pm_node boundary_input = samples->nboundary_input == 0
+                                       ? PM_NO_NODE
+                                       : pm_slice(g, window, pm_samples_load(samples, 0),
+                                                  samples->input_order * samples->nboundary_input);
+    PM_TRY_DONE(visit_all(c, system, state, pm_build_load(g, system, boundary_input, 0)));
+    PM_TRY_DONE(run_and_fix(c, window, samples));
+done:
+    pm_graph_close(g);
+    free(c);
+    free(state);
+    return status;
+}
+
+static pm_status find_regions(pm_system *system, const pm_samples *samples) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        PM_TRY(pm_training_range_declare(&system->part[i]));
+        for (int k = 0; k < samples->count; ++k) {
+            const double *z = samples->z + (ptrdiff_t)k * pm_samples_width(samples);
+            pm_training_range_widen(&system->part[i], z + system->scene->subsystem[i].first);
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples) {
+    PM_TRY(find_regions(system, samples));
+    // The first pass normalises what co-energies are made of, the second features of co-energies.
+    PM_TRY(one_pass(system, samples));
+    return one_pass(system, samples);
+}

@@ -1,0 +1,14 @@
+// Fixes what a model carries besides its weights: means and deviations of features, scales of
+// operators, lengths of frame vectors, the region of states (training_range.h), all from the states
+// of the training data.
+#ifndef PM_TRAINER_LEARN_NORMALIZATION_H
+#define PM_TRAINER_LEARN_NORMALIZATION_H
+
+#include "learn/samples.h"
+#include "scene/system.h"
+
+// Sets the constants of every part and port of the system. Features of co-energies are normalised
+// with the weights as they are. PM_ENOMEM.
+pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples);
+
+#endif

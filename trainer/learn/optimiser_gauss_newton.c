@@ -1,0 +1,149 @@
+// Levenberg-Marquardt: Gauss-Newton steps with damping scaled by the diagonal (Marquardt, J. SIAM
+// 11 (1963) 431), on a fresh random batch of samples each iteration. The data are free of noise, so
+// that a batch with several times more residuals than weights is enough.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "base/rng.h"
+#include "learn/gauss_newton_matrix.h"
+#include "learn/optimiser_table.h"
+
+#define FIRST_DAMPING 1e-2
+#define SMALLEST_DAMPING 1e-12
+#define LARGEST_DAMPING 1e8
+#define RELAX 0.3 // damping after a step that helped
+#define STIFFEN 4 // and after one that did not
+
+typedef struct solver {
+    pm_optimisation *o;
+    pm_gauss_newton_matrix *normal;
+    int size, batch;
+    double *damping; // kept in the optimisation's moment, so that a stage can be taken up again
+    int *index;      // [samples] the batch is its beginning
+    double *gradient, *hessian, *damped, *step, *trial; // [size], [size][size], ...
+} solver;
+
+// Moves a fresh batch to the front of the index, each sample as one of its images.
+static void draw_batch(solver *s, int count) {
+    const int images = pm_objective_symmetry_copies(s->o->objective) / count;
+    pm_rng rng;
+    pm_rng_init(&rng, s->o->seed, (uint64_t)s->o->done);
+    for (int i = 0; i < count; ++i) {
+        s->index[i] = i;
+    }
+    for (int i = 0; i < s->batch; ++i) {
+        const int j = i + (int)pm_rng_below(&rng, (uint64_t)(count - i));
+        const int kept = s->index[i];
+        s->index[i] = s->index[j];
+        s->index[j] = kept;
+    }
+    for (int i = 0; i < s->batch && images > 1; ++i) {
+        s->index[i] += count * (int)pm_rng_below(&rng, (uint64_t)images);
+    }
+}
+
+static double loss_at(solver *s, const double *theta) {
+    pm_objective_set_weights(s->o->objective, theta);
+    return pm_objective_evaluate(s->o->objective, s->batch, s->index, s->trial + s->size);
+}
+
+// The damped step, or false if the equations cannot be solved with this damping.
+static bool solve(solver *s) {
+    const size_t n = (size_t)s->size;
+    memcpy(s->damped, s->hessian, n * n * sizeof *s->damped);
+    double largest = 0;
+    for (size_t i = 0; i < n; ++i) {
+        largest = fmax(largest, s->hessian[i * n + i]);
+    }
+    for (size_t i = 0; i < n; ++i) {
+        // A weight that nothing depends on at present still gets a positive diagonal.
+        s->damped[i * n + i] += *s->damping * (s->hessian[i * n + i] + 1e-10 * largest);
+        s->step[i] = -s->gradient[i];
+    }
+    return pm_cholesky_solve(s->size, s->damped, s->step);
+}
+
+// One iteration: tries steps with growing damping until one lowers the batch's loss.
+static pm_status iterate(solver *s, double *loss) {
+    pm_optimisation *o = s->o;
+    // The robust scale follows the residuals down; both losses are then taken with the same scale.
+    loss_at(s, o->theta);
+    PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
+    const double before = loss_at(s, o->theta);
+    pm_gauss_newton_matrix_evaluate(s->normal, s->batch, s->index, s->gradient, s->hessian);
+    while (*s->damping < LARGEST_DAMPING) {
+        if (solve(s)) {
+            for (int i = 0; i < s->size; ++i) {
+                s->trial[i] = o->theta[i] + s->step[i];
+            }
+            const double after = loss_at(s, s->trial);
+            if (after < before) {
+                memcpy(o->theta, s->trial, (size_t)s->size * sizeof *o->theta);
+                *s->damping = fmax(*s->damping * RELAX, SMALLEST_DAMPING);
+                *loss = after;
+                return PM_OK;
+            }
+        }
+        *s->damping *= STIFFEN;
+    }
+    pm_objective_set_weights(o->objective, o->theta);
+    *s->damping = FIRST_DAMPING;
+    *loss = before;
+    return PM_OK;
+}
+
+static pm_status open_solver(solver *s, pm_optimisation *o) {
+    const int count = pm_objective_samples(o->objective);
+    const size_t n = (size_t)pm_objective_size(o->objective);
+    *s = (solver){.o = o, .size = (int)n, .damping = o->moment};
+    if (*s->damping == 0) {
+        *s->damping = FIRST_DAMPING;
+    }
+    s->batch = o->schedule.batch < count ? o->schedule.batch : count;
+    s->index = malloc((size_t)count * sizeof *s->index);
+    s->gradient = malloc(n * sizeof *s->gradient);
+    s->hessian = malloc(n * n * sizeof *s->hessian);
+    s->damped = malloc(n * n * sizeof *s->damped);
+    s->step = malloc(n * sizeof *s->step);
+    s->trial = malloc(2 * n * sizeof *s->trial); // and the gradient at it, which nobody reads
+    if (s->index == NULL || s->gradient == NULL || s->hessian == NULL || s->damped == NULL ||
+        s->step == NULL || s->trial == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for Gauss-Newton with %zu weights", n);
+    }
+    return pm_gauss_newton_matrix_open(&s->normal, o->objective);
+}
+
+static void close_solver(solver *s) {
+    pm_gauss_newton_matrix_close(s->normal);
+    free(s->index);
+    free(s->gradient);
+    free(s->hessian);
+    free(s->damped);
+    free(s->step);
+    free(s->trial);
+}
+
+pm_status pm_gauss_newton_run(pm_optimisation *optimisation) {
+    pm_optimisation *o = optimisation;
+    if (pm_objective_size(o->objective) == 0) {
+        return PM_OK;
+    }
+    solver s;
+    pm_status status = open_solver(&s, o);
+    while (status == PM_OK && o->done < o->schedule.iterations) {
+        draw_batch(&s, pm_objective_samples(o->objective));
+        double loss = 0;
+        status = iterate(&s, &loss);
+        if (status != PM_OK) {
+            break;
+        }
+        ++o->done;
+        status = isfinite(loss) ? o->report(o->context, o, loss)
+                                : pm_fail(PM_ENUMERIC, "gauss_newton: the loss became %g", loss);
+    }
+    pm_objective_set_weights(o->objective, o->theta);
+    close_solver(&s);
+    return status;
+}

@@ -1,0 +1,56 @@
+// What a state of an assembly says about the openings between two bodies.
+#include <stdio.h>
+#include <string.h>
+
+#include "modal/body_assembly.h"
+
+static pm_status find_column(const pm_dataset *d, const char *name, int count, int *first) {
+    *first = 0;
+    while (*first < d->ncolumn && strcmp(d->column[*first], name) != 0) {
+        ++*first;
+    }
+    return *first + count <= d->ncolumn
+               ? PM_OK
+               : pm_fail(PM_EDATA, "the dataset has no columns from \"%s\" on", name);
+}
+
+// Where the first number of a group of the meeting stands; the others follow.
+static pm_status find_group(const pm_body_assembly *a, const pm_contact_interface *m,
+                            const pm_dataset *d, const char *group, int count, pm_arena *arena,
+                            int *first) {
+    const char *name = pm_arena_printf(arena, "%s_%s_%s0", a->body[m->body[0]].name,
+                                       a->body[m->body[1]].name, group);
+    return name == NULL ? pm_fail(PM_ENOMEM, "out of memory for the name of a column")
+                        : find_column(d, name, count, first);
+}
+
+pm_status pm_openings_open(pm_openings *o, const pm_body_assembly *a, const pm_contact_interface *m,
+                           const pm_dataset *modes, pm_arena *arena) {
+    const size_t count = PM_CONTACT_GROUPS * (size_t)m->facing.npair;
+    *o = (pm_openings){.meeting = m, .nstate = a->basis->nstate};
+    o->value = pm_arena_array(arena, count, sizeof *o->value);
+    for (int end = 0; end < 2; ++end) {
+        o->matrix[end] = pm_arena_array(arena, count * (size_t)o->nstate, sizeof(double));
+        if (o->value == NULL || o->matrix[end] == NULL) {
+            return pm_fail(PM_ENOMEM, "out of memory for openings");
+        }
+        PM_TRY(pm_contact_interface_matrix(a, m, end, o->matrix[end]));
+        PM_TRY(
+            find_group(a, m, modes, a->body[m->body[end]].name, o->nstate, arena, &o->travel[end]));
+    }
+    return find_group(a, m, modes, "creep", m->facing.npair, arena, &o->creep);
+}
+
+const double *pm_openings_at(const pm_openings *o, const double *row) {
+    const int n = o->meeting->facing.npair;
+    for (int i = 0; i < PM_CONTACT_GROUPS * n; ++i) {
+        double sum = i < n ? o->meeting->facing.pair[i].gap + row[o->creep + i] : 0;
+        for (int end = 0; end < 2; ++end) {
+            for (int k = 0; k < o->nstate; ++k) {
+                sum += o->matrix[end][(ptrdiff_t)i * o->nstate + k] * row[o->travel[end] + k];
+            }
+        }
+        o->value[i] = sum;
+    }
+    return o->value;
+}
