@@ -3,7 +3,10 @@
 
 build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libglib2.0-dev libhdf5-dev
     libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev libsuitesparse-dev liblbfgs-dev
-    gnuplot-nox iproute2 nftables"
+    gnuplot-nox iproute2 nftables hdf5-tools"
+
+# The folder for logs of what is installed.
+logs=build
 
 # quietly LOG COMMAND...: the output goes to LOG; its end is shown if the command fails.
 quietly() {
@@ -33,9 +36,9 @@ need_packages() {
         echo "not root, and no sudo: install them, then run this again" >&2
         return 1
     fi
-    mkdir -p build
-    quietly build/packages.log $as_root apt-get update
-    quietly build/packages.log $as_root apt-get install -y --no-install-recommends $missing
+    mkdir -p "$logs"
+    quietly "$logs/packages.log" $as_root apt-get update
+    quietly "$logs/packages.log" $as_root apt-get install -y --no-install-recommends $missing
 }
 
 # build_into DIR [CMAKE-OPTION...]: configures and builds the whole tree in DIR.

@@ -19,14 +19,16 @@ while [ $# -gt 0 ]; do
     esac
 done
 
+# The decoders are generated into a folder that anybody may write, also where this script is installed.
+types=${XDG_CACHE_HOME:-$HOME/.cache}/portmet/spy
+mkdir -p "$types"
+logs=$types
 need_packages liblcm-bin liblcm-java default-jdk libjchart2d-java
 
 java=/usr/share/java
-types=build/spy
-mkdir -p $types
-lcm-gen -j --jpath $types lcmtypes/portmet.lcm
-javac -nowarn -cp $java/lcm.jar -d $types/classes $types/portmet/*.java
-jar cf $types/types.jar -C $types/classes .
+lcm-gen -j --jpath "$types" lcmtypes/portmet.lcm
+javac -nowarn -cp $java/lcm.jar -d "$types/classes" "$types"/portmet/*.java
+jar cf "$types/types.jar" -C "$types/classes" .
 
 exec java -Djava.net.preferIPv4Stack=true -Xmx128m \
-    -cp $java/lcm.jar:$java/jchart2d.jar:$types/types.jar lcm.spy.Spy
+    -cp "$java/lcm.jar:$java/jchart2d.jar:$types/types.jar" lcm.spy.Spy
