@@ -35,8 +35,13 @@ pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *history, pm_arena *arena, 
     return PM_OK;
 }
 
+static pm_snapshot_key key_of(const pm_checkpoint_ring *h) {
+    return (pm_snapshot_key){.digest = h->digest, .count = 2 * h->size};
+}
+
 static pm_status save(const pm_checkpoint_ring *h, int64_t session) {
-    return pm_snapshot_save(h->path, h->digest, session, 2 * h->size, h->memory);
+    const pm_snapshot_key key = key_of(h);
+    return pm_snapshot_save(h->path, &key, session, h->memory);
 }
 
 pm_status pm_checkpoint_ring_knows(const pm_checkpoint_ring *history, int64_t session,
@@ -57,7 +62,8 @@ pm_status pm_checkpoint_ring_begin(pm_checkpoint_ring *history, int64_t session)
     if (!known) {
         return save(h, session);
     }
-    PM_TRY(pm_snapshot_load(h->path, h->digest, &session, 2 * h->size, h->memory, &known));
+    const pm_snapshot_key key = key_of(h);
+    PM_TRY(pm_snapshot_load(h->path, &key, &session, h->memory, &known));
     for (int i = 0; i < 2; ++i) {
         const double step = h->memory[i * h->size];
         if (step < -1 || step > (double)PM_STEPS_MAX) {

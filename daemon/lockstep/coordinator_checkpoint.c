@@ -3,14 +3,18 @@
 #include "lockstep/coordinator.h"
 #include "store/snapshot.h"
 
+static pm_status save(const pm_lockstep_coordinator *c) {
+    const pm_snapshot_key key = {.digest = c->endpoint.system->digest, .count = c->nmemory};
+    return pm_snapshot_save(c->checkpoint, &key, c->endpoint.session, c->memory);
+}
+
 pm_status pm_coordinator_remember(pm_lockstep_coordinator *c) {
     c->memory[0] = (double)c->completed;
     pm_ledger_save(&c->ledger, c->memory + 1);
     if (c->observer.nmemory > 0) {
         PM_TRY(c->observer.save(c->observer.context, c->memory + 1 + PM_LEDGER_MEMORY));
     }
-    return pm_snapshot_save(c->checkpoint, c->endpoint.system->digest, c->endpoint.session,
-                            c->nmemory, c->memory);
+    return save(c);
 }
 
 pm_status pm_coordinator_recall(pm_lockstep_coordinator *c, int64_t wanted) {
@@ -28,11 +32,10 @@ pm_status pm_coordinator_recall(pm_lockstep_coordinator *c, int64_t wanted) {
     c->memory[0] = -1;
     PM_TRY(pm_snapshot_session(c->checkpoint, c->endpoint.system->digest, &session, &found));
     if (!found || (wanted > 0 && wanted != session)) {
-        return pm_snapshot_save(c->checkpoint, c->endpoint.system->digest, c->endpoint.session,
-                                c->nmemory, c->memory);
+        return save(c);
     }
-    PM_TRY(pm_snapshot_load(c->checkpoint, c->endpoint.system->digest, &c->endpoint.session,
-                            c->nmemory, c->memory, &found));
+    const pm_snapshot_key key = {.digest = c->endpoint.system->digest, .count = c->nmemory};
+    PM_TRY(pm_snapshot_load(c->checkpoint, &key, &c->endpoint.session, c->memory, &found));
     if (c->memory[0] < -1 || c->memory[0] > (double)c->endpoint.steps) {
         return pm_fail(PM_EFILE, "%s: a snapshot of step %g, the run has %lld", c->checkpoint,
                        c->memory[0], (long long)c->endpoint.steps);

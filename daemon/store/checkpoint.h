@@ -1,5 +1,5 @@
-// Checkpoints: named vectors of numbers in an HDF5 file, replaced atomically, that only open again
-// for whom they were made.
+// Checkpoints of work that takes hours, such as a training: named vectors of numbers in a snapshot
+// (snapshot.h) that the disk has before the call returns.
 #ifndef PM_STORE_CHECKPOINT_H
 #define PM_STORE_CHECKPOINT_H
 
@@ -13,12 +13,13 @@ typedef struct pm_checkpoint_field {
     double *value; // [count]
 } pm_checkpoint_field;
 
-// `kind` says what it is a checkpoint of, `digest` of which one exactly. PM_EFILE, PM_ENOMEM.
+// Replaces the file at `path`. `kind` names the work, such as "fit"; `digest` is that of its
+// configuration and data. PM_EFILE, PM_ENOMEM.
 pm_status pm_checkpoint_save(const char *path, const char *kind, uint64_t digest, int nfield,
                              const pm_checkpoint_field *field);
 
-// Fills the fields. PM_EFILE: missing, truncated, of another kind, digest or size. On failure the
-// fields may be partly filled.
+// Fills the fields. On failure they stay untouched. PM_EFILE: missing, damaged, or of another kind,
+// digest, or list of fields; PM_ENOMEM.
 pm_status pm_checkpoint_load(const char *path, const char *kind, uint64_t digest, int nfield,
                              const pm_checkpoint_field *field);
 

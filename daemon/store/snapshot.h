@@ -1,6 +1,7 @@
-// Snapshots: the numbers with which a process goes on after its death. Replaced in one piece, and
-// they only open again for whom they were made. Written often and so never synced: a snapshot
-// survives its process, not its host, and is read by the same program on the same kind of machine.
+// A snapshot is a file of numbers with which a program goes on after its death. It is replaced in
+// one piece and only opens for what it was made of. It is read by the same program on the same kind
+// of machine. Layout: a head (format, digest, layout, session, count), the numbers, a digest of
+// all.
 #ifndef PM_STORE_SNAPSHOT_H
 #define PM_STORE_SNAPSHOT_H
 
@@ -9,17 +10,29 @@
 
 #include "base/status.h"
 
-// `digest` says of what scene it is, `session` of which run. PM_EFILE, PM_ENOMEM.
-pm_status pm_snapshot_save(const char *path, uint64_t digest, int64_t session, int count,
+// What a snapshot is made of. A file with another key is refused.
+typedef struct pm_snapshot_key {
+    uint64_t digest; // of the inputs: scene, weights and initial state, or a training and its data
+    uint64_t layout; // of the names and counts of the numbers (pm_record)
+    int count;       // of the numbers
+} pm_snapshot_key;
+
+// Replaces the file at `path` by value [count]; `session` tells runs of the same inputs apart.
+// Neither allocates memory nor waits for the disk: the snapshot survives its process, not its host.
+// PM_EFILE.
+pm_status pm_snapshot_save(const char *path, const pm_snapshot_key *key, int64_t session,
                            const double *value);
 
-// Reads `session` and value [count]; untouched, with `found` false, where there is no file.
-// PM_EFILE: truncated, damaged, not finite, of another digest or count; then, too, they are
-// untouched.
-pm_status pm_snapshot_load(const char *path, uint64_t digest, int64_t *session, int count,
+// Does the same and waits until the disk has the numbers, so that they survive the host.
+pm_status pm_snapshot_save_synced(const char *path, const pm_snapshot_key *key, int64_t session,
+                                  const double *value);
+
+// Reads `session` and value [count]. Where there is no file, `found` is false. On failure the
+// results stay untouched. PM_EFILE: truncated, damaged, not finite, or of another key; PM_ENOMEM.
+pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t *session,
                            double *value, bool *found);
 
-// Only its session. PM_EFILE: not a snapshot, or of another digest.
+// Reads only the session. PM_EFILE: not a snapshot, or of another digest.
 pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *session, bool *found);
 
 #endif

@@ -1,11 +1,13 @@
-// Any bytes must read as a process's snapshot, or be refused with one line and nothing touched;
-// once as they are, once with the sum at their end made right, which chance would hardly find.
+// Any bytes must read as a snapshot or a checkpoint, or be refused with one line and nothing
+// touched. Bytes are tried as they are, and again with a valid sum at their end, which chance would
+// hardly find.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/digest.h"
 #include "bytes_file.h"
+#include "store/checkpoint.h"
 #include "store/snapshot.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -19,12 +21,13 @@ static void check(int holds) {
     }
 }
 
-static void try_load(void) {
+static void try_snapshot(void) {
     for (int count = 0; count <= MOST_VALUES; ++count) {
+        const pm_snapshot_key key = {.digest = 7, .layout = 9, .count = count};
         double value[MOST_VALUES] = {-1, -1, -1};
         int64_t session = -1;
         bool found = false;
-        if (pm_snapshot_load(PM_FUZZ_FILE, 7, &session, count, value, &found) == PM_OK) {
+        if (pm_snapshot_load(PM_FUZZ_FILE, &key, &session, value, &found) == PM_OK) {
             check(found);
         } else {
             check(session == -1 && value[0] == -1 && value[2] == -1);
@@ -37,25 +40,41 @@ static void try_load(void) {
     }
 }
 
-// Magic; digest, session, count; values; their sum. Left alone if it is none that try_load() could
-// accept.
+static void try_checkpoint(void) {
+    double value[MOST_VALUES] = {-1, -1, -1};
+    const pm_checkpoint_field field[] = {{"theta", 2, value}, {"position", 1, value + 2}};
+    if (pm_checkpoint_load(PM_FUZZ_FILE, "fit", 7, 2, field) != PM_OK) {
+        check(value[0] == -1 && value[1] == -1 && value[2] == -1);
+        check(strchr(pm_error(), '\n') == NULL);
+    }
+}
+
+// Mends the sum that follows head and values, unless try_load() would not accept them anyway.
 static void mend_sum(uint8_t *data, size_t size) {
-    int64_t head[3];
+    int64_t head[4]; // digest, layout, session, count
     double value[MOST_VALUES];
     if (size < MAGIC_SIZE + sizeof head) {
         return;
     }
     memcpy(head, data + MAGIC_SIZE, sizeof head);
     const size_t room = (size - MAGIC_SIZE - sizeof head) / sizeof *value;
-    if (head[2] < 0 || head[2] > MOST_VALUES || (size_t)head[2] >= room) {
+    if (head[3] < 0 || head[3] > MOST_VALUES || (size_t)head[3] >= room) {
         return;
     }
     uint8_t *at = data + MAGIC_SIZE + sizeof head;
-    const size_t count = (size_t)head[2];
+    const size_t count = (size_t)head[3];
     memcpy(value, at, count * sizeof *value);
-    uint64_t sum = pm_digest_integer(PM_DIGEST_INIT, head[0]);
-    sum = pm_digest_doubles(pm_digest_integer(sum, head[1]), value, count);
+    uint64_t sum = PM_DIGEST_INIT;
+    for (int i = 0; i < 3; ++i) {
+        sum = pm_digest_integer(sum, head[i]);
+    }
+    sum = pm_digest_doubles(sum, value, count);
     memcpy(at + count * sizeof *value, &sum, sizeof sum);
+}
+
+static void try_load(void) {
+    try_snapshot();
+    try_checkpoint();
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {

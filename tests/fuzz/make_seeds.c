@@ -72,12 +72,13 @@ static pm_status make_basis(void) {
 static pm_status make_checkpoint(void) {
     double value[3] = {1, 2, 3};
     const pm_checkpoint_field field[] = {{"theta", 2, value}, {"position", 1, value + 2}};
-    return pm_checkpoint_save("checkpoint.h5", "fit", 7, 2, field);
+    return pm_checkpoint_save("fit.checkpoint", "fit", 7, 2, field);
 }
 
 static pm_status make_snapshot(void) {
     const double value[3] = {1, 2, 3};
-    return pm_snapshot_save("run.snapshot", 7, 5, 3, value);
+    const pm_snapshot_key key = {.digest = 7, .layout = 9, .count = 3};
+    return pm_snapshot_save("run.snapshot", &key, 5, value);
 }
 
 static pm_status write_seed(const char *path, const void *bytes, size_t size) {

@@ -1,4 +1,4 @@
-// Snapshots: what was saved comes back, and nothing else does.
+// Records, snapshots and checkpoints: what was saved comes back, and nothing else does.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -6,19 +6,23 @@
 // cmocka needs the above.
 #include <cmocka.h>
 
+#include "base/record.h"
+#include "store/checkpoint.h"
 #include "store/snapshot.h"
 #include "tests/support/scratch.h"
 
-enum { COUNT = 5, DIGEST = 77, SESSION = 123456 };
+enum { COUNT = 5, DIGEST = 77, LAYOUT = 99, SESSION = 123456 };
+
+static const pm_snapshot_key right = {.digest = DIGEST, .layout = LAYOUT, .count = COUNT};
 
 static const double saved[COUNT] = {-1, 0.1, 1e300, -0.0, 5e-324};
 
-static void assert_untouched(pm_status status, const char *part, const char *path, uint64_t digest,
-                             int count) {
+static void assert_untouched(pm_status status, const char *part, const char *path,
+                             pm_snapshot_key key) {
     double value[COUNT + 1] = {42, 42};
     int64_t session = 42;
     bool found;
-    assert_int_equal(pm_snapshot_load(path, digest, &session, count, value, &found), status);
+    assert_int_equal(pm_snapshot_load(path, &key, &session, value, &found), status);
     if (status != PM_OK && strstr(pm_error(), part) == NULL) {
         fail_msg("error \"%s\" does not contain \"%s\"", pm_error(), part);
     }
@@ -31,12 +35,12 @@ static void what_was_saved_comes_back(void **state) {
     double value[COUNT];
     int64_t session = 0;
     bool found = true;
-    assert_untouched(PM_OK, "", path, DIGEST, COUNT);
+    assert_untouched(PM_OK, "", path, right);
     assert_int_equal(pm_snapshot_session(path, DIGEST, &session, &found), PM_OK);
     assert_false(found);
     for (int i = 0; i < 2; ++i) {
-        assert_int_equal(pm_snapshot_save(path, DIGEST, SESSION + i, COUNT, saved), PM_OK);
-        assert_int_equal(pm_snapshot_load(path, DIGEST, &session, COUNT, value, &found), PM_OK);
+        assert_int_equal(pm_snapshot_save(path, &right, SESSION + i, saved), PM_OK);
+        assert_int_equal(pm_snapshot_load(path, &right, &session, value, &found), PM_OK);
         assert_true(found);
         assert_int_equal(session, SESSION + i);
         assert_memory_equal(value, saved, sizeof saved);
@@ -49,18 +53,22 @@ static void what_was_saved_comes_back(void **state) {
 
 static void others_are_refused(void **state) {
     const char *path = scratch_path(*state, "x.checkpoint");
-    assert_int_equal(pm_snapshot_save(path, DIGEST, SESSION, COUNT, saved), PM_OK);
-    assert_untouched(PM_EFILE, "remove it to begin anew", path, DIGEST + 1, COUNT);
-    assert_untouched(PM_EFILE, "damaged", path, DIGEST, COUNT + 1);
-    assert_untouched(PM_EFILE, "damaged", path, DIGEST, COUNT - 1);
-    assert_int_equal(pm_snapshot_save("/nowhere/x", DIGEST, SESSION, COUNT, saved), PM_EFILE);
+    assert_int_equal(pm_snapshot_save(path, &right, SESSION, saved), PM_OK);
+    const pm_snapshot_key others[] = {{DIGEST + 1, LAYOUT, COUNT},
+                                      {DIGEST, LAYOUT + 1, COUNT},
+                                      {DIGEST, LAYOUT, COUNT + 1},
+                                      {DIGEST, LAYOUT, COUNT - 1}};
+    for (size_t i = 0; i < sizeof others / sizeof others[0]; ++i) {
+        assert_untouched(PM_EFILE, "remove it to begin anew", path, others[i]);
+    }
+    assert_int_equal(pm_snapshot_save("/nowhere/x", &right, SESSION, saved), PM_EFILE);
 }
 
 // Every byte changed, and every length.
 static void damage_is_found(void **state) {
     const char *path = scratch_path(*state, "x.checkpoint");
     size_t size;
-    assert_int_equal(pm_snapshot_save(path, DIGEST, SESSION, COUNT, saved), PM_OK);
+    assert_int_equal(pm_snapshot_save(path, &right, SESSION, saved), PM_OK);
     char *data = scratch_read(path, &size);
     for (size_t i = 0; i < size; ++i) {
         if (i >= 20 && i < 24) {
@@ -68,12 +76,70 @@ static void damage_is_found(void **state) {
         }
         data[i] ^= 0x10;
         scratch_write(path, data, size);
-        assert_untouched(PM_EFILE, "snapshot", path, DIGEST, COUNT);
+        assert_untouched(PM_EFILE, "snapshot", path, right);
         data[i] ^= 0x10;
         scratch_write(path, data, i);
-        assert_untouched(PM_EFILE, "snapshot", path, DIGEST, COUNT);
+        assert_untouched(PM_EFILE, "snapshot", path, right);
     }
     free(data);
+}
+
+// One list counts, saves and restores; names and counts make the layout.
+static void records_give_back_what_they_took(void **state) {
+    (void)state;
+    double z[2] = {1.5, -2}, number[5];
+    long step = 1L << 40;
+    int count = -3;
+    bool known = true;
+    for (int pass = 0; pass < 3; ++pass) {
+        pm_record record = pass == 0   ? pm_record_count("test")
+                           : pass == 1 ? pm_record_save("test", number)
+                                       : pm_record_restore("test", number);
+        pm_record_put(&record, "z", z, 2);
+        pm_record_put_long(&record, "step", &step);
+        pm_record_put_int(&record, "count", &count);
+        pm_record_put_bool(&record, "known", &known);
+        assert_int_equal(record.count, 5);
+        if (pass == 1) {
+            z[0] = z[1] = 0;
+            step = count = 0;
+            known = false;
+        }
+    }
+    assert_true(z[0] == 1.5 && z[1] == -2 && step == 1L << 40 && count == -3 && known);
+}
+
+static uint64_t layout_of(const char *kind, const char *name, int count) {
+    double value[2] = {0};
+    pm_record record = pm_record_count(kind);
+    pm_record_put(&record, name, value, count);
+    return record.layout;
+}
+
+static void layouts_differ_by_kind_name_and_count(void **state) {
+    (void)state;
+    const uint64_t layout = layout_of("node", "z", 2);
+    assert_true(layout == layout_of("node", "z", 2));
+    assert_true(layout != layout_of("coordinator", "z", 2));
+    assert_true(layout != layout_of("node", "y", 2));
+    assert_true(layout != layout_of("node", "z", 1));
+}
+
+static void checkpoints_open_for_the_same_work_only(void **state) {
+    const char *path = scratch_path(*state, "fit.checkpoint");
+    double theta[2] = {1, 2}, position[1] = {3};
+    const pm_checkpoint_field field[] = {{"theta", 2, theta}, {"position", 1, position}};
+    const pm_checkpoint_field renamed[] = {{"theta", 2, theta}, {"place", 1, position}};
+    assert_int_equal(pm_checkpoint_load(path, "fit", 7, 2, field), PM_EFILE); // missing
+    assert_int_equal(pm_checkpoint_save(path, "fit", 7, 2, field), PM_OK);
+    theta[0] = theta[1] = position[0] = 0;
+    assert_int_equal(pm_checkpoint_load(path, "fit", 8, 2, field), PM_EFILE);
+    assert_int_equal(pm_checkpoint_load(path, "search", 7, 2, field), PM_EFILE);
+    assert_int_equal(pm_checkpoint_load(path, "fit", 7, 1, field), PM_EFILE);
+    assert_int_equal(pm_checkpoint_load(path, "fit", 7, 2, renamed), PM_EFILE);
+    assert_true(theta[0] == 0 && position[0] == 0);
+    assert_int_equal(pm_checkpoint_load(path, "fit", 7, 2, field), PM_OK);
+    assert_true(theta[0] == 1 && theta[1] == 2 && position[0] == 3);
 }
 
 int main(void) {
@@ -81,6 +147,10 @@ int main(void) {
         cmocka_unit_test_setup_teardown(what_was_saved_comes_back, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(others_are_refused, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(damage_is_found, scratch_setup, scratch_teardown),
+        cmocka_unit_test(records_give_back_what_they_took),
+        cmocka_unit_test(layouts_differ_by_kind_name_and_count),
+        cmocka_unit_test_setup_teardown(checkpoints_open_for_the_same_work_only, scratch_setup,
+                                        scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
