@@ -1,5 +1,5 @@
-// The one file compiled with relaxed floating point (CMakeLists.txt), so that the loops become
-// calls of the vector mathematics library.
+// The only file that is compiled with relaxed floating-point rules (CMakeLists.txt), so that the
+// compiler turns its loops into calls of the vector mathematics library.
 #include "base/activation.h"
 
 #include <math.h>
@@ -19,7 +19,7 @@ PM_SIMD_CLONES void pm_array_sigmoid(size_t n, const double *x, double *y) {
 }
 
 PM_SIMD_CLONES void pm_array_softplus(size_t n, const double *x, double *y) {
-    // max(x, 0) + log(1 + exp(-|x|)) does not overflow.
+    // This form, max(x, 0) + log(1 + exp(-|x|)), does not overflow.
     for (size_t i = 0; i < n; ++i) {
         const double magnitude = x[i] < 0 ? -x[i] : x[i];
         y[i] = (x[i] > 0 ? x[i] : 0) + log1p(exp(-magnitude));

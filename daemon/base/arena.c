@@ -1,4 +1,4 @@
-// An arena as a list of blocks, newest first; a request that does not fit opens a new block.
+// An arena is a list of blocks, the newest first. A request that does not fit opens a new block.
 #include "base/arena.h"
 
 #include <stdarg.h>

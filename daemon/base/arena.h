@@ -1,4 +1,4 @@
-// An arena: many small allocations with one owner, freed together.
+// An arena makes many small allocations that belong to one owner and are freed together.
 #ifndef PM_BASE_ARENA_H
 #define PM_BASE_ARENA_H
 
@@ -6,23 +6,24 @@
 
 typedef struct pm_arena_block pm_arena_block;
 
-// Storage the caller owns; zero-initialise, then use. Not thread-safe.
+// The caller owns the storage and initialises it with zeros. An arena is not thread-safe.
 typedef struct pm_arena {
-    pm_arena_block *block;
+    pm_arena_block *block; // the newest one, which links to the older ones
 } pm_arena;
 
-// Zeroed memory of `size` bytes, aligned for any type; NULL when memory is exhausted.
+// Returns `size` bytes of zeroed memory, aligned for any type; NULL when memory is exhausted.
 void *pm_arena_alloc(pm_arena *arena, size_t size);
 
-// The same for an array; NULL too when the product overflows.
+// Returns zeroed memory for `count` elements of `size` bytes; NULL when memory is exhausted or the
+// product overflows.
 void *pm_arena_array(pm_arena *arena, size_t count, size_t size);
 
-// Copies of text; NULL when memory is exhausted. _printf formats into the arena.
+// Copy or format text into the arena; NULL when memory is exhausted.
 char *pm_arena_strdup(pm_arena *arena, const char *text);
 char *pm_arena_printf(pm_arena *arena, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-// Frees everything; the arena may be used again.
+// Frees all memory of the arena, which may then be used again.
 void pm_arena_free(pm_arena *arena);
 
 #endif

@@ -1,4 +1,4 @@
-// fork, and how the child ended.
+// Forks, and reads how the child ended.
 #include "base/attempt.h"
 
 #include <errno.h>
@@ -7,7 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define LONGEST 20 // s of CPU time: then it hangs
+#define CPU_LIMIT 20 // s; work that takes longer hangs
 
 static void limit(int resource, rlim_t most) {
     struct rlimit now;
@@ -17,7 +17,7 @@ static void limit(int resource, rlim_t most) {
     }
 }
 
-// Bytes of the machine's memory: whoever asks for more would take others along.
+// The machine's memory in bytes. A process that asks for more would take others down with it.
 static rlim_t all_memory(void) {
     const long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGESIZE);
     return pages > 0 && size > 0 ? (rlim_t)pages * (rlim_t)size : RLIM_INFINITY;
@@ -27,7 +27,7 @@ pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_
                      const char *what) {
     const pid_t child = fork();
     if (child == 0) {
-        limit(RLIMIT_CPU, LONGEST);
+        limit(RLIMIT_CPU, CPU_LIMIT);
         limit(RLIMIT_CORE, 0);
         if (PM_ATTEMPT_LIMITS_MEMORY) {
             limit(RLIMIT_AS, all_memory());
@@ -41,7 +41,8 @@ pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_
         ended = child < 0 ? -1 : waitpid(child, &end, 0);
     } while (ended < 0 && child > 0 && errno == EINTR);
     if (ended < 0) {
-        return pm_fail(PM_ENOMEM, "%s: no process to try it in: %s", what, strerror(errno));
+        return pm_fail(PM_ENOMEM, "%s: cannot start a process to try it in: %s", what,
+                       strerror(errno));
     }
     if (WIFSIGNALED(end)) {
         return pm_fail(code, "%s (%s)", what, strsignal(WTERMSIG(end)));

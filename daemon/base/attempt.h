@@ -1,10 +1,12 @@
-// Trying in a child process what may crash in a library that we cannot mend.
+// An attempt runs work in a child process because the work may crash: the HDF5 library, for
+// example, does not survive every damaged file.
 #ifndef PM_BASE_ATTEMPT_H
 #define PM_BASE_ATTEMPT_H
 
 #include "base/status.h"
 
-// Whether memory is limited: sanitizers reserve more addresses than there is memory.
+// Whether an attempt limits its memory. Address sanitizers reserve more addresses than the machine
+// has memory, so under them there is no limit.
 #if defined(__SANITIZE_ADDRESS__)
 #define PM_ATTEMPT_LIMITS_MEMORY 0
 #elif defined(__has_feature)
@@ -13,10 +15,10 @@
 #define PM_ATTEMPT_LIMITS_MEMORY 1
 #endif
 
-// Calls work(context) in a child process, whose results are lost, and waits for it. The child gets
-// a while of CPU time, and no more memory than the machine has. PM_OK if it returned; else `code`:
-// "<what> (<the signal that ended it>)". PM_ENOMEM: no process. To be called before there are
-// threads.
+// Calls work(context) in a child process and waits for the child; the results of the work are lost.
+// The child may use 20 s of CPU time and as much memory as the machine has. Returns PM_OK if the
+// work returned. If a signal ended the child, returns `code` and describes it as "<what>
+// (<signal>)". PM_ENOMEM: no process could be started. The caller must have no threads yet.
 pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_status code,
                      const char *what);
 

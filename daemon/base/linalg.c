@@ -1,5 +1,5 @@
-// Matrix products (small ones by plain loops that the compiler vectorises) and Cholesky by CBLAS,
-// eigenvectors by LAPACK.
+// Matrix products and Cholesky factors by CBLAS, eigenvectors by LAPACK. Small products run in
+// plain loops that the compiler vectorises.
 #include "base/linalg.h"
 
 #include <cblas.h>
@@ -10,11 +10,11 @@
 
 #include "base/simd.h"
 
-// Below this many multiply-adds the call of a BLAS costs more than the product.
+// Below this number of multiply-adds, calling BLAS costs more than the product itself.
 #define SMALL_PRODUCT 4096
-// From so many rows on it pays to transpose the other factor first.
+// From this number of rows on, transposing the other factor first pays off.
 #define MANY_ROWS 4
-// Partial sums of an inner product: one vector register of the widest instruction set.
+// Number of partial sums of an inner product: one register of the widest instruction set.
 #define LANES 8
 #define CHOLESKY_BLOCK 64
 
@@ -22,7 +22,7 @@ void pm_linalg_init(void) {
     openblas_set_num_threads(1);
 }
 
-// WIDTH columns of one row of c, from column j on, kept in registers while they are summed.
+// Sums WIDTH columns of one row of c, from column j on, and keeps them in registers meanwhile.
 #define SUM_COLUMNS(WIDTH)                                        \
     {                                                             \
         double sum[WIDTH] = {0};                                  \
@@ -36,7 +36,7 @@ void pm_linalg_init(void) {
         j += (WIDTH);                                             \
     }
 
-// c = a b: vectorises along the rows of b.
+// Computes c = a b; vectorises along the rows of b.
 PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdiff_t a_row,
                                     ptrdiff_t a_col, const double *restrict b, double *restrict c) {
     for (int i = 0; i < m; ++i) {
@@ -58,8 +58,8 @@ PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdif
     }
 }
 
-// Inner product with LANES partial sums in a fixed order. What is left over when k is no multiple
-// of LANES is gathered apart, so that the partial sums stay in registers.
+// Returns the inner product of x and y [k], with LANES partial sums in a fixed order. The remainder
+// of k modulo LANES is gathered separately, so that the partial sums stay in registers.
 static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
                            const double *restrict y) {
     double lane[LANES] = {0};
@@ -82,7 +82,7 @@ static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
            ((lane[2] + lane[6]) + (lane[3] + lane[7]));
 }
 
-// The same for k < 4, where all other partial sums are zero.
+// Does the same for k < 4, where all other partial sums are zero.
 static inline double short_inner(int k, const double *restrict x, ptrdiff_t stride,
                                  const double *restrict y) {
     double sum = 0;
@@ -92,7 +92,7 @@ static inline double short_inner(int k, const double *restrict x, ptrdiff_t stri
     return sum;
 }
 
-// c = a b^T by way of b^T, for more than a few rows.
+// Computes c = a b^T by transposing b first, for more than a few rows.
 static void small_nt_rows(int m, int n, int k, const double *a, ptrdiff_t a_row, ptrdiff_t a_col,
                           const double *b, double *c) {
     double transposed[SMALL_PRODUCT / MANY_ROWS];
@@ -104,7 +104,7 @@ static void small_nt_rows(int m, int n, int k, const double *a, ptrdiff_t a_row,
     small_nn(m, n, k, a, a_row, a_col, transposed, c);
 }
 
-// c = a b^T, an inner product per entry.
+// Computes c = a b^T with one inner product per entry.
 PM_SIMD_CLONES static void small_nt(int m, int n, int k, const double *a, ptrdiff_t a_row,
                                     ptrdiff_t a_col, const double *b, double *c) {
     for (int i = 0; i < m; ++i) {
@@ -114,14 +114,14 @@ PM_SIMD_CLONES static void small_nt(int m, int n, int k, const double *a, ptrdif
                 c[(ptrdiff_t)i * n + j] = short_inner(k, a + i * a_row, a_col, b_row);
                 continue;
             }
-            // The unit stride is spelled out so that it compiles to vector loads.
+            // A literal stride of 1 compiles to vector loads.
             c[(ptrdiff_t)i * n + j] = a_col == 1 ? inner(k, a + i * a_row, 1, b_row)
                                                  : inner(k, a + i * a_row, a_col, b_row);
         }
     }
 }
 
-// c = a b for k = 1, of which the others make inner products of one number.
+// Computes c = a b for k = 1, where the other functions would form inner products of one number.
 PM_SIMD_CLONES static void small_outer(int m, int n, const double *restrict a,
                                        const double *restrict b, double *restrict c) {
     for (int i = 0; i < m; ++i) {
@@ -156,7 +156,8 @@ void pm_gram_add(int m, int n, const double *j, double *h) {
     cblas_dsyrk(CblasRowMajor, CblasUpper, CblasTrans, n, m, 1.0, j, n, 1.0, h, n);
 }
 
-// u^T u = the block of h at the diagonal; false if it is not positive definite.
+// Factors one block on the diagonal of h [n][stride], h = u^T u; false if it is not positive
+// definite.
 static bool factor_block(int n, double *h, int stride) {
     for (int i = 0; i < n; ++i) {
         double *row = h + (ptrdiff_t)i * stride;
@@ -211,7 +212,7 @@ bool pm_cholesky_solve(int n, double *h, double *b) {
     return true;
 }
 
-// LAPACK's, by columns.
+// LAPACK's eigensolver, which stores matrices by columns.
 void dsyevr_(const char *job, const char *range, const char *triangle, const int *n, double *a,
              const int *lda, const double *lowest, const double *highest, const int *first,
              const int *last, const double *tolerance, int *found, double *value, double *vector,
@@ -226,7 +227,7 @@ bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector
     int *iwork = malloc((size_t)niwork * sizeof *iwork);
     int *support = malloc(2 * (size_t)n * sizeof *support);
     if (work != NULL && all != NULL && iwork != NULL && support != NULL) {
-        // The upper triangle by rows is the lower one by columns.
+        // The upper triangle stored by rows is the lower one stored by columns.
         dsyevr_("V", "I", "L", &n, h, &n, &unused, &unused, &first, &n, &tolerance, &found, all,
                 vector, &n, support, work, &nwork, iwork, &niwork, &info);
     }

@@ -1,4 +1,4 @@
-// Names of files.
+// Parts of file names.
 #include "base/path.h"
 
 #include <string.h>

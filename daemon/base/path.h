@@ -1,10 +1,11 @@
-// Names of files.
+// Parts of file names.
 #ifndef PM_BASE_PATH_H
 #define PM_BASE_PATH_H
 
 #include <stddef.h>
 
-// Bytes of the path before its ending: 8 of "runs.d/a.h5", all of "runs.d/a" and "runs.d/.h5".
+// Returns the number of bytes before the path's ending: 8 for "runs.d/a.h5". The whole path counts
+// where the name has no ending, as in "runs.d/a" and "runs.d/.h5".
 size_t pm_path_stem(const char *path);
 
 #endif

@@ -1,4 +1,4 @@
-// A progress bar with the remaining time, redrawn in place.
+// Draws the bar with the remaining time, each time over the last one.
 #include "base/progress.h"
 
 #include <stdio.h>

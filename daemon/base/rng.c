@@ -46,7 +46,7 @@ double pm_rng_normal(pm_rng *rng) {
 }
 
 uint64_t pm_rng_below(pm_rng *rng, uint64_t n) {
-    // Rejection keeps the result exactly uniform.
+    // Numbers beyond the last multiple of n are rejected, which keeps the result uniform.
     const uint64_t limit = UINT64_MAX - UINT64_MAX % n;
     uint64_t x = pm_rng_bits(rng);
     while (x >= limit) {

@@ -1,10 +1,10 @@
-// Wider SIMD by run-time dispatch: a function so marked is compiled for several instruction sets
-// and the loader picks the widest the processor has. Results are equal on one kind of processor
-// only.
+// Wider SIMD by run-time dispatch. The compiler makes one version of a function marked
+// PM_SIMD_CLONES for each of several instruction sets, and the loader picks the widest that the
+// processor has. Results are the same bits on one kind of processor only.
 #ifndef PM_BASE_SIMD_H
 #define PM_BASE_SIMD_H
 
-// Sanitizers instrument the resolver before they are initialised, so they get the plain code.
+// Sanitizers instrument the loader's choice before they are initialised, so they get plain code.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(PM_SANITIZED)
 #define PM_SIMD_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 #else

@@ -1,34 +1,37 @@
 // Error codes and the one-line description that travels with them.
 //
-// A function that can fail for reasons outside the program returns pm_status. Whoever detects the
-// failure describes it once with pm_fail(); callers pass the code up; only main prints it.
+// A function that can fail for reasons outside the program returns pm_status. The function that
+// detects a failure describes it once with pm_fail; callers pass the code up; only main prints the
+// description.
 #ifndef PM_BASE_STATUS_H
 #define PM_BASE_STATUS_H
 
 // The values are the exit codes of the programs.
 typedef enum pm_status {
     PM_OK = 0,
-    PM_EUSAGE = 2,       // command line
-    PM_ECONFIG = 3,      // scene, training or truth file: wrong key, type, name or value
-    PM_EFILE = 4,        // a file is missing, unreadable, truncated or foreign
-    PM_EDATA = 5,        // a dataset's content: missing columns, wrong shape, not finite
-    PM_EWEIGHTS = 6,     // weights missing, truncated, foreign, or not made for this scene
-    PM_ENET = 7,         // transport: no route, socket, refused peer
-    PM_ETIMEOUT = 8,     // a peer stayed silent for longer than patience allows
-    PM_ENUMERIC = 9,     // a value became non-finite, or a solver failed
-    PM_ELAW = 10,        // a law of thermodynamics violated beyond its tolerance
-    PM_ENOMEM = 11,      // out of memory
+    PM_EUSAGE = 2,   // command line
+    PM_ECONFIG = 3,  // scene, training or truth file: wrong key, type, name or value
+    PM_EFILE = 4,    // a file is missing, unreadable, truncated or of another kind
+    PM_EDATA = 5,    // a dataset has missing columns, a wrong shape or values that are not finite
+    PM_EWEIGHTS = 6, // weights are missing, damaged or not made for this scene
+    PM_ENET = 7,     // transport: no route, no socket, or a peer that was refused
+    PM_ETIMEOUT = 8, // a peer was silent for longer than the scene's patience
+    PM_ENUMERIC = 9, // a value became non-finite, or a solver failed
+    PM_ELAW = 10,    // a law of thermodynamics was violated beyond its tolerance
+    PM_ENOMEM = 11,  // out of memory
     PM_EINTERRUPTED = 12 // SIGINT or SIGTERM
 } pm_status;
 
-// Stores the description of a failure for the calling thread and returns `code`. One line, without
-// newline: what, where, the offending value, what was expected. Control characters become blanks.
+// Stores the description of a failure for the calling thread and returns `code`. The description is
+// one line without a newline: what failed, where, the offending value, and what was expected.
+// Control characters become blanks.
 pm_status pm_fail(pm_status code, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-// The calling thread's last description; "" if none. Valid until the next pm_fail in this thread.
+// Returns the calling thread's last description; "" if there is none. The text is valid until the
+// next pm_fail of this thread.
 const char *pm_error(void);
 
-// Returns early from the calling function when `expression` is not PM_OK.
+// Returns from the calling function with the value of `expression` unless it is PM_OK.
 #define PM_TRY(expression)                       \
     do {                                         \
         pm_status pm_try_status_ = (expression); \
@@ -37,7 +40,7 @@ const char *pm_error(void);
         }                                        \
     } while (0)
 
-// The same for functions with a clean-up label: sets `status` and jumps to `done`.
+// Does the same in functions with a clean-up label: sets `status` and jumps to `done`.
 #define PM_TRY_DONE(expression) \
     do {                        \
         status = (expression);  \
