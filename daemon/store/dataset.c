@@ -1,4 +1,5 @@
-// Datasets of trajectories: memory, notes, and the HDF5 layout described in dataset.h.
+// Datasets of trajectories: their memory, their notes, and the HDF5 layout that dataset.h
+// describes.
 #include "store/dataset.h"
 
 #include <assert.h>
@@ -14,7 +15,7 @@
 #include "store/times.h"
 
 #define LAYOUT "state_layout"
-#define LONGEST_LAYOUT 60000 // bytes: HDF5 keeps attributes of up to 64 KiB with the object
+#define LONGEST_LAYOUT 60000 // bytes; an HDF5 attribute in an object's header holds 64 KiB
 
 // --- memory ---
 
@@ -22,7 +23,7 @@ static pm_status fail_memory(void) {
     return pm_fail(PM_ENOMEM, "dataset: out of memory");
 }
 
-// One without columns' names yet.
+// Makes a dataset without names of columns.
 static pm_status dataset_alloc(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn) {
     assert(ntrajectory > 0 && ntime > 0 && ncolumn > 0);
     const size_t nstate = (size_t)ntrajectory * (size_t)ntime;
@@ -81,7 +82,7 @@ pm_status pm_dataset_with_rates(pm_dataset *dataset) {
 
 // --- notes ---
 
-// Keeps a note whose text is in the arena already.
+// Keeps a note whose text is already in the arena.
 static pm_status note_keep(pm_dataset *d, const char *name, const char *text) {
     pm_note *note = pm_arena_array(&d->arena, (size_t)d->nnote + 1, sizeof *note);
     if (note == NULL) {
@@ -168,7 +169,8 @@ static pm_status check(const pm_dataset *d, const char *path) {
 
 // --- loading ---
 
-// The names that a word of state_layout stands for, as far as there is room; adds to their count.
+// Appends the names that one word of state_layout means, as far as there is room; `count` counts
+// all.
 static pm_status take_word(pm_dataset *d, const char *word, const char **name, long *count,
                            const char *path) {
     pm_name_range range;
@@ -185,7 +187,7 @@ static pm_status take_word(pm_dataset *d, const char *word, const char **name, l
     return PM_OK;
 }
 
-// Splits the text of state_layout into the columns' names.
+// Splits the text of state_layout into the names of the columns.
 static pm_status split_columns(pm_dataset *d, const char *text, const char *path) {
     char *rest = pm_arena_strdup(&d->arena, text);
     const char **name = pm_arena_array(&d->arena, (size_t)d->ncolumn, sizeof *name);
@@ -259,11 +261,13 @@ static void try_load(const void *path) {
     pm_dataset_free(dataset);
 }
 
-// Foreign files may use all of HDF5, which does not survive every damage to them.
+// A file of another tool may use any feature of HDF5, and the library does not survive every damage
+// to it, so a child process tries the file first.
 pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
     if (!pm_hdf5_is_own(path)) {
         char what[512];
-        snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+        snprintf(what, sizeof what, "%s: the file is damaged: the HDF5 library crashes on it",
+                 path);
         PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
     }
     return load(dataset, path);
@@ -271,8 +275,8 @@ pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
 
 // --- saving ---
 
-// The columns' names separated by blanks, as ranges where an attribute could not hold them all.
-// NULL: out of memory.
+// Returns the names of the columns, separated by blanks; as ranges if one attribute could not hold
+// them all. NULL: out of memory.
 static const char *join_columns(const pm_dataset *d, pm_arena *arena) {
     size_t size = 1;
     for (int i = 0; i < d->ncolumn; ++i) {

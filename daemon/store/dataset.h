@@ -1,11 +1,15 @@
-// Datasets of trajectories, HDF5:
-//   /z [trajectory][time][column] double, /t [time] s, /dt scalar s,
-//   /zdot (optional), like /z: its rate, for training on rates; otherwise taken by differences,
-//   attribute state_layout of /: the columns' names separated by blanks; "f[0:180]" stands for f0
-//   to f179 (names.h), and is written so where the names are longer than 60 kB;
-//   other text attributes of / are kept as notes (title, source, command, seed ...; `coordinates`
-//   as in weights.h);
-//   /units attribute of / (optional): the columns' units separated by ';'.
+// Datasets of trajectories in HDF5:
+//   /z     [trajectory][time][column]  states, in the columns' units
+//   /zdot  [trajectory][time][column]  optional: rates in units of z per s, for training on rates;
+//                                      without them, rates are differences of states
+//   /t     [time]                      s
+//   /dt    scalar                      s
+//   state_layout, attribute of /       names of the columns, separated by blanks; "f[0:180]" means
+//                                      f0 to f179 (names.h), and is used for more than 60 kB of
+//                                      names
+//   units, attribute of /              optional: units of the columns, separated by ';'
+// Other text attributes of / are notes, such as title, source, command, seed, or coordinates
+// (weights.h).
 #ifndef PM_STORE_DATASET_H
 #define PM_STORE_DATASET_H
 
@@ -24,34 +28,38 @@ typedef struct pm_dataset {
     double dt;                 // s
     double *t;                 // [ntime] s
     double *z;                 // [ntrajectory][ntime][ncolumn]
-    double *zdot;              // [ntrajectory][ntime][ncolumn], or NULL
-    const char *const *column; // [ncolumn]
+    double *zdot;              // [ntrajectory][ntime][ncolumn]; NULL: there are no rates
+    const char *const *column; // [ncolumn] names
     int nnote;
-    const pm_note *note;
+    const pm_note *note; // [nnote]
 } pm_dataset;
 
-// PM_EFILE (missing, truncated, not HDF5), PM_EDATA (shapes, columns, a value that is not finite:
-// the error names trajectory, time and column), PM_ENOMEM. The caller frees.
+// Loads and checks a dataset. PM_EFILE: missing, truncated, or not HDF5; PM_EDATA: wrong shapes or
+// columns, times that are not dt apart, or a value that is not finite, whose trajectory, time and
+// column the error names; PM_ENOMEM. The caller frees.
 pm_status pm_dataset_load(pm_dataset **dataset, const char *path);
-// Makes an empty one to be filled: z zeroed, t = i dt, columns copied.
+// Makes a dataset to be filled: z is zero and t = i dt [s]; column [ncolumn] is copied. PM_ENOMEM.
+// The caller frees.
 pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn, double dt,
                          const char *const *column);
-// Adds a note; replaces one of the same name.
+// Adds a note, or replaces the note of the same name. PM_ENOMEM.
 pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-// The text of a note, or NULL.
+// Returns the text of a note, or NULL if there is none of this name.
 const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name);
-// Adds rates to be filled, zeroed. PM_ENOMEM.
+// Adds rates to be filled; they are zero. PM_ENOMEM.
 pm_status pm_dataset_with_rates(pm_dataset *dataset);
+// Checks the dataset and writes it; the file appears whole or not at all. PM_EFILE, PM_EDATA,
+// PM_ENOMEM.
 pm_status pm_dataset_save(const pm_dataset *dataset, const char *path);
 void pm_dataset_free(pm_dataset *dataset); // NULL is allowed
 
-// The state of trajectory i at time j: [ncolumn].
+// Returns the state [ncolumn] of trajectory i at time j.
 static inline double *pm_dataset_state(const pm_dataset *d, int i, int j) {
     return d->z + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;
 }
 
-// Its rate; there must be rates.
+// Returns the rate [ncolumn] of trajectory i at time j, where the dataset has rates.
 static inline double *pm_dataset_rate(const pm_dataset *d, int i, int j) {
     return d->zdot + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;
 }

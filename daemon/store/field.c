@@ -1,4 +1,4 @@
-// Fields on a mesh: memory and the HDF5 layout described in field.h.
+// Fields on a mesh: their memory, and the HDF5 layout that field.h describes.
 #include "store/field.h"
 
 #include <math.h>
@@ -28,7 +28,7 @@ void pm_field_free(pm_field *field) {
     }
 }
 
-// What every field has.
+// Makes a field with the arrays that every field has.
 static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     const size_t nstate = (size_t)shape.ntrajectory * (size_t)shape.ntime;
     const size_t nnode = (size_t)shape.nnode;
@@ -82,7 +82,7 @@ pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const 
 
 // --- loading ---
 
-// The first `count` words of `text`. NULL: out of memory, or fewer words.
+// Returns the first `count` words of `text`. NULL: out of memory, or there are fewer words.
 static const char *first_words(pm_arena *arena, const char *text, int count) {
     const char *end = text;
     for (int i = 0; i < count; ++i) {
@@ -106,7 +106,7 @@ static pm_status check_finite(const double *value, size_t count, const char *pat
     return PM_OK;
 }
 
-// Forces, of all times or of all but the first.
+// Reads the forces of all times, or of all but the first.
 static pm_status read_forces(pm_field *d, const pm_hdf5 *file) {
     int shape[4];
     PM_TRY(pm_hdf5_shape(file, "/f", 4, shape));
@@ -114,7 +114,7 @@ static pm_status read_forces(pm_field *d, const pm_hdf5 *file) {
     const int expected[4] = {d->ntrajectory, whole ? d->ntime : d->ntime - 1, d->nnode, 3};
     const size_t width = 3 * (size_t)d->nnode, count = (size_t)expected[1] * width;
     PM_TRY(pm_hdf5_read(file, "/f", 4, expected, d->f));
-    // From the last trajectory on, each moves to its place behind the zeros of its first time.
+    // Moves each trajectory, from the last one on, behind the zeros of its first time.
     for (int i = d->ntrajectory - 1; i >= 0 && !whole; --i) {
         double *to = pm_field_force(d, i, 0);
         memmove(to + width, d->f + (size_t)i * count, count * sizeof *to);
@@ -130,7 +130,8 @@ static pm_status read_contact(pm_field *d, const pm_hdf5 *file, const char *path
     return check_finite(d->contact, count, path, CONTACT);
 }
 
-// The mesh, where the file has one. (That of other tools may be whole numbers, which are not read.)
+// Reads the mesh if the file has one of floating-point numbers. A mesh of whole numbers, as other
+// tools may write it, is ignored.
 static pm_status read_mesh(pm_field *d, const pm_hdf5 *file, const char *path) {
     int shape[2];
     if (!pm_hdf5_has(file, "/hexahedra") || pm_hdf5_shape(file, "/hexahedra", 2, shape) != PM_OK) {
@@ -145,14 +146,14 @@ static pm_status read_mesh(pm_field *d, const pm_hdf5 *file, const char *path) {
     PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, expected, d->hexahedron));
     for (size_t i = 0; i < 8 * (size_t)d->nelement; ++i) {
         if (!(d->hexahedron[i] >= 0 && d->hexahedron[i] < d->nnode)) {
-            return pm_fail(PM_EDATA, "%s: hexahedron %zu has node %g of %d", path, i / 8,
-                           d->hexahedron[i], d->nnode);
+            return pm_fail(PM_EDATA, "%s: hexahedron %zu names node %g, expected 0 to %d", path,
+                           i / 8, d->hexahedron[i], d->nnode - 1);
         }
     }
     return PM_OK;
 }
 
-// Energies, where the file has them.
+// Reads the energies if the file has them.
 static pm_status read_energies(pm_field *d, const pm_hdf5 *file, const char *path) {
     const int shape[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
     const size_t count = (size_t)d->ntrajectory * (size_t)d->ntime * PM_FIELD_ENERGIES;
@@ -233,11 +234,12 @@ static void try_load(const void *path) {
     pm_field_free(field);
 }
 
-// As in dataset.c, a damaged file of another tool must not end us.
+// As in dataset.c, a child process tries a file of another tool first.
 pm_status pm_field_load(pm_field **field, const char *path) {
     if (!pm_hdf5_is_own(path)) {
         char what[512];
-        snprintf(what, sizeof what, "%s: damaged: the HDF5 library crashes on it", path);
+        snprintf(what, sizeof what, "%s: the file is damaged: the HDF5 library crashes on it",
+                 path);
         PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
     }
     return load(field, path);
@@ -258,7 +260,7 @@ int pm_field_columns(const pm_field *field, const char *names) {
 
 // --- saving ---
 
-// What only a simulator knows.
+// Writes what only a simulator knows.
 static pm_status write_known(const pm_field *d, pm_hdf5 *file) {
     const int energy[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
     if (d->clamped != NULL) {
@@ -288,7 +290,8 @@ static pm_status write_content(const pm_field *d, pm_hdf5 *file) {
     return write_known(d, file);
 }
 
-// The sum over the nodes of the forces of contact, at each time. PM_ENOMEM.
+// Sums the contact forces over the nodes: result [ntrajectory][ntime][3], N. The caller frees.
+// PM_ENOMEM.
 static pm_status sum_contact(const pm_field *d, double **result) {
     const size_t nstate = (size_t)d->ntrajectory * (size_t)d->ntime, width = 3 * (size_t)d->nnode;
     double *total = calloc(3 * nstate, sizeof *total);
@@ -312,11 +315,11 @@ static pm_status write_contact(const pm_field *d, pm_hdf5 *file) {
     PM_TRY_DONE(pm_hdf5_write(file, "/" CONTACT "_total", 3, total_force, total));
     PM_TRY_DONE(pm_hdf5_write(file, "/contact_work", 2, force, d->contact_work));
     PM_TRY_DONE(pm_hdf5_write_text(file, "/" CONTACT, "description",
-                                   "[trajectory][time][node][xyz], N, of the bodies that touch"));
+                                   "[trajectory][time][node][xyz], N, from the bodies in contact"));
     PM_TRY_DONE(pm_hdf5_write_text(file, "/" CONTACT "_total", "description",
                                    "[trajectory][time][xyz], N, sum over the nodes"));
     PM_TRY_DONE(pm_hdf5_write_text(file, "/contact_work", "description",
-                                   "[trajectory][time], J, of the forces of contact"));
+                                   "[trajectory][time], J, of the contact forces"));
 done:
     free(total);
     return status;

@@ -1,18 +1,21 @@
-// Trajectories of fields on a mesh, HDF5:
-//   /z [trajectory][time][node][variable], /t [time] s, /dt scalar s,
-//   /f [trajectory][time][node][3] N, forces of the world on the nodes (a file may leave out the
-//      first time, whose forces are then zero),
-//   /node_position_reference [node][3] m, undeformed,
-//   /hexahedra [element][8] nodes in the order of VTK (a file may leave them out),
-//   /clamped [node] 1 or 0 (written, not read),
-//   /energy [trajectory][time][3] J: stored, dissipated, work of the forces (a file may leave them
-//      out),
-//   of a body in contact with others: /contact_force [trajectory][time][node][3] N, what these
-//      exert on the nodes, and, written, not read: /contact_force_total [trajectory][time][3] N,
-//      its sum, /contact_work [trajectory][time] J,
-//   attribute state_layout of /: the variables' names separated by blanks, then any remark;
-//   attribute placement of /, if the body lies elsewhere in the world: placement.h; other text
-//   attributes of / are notes.
+// Trajectories of fields on a mesh of hexahedra in HDF5:
+//   /z           [trajectory][time][node][variable]  nodal values
+//   /t           [time]                              s
+//   /dt          scalar                              s
+//   /f           [trajectory][time][node][3]         N, external forces on the nodes; a file may
+//                                                    leave out the first time, where they are zero
+//   /node_position_reference  [node][3]              m, undeformed
+//   /hexahedra   [element][8]                        optional: nodes in the order of VTK
+//   /energy      [trajectory][time][3]               optional: J, stored, dissipated, and work of
+//                                                    the forces
+//   /clamped     [node]                              1 or 0; written but not read
+//   /contact_force  [trajectory][time][node][3]      of bodies in contact: N, from the other bodies
+//   /contact_force_total  [trajectory][time][3]      N, sum over the nodes; written but not read
+//   /contact_work  [trajectory][time]                J, of the contact forces; written but not read
+//   state_layout, attribute of /                     names of the variables, separated by blanks; a
+//                                                    remark may follow
+//   placement, attribute of /                        optional: where the body lies (placement.h)
+// Other text attributes of / are notes.
 #ifndef PM_STORE_FIELD_H
 #define PM_STORE_FIELD_H
 
@@ -33,13 +36,13 @@ typedef struct pm_field {
     double *z;            // [ntrajectory][ntime][nnode][nvariable]
     double *f;            // [ntrajectory][ntime][nnode][3] N
     double *contact;      // [ntrajectory][ntime][nnode][3] N; NULL: no contact
-    double *contact_work; // [ntrajectory][ntime] J; NULL if read from a file
+    double *contact_work; // [ntrajectory][ntime] J; NULL: unknown, as after loading
     double *position;     // [nnode][3] m
-    double *hexahedron;   // [nelement][8]; NULL: not known
-    double *clamped;      // [nnode]; NULL if read from a file, or not known
-    double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL: not known
-    const char *variable; // their names, separated by blanks
-    bool placed;          // it says where it lies; else in the world's frame
+    double *hexahedron;   // [nelement][8] nodes; NULL: unknown
+    double *clamped;      // [nnode] 1 or 0; NULL: unknown, as after loading
+    double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL: unknown
+    const char *variable; // names of the variables, separated by blanks
+    bool placed;          // the file has a placement; otherwise it is the global frame
     pm_placement placement;
 } pm_field;
 
@@ -48,27 +51,31 @@ typedef struct pm_field_shape {
     bool contact;
 } pm_field_shape;
 
-// Makes an empty one to be filled: zeroed, t = i dt. PM_ENOMEM. The caller frees.
+// Makes a field to be filled: values are zero and t = i dt [s]; `variable` is copied. PM_ENOMEM.
+// The caller frees.
 pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const char *variable);
-// PM_EFILE (missing, truncated, not HDF5), PM_EDATA (shapes, names, a value that is not finite,
-// times that are not dt apart), PM_ENOMEM. The caller frees.
+// Loads and checks a field. PM_EFILE: missing, truncated, or not HDF5; PM_EDATA: wrong shapes or
+// names, a value that is not finite, or times that are not dt apart; PM_ENOMEM. The caller frees.
 pm_status pm_field_load(pm_field **field, const char *path);
-// With `count` notes: names and texts in turn.
+// Writes a field with `count` notes, each a name and a text; the file appears whole or not at all.
+// PM_EFILE, PM_ENOMEM.
 pm_status pm_field_save(const pm_field *field, const char *path, int count,
                         const char *const (*note)[2]);
 void pm_field_free(pm_field *field); // NULL is allowed
 
-// The first of the variables that have these names, separated by single blanks, in a row; -1: none.
+// Finds a run of variables by their names, separated by single blanks, such as "qx qy qz". Returns
+// the first one's column; -1 if there is no such run.
 int pm_field_columns(const pm_field *field, const char *names);
 
-// Nodal values [nnode][nvariable] and forces [nnode][3] of trajectory i at time j.
+// Return nodal values [nnode][nvariable] and external forces [nnode][3], N, of trajectory i at time
+// j.
 static inline double *pm_field_state(const pm_field *d, int i, int j) {
     return d->z + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)(d->nnode * d->nvariable);
 }
 static inline double *pm_field_force(const pm_field *d, int i, int j) {
     return d->f + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)(d->nnode * 3);
 }
-// Forces of contact [nnode][3], where there are any.
+// Returns contact forces [nnode][3], N, of trajectory i at time j, where the field has them.
 static inline double *pm_field_contact(const pm_field *d, int i, int j) {
     return d->contact + (pm_field_force(d, i, j) - d->f);
 }

@@ -4,7 +4,7 @@
 
 #include "store/hdf5_handle.h"
 
-// Of all texts of an attribute together: far beyond any real one.
+// Bytes of all texts of an attribute together, far beyond any real attribute.
 #define MAX_TEXT ((size_t)1 << 20)
 
 // --- reading attributes ---
@@ -20,7 +20,8 @@ static void attribute_close(attribute *a) {
     pm_hdf5_release(a->id);
 }
 
-// Opens an attribute of the given type class with at most `capacity` values; close it if PM_OK.
+// Opens an attribute of the given type class with at most `capacity` values. The caller closes it
+// after PM_OK.
 static pm_status attribute_open(const pm_hdf5 *file, const char *object, const char *name,
                                 H5T_class_t class, int capacity, attribute *a) {
     *a = (attribute){.type = H5I_INVALID_HID, .space = H5I_INVALID_HID};
@@ -43,7 +44,7 @@ static pm_status attribute_open(const pm_hdf5 *file, const char *object, const c
     return PM_OK;
 }
 
-// The same for exactly one value.
+// Does the same for exactly one value.
 static pm_status attribute_open_one(const pm_hdf5 *file, const char *object, const char *name,
                                     H5T_class_t class, attribute *a) {
     PM_TRY(attribute_open(file, object, name, class, 1, a));
@@ -63,7 +64,7 @@ bool pm_hdf5_is_text(const pm_hdf5 *file, const char *object, const char *name) 
     return true;
 }
 
-// Text ends up in messages and paths: no control characters but blanks and line ends.
+// Text ends up in messages and paths, so the only control characters may be tabs and line ends.
 static bool text_is_printable(const char *text) {
     for (; *text != '\0'; ++text) {
         const unsigned char byte = (unsigned char)*text;
@@ -74,7 +75,7 @@ static bool text_is_printable(const char *text) {
     return true;
 }
 
-// Text of `size` bytes with terminator, or of variable length.
+// Makes a type for text of `size` bytes with its terminator, or of H5T_VARIABLE length.
 static hid_t memory_text_type(H5T_cset_t letters, size_t size) {
     const hid_t memory = H5Tcopy(H5T_C_S1);
     if (memory >= 0) {
@@ -84,7 +85,8 @@ static hid_t memory_text_type(H5T_cset_t letters, size_t size) {
     return memory;
 }
 
-// Copies all texts of an open attribute into the arena; false if unreadable, too long, unprintable.
+// Copies all texts of an open attribute into the arena; false if one is unreadable, too long or
+// unprintable.
 static bool copy_texts(const attribute *a, pm_arena *arena, const char **text) {
     const bool variable = H5Tis_variable_str(a->type) > 0;
     const size_t size = variable ? sizeof(char *) : H5Tget_size(a->type) + 1;
@@ -176,7 +178,7 @@ pm_status pm_hdf5_read_number(const pm_hdf5 *file, const char *object, const cha
 
 // --- writing attributes ---
 
-// count < 0: a scalar.
+// Writes value [count] as an attribute; count < 0 means a scalar.
 static pm_status write_attribute(pm_hdf5 *file, const char *object, const char *name, int count,
                                  hid_t stored, hid_t memory, const void *value) {
     const hsize_t extent = count < 0 ? 1 : (hsize_t)count;
@@ -190,8 +192,8 @@ static pm_status write_attribute(pm_hdf5 *file, const char *object, const char *
     return status;
 }
 
-// Text has a fixed length: the library trusts the heap that holds text of variable length, and a
-// damaged one crashes it.
+// Writes text of fixed length. The library keeps text of variable length in a heap that it does not
+// check, and crashes on a damaged one.
 static pm_status write_text_attribute(pm_hdf5 *file, const char *object, const char *name,
                                       int count, const char *const *text) {
     const size_t ntext = count < 0 ? 1 : (size_t)count;

@@ -1,5 +1,5 @@
-// A walk through all objects of a file, from the superblock on. Nothing is believed before it has
-// been checked; the first objection ends the walk.
+// Walks through all objects of an HDF5 file, from the superblock on. The walk follows an address or
+// a size only after it has checked it, and ends at the first objection.
 #include "store/hdf5_check.h"
 
 #include <endian.h>
@@ -8,53 +8,54 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define UNDEFINED UINT64_MAX // an address that is not there
-#define LEAF_K 4             // the library's defaults: half the symbols of a symbol table node
-#define INTERNAL_K 16        // and half the children of a B-tree node
-#define MAX_DEPTH 4          // of groups
+#define UNDEFINED UINT64_MAX // the address of nothing
+#define LEAF_K 4             // the library's default: half the symbols of a symbol table node
+#define INTERNAL_K 16        // the library's default: half the children of a B-tree node
+#define MAX_DEPTH 4          // of nested groups
 #define MAX_LEVEL 8          // of B-trees
 #define MAX_RANK 4
-#define MAX_VALUES (UINT64_C(1) << 28) // as of any dataset that is read
-#define MAX_EXTENTS 65536
-#define MAX_BLOCKS 256 // of messages, of one object
+#define MAX_VALUES (UINT64_C(1) << 28) // of a dataset or attribute, as in hdf5_dataset.c
+#define MAX_EXTENTS 65536              // structures of a file
+#define MAX_BLOCKS 256                 // of messages in one object
 
 #define SUPERBLOCK_SIZE 96
-#define ENTRY_SIZE 40 // of a symbol table
+#define ENTRY_SIZE 40 // of a symbol
 #define TREE_SIZE (24 + 8 * (4 * INTERNAL_K + 1))
 #define NODE_SIZE (8 + 2 * LEAF_K * ENTRY_SIZE)
 #define HEAP_SIZE 32
-#define HEADER_SIZE 16 // of an object
-#define MESSAGE_SIZE 8 // before its content
+#define HEADER_SIZE 16 // of an object header
+#define MESSAGE_SIZE 8 // of a message without its content
 
-// Bytes [from, to) that one structure takes.
-typedef struct extent {
+// The bytes [from, to) that one structure takes.
+typedef struct byte_range {
     uint64_t from, to;
-} extent;
+} byte_range;
 
-typedef struct walk {
+typedef struct file_walk {
     const unsigned char *data;
-    uint64_t size, claimed;
-    const char *objection; // NULL: none so far
+    uint64_t size, claimed; // bytes
+    const char *objection;  // NULL: none so far
     int count, capacity;
-    extent *extent; // [count]
-} walk;
+    byte_range *extent; // [count]
+} file_walk;
 
-// The names of a group.
-typedef struct heap {
+// The local heap of a group, which holds the names of its members.
+typedef struct name_heap {
     const unsigned char *text;
     uint64_t size;
-} heap;
+} name_heap;
 
-// What the messages of an object have said.
-typedef struct object {
+// What the messages of an object header have said.
+typedef struct object_facts {
     bool space, type, layout, group;
-    uint64_t values, value_size; // of the dataspace; of the datatype
-    uint64_t stored;             // bytes of the layout
-    uint64_t tree, names;        // of the group
+    uint64_t values, value_size; // values of the dataspace; bytes of one value
+    uint64_t stored;             // bytes that the layout reserves
+    uint64_t tree, names;        // addresses of the group's B-tree and heap
     int messages, blocks;
-} object;
+} object_facts;
 
-static bool object_to(walk *w, const char *objection) {
+// Notes an objection unless there is one already. Returns false, so that checks can return it.
+static bool object_to(file_walk *w, const char *objection) {
     if (w->objection == NULL) {
         w->objection = objection;
     }
@@ -63,6 +64,7 @@ static bool object_to(walk *w, const char *objection) {
 
 // --- bytes ---
 
+// Reads a little-endian number of `size` bytes.
 static uint64_t number(const unsigned char *at, int size) {
     uint64_t value = 0;
     for (int i = size - 1; i >= 0; --i) {
@@ -71,15 +73,16 @@ static uint64_t number(const unsigned char *at, int size) {
     return value;
 }
 
-static bool lies_within(const walk *w, uint64_t address, uint64_t size) {
+static bool lies_within(const file_walk *w, uint64_t address, uint64_t size) {
     return address <= w->size && size <= w->size - address;
 }
 
-// Takes the bytes of a structure, which nothing else may share; NULL if they are not there. Since
-// all that is claimed fits the file, a walk ends, even in circles.
-static const unsigned char *claim(walk *w, uint64_t address, uint64_t size) {
+// Reserves the bytes of a structure, which no other structure may share, and returns them; NULL if
+// they lie beyond the end of the file. All claims together must fit the file, so that a walk ends
+// even if the structures refer to each other in a circle.
+static const unsigned char *claim(file_walk *w, uint64_t address, uint64_t size) {
     if (!lies_within(w, address, size)) {
-        object_to(w, "something lies beyond its end");
+        object_to(w, "a structure lies beyond its end");
         return NULL;
     }
     w->claimed += size;
@@ -89,7 +92,7 @@ static const unsigned char *claim(walk *w, uint64_t address, uint64_t size) {
     }
     if (w->count == w->capacity) {
         const int capacity = 2 * w->capacity + 64;
-        extent *larger = realloc(w->extent, (size_t)capacity * sizeof *larger);
+        byte_range *larger = realloc(w->extent, (size_t)capacity * sizeof *larger);
         if (larger == NULL) {
             object_to(w, "out of memory");
             return NULL;
@@ -97,16 +100,17 @@ static const unsigned char *claim(walk *w, uint64_t address, uint64_t size) {
         w->extent = larger;
         w->capacity = capacity;
     }
-    w->extent[w->count++] = (extent){address, address + size};
+    w->extent[w->count++] = (byte_range){address, address + size};
     return w->data + address;
 }
 
 static int compare_extents(const void *a, const void *b) {
-    const extent *x = a, *y = b;
+    const byte_range *x = a, *y = b;
     return x->from < y->from ? -1 : x->from > y->from;
 }
 
-static void check_apart(walk *w) {
+// Objects if two structures share bytes.
+static void check_apart(file_walk *w) {
     if (w->count > 0) {
         qsort(w->extent, (size_t)w->count, sizeof *w->extent, compare_extents);
     }
@@ -119,7 +123,7 @@ static void check_apart(walk *w) {
 
 // --- datatypes (IV.A.2.d), dataspaces (IV.A.2.b) ---
 
-// Bytes of a value; 0 if it is none of the types that are written here.
+// Returns the bytes of one value of a datatype; 0 if the type is not accepted.
 static uint64_t type_size(const unsigned char *type, uint64_t size) {
     static const unsigned char float64[20] = {0x11, 0x20, 63, 0,  8, 0,  0,    0, 0, 0,
                                               64,   0,    52, 11, 0, 52, 0xff, 3, 0, 0};
@@ -143,7 +147,7 @@ static uint64_t type_size(const unsigned char *type, uint64_t size) {
     return integer || text ? bytes : 0;
 }
 
-// Values of a dataspace; false if it is none.
+// Counts the values of a dataspace; false if it is damaged or too large.
 static bool space_values(const unsigned char *space, uint64_t size, uint64_t *values) {
     if (size < 8 || space[0] != 1 || space[1] > MAX_RANK || space[2] > 1) {
         return false;
@@ -166,21 +170,21 @@ static bool space_values(const unsigned char *space, uint64_t size, uint64_t *va
     return true;
 }
 
-// --- messages of an object (IV.A.2) ---
+// --- messages of an object header (IV.A.2) ---
 
 static uint64_t padded(uint64_t size) {
     return (size + 7) / 8 * 8;
 }
 
-static bool check_attribute(walk *w, const unsigned char *at, uint64_t size) {
+static bool check_attribute(file_walk *w, const unsigned char *at, uint64_t size) {
     if (size < 8 || at[0] != 1) {
-        return object_to(w, "an attribute is of another version");
+        return object_to(w, "an attribute has another version");
     }
     const uint64_t name_size = number(at + 2, 2), type = number(at + 4, 2),
                    space = number(at + 6, 2);
     const uint64_t head = 8 + padded(name_size) + padded(type) + padded(space);
     if (head > size) {
-        return object_to(w, "an attribute is cut");
+        return object_to(w, "an attribute is truncated");
     }
     const unsigned char *name = at + 8;
     if (name_size < 2 || strnlen((const char *)name, name_size) + 1 != name_size) {
@@ -192,71 +196,73 @@ static bool check_attribute(walk *w, const unsigned char *at, uint64_t size) {
     if (bytes == 0 || !space_values(type_at + padded(type), space, &values)) {
         return object_to(w, "an attribute is not of plain numbers or text");
     }
-    return values * bytes <= size - head || object_to(w, "an attribute is cut");
+    return values * bytes <= size - head || object_to(w, "an attribute is truncated");
 }
 
-// The value of what was never written: none, or an empty one.
-static bool check_fill(walk *w, const unsigned char *at, uint64_t size) {
+// Accepts a fill value only if it is undefined or has no bytes.
+static bool check_fill(file_walk *w, const unsigned char *at, uint64_t size) {
     const bool good = size >= 4 && at[0] == 2 && at[1] <= 3 && at[2] <= 2 &&
                       (at[3] == 0 || (at[3] == 1 && size >= 8 && number(at + 4, 4) == 0));
-    return good || object_to(w, "a fill value is of another kind");
+    return good || object_to(w, "a fill value is of a kind that is not accepted");
 }
 
-static bool check_layout(walk *w, object *o, const unsigned char *at, uint64_t size) {
+static bool check_layout(file_walk *w, object_facts *o, const unsigned char *at, uint64_t size) {
     if (size < 18 || at[0] != 3 || at[1] != 1) {
-        return object_to(w, "a dataset is not stored in one piece");
+        return object_to(w, "a dataset is not contiguous");
     }
     o->stored = number(at + 10, 8);
     return claim(w, number(at + 2, 8), o->stored) != NULL;
 }
 
-static bool is_new(walk *w, bool *seen) {
+// Objects to the second message of a kind.
+static bool is_new(file_walk *w, bool *seen) {
     const bool new = !*seen;
     *seen = true;
-    return new || object_to(w, "an object says something twice");
+    return new || object_to(w, "an object repeats a message");
 }
 
-static bool check_block(walk *w, object *o, uint64_t address, uint64_t size);
+static bool check_block(file_walk *w, object_facts *o, uint64_t address, uint64_t size);
 
-static bool check_message(walk *w, object *o, int type, const unsigned char *at, uint64_t size) {
+static bool check_message(file_walk *w, object_facts *o, int type, const unsigned char *at,
+                          uint64_t size) {
     switch (type) {
-    case 0x00: // nothing
+    case 0x00: // a gap between messages
         return true;
-    case 0x01:
+    case 0x01: // dataspace
         return is_new(w, &o->space) &&
                (space_values(at, size, &o->values) || object_to(w, "a dataspace is damaged"));
-    case 0x03:
+    case 0x03: // datatype
         o->value_size = type_size(at, size);
         return is_new(w, &o->type) &&
                (o->value_size > 0 || object_to(w, "a dataset is not of plain numbers or text"));
-    case 0x05:
+    case 0x05: // fill value
         return check_fill(w, at, size);
-    case 0x08:
+    case 0x08: // data layout
         return is_new(w, &o->layout) && check_layout(w, o, at, size);
-    case 0x0c:
+    case 0x0c: // attribute
         return check_attribute(w, at, size);
-    case 0x10:
+    case 0x10: // continuation block
         return size >= 16 ? check_block(w, o, number(at, 8), number(at + 8, 8))
-                          : object_to(w, "an object is cut");
-    case 0x11:
+                          : object_to(w, "an object is truncated");
+    case 0x11: // symbol table of a group
         if (size < 16) {
-            return object_to(w, "a group is cut");
+            return object_to(w, "a group is truncated");
         }
         o->tree = number(at, 8);
         o->names = number(at + 8, 8);
         return is_new(w, &o->group);
-    case 0x12: // time of change
-        return (size >= 8 && at[0] == 1) || object_to(w, "a time is of another version");
+    case 0x12: // time of modification
+        return (size >= 8 && at[0] == 1) || object_to(w, "a time has another version");
     default:
-        return object_to(w, "it uses other features of HDF5 than files written here");
+        return object_to(w, "it uses features of HDF5 that files of portmet do not use");
     }
 }
 
-// A block of messages, which fill it.
-static bool check_messages(walk *w, object *o, const unsigned char *at, uint64_t size) {
+// Checks the messages of a block, which must fill it.
+static bool check_messages(file_walk *w, object_facts *o, const unsigned char *at, uint64_t size) {
     while (size > 0) {
         if (size < MESSAGE_SIZE) {
-            return object_to(w, "an object is cut");
+            return object_to(w, "an object is truncated");
         }
         const uint64_t content = number(at + 2, 2);
         if (content > size - MESSAGE_SIZE || content % 8 != 0 || (at[4] & ~1) != 0) {
@@ -272,7 +278,7 @@ static bool check_messages(walk *w, object *o, const unsigned char *at, uint64_t
     return true;
 }
 
-static bool check_block(walk *w, object *o, uint64_t address, uint64_t size) {
+static bool check_block(file_walk *w, object_facts *o, uint64_t address, uint64_t size) {
     if (++o->blocks > MAX_BLOCKS) {
         return object_to(w, "a part of an object is damaged");
     }
@@ -282,15 +288,16 @@ static bool check_block(walk *w, object *o, uint64_t address, uint64_t size) {
 
 // --- groups (III.A, III.B, III.C, III.D) ---
 
-static bool check_object(walk *w, uint64_t address, int depth, object *o);
+static bool check_object(file_walk *w, uint64_t address, int depth, object_facts *o);
 
-static bool has_name(const heap *names, uint64_t offset) {
+// Whether a terminated name begins at this offset of the heap.
+static bool has_name(const name_heap *names, uint64_t offset) {
     return offset < names->size &&
            strnlen((const char *)names->text + offset, names->size - offset) < names->size - offset;
 }
 
-// Names, and a list of gaps between them: (next, size), the last with next 1.
-static bool check_heap(walk *w, uint64_t address, heap *names) {
+// Checks a local heap: names, and a linked list of gaps (next, size), whose last gap has next = 1.
+static bool check_heap(file_walk *w, uint64_t address, name_heap *names) {
     const unsigned char *at = claim(w, address, HEAP_SIZE);
     if (at == NULL || memcmp(at, "HEAP\0\0\0\0", 8) != 0) {
         return object_to(w, "a list of names is damaged");
@@ -308,9 +315,10 @@ static bool check_heap(walk *w, uint64_t address, heap *names) {
     return names->text != NULL;
 }
 
-// A symbol: an object, and where a group has its members, which must be what the object says.
-static bool check_entry(walk *w, const unsigned char *at, int depth) {
-    object o = {0};
+// Checks a symbol and its object. A symbol may cache where a group has its members; the cache must
+// agree with the object.
+static bool check_entry(file_walk *w, const unsigned char *at, int depth) {
+    object_facts o = {0};
     const uint64_t cached = number(at + 16, 4);
     if (cached > 1) {
         return object_to(w, "it has links");
@@ -323,7 +331,7 @@ static bool check_entry(walk *w, const unsigned char *at, int depth) {
            object_to(w, "a group is damaged");
 }
 
-static bool check_symbols(walk *w, uint64_t address, const heap *names, int depth) {
+static bool check_symbols(file_walk *w, uint64_t address, const name_heap *names, int depth) {
     const unsigned char *at = claim(w, address, NODE_SIZE);
     if (at == NULL || memcmp(at, "SNOD\1", 5) != 0 || number(at + 6, 2) > 2 * LEAF_K) {
         return object_to(w, "a group is damaged");
@@ -341,8 +349,9 @@ static bool check_symbols(walk *w, uint64_t address, const heap *names, int dept
     return true;
 }
 
-// `level` is that of the node; -1: any.
-static bool check_tree(walk *w, uint64_t address, const heap *names, int level, int depth) {
+// Checks a B-tree node and all below it. `level` is the expected height of the node; -1: any.
+static bool check_tree(file_walk *w, uint64_t address, const name_heap *names, int level,
+                       int depth) {
     const unsigned char *at = claim(w, address, TREE_SIZE);
     if (at == NULL || memcmp(at, "TREE\0", 5) != 0 || at[5] > MAX_LEVEL ||
         (level >= 0 && at[5] != level) || number(at + 6, 2) > 2 * INTERNAL_K) {
@@ -371,10 +380,10 @@ static bool check_tree(walk *w, uint64_t address, const heap *names, int level, 
 
 // --- objects (IV.A.1.a) and the file (II.A) ---
 
-static bool check_object(walk *w, uint64_t address, int depth, object *o) {
+static bool check_object(file_walk *w, uint64_t address, int depth, object_facts *o) {
     const unsigned char *at = claim(w, address, HEADER_SIZE);
     if (at == NULL || depth > MAX_DEPTH || at[0] != 1) {
-        return object_to(w, "an object is of another version");
+        return object_to(w, "an object has another version");
     }
     if (number(at + 8, 4) > 0 && !check_block(w, o, address + HEADER_SIZE, number(at + 8, 4))) {
         return false;
@@ -389,25 +398,25 @@ static bool check_object(walk *w, uint64_t address, int depth, object *o) {
     if (dataset) {
         return o->stored == o->values * o->value_size || object_to(w, "a dataset is damaged");
     }
-    heap names;
+    name_heap names;
     return check_heap(w, o->names, &names) && check_tree(w, o->tree, &names, -1, depth + 1);
 }
 
-static void check_file(walk *w) {
+static void check_file(file_walk *w) {
     static const unsigned char head[] = {0x89, 'H', 'D',    'F', '\r',       '\n', 0x1a,
                                          '\n', 0,   0,      0,   0,          0,    8,
                                          8,    0,   LEAF_K, 0,   INTERNAL_K, 0};
     const unsigned char *at = claim(w, 0, SUPERBLOCK_SIZE);
     if (at == NULL || memcmp(at, head, sizeof head) != 0) {
-        object_to(w, "it begins like none that was written here");
+        object_to(w, "it does not begin as files of portmet do");
         return;
     }
     const uint64_t end = number(at + 40, 8);
     if (number(at + 20, 4) != 0 || number(at + 24, 8) != 0 || number(at + 32, 8) != UNDEFINED ||
         number(at + 48, 8) != UNDEFINED) {
-        object_to(w, "it begins like none that was written here");
+        object_to(w, "it does not begin as files of portmet do");
     } else if (end > w->size) {
-        object_to(w, "it is cut");
+        object_to(w, "it is truncated");
     } else {
         w->size = end;
         check_entry(w, at + 56, 0);
@@ -415,7 +424,7 @@ static void check_file(walk *w) {
 }
 
 const char *pm_hdf5_check(const void *data, size_t size) {
-    walk w = {.data = data, .size = size};
+    file_walk w = {.data = data, .size = size};
     check_file(&w);
     if (w.objection == NULL) {
         check_apart(&w);

@@ -1,14 +1,14 @@
 // Groups, datasets and growing series in HDF5 files.
 #include "store/hdf5_handle.h"
 
-// What a dataset may ask us to hold: 2 GiB.
+// The most values of a dataset: 2 GiB as double.
 #define MAX_VALUES ((hsize_t)1 << 28)
-// Numbers from which on it is worth to store what allows it in half the space.
+// From this number of values on, storing them in half the space is worth the check.
 #define WORTH_FLOATS 1024
 
 // --- groups and datasets ---
 
-// Link creation that makes missing parents.
+// Link creation that makes missing parent groups.
 static hid_t with_parents(void) {
     const hid_t list = H5Pcreate(H5P_LINK_CREATE);
     if (list >= 0) {
@@ -26,7 +26,7 @@ pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name) {
     return status;
 }
 
-// True if the numbers lie in this very file, as floats of 4 or 8 bytes.
+// Whether the numbers lie in this very file, as floats of 4 or 8 bytes.
 static bool storage_is_plain(hid_t id) {
     const hid_t type = H5Dget_type(id);
     const hid_t list = H5Dget_create_plist(id);
@@ -39,7 +39,7 @@ static bool storage_is_plain(hid_t id) {
     return plain;
 }
 
-// The extents of an open dataset; false if there are not `rank`, or one is out of bounds.
+// Gives extent [rank] of an open dataset; false if its rank differs or an extent is out of bounds.
 static bool bounded_extents(hid_t id, int rank, int *extent) {
     hsize_t size[PM_HDF5_MAX_RANK] = {0}, total = 1;
     const hid_t space = H5Dget_space(id);
@@ -109,14 +109,14 @@ pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const in
     return status;
 }
 
-// Datasets carry no time of writing: equal content is equal bytes.
+// Dataset creation without the time of writing, so that equal content makes equal files.
 static hid_t without_times(void) {
     const hid_t list = H5Pcreate(H5P_DATASET_CREATE);
     H5Pset_obj_track_times(list, false);
     return list;
 }
 
-// Whether there are many numbers, all of which 4 bytes hold exactly.
+// Whether there are at least WORTH_FLOATS numbers and 4 bytes hold each of them exactly.
 static bool are_floats(size_t count, const double *value) {
     size_t i = 0;
     while (i < count && (double)(float)value[i] == value[i]) {

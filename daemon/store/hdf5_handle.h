@@ -1,4 +1,5 @@
-// What the HDF5 files of this folder share: the handle, and failures with the library's own cause.
+// What the HDF5 files of this folder share: the handle of a file, and failures that quote the cause
+// which the library gives.
 #ifndef PM_STORE_HDF5_HANDLE_H
 #define PM_STORE_HDF5_HANDLE_H
 
@@ -8,10 +9,10 @@
 
 struct pm_hdf5 {
     hid_t file;   // negative once closed
-    hid_t access; // how links are followed: never into other files
+    hid_t access; // the rule for links: never into other files
     pm_status content;
     char *path;
-    char *temporary; // what is written until commit; NULL if that is `path`, or on reading
+    char *temporary; // the file that is written until commit; NULL when reading or IN_PLACE
 };
 
 #define PM_HDF5_MAX_NAMES \
@@ -21,10 +22,11 @@ struct pm_hdf5 {
 // Closes any kind of identifier; a negative one is ignored.
 void pm_hdf5_release(hid_t id);
 
-// Fails with what HDF5 gives as the innermost cause: "PATH: cannot WHAT OBJECT (cause)".
+// Fails with the innermost cause that HDF5 gives: "PATH: cannot WHAT OBJECT (cause)".
 pm_status pm_hdf5_fail(pm_status code, const char *path, const char *what, const char *object);
-// The same for writing: PM_EFILE.
+// Fails with PM_EFILE: "PATH: cannot write OBJECT (cause)".
 pm_status pm_hdf5_fail_write(const pm_hdf5 *file, const char *object);
+// Fails with PM_ENOMEM.
 pm_status pm_hdf5_fail_memory(const char *path);
 
 #endif

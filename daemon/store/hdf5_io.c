@@ -1,5 +1,5 @@
-// Files of HDF5: opening, creating, committing, and the names of what is in them. Every identifier
-// is closed where it was opened; closing a file closes what is left of it (H5F_CLOSE_STRONG).
+// HDF5 files: opening, creating, committing, and listing names. Every function closes the
+// identifiers that it opens; closing a file closes all that remain (H5F_CLOSE_STRONG).
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -12,7 +12,7 @@
 #include "store/hdf5_check.h"
 #include "store/hdf5_handle.h"
 
-#define CAUSE_SIZE 1024 // of HDF5's text, which holds paths
+#define CAUSE_SIZE 1024 // of HDF5's description, which contains paths
 
 void pm_hdf5_release(hid_t id) {
     if (id >= 0) {
@@ -29,7 +29,8 @@ static herr_t take_first(unsigned n, const H5E_error2_t *error, void *cause) {
     return 0;
 }
 
-// Where the system refused, HDF5's text runs over lines; only the system's word is kept of it.
+// Where the operating system refused, HDF5's description has several lines, of which only the
+// system's own message is kept.
 static const char *shorten_cause(char *cause) {
     static const char opening[] = "error message = '";
     char *word = strstr(cause, opening);
@@ -64,7 +65,7 @@ static herr_t refuse_link(const char *parent_file, const char *parent_group, con
     return -1;
 }
 
-// A handle without a file yet. Also turns off the library's own printing of errors.
+// Makes a handle without a file, and stops the library from printing its errors.
 static pm_hdf5 *handle_new(const char *path, pm_status content) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     pm_hdf5 *file = calloc(1, sizeof *file);
@@ -83,7 +84,8 @@ static pm_hdf5 *handle_new(const char *path, pm_status content) {
     return file;
 }
 
-// File access: the earliest format, which a killed writer leaves readable; strong close.
+// Chooses the earliest file format, which stays readable when its writer is killed, and strong
+// closing.
 static hid_t file_access(void) {
     const hid_t list = H5Pcreate(H5P_FILE_ACCESS);
     if (list >= 0) {
@@ -93,7 +95,7 @@ static hid_t file_access(void) {
     return list;
 }
 
-// What speaks against giving the file to the library; NULL: nothing.
+// Returns the reason not to give the file to the library; NULL: there is none.
 static const char *objection_to(const char *path) {
     const int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat facts;
@@ -180,7 +182,7 @@ pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
             pm_hdf5_close(created);
             return pm_hdf5_fail_memory(path);
         }
-        // Exclusive: nobody else's file or link of this name is written to.
+        // Exclusive creation never writes to a file or link of somebody else.
         name = created->temporary;
         flags = H5F_ACC_EXCL;
         unlink(name);

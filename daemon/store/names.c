@@ -1,4 +1,4 @@
-// Sorted names, and ranges written out and folded again.
+// Sorts names, expands ranges into names and folds names into ranges.
 #include "store/names.h"
 
 #include <ctype.h>
@@ -10,7 +10,7 @@
 
 #define MAX_PREFIX 64
 #define MAX_NUMBER 1000000000L
-#define SHORTEST_RANGE 3 // names: fewer are as easily read one by one
+#define SHORTEST_RANGE 3 // names; fewer are as easily read one by one
 
 // --- lookups ---
 
@@ -54,13 +54,13 @@ int pm_names_twice(const pm_names *names) {
 
 // --- ranges ---
 
-// Reads a whole number; moves on behind it. -1: none stands there.
+// Reads a whole number and moves `text` past it. Returns -1 if `text` begins with none.
 static long read_number(const char **text) {
     char *end;
     if (!isdigit((unsigned char)**text)) {
         return -1;
     }
-    const long number = strtol(*text, &end, 10); // saturates: caught by the range
+    const long number = strtol(*text, &end, 10); // saturates, and the range then refuses it
     *text = end;
     return number;
 }
@@ -95,7 +95,8 @@ const char *pm_name_range_text(const pm_name_range *range, int i, pm_arena *aren
 
 // --- folding ---
 
-// Splits a name into prefix and number, as a range would put them together; -1: it has no number.
+// Splits a name into prefix and number, as a range would join them. Returns the number, or -1 if
+// there is none.
 static long split(const char *text, size_t *prefix) {
     size_t at = strlen(text);
     while (at > 0 && isdigit((unsigned char)text[at - 1])) {
@@ -108,7 +109,7 @@ static long split(const char *text, size_t *prefix) {
     return at > 0 && at <= MAX_PREFIX && number < MAX_NUMBER ? number : -1;
 }
 
-// How many names, from the first on, one range stands for.
+// Returns how many names, from the first on, a single range can replace.
 static int run_length(const char *const *text, int count, size_t *prefix, long *first) {
     *first = split(text[0], prefix);
     int n = 1;
@@ -124,7 +125,7 @@ static int run_length(const char *const *text, int count, size_t *prefix, long *
 }
 
 const char *pm_names_fold(const char *const *text, int count, pm_arena *arena) {
-    size_t size = 1; // a range is not longer than three names with their blanks
+    size_t size = 1; // a range is never longer than the three names it replaces
     for (int i = 0; i < count; ++i) {
         size += strlen(text[i]) + 1;
     }

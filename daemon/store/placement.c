@@ -1,4 +1,4 @@
-// Placements are read as YAML.
+// Parses the text of a placement as the inside of a YAML mapping.
 #include "store/placement.h"
 
 #include "store/yaml.h"

@@ -1,9 +1,10 @@
-// Times at equal distances.
+// Compares times with multiples of dt.
 #include "store/times.h"
 
 #include <math.h>
 
-// How far a stored time may lie from t0 + j dt, in dt: files made elsewhere print few digits.
+// How far a stored time may lie from t0 + j dt, in units of dt. Files of other tools may round
+// times to a few digits.
 #define TOLERANCE 1e-3
 
 pm_status pm_times_check(const char *path, int ntime, const double *t, double dt) {

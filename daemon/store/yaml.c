@@ -10,7 +10,8 @@
 
 // --- errors ---
 
-// The text of the key under which the value, or the list it is an item of, stands; "" for none.
+// Returns the key under which the value stands, or the list that the value is an item of; "" if
+// there is none.
 static const char *label_of(pm_yaml at) {
     while (at.node != 0 && at.document->key[at.node] == 0) {
         at.node = at.document->parent[at.node];
@@ -143,7 +144,7 @@ pm_status pm_yaml_require(pm_yaml map, const char *key, pm_yaml *value) {
     return PM_OK;
 }
 
-// Keys that files were written with before, and the names they have now.
+// Keys that have been renamed, so that the error for an old key can name the new one.
 static const struct {
     const char *before, *now;
 } renamed[] = {

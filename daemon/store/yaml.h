@@ -1,6 +1,6 @@
-// Reading YAML with errors that carry file, line and column: libyaml's document API and a walk.
-// The only door to libyaml. Every reader checks what it returns and fails with PM_ECONFIG and one
-// line such as "double_pendulum.yaml:12:9: dt: expected a number > 0, found "abc"".
+// Reads YAML with libyaml, whose only callers are the YAML files of this folder. Every reader
+// checks what it returns and fails with PM_ECONFIG and one line that names file, line, column and
+// key, such as: double_pendulum.yaml:12:9: dt: expected a number > 0, found "abc".
 #ifndef PM_STORE_YAML_H
 #define PM_STORE_YAML_H
 
@@ -11,16 +11,16 @@
 
 typedef struct pm_yaml_document pm_yaml_document;
 
-// A value inside a document, cheap to copy; valid while the document is open. `node` 0: absent.
+// A value inside a document. It is cheap to copy and valid while the document is open.
 typedef struct pm_yaml {
     const pm_yaml_document *document;
-    int node;
+    int node; // 0: the value is absent
 } pm_yaml;
 
-// Opens a file (PM_EFILE if it cannot be read) or parses text; `name` stands for it in errors.
-// `root` receives the top value. What a configuration has no use for is an error: an empty file,
-// more than a megabyte or one document, 200 open brackets, a duplicate key, aliases, tags, text of
-// several lines.
+// Open a file, or parse text that errors call `name`; `root` receives the top value. PM_EFILE: the
+// file cannot be read; PM_ECONFIG; PM_ENOMEM. A configuration needs none of the following, so each
+// is an error: an empty file, more than a megabyte, a second document, more than 200 open brackets,
+// a duplicate key, an alias, a tag, text of several lines. The caller closes the document.
 pm_status pm_yaml_open(pm_yaml_document **document, const char *path, pm_yaml *root);
 pm_status pm_yaml_parse(pm_yaml_document **document, const char *text, const char *name,
                         pm_yaml *root);
@@ -29,40 +29,43 @@ void pm_yaml_close(pm_yaml_document *document); // NULL is allowed
 bool pm_yaml_exists(pm_yaml value);
 bool pm_yaml_is_map(pm_yaml value);
 bool pm_yaml_is_list(pm_yaml value);
-bool pm_yaml_is_text(pm_yaml value, const char *text); // a scalar spelled exactly so
+bool pm_yaml_is_text(pm_yaml value, const char *text); // whether it is a scalar spelled so
 
-// pm_fail(PM_ECONFIG) with "file:line:column: key: " in front, where `key` is the one that `at`
-// stands under.
+// Fails with PM_ECONFIG and puts "file:line:column: key: " before the message, where `key` is the
+// one under which `at` stands.
 pm_status pm_yaml_fail(pm_yaml at, const char *format, ...) __attribute__((format(printf, 2, 3)));
-// "file:line:column" in the arena, for errors found after the document is closed. NULL: out of
-// memory.
+// Returns "file:line:column" in the arena, for errors that are found after the document is closed.
+// NULL: out of memory.
 const char *pm_yaml_where(pm_yaml at, pm_arena *arena);
 
-// The mapping's value under `key`; absent (node 0) if there is none or `map` is not a mapping.
+// Returns the mapping's value under `key`. The result is absent if the key is missing or `map` is
+// not a mapping.
 pm_yaml pm_yaml_get(pm_yaml map, const char *key);
-// The same, an error if absent or if `map` is not a mapping.
+// Does the same, but fails if the key is missing or `map` is not a mapping.
 pm_status pm_yaml_require(pm_yaml map, const char *key, pm_yaml *value);
-// An error at the first key of `map` that is not in the NULL-terminated list; it names the allowed.
-// An error too if `map` is not a mapping.
+// Fails at the first key of `map` that is not in the NULL-terminated list and names the allowed
+// keys; fails too if `map` is not a mapping.
 pm_status pm_yaml_allow(pm_yaml map, const char *const *keys);
-// An error if `map` is not a mapping, or an empty one.
+// Fails if `map` is not a mapping or has no entries.
 pm_status pm_yaml_require_entries(pm_yaml map);
 
-// Number of entries of a list or mapping; 0 for others. Entry i of a list; key (a scalar) and value
-// of entry i of a mapping, in the order written.
+// Returns the number of entries of a list or mapping; 0 for other values.
 int pm_yaml_count(pm_yaml value);
+// Returns entry i of a list.
 pm_yaml pm_yaml_item(pm_yaml list, int i);
+// Gives key (a scalar) and value of entry i of a mapping, in the order of the file.
 void pm_yaml_entry(pm_yaml map, int i, pm_yaml *key, pm_yaml *value);
 
-// Scalars. Numbers are decimal, finite, not quoted, and lie within [low, high]; low = DBL_MIN
-// stands for "> 0", infinite bounds for none. Text is not empty, and is copied into the arena.
+// Read one scalar. A number must be decimal, finite, not quoted, and within [low, high]; `low` =
+// DBL_MIN means > 0, and an infinite bound means none. Text must not be empty and is copied into
+// the arena.
 pm_status pm_yaml_double(pm_yaml value, double low, double high, double *result);
 pm_status pm_yaml_int(pm_yaml value, int low, int high, int *result);
 pm_status pm_yaml_bool(pm_yaml value, bool *result); // true or false
 pm_status pm_yaml_text(pm_yaml value, pm_arena *arena, const char **result);
-// One of the NULL-terminated `names`; its position. The error lists them.
+// Gives the position of the scalar among the NULL-terminated `names`; the error lists them.
 pm_status pm_yaml_choice(pm_yaml value, const char *const *names, int *result);
-// Lists of scalars, in the arena; a single scalar counts as a list of one.
+// Read a list of scalars into the arena: result [count]. A single scalar counts as a list of one.
 pm_status pm_yaml_doubles(pm_yaml list, pm_arena *arena, int *count, double **result);
 pm_status pm_yaml_ints(pm_yaml list, int low, int high, pm_arena *arena, int *count, int **result);
 pm_status pm_yaml_texts(pm_yaml list, pm_arena *arena, int *count, const char ***result);

@@ -8,12 +8,13 @@
 
 #include "store/yaml_document.h"
 
-#define MAX_BYTES ((size_t)1 << 20) // far above any configuration; bounds the work of hostile text
-#define FIRST_BYTES 4096            // of a file: most configurations are smaller
-#define MAX_BRACKETS 200  // open at once; libyaml's time grows with the square of the depth
-#define MAX_ENTRIES 10000 // of one mapping, whose keys are compared pairwise
+#define MAX_BYTES \
+    ((size_t)1 << 20)    // far above any configuration; limits the work that hostile text can cause
+#define FIRST_BYTES 4096 // read at first; most configurations are smaller
+#define MAX_BRACKETS 200 // open at once; the time of libyaml grows with the square of the depth
+#define MAX_ENTRIES 10000 // of one mapping; its keys are compared pairwise
 
-// Line and column of a byte, counted from 1.
+// Gives line and column of a byte, counted from 1.
 static void locate(const char *text, size_t offset, size_t *line, size_t *column) {
     *line = *column = 1;
     for (size_t i = 0; i < offset; ++i) {
@@ -28,7 +29,7 @@ static pm_status fail_syntax(const char *name, const yaml_parser_t *parser, cons
     if (parser->error == YAML_MEMORY_ERROR) {
         return pm_yaml_fail_memory();
     }
-    if (parser->error == YAML_READER_ERROR) { // a byte that no text has: only its offset is known
+    if (parser->error == YAML_READER_ERROR) { // not UTF-8: libyaml knows only the byte's offset
         locate(text, parser->problem_offset, &line, &column);
     }
     return pm_fail(PM_ECONFIG, "%s:%zu:%zu: not valid YAML: %s%s%s", name, line, column,
@@ -40,9 +41,10 @@ static pm_status fail_syntax(const char *name, const yaml_parser_t *parser, cons
 static pm_status adopt_child(pm_yaml_document *document, int parent, int key, int child) {
     const bool taken = child == 1 || document->parent[child] != 0;
     if (taken) {
-        return pm_yaml_fail((pm_yaml){document, child},
-                            "an alias (*name) refers to this; aliases are not supported, write the "
-                            "value again");
+        return pm_yaml_fail(
+            (pm_yaml){document, child},
+            "an alias (*name) refers to this value; aliases are not supported, repeat the "
+            "value");
     }
     document->parent[child] = parent;
     document->key[child] = key;
@@ -54,7 +56,8 @@ static pm_status adopt_map(pm_yaml_document *document, int id) {
     const yaml_node_pair_t *pair = pm_yaml_node(map)->data.mapping.pairs.start;
     const int count = pm_yaml_count(map);
     if (count > MAX_ENTRIES) {
-        return pm_yaml_fail(map, "%d entries, at most %d are possible", count, MAX_ENTRIES);
+        return pm_yaml_fail(map, "the mapping has %d entries, expected at most %d", count,
+                            MAX_ENTRIES);
     }
     for (int i = 0; i < count; ++i) {
         PM_TRY(adopt_child(document, id, 0, pair[i].key));
@@ -73,8 +76,8 @@ static pm_status adopt_map(pm_yaml_document *document, int id) {
     return PM_OK;
 }
 
-// Whether UTF-8 begins with a control character, or with what YAML takes for the end of a line,
-// too: U+0080 to U+009F, U+2028 and U+2029.
+// Whether UTF-8 text begins with a control character or with a line end of YAML: U+0080 to U+009F,
+// U+2028 and U+2029.
 static bool is_control(const char *text) {
     const unsigned char *c = (const unsigned char *)text;
     return c[0] < ' ' || c[0] == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
@@ -83,10 +86,9 @@ static bool is_control(const char *text) {
 
 static pm_status check_scalar(pm_yaml value) {
     const yaml_node_t *node = pm_yaml_node(value);
-    for (size_t i = 0; i < node->data.scalar.length; ++i) { // a zero stands behind it
+    for (size_t i = 0; i < node->data.scalar.length; ++i) { // libyaml terminates it by a zero
         if (is_control((const char *)node->data.scalar.value + i)) {
-            return pm_yaml_fail(value,
-                                "text must stand on one line and hold no control characters");
+            return pm_yaml_fail(value, "text must stand on one line without control characters");
         }
     }
     return PM_OK;
@@ -101,8 +103,8 @@ static pm_status check_tag(pm_yaml value) {
     return PM_OK;
 }
 
-// Checks every node and remembers its place. Nodes are visited in the order of libyaml's table, so
-// no depth of nesting matters.
+// Checks every node and notes its place. It visits the nodes in the order of libyaml's table
+// instead of by recursion, so that deep nesting costs no stack.
 static pm_status adopt(pm_yaml_document *document) {
     const size_t count = (size_t)(document->yaml.nodes.top - document->yaml.nodes.start);
     document->parent = pm_arena_array(&document->arena, count + 1, sizeof *document->parent);
@@ -129,7 +131,7 @@ static pm_status adopt(pm_yaml_document *document) {
     return PM_OK;
 }
 
-// After the first document nothing may follow.
+// Fails if a second document follows the first one.
 static pm_status check_end(yaml_parser_t *parser, const char *name, const char *text) {
     yaml_document_t rest;
     if (!yaml_parser_load(parser, &rest)) {
@@ -147,8 +149,8 @@ static pm_status check_end(yaml_parser_t *parser, const char *name, const char *
     return PM_OK;
 }
 
-// Counts brackets wherever they stand, in text and comments too: a configuration has few of either.
-// Nothing behind a NUL counts, since libyaml reads no further.
+// Limits the number of open brackets. It counts brackets in text and comments too, of which a
+// configuration has few, and stops at a NUL, beyond which libyaml does not read.
 static pm_status check_depth(const char *name, const char *text) {
     static const char brackets[] = "[]{}";
     int depth = 0;
@@ -158,8 +160,8 @@ static pm_status check_depth(const char *name, const char *text) {
         if (depth > MAX_BRACKETS) {
             size_t line, column;
             locate(text, (size_t)(at - text), &line, &column);
-            return pm_fail(PM_ECONFIG, "%s:%zu:%zu: more than %d brackets open at once", name, line,
-                           column, MAX_BRACKETS);
+            return pm_fail(PM_ECONFIG, "%s:%zu:%zu: more than %d brackets are open at once", name,
+                           line, column, MAX_BRACKETS);
         }
     }
     return PM_OK;
@@ -193,7 +195,7 @@ done:
 static pm_status parse(pm_yaml_document **result, const char *text, size_t size, const char *name,
                        pm_yaml *root) {
     if (size > MAX_BYTES) {
-        return pm_fail(PM_ECONFIG, "%s: larger than %zu bytes, not a configuration", name,
+        return pm_fail(PM_ECONFIG, "%s: larger than %zu bytes, so not a configuration", name,
                        MAX_BYTES);
     }
     pm_yaml_document *document = calloc(1, sizeof *document);
@@ -217,8 +219,8 @@ pm_status pm_yaml_parse(pm_yaml_document **document, const char *text, const cha
     return parse(document, text, strlen(text), name, root);
 }
 
-// A file's text with a NUL behind it, in memory that doubles until it is enough, or until parse()
-// will see that there is more than allowed. The caller frees `text`, whatever comes back.
+// Reads a file's text and terminates it by a NUL. Memory doubles until the text fits or exceeds the
+// bytes that parse() allows. The caller frees `text`, on failure too.
 static pm_status read_text(FILE *file, const char *path, char **text, size_t *size) {
     size_t room = 0;
     *text = NULL;

@@ -10,8 +10,8 @@
 
 // --- scalars ---
 
-// The text if it is a number's: written plainly and of these characters only, which leaves out
-// hexadecimal, infinities and NaN.
+// Returns the text of an unquoted scalar that consists of the given characters, which exclude
+// hexadecimal numbers, infinities and NaN; otherwise NULL.
 static const char *number_text(pm_yaml value, const char *characters) {
     const char *text = pm_yaml_scalar(value);
     const bool plain =
@@ -49,7 +49,8 @@ pm_status pm_yaml_double(pm_yaml value, double low, double high, double *result)
 pm_status pm_yaml_int(pm_yaml value, int low, int high, int *result) {
     const char *text = number_text(value, "+-0123456789");
     char *end = NULL;
-    const long number = text == NULL ? 0 : strtol(text, &end, 10); // saturates: caught by the range
+    const long number =
+        text == NULL ? 0 : strtol(text, &end, 10); // saturates, and the range then refuses it
     if (text == NULL || *end != '\0' || end == text || number < low || number > high) {
         return fail_range(value, "a whole number", low == INT_MIN ? -INFINITY : (double)low,
                           high == INT_MAX ? INFINITY : (double)high);
@@ -92,7 +93,7 @@ pm_status pm_yaml_choice(pm_yaml value, const char *const *names, int *result) {
 
 // --- lists of scalars ---
 
-// The number of entries, and memory for them of `size` bytes each.
+// Gives the number of entries, and memory for them of `size` bytes each.
 static pm_status open_list(pm_yaml list, const char *what, pm_arena *arena, size_t size, int *count,
                            void **memory) {
     const bool is_list = pm_yaml_is_list(list);

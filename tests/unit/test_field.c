@@ -170,7 +170,8 @@ static void meshes_come_back(void **state) {
     pm_field_free(d);
     d = made(false);
     d->hexahedron[2] = NNODE;
-    assert_load_fails(save(*state, d, "title", "trial"), "hexahedron 0 has node 4 of 4");
+    assert_load_fails(save(*state, d, "title", "trial"),
+                      "hexahedron 0 names node 4, expected 0 to 3");
 }
 
 static void columns_are_found(void **state) {

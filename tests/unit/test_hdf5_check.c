@@ -135,11 +135,11 @@ static void test_other_features_are_foreign(void **context) {
     const hid_t chunked = H5Pcreate(H5P_DATASET_CREATE), latest = H5Pcreate(H5P_FILE_ACCESS);
     H5Pset_chunk(chunked, 2, chunk);
     H5Pset_libver_bounds(latest, H5F_LIBVER_LATEST, H5F_LIBVER_LATEST);
-    assert_foreign(new_file(latest), "begins like none");
+    assert_foreign(new_file(latest), "does not begin as files of portmet do");
 
     hid_t file = new_file(H5P_DEFAULT);
     put_dataset(file, H5T_STD_I32LE, chunked);
-    assert_foreign(file, "not stored in one piece");
+    assert_foreign(file, "not contiguous");
 
     file = new_file(H5P_DEFAULT);
     put_dataset(file, H5T_STD_I32BE, H5P_DEFAULT);

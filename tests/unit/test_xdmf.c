@@ -130,10 +130,10 @@ static void selections_lie_within_the_file(void **state) {
     assert_int_equal(count(text, "CollectionType=\"Temporal\""), NTRAJECTORY);
     assert_int_equal(count(text, "<Time Value="), NTRAJECTORY * NTIME);
     assert_int_equal(count(text, "<Time Value=\"0.5\"/>"), NTRAJECTORY);
-    // Positions, displacement, velocity, stress twice by component, force, force of contact.
+    // Positions, displacement, velocity, stress twice by component, force, contact force.
     assert_int_equal(check_slabs(text, scratch_path(*state, "whole.h5")),
                      NTRAJECTORY * NTIME * (3 + 6 + 6 + 2));
-    // The last of all: the force of contact at the last time. Tensors are xx xy xz yy yz zz.
+    // The last of all: the contact force at the last time. Tensors are xx xy xz yy yz zz.
     assert_non_null(strstr(text, ">1 2 0 0 1 1 1 1 1 1 8 3</DataItem><DataItem Format=\"HDF\" "
                                  "NumberType=\"Float\" Precision=\"8\" Dimensions=\"2 3 8 3\">"
                                  "whole.h5:/contact_force</DataItem>"));

@@ -274,7 +274,7 @@ static void test_hostile(void **state) {
         feed(units[i], 1000000);
     }
     feed("[", 1000);
-    assert_string_equal(pm_error(), "t.yaml:1:201: more than 200 brackets open at once");
+    assert_string_equal(pm_error(), "t.yaml:1:201: more than 200 brackets are open at once");
     feed("&r {a: *r}", 10); // a value that holds itself
     assert_non_null(strstr(pm_error(), "aliases are not supported"));
     feed("# a comment ", ((size_t)1 << 20) + 1);
