@@ -5,103 +5,10 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
+#include "scene/integrator.h"
 #include "scene/scene_reader.h"
-
-#define MAX_NAME 48 // characters of a name
-
-pm_status pm_scene_no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory while reading a scene");
-}
-
-// --- names and paths ---
-
-static bool is_letter(char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
-}
-
-static pm_status check_name(pm_yaml at, const char *name) {
-    bool good = is_letter(name[0]) && strlen(name) <= MAX_NAME;
-    for (const char *c = name; *c != '\0'; ++c) {
-        good = good && (is_letter(*c) || (*c >= '0' && *c <= '9') || *c == '_');
-    }
-    return good ? PM_OK
-                : pm_yaml_fail(
-                      at,
-                      "expected a name of a letter, then letters, digits or '_', at most %d "
-                      "in all, found \"%.64s\"",
-                      MAX_NAME, name);
-}
-
-pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name) {
-    PM_TRY(pm_yaml_text(at, r->arena, name));
-    return check_name(at, *name);
-}
-
-pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path) {
-    PM_TRY(pm_yaml_text(at, r->arena, path));
-    const char *slash = strrchr(r->scene->path, '/');
-    if (**path != '/' && slash != NULL) {
-        const int folder = (int)(slash - r->scene->path) + 1;
-        *path = pm_arena_printf(r->arena, "%.*s%s", folder, r->scene->path, *path);
-    }
-    return *path == NULL ? pm_scene_no_memory() : PM_OK;
-}
-
-pm_status pm_scene_read_at(pm_scene_reader *r, pm_yaml value, const char **at) {
-    *at = pm_yaml_where(value, r->arena);
-    return *at == NULL ? pm_scene_no_memory() : PM_OK;
-}
-
-// --- text that must not occur twice ---
-
-// By text, then by the order written, so that the error points at the later of two.
-static int compare_named(const void *a, const void *b) {
-    const pm_scene_named *x = a, *y = b;
-    const int order = strcmp(x->text, y->text);
-    return order != 0 ? order : x->at.node - y->at.node;
-}
-
-pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *what) {
-    qsort(list, (size_t)count, sizeof *list, compare_named);
-    for (int i = 1; i < count; ++i) {
-        if (strcmp(list[i - 1].text, list[i].text) == 0) {
-            return pm_yaml_fail(list[i].at, "%s \"%.64s\" occurs twice", what, list[i].text);
-        }
-    }
-    return PM_OK;
-}
-
-// --- lists of what exists ---
-
-const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size) {
-    size_t used = 0;
-    for (int i = 0; i < scene->nsubsystem && used < size; ++i) {
-        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
-                                 scene->subsystem[i].name);
-    }
-    return buffer;
-}
-
-const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size) {
-    size_t used = strlen(pm_scene_subsystem_names(scene, buffer, size));
-    for (int i = 0; i < scene->nboundary_input && used < size; ++i) {
-        used += (size_t)snprintf(buffer + used, size - used, ", %s", scene->boundary_input[i].name);
-    }
-    return buffer;
-}
-
-const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size) {
-    size_t used = 0;
-    for (int i = 0; i < layout->ngroup && used < size; ++i) {
-        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
-                                 layout->group[i].name);
-    }
-    return buffer;
-}
 
 // --- sections of plain settings ---
 
@@ -123,6 +30,18 @@ static pm_status read_key_file(pm_scene_reader *r) {
     return pm_scene_read_at(r, value, &r->scene->key_file_at);
 }
 
+static pm_status read_integrator(pm_scene_reader *r, pm_yaml time) {
+    pm_scene *scene = r->scene;
+    pm_yaml value;
+    PM_TRY(pm_yaml_require(time, "integrator", &value));
+    PM_TRY(pm_yaml_text(value, r->arena, &scene->integrator));
+    PM_TRY(pm_scene_read_at(r, value, &scene->integrator_at));
+    return pm_integrator_find(scene->integrator) != NULL
+               ? PM_OK
+               : pm_yaml_fail(value, "expected one of %s, found \"%.64s\"", pm_integrator_names(),
+                              scene->integrator);
+}
+
 static pm_status read_time(pm_scene_reader *r) {
     static const char *const keys[] = {"dt", "steps", "integrator", "substeps", "tolerance", NULL};
     pm_scene *scene = r->scene;
@@ -133,9 +52,7 @@ static pm_status read_time(pm_scene_reader *r) {
     PM_TRY(pm_yaml_double(value, DBL_MIN, INFINITY, &scene->dt));
     PM_TRY(pm_yaml_require(time, "steps", &value));
     PM_TRY(pm_yaml_int(value, 1, 1000000000, &scene->steps));
-    PM_TRY(pm_yaml_require(time, "integrator", &value));
-    PM_TRY(pm_yaml_text(value, r->arena, &scene->integrator));
-    PM_TRY(pm_scene_read_at(r, value, &scene->integrator_at));
+    PM_TRY(read_integrator(r, time));
     scene->substeps = 1;
     value = pm_yaml_get(time, "substeps");
     if (pm_yaml_exists(value)) {
@@ -292,41 +209,4 @@ void pm_scene_free(pm_scene *scene) {
         pm_arena_free(&scene->arena);
         free(scene);
     }
-}
-
-int pm_scene_find_subsystem(const pm_scene *scene, const char *name) {
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        if (strcmp(scene->subsystem[i].name, name) == 0) {
-            return i;
-        }
-    }
-    return -1;
-}
-
-int pm_scene_find_boundary_input(const pm_scene *scene, const char *name) {
-    for (int i = 0; i < scene->nboundary_input; ++i) {
-        if (strcmp(scene->boundary_input[i].name, name) == 0) {
-            return i;
-        }
-    }
-    return -1;
-}
-
-int pm_scene_find_port(const pm_scene *scene, const char *name) {
-    for (int i = 0; i < scene->nport; ++i) {
-        if (strcmp(scene->port[i].name, name) == 0) {
-            return i;
-        }
-    }
-    return -1;
-}
-
-const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end) {
-    return port->subsystem[end] >= 0 ? scene->subsystem[port->subsystem[end]].name
-                                     : scene->boundary_input[port->boundary_input[end]].name;
-}
-
-const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end) {
-    return port->subsystem[end] >= 0 ? &scene->subsystem[port->subsystem[end]].layout
-                                     : &scene->boundary_input[port->boundary_input[end]].layout;
 }

@@ -114,6 +114,11 @@ int pm_scene_find_boundary_input(const pm_scene *scene, const char *name);
 int pm_scene_find_port(const pm_scene *scene, const char *name);
 int pm_scene_find_process(const pm_scene *scene, const char *name);
 
+// Returns the time in s after `step` steps of a run that begins at t0 (s): t0 + step dt. Every part
+// of the program takes the time from here and never sums up steps, so that it has the same bits
+// everywhere.
+double pm_scene_time(const pm_scene *scene, double t0, long step);
+
 // Whether the port's ends are served by different processes, which then exchange fluxes.
 bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
 

@@ -120,17 +120,3 @@ pm_status pm_scene_join_processes(pm_scene *scene) {
     scene->process[0].count = scene->nsubsystem;
     return PM_OK;
 }
-
-bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port) {
-    const int a = port->subsystem[0], b = port->subsystem[1];
-    return a >= 0 && b >= 0 && scene->subsystem[a].process != scene->subsystem[b].process;
-}
-
-int pm_scene_find_process(const pm_scene *scene, const char *name) {
-    for (int i = 0; i < scene->nprocess; ++i) {
-        if (strcmp(scene->process[i].name, name) == 0) {
-            return i;
-        }
-    }
-    return -1;
-}

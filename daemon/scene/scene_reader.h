@@ -39,9 +39,6 @@ pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name);
 pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path);
 // Where a value stands, for errors found after the scene was read.
 pm_status pm_scene_read_at(pm_scene_reader *r, pm_yaml value, const char **at);
-// An error at the later of two equal texts; sorts the list.
-pm_status pm_scene_check_distinct(pm_scene_named *list, int count, const char *what);
-
 // A list of columns, or a single one, in which "f[0:180]" stands for f0, f1, ... f179.
 pm_status pm_scene_read_columns(pm_scene_reader *r, pm_yaml list, int *count,
                                 pm_scene_named **result);

@@ -6,9 +6,9 @@
 #define PM_SIM_LOCAL_DYNAMICS_H
 
 #include "graph/program.h"
+#include "scene/integrator.h"
 #include "scene/system.h"
 #include "sim/contact_broadphase.h"
-#include "sim/integrator.h"
 
 typedef struct pm_local_dynamics {
     int nz;

@@ -140,7 +140,7 @@ pm_status pm_monolithic_step(pm_monolithic *assembly) {
         PM_TRY(pm_subsystem_end_step(a->subsystem[i]));
     }
     ++a->sample->step;
-    a->sample->time = (double)a->sample->step * a->system->scene->dt;
+    a->sample->time = pm_scene_time(a->system->scene, 0, a->sample->step);
     fill_sample(a);
     pm_step_controller_note(&a->pace, a->sample);
     set_pace(a);

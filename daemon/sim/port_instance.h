@@ -6,9 +6,9 @@
 
 #include "graph/program.h"
 #include "scene/boundary_input.h"
+#include "scene/integrator.h"
 #include "scene/recording.h"
 #include "scene/system.h"
-#include "sim/integrator.h"
 
 // What one end of a port shows at a stage. Arrays of ny numbers.
 typedef struct pm_port_values {

@@ -20,7 +20,7 @@ pm_status pm_step_controller_init(pm_step_controller *pace, const pm_scene *scen
                                  .integrator = pm_integrator_find(scene->integrator),
                                  .substeps = chosen ? whole(scene, MOST_RISE * scene->substeps)
                                                     : scene->substeps};
-    if (chosen && pace->integrator != NULL && pace->integrator->embedded == 0) {
+    if (chosen && pace->integrator->embedded == 0) {
         return pm_fail(
             PM_ECONFIG,
             "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",

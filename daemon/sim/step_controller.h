@@ -6,8 +6,8 @@
 #ifndef PM_SIM_STEP_CONTROLLER_H
 #define PM_SIM_STEP_CONTROLLER_H
 
+#include "scene/integrator.h"
 #include "scene/recording.h"
-#include "sim/integrator.h"
 
 #define PM_MOST_SUBSTEPS 4096
 

@@ -88,10 +88,6 @@ static pm_status open_state(pm_subsystem *s) {
 static pm_status open_all(pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
     s->integrator = pm_integrator_find(scene->integrator);
-    if (s->integrator == NULL) {
-        return pm_fail(PM_ECONFIG, "%s: unknown integrator \"%s\", expected one of: %s",
-                       scene->integrator_at, scene->integrator, pm_integrator_names());
-    }
     s->substeps = scene->substeps;
     s->h = scene->dt / scene->substeps;
     const pm_part *part = &s->system->part[s->id];

@@ -10,7 +10,7 @@
 #include "base/linalg.h"
 #include "bench.h"
 #include "scene/columns.h"
-#include "sim/integrator.h"
+#include "scene/integrator.h"
 #include "sim/monolithic.h"
 #include "store/dataset.h"
 

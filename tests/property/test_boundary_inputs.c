@@ -285,8 +285,7 @@ static void fill_window(const boundary_inputs *l, const pm_samples *samples, dou
 
 static void trainer_takes_the_same_steps(void **state) {
     (void)state;
-    static const char *const integrator[] = {"euler", "heun", "rk4", "midpoint",
-                                             "discrete_gradient"};
+    static const char *const integrator[] = {"euler", "heun", "rk4", "rk6", "discrete_gradient"};
     for (uint64_t seed = 1; seed <= SEEDS; ++seed) {
         boundary_inputs l;
         double scale[NZ], *trained;

@@ -207,7 +207,7 @@ static void trainer_iterates_the_same_step(void **state) {
 
 static void trainer_takes_the_same_step(void **state) {
     (void)state;
-    static const char *const integrator[] = {"euler", "heun", "rk4", "midpoint"};
+    static const char *const integrator[] = {"euler", "heun", "rk4", "rk6"};
     int finite = 0;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;

@@ -86,7 +86,7 @@ expect 3 'bad.yaml:19:21: between: there is no subsystem or load "middle"' check
 edit 's/right: \[q, p, s\]/right: [q, p, x]/'
 expect 3 "bad.yaml:20:42: " check "$bad"
 edit 's/integrator: rk4/integrator: rk5/'
-expect 3 'bad.yaml:2:41: unknown integrator "rk5", expected one of: ' check "$bad"
+expect 3 'bad.yaml:2:41: integrator: expected one of euler, ' check "$bad"
 expect 3 "bad.yaml:2:41: " run "$bad" --in-process
 configs=$(realpath "$(dirname "$0")/../../configs")
 sed -e 's/, dS: \[1\]//' -e "s,weights/,$configs/weights/," "$configs/driven_lower.yaml" >"$bad"

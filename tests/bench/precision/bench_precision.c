@@ -17,7 +17,7 @@
 #include "base/linalg.h"
 #include "bench.h"
 #include "evaluate/evaluate.h"
-#include "sim/integrator.h"
+#include "scene/integrator.h"
 #include "sim/monolithic.h"
 #include "truth/truth.h"
 

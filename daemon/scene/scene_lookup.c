@@ -1,0 +1,92 @@
+// Finding what a scene holds by its name, and listing it for messages.
+#include <stdio.h>
+#include <string.h>
+
+#include "scene/scene_reader.h"
+
+double pm_scene_time(const pm_scene *scene, double t0, long step) {
+    return t0 + (double)step * scene->dt;
+}
+
+// --- by name ---
+
+int pm_scene_find_subsystem(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (strcmp(scene->subsystem[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+int pm_scene_find_boundary_input(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nboundary_input; ++i) {
+        if (strcmp(scene->boundary_input[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+int pm_scene_find_port(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nport; ++i) {
+        if (strcmp(scene->port[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+int pm_scene_find_process(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nprocess; ++i) {
+        if (strcmp(scene->process[i].name, name) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+// --- ends of ports ---
+
+const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end) {
+    return port->subsystem[end] >= 0 ? scene->subsystem[port->subsystem[end]].name
+                                     : scene->boundary_input[port->boundary_input[end]].name;
+}
+
+const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end) {
+    return port->subsystem[end] >= 0 ? &scene->subsystem[port->subsystem[end]].layout
+                                     : &scene->boundary_input[port->boundary_input[end]].layout;
+}
+
+bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port) {
+    const int a = port->subsystem[0], b = port->subsystem[1];
+    return a >= 0 && b >= 0 && scene->subsystem[a].process != scene->subsystem[b].process;
+}
+
+// --- lists for messages ---
+
+const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = 0;
+    for (int i = 0; i < scene->nsubsystem && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
+                                 scene->subsystem[i].name);
+    }
+    return buffer;
+}
+
+const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = strlen(pm_scene_subsystem_names(scene, buffer, size));
+    for (int i = 0; i < scene->nboundary_input && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, ", %s", scene->boundary_input[i].name);
+    }
+    return buffer;
+}
+
+const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size) {
+    size_t used = 0;
+    for (int i = 0; i < layout->ngroup && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
+                                 layout->group[i].name);
+    }
+    return buffer;
+}
