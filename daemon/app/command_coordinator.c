@@ -50,6 +50,6 @@ const pm_command pm_command_coordinator = {
         "state are refused by name. With --checkpoint it goes on where it was killed;\n"
         "when all have ended well, remove the folder's files.\n",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |
-               PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_QUIET,
+               PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_GATE | PM_OPTION_QUIET,
     .execute = execute,
 };

@@ -151,6 +151,6 @@ const pm_command pm_command_run = {
             "is killed is started again and goes on, with the same bits at the end; so does the\n"
             "whole run when this command is given again.\n",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS |
-               PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_QUIET,
+               PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_GATE | PM_OPTION_QUIET,
     .execute = execute,
 };

@@ -126,7 +126,20 @@ static void print_line(const pm_child *child, const char *line) {
     }
 }
 
-// Prints what the child wrote a while ago. Its place in the file is the child's too: it stays.
+// What is no error, whatever comes after it: shown at once.
+static bool is_notice(const char *line) {
+    static const char *const notices[] = {"portmetd: held after ", "portmetd: the run pauses ",
+                                          "portmetd: the run goes on"};
+    for (size_t i = 0; i < sizeof notices / sizeof notices[0]; ++i) {
+        if (strncmp(line, notices[i], strlen(notices[i])) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Prints what the child wrote a while ago, and its notices. Its place in the file is the child's
+// too: it stays.
 static void show_output(pm_child *child) {
     struct stat file;
     if (fstat(fileno(child->output), &file) != 0 || file.st_size == child->shown) {
@@ -137,13 +150,17 @@ static void show_output(pm_child *child) {
         child->grown = pm_clock();
     }
     char line[LINE];
-    while (pm_clock() - child->grown > HOLD && child->shown < child->size) {
+    while (child->shown < child->size) {
         const ssize_t count = pread(fileno(child->output), line, sizeof line - 1, child->shown);
         if (count <= 0) {
             return;
         }
         line[count] = 0;
         const size_t length = strcspn(line, "\n");
+        const bool notice = line[length] == '\n' && is_notice(line);
+        if (!notice && pm_clock() - child->grown <= HOLD) {
+            return;
+        }
         child->shown += (off_t)length + (line[length] == '\n');
         line[length] = 0;
         print_line(child, line);

@@ -38,6 +38,13 @@ static void tell_pause(void *context, const char *silent) {
     }
 }
 
+static void tell_hold(void *context, long step) {
+    const pm_observer *observer = context;
+    if (!observer->options->quiet) {
+        fprintf(stderr, "portmetd: held after step %ld by %s\n", step, observer->options->gate);
+    }
+}
+
 static pm_status save(void *context, double *memory) {
     const pm_observer *observer = context;
     pm_report_save(observer->report, memory);
@@ -60,8 +67,14 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
         .steps = setup->scene->steps,
         .session = observer->options->session,
         .want_state = observer->options->record != NULL || setup->reference != NULL,
-        .observer = {observer, observe, tell_pause, pm_report_checkpoint_size(observer->report),
-                     save, restore},
+        .gate = observer->options->gate,
+        .observer = {.context = observer,
+                     .step = observe,
+                     .pause = tell_pause,
+                     .hold = tell_hold,
+                     .nmemory = pm_report_checkpoint_size(observer->report),
+                     .save = save,
+                     .restore = restore},
     };
 }
 

@@ -24,6 +24,8 @@ static const option_row rows[] = {
      PM_OPTION_SESSION},
     {"checkpoint", "DIR", "keep in DIR what is needed to go on after a death, and go on from it",
      PM_OPTION_CHECKPOINT},
+    {"gate", "FILE", "hold the run after as many steps as FILE says, until it says more",
+     PM_OPTION_GATE},
     {"quiet", NULL, "print errors only", PM_OPTION_QUIET},
     {"help", NULL, "show this help", 0},
 };
@@ -56,6 +58,9 @@ static pm_status store(unsigned bit, const char *argument, pm_options *options) 
         break;
     case PM_OPTION_CHECKPOINT:
         options->checkpoint = argument;
+        break;
+    case PM_OPTION_GATE:
+        options->gate = argument;
         break;
     case PM_OPTION_WEIGHTS:
         options->weights = argument;

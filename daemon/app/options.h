@@ -10,7 +10,7 @@
 // What a subcommand was given; text points into argv. Absent text is NULL.
 typedef struct pm_options {
     const char *scene, *name; // positional
-    const char *weights, *url, *record, *checkpoint;
+    const char *weights, *url, *record, *checkpoint, *gate;
     int64_t steps;   // 0: as the scene says
     int64_t session; // 0: any
     bool in_process, quiet;
@@ -25,7 +25,8 @@ enum {
     PM_OPTION_IN_PROCESS = 1 << 4,
     PM_OPTION_QUIET = 1 << 5,
     PM_OPTION_SESSION = 1 << 6,
-    PM_OPTION_CHECKPOINT = 1 << 7
+    PM_OPTION_CHECKPOINT = 1 << 7,
+    PM_OPTION_GATE = 1 << 8
 };
 
 typedef struct pm_command {

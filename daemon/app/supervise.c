@@ -20,7 +20,7 @@
 #define END_GRACE 1.0          // s for all to end by themselves after the first of them
 #define STOP_GRACE 5.0         // s likewise, for the coordinator that was told to stop
 #define LOCK_GRACE 3.0         // s for the processes of a run that was killed to be gone
-#define MAX_ARGUMENTS 20
+#define MAX_ARGUMENTS 24
 #define COORDINATOR 0 // the first child
 
 // Opens and locks the folder of the checkpoints. The children inherit the lock, so that it is free
@@ -65,6 +65,7 @@ const char *const *pm_supervise_arguments(pm_setup *setup, const pm_options *opt
         {"--checkpoint", options->checkpoint},
         {"--steps", coordinates ? steps : NULL},
         {"--record", coordinates ? options->record : NULL},
+        {"--gate", coordinates ? options->gate : NULL},
     };
     int count = 0;
     argv[count++] = "portmetd";

@@ -7,6 +7,7 @@
 #include "lockstep/lockstep_coordinator.h"
 #include "lockstep/remote_process.h"
 #include "lockstep/report_window.h"
+#include "lockstep/gate.h"
 #include "sim/step_controller.h"
 
 typedef enum pm_coordinator_phase {
@@ -35,10 +36,12 @@ struct pm_lockstep_coordinator {
     bool fluxes_asked;          // in this wait: next time it is reports
     double moved;               // s, when a remote was last heard to get on
     bool paused;                // and the observer was told
+    bool held;                  // at the gate, after the last step it allows
     bool tick_wanted;           // somebody asked for it since the last poll
 
     int nremote;
     pm_remote_process *remote; // [nremote]
+    pm_gate gate;
     pm_report_window window_reports;
     pm_ledger ledger;
     pm_step_controller pace;
@@ -57,7 +60,7 @@ void pm_coordinator_check(pm_lockstep_coordinator *coordinator, pm_status status
 // PM_ENET, PM_ENOMEM.
 pm_status pm_coordinator_listen(pm_lockstep_coordinator *coordinator, int64_t asked);
 
-// Steps to be granted when the reports of `complete` are there.
+// Steps to be granted when the reports of `complete` are there, as far as the gate allows.
 int64_t pm_coordinator_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
 
 // Takes up what a coordinator left that died, if it was of the session `asked` (0: any); else

@@ -113,6 +113,7 @@ static int64_t least(int64_t a, int64_t b) {
 int64_t pm_coordinator_limit(const pm_lockstep_coordinator *c, int64_t complete) {
     const int window = c->endpoint.system->scene->window;
     int64_t limit = least(complete + c->lead, c->endpoint.steps);
+    limit = least(limit, c->gate.steps > complete ? c->gate.steps : complete);
     for (int i = 0; c->hears_fluxes && i < c->nremote; ++i) {
         const int64_t done = c->remote[i].done;
         limit = least(limit, (done > complete ? done : complete) + window);
@@ -120,7 +121,14 @@ int64_t pm_coordinator_limit(const pm_lockstep_coordinator *c, int64_t complete)
     return limit;
 }
 
+static bool stands_at_gate(const pm_lockstep_coordinator *c) {
+    return c->granted >= c->gate.steps;
+}
+
 static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
+    if (stands_at_gate(c)) {
+        PM_TRY(pm_gate_look(&c->gate, c->endpoint.now));
+    }
     const int64_t limit = pm_coordinator_limit(c, complete);
     if (complete < 0 || limit <= c->granted) {
         return PM_OK;
@@ -144,6 +152,16 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
     return PM_OK;
 }
 
+// Steps that are granted are not yet complete, unless the gate stops the next one.
+static void note_hold(pm_lockstep_coordinator *c) {
+    const bool held =
+        c->completed >= 0 && c->completed == c->granted && c->completed < c->endpoint.steps;
+    if (held && !c->held && c->observer.hold != NULL) {
+        c->observer.hold(c->observer.context, (long)c->completed);
+    }
+    c->held = held;
+}
+
 // Grants on, and books the steps whose reports are all there while the processes compute.
 static pm_status complete_steps(pm_lockstep_coordinator *c) {
     const int64_t complete =
@@ -155,6 +173,7 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     PM_TRY(grant(c, complete));
     const pm_status status = book_steps(c, complete);
     c->failed = status != PM_OK;
+    note_hold(c);
     if (status == PM_OK && c->completed >= c->endpoint.steps) {
         close_run(c);
     }
@@ -214,9 +233,13 @@ static pm_status request_reports(const pm_lockstep_coordinator *c) {
     return PM_OK;
 }
 
-// Who still waits after a request for fluxes has reported what there is.
+// Who still waits after a request for fluxes has reported what there is. At the gate nothing is
+// missing, and the nodes only need a sign of life.
 static pm_status request_missing(pm_lockstep_coordinator *c) {
     bool any = false;
+    if (c->held) {
+        return publish_tick(c);
+    }
     if (c->hears_fluxes && !c->fluxes_asked && c->granted > 0) {
         PM_TRY(request_fluxes(c, &any));
     }
@@ -246,7 +269,7 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
                              (long long)steps_told(c), names);
     }
     const double idle = now - (c->moved > since ? c->moved : since);
-    if (idle > ALIVE * patience) {
+    if (!c->held && idle > ALIVE * patience) {
         list_missing(c, -1, names, sizeof names);
         return pm_fail(
             PM_ETIMEOUT,
@@ -324,6 +347,11 @@ static void note_life(pm_lockstep_coordinator *c) {
     }
 }
 
+static double next_look(const pm_lockstep_coordinator *c) {
+    const double next = c->endpoint.waiting.next;
+    return stands_at_gate(c) && c->gate.read_at < next ? c->gate.read_at : next;
+}
+
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     c->endpoint.now = now;
     note_life(c);
@@ -344,7 +372,7 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
         book_rest(c);
         repeat_command(c);
     }
-    return c->phase == PM_COORDINATOR_RUNNING   ? c->endpoint.waiting.next
+    return c->phase == PM_COORDINATOR_RUNNING   ? next_look(c)
            : c->phase == PM_COORDINATOR_CLOSING ? c->next
                                                 : INFINITY;
 }
@@ -364,7 +392,7 @@ static pm_status open_members(pm_lockstep_coordinator *c) {
     return PM_OK;
 }
 
-static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
+static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted, const char *gate) {
     const pm_scene *scene = c->endpoint.system->scene;
     if (c->endpoint.steps > PM_STEPS_MAX) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
@@ -375,6 +403,7 @@ static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted) {
     pm_ledger_init(&c->ledger, c->endpoint.system);
     PM_TRY(pm_step_controller_init(&c->pace, scene));
     PM_TRY(open_members(c));
+    PM_TRY(pm_gate_init(&c->gate, gate));
     PM_TRY(pm_coordinator_recall(c, wanted));
     PM_TRY(pm_report_window_init(&c->window_reports, &c->arena, scene, c->completed + 1));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
@@ -409,7 +438,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->completed = -1;
     c->progressed = true;
     c->nremote = system->scene->nprocess;
-    const pm_status status = prepare(c, given->session);
+    const pm_status status = prepare(c, given->session, given->gate);
     if (status != PM_OK) {
         pm_lockstep_coordinator_close(c);
         return status;

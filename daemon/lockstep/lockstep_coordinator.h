@@ -8,6 +8,10 @@
 // BYE or a short time has passed. Nodes with another digest or version are refused by name, and so
 // is a second coordinator for the same session, or where both were started for none.
 //
+// With a gate (gate.h) it grants no step beyond the one that a file names. While it holds the run
+// there it repeats its last tick, by which the nodes know that it is alive; nodes that fall silent
+// are still told of, and given up after the scene's patience.
+//
 // Death and return: with a checkpoint it writes what it and its observer must remember every so
 // many steps (checkpoint_ring.h has the same steps for nodes), and after the last one before END.
 // Started again, it goes on from there and asks for the reports that it missed. Whoever started the
@@ -31,6 +35,9 @@ typedef struct pm_lockstep_observer {
     // The run has paused because these nodes are silent (named, separated by commas), or goes on
     // (""). May be NULL.
     void (*pause)(void *context, const char *silent);
+    // The run is held by the gate after `step`, and every process waits. Called once for each hold.
+    // May be NULL.
+    void (*hold)(void *context, long step);
     // For checkpoints: memory [nmemory] is what it must remember after the last step it was called
     // for; restoring makes it go on after `step`. Not called if nmemory is 0.
     int nmemory;
@@ -46,6 +53,8 @@ typedef struct pm_lockstep_coordinator_options {
     pm_lockstep_observer observer; // step may be NULL
     const char *checkpoint;        // file to keep what it must remember, and to go on from, unless
                                    // it is of another session than `session`; NULL: none
+    const char *gate;              // file with the number of steps that may be granted (gate.h);
+                                   // NULL: all of them
 } pm_lockstep_coordinator_options;
 
 // A number for a new session: 63 bits that two runs hardly share.
@@ -53,7 +62,7 @@ int64_t pm_lockstep_session(void);
 
 // Subscribes; says nothing before the first poll. `system` and `transport` must outlive it; once it
 // is closed, nobody may wait on the transport any more. `options` may be NULL. PM_ECONFIG, PM_ENET,
-// PM_ENOMEM, PM_EFILE (the checkpoint), and what the observer's restore returns.
+// PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and what the observer's restore returns.
 pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_system *system, pm_transport *transport,
                                        const pm_lockstep_coordinator_options *options);

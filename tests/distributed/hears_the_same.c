@@ -3,6 +3,7 @@
 // foreign bytes. Run in a private network.
 #include <arpa/inet.h>
 #include <poll.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,7 @@
 #define URL "udpm://239.255.76.67:7667?ttl=0"
 #define LARGEST 1000000 // bytes of a message
 #define PATIENCE 2.0    // s for a message on its way
+#define ATTEMPTS 10     // to say it
 
 static unsigned char data[LARGEST];
 
@@ -53,10 +55,30 @@ static void open_ear(ear *e, const char *url) {
     require(pm_transport_wait(e->transport, 0, NULL));
 }
 
-static void hear(ear *e, int count) {
-    for (int handled = 1; e->count < count && handled > 0;) {
+// One more message.
+static bool hears(ear *e) {
+    const int count = e->count;
+    for (int handled = 1; e->count == count && handled > 0;) {
         require(pm_transport_wait(e->transport, PATIENCE, &handled));
     }
+    return e->count > count;
+}
+
+// Publishes it until both have heard it at once; returns how often. The network may lose it where
+// nobody reads for a while.
+static int say(pm_transport *mouth, ear *e, size_t size) {
+    bool heard = false;
+    int times = 0;
+    for (; times < ATTEMPTS && !heard; ++times) {
+        require(pm_transport_publish(mouth, "pair_WANTED", data, size));
+        const bool first = hears(&e[0]), second = hears(&e[1]);
+        heard = first && second;
+    }
+    for (int k = 0; k < 2; ++k) {
+        expect(heard && e[k].size == size, "size heard", (int)e[k].size);
+        expect(e[k].wrong == 0, "wrong messages", e[k].wrong);
+    }
+    return times;
 }
 
 // Bytes of all kinds to the group, some with a beginning as LCM's.
@@ -90,6 +112,7 @@ int main(void) {
     const int count = (int)(sizeof sizes / sizeof sizes[0]);
     ear e[2] = {{NULL, 0, 0, 0}, {NULL, 0, 0, 0}};
     pm_transport *mouth = NULL;
+    int said = 0;
     for (size_t i = 0; i < LARGEST; ++i) {
         data[i] = (unsigned char)(i * i >> 3);
     }
@@ -97,11 +120,7 @@ int main(void) {
     open_ear(&e[1], URL "&receive=lcm");
     require(pm_transport_open(&mouth, URL, NULL));
     for (int i = 0; i < count; ++i) {
-        require(pm_transport_publish(mouth, "pair_WANTED", data, sizes[i]));
-        for (int k = 0; k < 2; ++k) {
-            hear(&e[k], i + 1);
-            expect(e[k].count == i + 1 && e[k].size == sizes[i], "size heard", (int)e[k].size);
-        }
+        said += say(mouth, e, sizes[i]);
     }
     for (int i = 0; i < 100; ++i) {
         require(pm_transport_publish(mouth, "pair_UNWANTED", data, 100));
@@ -111,11 +130,10 @@ int main(void) {
     struct pollfd file = {pm_transport_file(e[0].transport), POLLIN, 0};
     expect(poll(&file, 1, 50) == 0, "woken by an unwanted message", 1);
     send_garbage();
-    require(pm_transport_publish(e[0].transport, "pair_WANTED", data, 10)); // to itself too
+    said += say(e[0].transport, e, 10); // to itself too
     for (int k = 0; k < 2; ++k) {
-        hear(&e[k], count + 1);
-        expect(e[k].count == count + 1, "messages heard", e[k].count);
-        expect(e[k].wrong == 0, "wrong messages", e[k].wrong);
+        // One for each size, and the last; more only where one was said again.
+        expect(e[k].count > count && e[k].count <= said, "messages heard", e[k].count);
         pm_transport_close(e[k].transport);
     }
     pm_transport_close(mouth);

@@ -41,66 +41,124 @@ finish() {
     exit 0
 }
 
+# wait_until SECONDS COMMAND...: looks every few milliseconds whether COMMAND succeeds; fails if it
+# has not after so many seconds, which only a fault takes.
+wait_until() {
+    read -r limit _ </proc/uptime
+    limit=$((${limit%.*} + $1 + 1))
+    shift
+    until "$@"; do
+        read -r clock _ </proc/uptime
+        [ "${clock%.*}" -le "$limit" ] || return 1
+        sleep 0.005
+    done
+}
+
 # start NAME ARGUMENT...: portmetd in the background; its process id in $pid, its words in NAME.out
 # and NAME.err.
 start() {
     name=$1
     shift
+    : >"$folder/$name.err"
     "$portmetd" "$@" >"$folder/$name.out" 2>"$folder/$name.err" </dev/null &
     pid=$!
     started="$started $pid"
 }
 
-# ends NAME PID CODE PATTERN: waits for it, and compares exit code and error ("": none).
+# open_gate NAME STEP: lets the run that was started with --gate "$folder/NAME.gate" complete as many
+# steps. What stands there is replaced as a whole.
+open_gate() {
+    echo "$2" >"$folder/$1.gate.new"
+    mv "$folder/$1.gate.new" "$folder/$1.gate"
+}
+
+# says NAME PATTERN: whether its errors have such a line.
+says() {
+    grep -q -e "$2" "$folder/$1.err"
+}
+
+# awaits NAME PATTERN: waits until its errors have such a line.
+awaits() {
+    wait_until 30 says "$1" "$2" || fail "$1: never said \"$2\""
+}
+
+# held NAME STEP: waits until the run is held there.
+held() {
+    awaits "$1" "portmetd: held after step $2 by"
+}
+
+# ends NAME PID CODE PATTERN: waits for it, and compares exit code and error ("": none). That it
+# was held, or paused, is no error.
 ends() {
     wait "$2"
     found=$?
     [ $found -eq "$3" ] || fail "$1: expected exit code $3, found $found"
+    grep -v 'portmetd: \(held after step\|the run pauses\|the run goes on\)' "$folder/$1.err" \
+        >"$folder/errors"
     if [ -z "$4" ]; then
-        [ ! -s "$folder/$1.err" ] || fail "$1: expected no error"
+        [ ! -s "$folder/errors" ] || fail "$1: expected no error"
     else
-        grep -q -e "$4" "$folder/$1.err" || fail "$1: expected an error like \"$4\""
-        [ "$(wc -l <"$folder/$1.err")" -eq 1 ] || fail "$1: expected one line of error"
+        grep -q -e "$4" "$folder/errors" || fail "$1: expected an error like \"$4\""
+        [ "$(wc -l <"$folder/errors")" -eq 1 ] || fail "$1: expected one line of error"
     fi
 }
 
-# child PID NAME: the process id of the node NAME that the run PID launched.
-child() {
+# children PID: the processes that it has started; not every kernel lists them.
+children() {
+    cat "/proc/$1/task/$1/children" 2>/dev/null && return
     for status in /proc/[0-9]*/stat; do
-        read -r process _ _ parent _ 2>/dev/null <"$status" || continue
-        if [ "$parent" = "$1" ] && tr '\0' ' ' <"/proc/$process/cmdline" | grep -q " $2 \$"; then
+        read -r process _ _ parent _ 2>/dev/null <"$status" && [ "$parent" = "$1" ] && echo "$process"
+    done
+}
+
+# child PID NAME: the process id of the node NAME that the run PID launched; nothing if there is none.
+child() {
+    for process in $(children "$1"); do
+        if tr '\0' ' ' 2>/dev/null <"/proc/$process/cmdline" | grep -q " $2 \$"; then
             echo "$process"
         fi
     done
 }
 
-# wait_for PID NAME...: until all these nodes of the run PID are there, and stepping.
-wait_for() {
-    run=$1
-    shift
-    for node in "$@"; do
-        for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-            [ -n "$(child "$run" "$node")" ] && break
-            sleep 0.1
-        done
-    done
-    sleep 0.5
+has_child() {
+    [ -n "$(child "$1" "$2")" ]
 }
 
-# Until its recording is there, a run has not begun.
-wait_for_file() {
-    for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-        [ -s "$1" ] && return
-        sleep 0.05
-    done
-    fail "no $1"
+# find_child PID NAME: waits until that process is there; its id in $victim.
+find_child() {
+    wait_until 30 has_child "$1" "$2" || fail "no process $2"
+    victim=$(child "$1" "$2")
 }
 
-no_orphans() {
-    printf %s "$folder/scene" >"$folder/pattern"
-    for file in $(grep -lsF -f "$folder/pattern" /proc/[0-9]*/cmdline); do
+# has_own_network PID: whether it has left the network of this test.
+has_own_network() {
+    [ "$(readlink "/proc/$1/ns/net")" != "$(readlink /proc/self/ns/net)" ]
+}
+
+# listens PID: whether it has a socket on LCM's port.
+listens() {
+    for socket in $(awk '$2 ~ /:1DF3$/ { print $10 }' /proc/net/udp); do # port 7667
+        ls -l "/proc/$1/fd" | grep -q "socket:\[$socket\]" && return
+    done
+    return 1
+}
+
+# processes SCENES: those that have an argument which begins like this in the test's folder.
+processes() {
+    for file in $(printf %s "$folder/$1" | grep -lsF -f - /proc/[0-9]*/cmdline); do
         process=${file#/proc/}
-        fail "$1: process ${process%/cmdline} is still there: $(tr '\0' ' ' <"$file")"
+        echo "${process%/cmdline}"
+    done
+}
+
+has_no_processes() {
+    [ -z "$(processes "$1")" ]
+}
+
+# no_orphans WHEN [SCENES]: no such process is left.
+no_orphans() {
+    for process in $(processes "${2-scene}"); do
+        fail "$1: process $process is still there: $(tr '\0' ' ' <"/proc/$process/cmdline")"
     done
 }
 

@@ -1,7 +1,7 @@
 // relay PROCESS SECONDS SEED: a bad cable, for tests in private networks. Carries the datagrams of
 // LCM's default group between this network and that of another process, and with some of them sends
-// one more later, or lets others overtake. At its end, at the latest after SECONDS, it tells how
-// often.
+// one more later, or lets others overtake. It says "carries" when it does. At its end, at the
+// latest after SECONDS, it tells how often.
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -160,6 +160,8 @@ int main(int argc, char **argv) {
     pm_rng rng;
     pm_rng_init(&rng, strtoull(argv[3], NULL, 10), 0);
     counts n = {0};
+    printf("carries\n");
+    fflush(stdout);
     const double end = pm_clock() + strtod(argv[2], NULL);
     for (double now = pm_clock(); now < end && !stopped; now = pm_clock()) {
         const double next = send_due(sides, now);

@@ -2,7 +2,8 @@
 // either mode it sends datagrams of 92 bytes whose array counts crash LCM's own decoders, and
 // garbage on the scene's channels. With MODE "echo" it also sends everything that it hears again:
 // cut, with a bit turned, on another channel, and as it was, at once and much later. That no scene
-// survives without a key.
+// survives without a key. After each round of its own it prints how many there were, and how many
+// messages it has sent again.
 #include <arpa/inet.h>
 #include <poll.h>
 #include <stdbool.h>
@@ -147,6 +148,8 @@ int main(int argc, char **argv) {
         } else {
             usleep(1000 * SILENCE);
         }
+        printf("%ld %ld\n", i + 1, echoes);
+        fflush(stdout);
     }
     return 0;
 }

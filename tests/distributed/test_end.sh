@@ -3,35 +3,116 @@
 # code and one line that name the cause.
 . "$(dirname "$0")/network.sh"
 forever=1000000000
-sed '/^time:/i lockstep: {patience: 1}' "$scene" >"$folder/scene_hasty.yaml"
-hasty=$folder/scene_hasty.yaml
 
-# SIGINT and SIGTERM to the run. No process has threads, so that nothing is shared that could race
-# (OpenBLAS would keep workers that it is told not to use).
-export OPENBLAS_NUM_THREADS=1
-for signal in INT TERM; do
-    start run run "$scene" --quiet --steps $forever
-    wait_for $pid left right
-    for process in $pid "$(child $pid left)" "$(child $pid right)"; do
-        [ "$(ls "/proc/$process/task" | wc -l)" -eq 1 ] || fail "process $process has threads"
+# with_patience NAME SECONDS: a scene of which several runs may go on beside others, each with a session.
+with_patience() {
+    sed "/^time:/i lockstep: {patience: $2}" "$scene" >"$folder/$1.yaml"
+}
+with_patience hasty 3
+with_patience patient 1000 # longer than any test takes
+
+# datagrams: how many this network has carried.
+datagrams() {
+    awk '/^Udp:/ { count = $5 } END { print count }' /proc/net/snmp
+}
+more_datagrams_than() {
+    [ "$(datagrams)" -gt "$1" ]
+}
+
+# by_hand NAME SCENE SESSION GATE: two nodes and a coordinator, whose process ids are then in $NAME_left,
+# $NAME_right and $NAME_coordinator; held after step GATE.
+by_hand() {
+    open_gate "$1" "$4"
+    for node in left right; do
+        start "$1_$node" node "$2" $node --session "$3"
+        eval "$1_$node=$pid"
     done
-    kill -$signal $pid
-    ends run $pid 12 "interrupted"
-    no_orphans "run after SIG$signal"
+    start "$1" coordinator "$2" --steps $forever --session "$3" --gate "$folder/$1.gate"
+    eval "$1_coordinator=$pid"
+    held "$1" "$4"
+}
+
+# A second node, another one in the middle of a run, and a second coordinator: refused, and the run goes on.
+# The first node is there as soon as it has said hello.
+before=$(datagrams)
+start left node "$scene" left
+left=$pid
+wait_until 30 more_datagrams_than "$before" || fail "left: no hello"
+start second_left node "$scene" left
+ends second_left $pid 7 "there is a node left of scene pair already"
+start right node "$scene" right
+right=$pid
+open_gate coordinator 5
+start coordinator coordinator "$scene" --steps $forever --gate "$folder/coordinator.gate"
+coordinator=$pid
+held coordinator 5
+for gate in 5 $forever; do
+    open_gate coordinator $gate
+    start third_left node "$scene" left
+    ends third_left $pid 7 "node left"
+    start second_coordinator coordinator "$scene" --quiet
+    ends second_coordinator $pid 7 "there is a coordinator of scene pair already"
+done
+kill -INT $coordinator
+ends coordinator $coordinator 12 "interrupted"
+ends left $left 12 "interrupted"
+ends right $right 12 "interrupted"
+
+# By hand, where nobody watches the processes: a node killed, a coordinator killed, a node that is paused,
+# and one that was never started. What ends them takes seconds; more is tested meanwhile.
+hasty=$folder/hasty.yaml
+by_hand widow "$hasty" 101 20
+kill -KILL $widow_right
+by_hand orphan "$hasty" 102 20
+kill -KILL $orphan_coordinator
+by_hand sleeper "$folder/patient.yaml" 103 20
+kill -STOP $sleeper_right
+start lonely_left node "$hasty" left --session 104
+lonely_left=$pid
+start lonely coordinator "$hasty" --quiet --session 104
+lonely_coordinator=$pid
+
+# SIGINT and SIGTERM to the run, held and on its way. No process has threads, so that nothing is shared that
+# could race (OpenBLAS would keep workers that it is told not to use).
+export OPENBLAS_NUM_THREADS=1
+# begin: a run that is held after step 20; its process ids in $run, $left and $right.
+begin() {
+    open_gate run 20
+    start run run "$scene" --steps $forever --gate "$folder/run.gate"
+    run=$pid
+    held run 20
+    find_child $run left
+    left=$victim
+    find_child $run right
+    right=$victim
+}
+for gate in 20 $forever; do
+    for signal in INT TERM; do
+        begin
+        for process in $run $left $right; do
+            [ "$(ls "/proc/$process/task" | wc -l)" -eq 1 ] || fail "process $process has threads"
+        done
+        open_gate run $gate
+        kill -$signal $run
+        ends run $run 12 "interrupted"
+        no_orphans "run after SIG$signal"
+    done
 done
 
 # A node killed, and a node interrupted.
-start run run "$scene" --quiet --steps $forever
-wait_for $pid left right
-kill -KILL "$(child $pid right)" || fail "no node to kill"
-ends run $pid 7 "right"
-no_orphans "run with a killed node"
+for gate in 20 $forever; do
+    begin
+    open_gate run $gate
+    kill -KILL $right || fail "no node to kill"
+    ends run $run 7 "right"
+    no_orphans "run with a killed node"
 
-start run run "$scene" --quiet --steps $forever
-wait_for $pid left right
-kill -TERM "$(child $pid left)" || fail "no node to interrupt"
-ends run $pid 12 "left"
-no_orphans "run with an interrupted node"
+    begin
+    open_gate run $gate
+    kill -TERM $left || fail "no node to interrupt"
+    ends run $run 12 "left"
+    no_orphans "run with an interrupted node"
+done
 
 # A flux that is not finite: five steps are made before it, and told of.
 cat >"$folder/scene_huge.yaml" <<END
@@ -51,53 +132,7 @@ ends huge $pid 9 "a flux is not finite in step 6"
 grep -q "terms evaluated 20, skipped 10" "$folder/huge.out" || fail "huge: steps before are not told of"
 no_orphans "run with a flux that is not finite"
 
-# By hand, where nobody watches the processes: a node killed, then a coordinator killed.
-start left node "$hasty" left
-left=$pid
-start right node "$hasty" right
-right=$pid
-start coordinator coordinator "$hasty" --quiet --steps $forever --record "$folder/first.h5"
-coordinator=$pid
-wait_for_file "$folder/first.h5"
-kill -KILL $right
-ends coordinator $coordinator 8 "right"
-ends left $left 8 "right"
-
-start left node "$hasty" left
-left=$pid
-start right node "$hasty" right
-right=$pid
-start coordinator coordinator "$hasty" --quiet --steps $forever --record "$folder/second.h5"
-wait_for_file "$folder/second.h5"
-kill -KILL $pid
-ends left $left 8 "no word from the coordinator"
-ends right $right 8 "no word from the coordinator"
-
-# A node that is paused: the coordinator says who is missing, and goes on with it.
-start left node "$hasty" left
-left=$pid
-start right node "$hasty" right
-right=$pid
-start coordinator coordinator "$hasty" --steps 4000 --record "$folder/third.h5"
-coordinator=$pid
-wait_for_file "$folder/third.h5"
-kill -STOP $right
-sleep 0.8
-kill -CONT $right
-wait $coordinator || fail "coordinator of a paused node: does not end well"
-grep -q "^portmetd: the run pauses after step [0-9]*: no word from right" "$folder/coordinator.err" ||
-    fail "coordinator: does not tell of a pause"
-tail -n 1 "$folder/coordinator.err" | grep -q "the run goes on" || fail "coordinator: does not go on"
-ends left $left 0 ""
-ends right $right 0 ""
-
-# A node that was never started; one with other weights; one with another step.
-start left node "$hasty" left
-left=$pid
-start coordinator coordinator "$hasty" --quiet
-ends coordinator $pid 8 "nodes missing after 1.* s: right"
-ends left $left 8 "nodes missing after 1.* s: right"
-
+# A node with other weights.
 mkdir "$folder/other"
 cp "$folder"/*.h5 "$folder/other"
 cp "$folder/left.h5" "$folder/other/right.h5"
@@ -110,29 +145,24 @@ ends coordinator $pid 7 "node right holds another scene"
 ends left $left 7 "node right holds another scene"
 ends right $right 7 "node right holds another scene"
 
-# A second node, another one in the middle of a run, and a second coordinator: refused, and the run goes on.
-start left node "$scene" left
-left=$pid
-for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-    grep -q ":1DF3 " /proc/net/udp && break # port 7667: it listens
-    sleep 0.1
+# What was begun above.
+ends widow $widow_coordinator 8 "right"
+ends widow_left $widow_left 8 "right"
+ends orphan_left $orphan_left 8 "no word from the coordinator"
+ends orphan_right $orphan_right 8 "no word from the coordinator"
+ends lonely $lonely_coordinator 8 "nodes missing after 3.* s: right"
+ends lonely_left $lonely_left 8 "nodes missing after 3.* s: right"
+# The coordinator says who is missing, and goes on with it.
+awaits sleeper "^portmetd: the run pauses after step 20: no word from right"
+kill -CONT $sleeper_right
+open_gate sleeper 40
+held sleeper 40
+awaits sleeper "^portmetd: the run goes on"
+kill -INT $sleeper_coordinator
+for name in coordinator left right; do
+    eval "wait \$sleeper_$name"
+    [ $? -eq 12 ] || fail "sleeper: $name: expected an interrupted run"
 done
-sleep 0.2
-start second_left node "$scene" left
-ends second_left $pid 7 "there is a node left of scene pair already"
-start right node "$scene" right
-right=$pid
-start coordinator coordinator "$scene" --quiet --steps $forever --record "$folder/fourth.h5"
-coordinator=$pid
-wait_for_file "$folder/fourth.h5"
-start third_left node "$scene" left
-ends third_left $pid 7 "node left"
-start second_coordinator coordinator "$scene" --quiet
-ends second_coordinator $pid 7 "there is a coordinator of scene pair already"
-kill -INT $coordinator
-ends coordinator $coordinator 12 "interrupted"
-ends left $left 12 "interrupted"
-ends right $right 12 "interrupted"
 
 # Without a route for multicast: the commands that mend it.
 ip route del 224.0.0.0/4 dev lo
@@ -150,5 +180,5 @@ done
 [ "$(cat "$folder/old.h5")" = old ] || fail "a recording was overwritten by a run that never began"
 [ ! -e "$folder/new.h5" ] || fail "a run that never began left a recording"
 
-no_orphans "at the end"
+no_orphans "at the end" ""
 finish

@@ -4,15 +4,15 @@
 # side do not hear each other.
 . "$(dirname "$0")/network.sh"
 url='udpm://239.255.76.67:7667?ttl=1'
-steps=3000
+steps=300
 
 # A switch, and two more hosts with a cable to it each.
 for i in 2 3; do
-    unshare -n sleep 100 &
+    unshare -n sleep 1000 &
     eval "host$i=$!"
     started="$started $!"
+    wait_until 30 has_own_network $! || fail "no host $i"
 done
-sleep 0.2
 on() {
     eval "namespace=/proc/\$host$1/ns/net"
     shift
@@ -44,17 +44,22 @@ start_on() {
     started="$started $pid"
 }
 
-# cut HOST SECONDS: nothing goes in or out.
+# cut HOST: nothing goes in or out.
 cut() {
-    if on "$1" nft add table ip cut 2>/dev/null; then
-        for hook in input output; do
-            on "$1" nft add chain ip cut $hook "{ type filter hook $hook priority 0; }"
-            on "$1" nft add rule ip cut $hook udp dport 7667 counter drop
-        done
-        sleep "$2"
-        on "$1" nft list chain ip cut output | grep -q 'packets [1-9]' || fail "nothing was lost"
-        on "$1" nft delete table ip cut
-    fi
+    on "$1" nft add table ip cut 2>/dev/null || return
+    for hook in input output; do
+        on "$1" nft add chain ip cut $hook "{ type filter hook $hook priority 0; }"
+        on "$1" nft add rule ip cut $hook udp dport 7667 counter drop
+    done
+}
+
+# has_lost HOST HOOK: whether something was to go out (output), or to come in (input), since the cut.
+has_lost() {
+    on "$1" nft list chain ip cut "$2" | grep -q 'packets [1-9]'
+}
+
+mend() {
+    on "$1" nft delete table ip cut
 }
 
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
@@ -67,11 +72,26 @@ for hosts in 2 3; do
     start_on 2 right node "$scene" right --url "$url"
     right=$pid
     record=$folder/hosts_$hosts.h5
-    start coordinator coordinator "$scene" --quiet --steps $steps --url "$url" --record "$record"
+    name=hosts_$hosts
+    open_gate $name 100
+    start $name coordinator "$scene" --steps $steps --url "$url" --record "$record" \
+        --gate "$folder/$name.gate"
     coordinator=$pid
-    wait_for_file "$record"
-    cut 2 0.5
-    ends coordinator $coordinator 0 ""
+    held $name 100
+    if cut 2; then
+        # Grants do not arrive, and what is asked for again and again is lost in both directions.
+        open_gate $name 200
+        for hook in input output; do
+            wait_until 30 has_lost 2 $hook || fail "nothing was lost: $hook"
+        done
+        says $name "held after step 200" && fail "$name: steps were made across a cut cable"
+        mend 2
+    else
+        open_gate $name 200
+    fi
+    held $name 200
+    open_gate $name $steps
+    ends $name $coordinator 0 ""
     ends left $left 0 ""
     ends right $right 0 ""
     "$same_recording" "$folder/plain.h5" "$record" || fail "$hosts hosts"
@@ -99,5 +119,5 @@ done
 for name in one two three; do
     "$same_recording" "$folder/plain.h5" "$folder/side_$name.h5" || fail "side by side: $name"
 done
-no_orphans "at the end"
+no_orphans "at the end" ""
 finish

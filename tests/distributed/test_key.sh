@@ -3,17 +3,34 @@
 # crashes LCM's decoders is dropped and counted; with a key, so is all that is forged, cut or replayed.
 . "$(dirname "$0")/network.sh"
 stranger=$5
-steps=1000
+steps=300
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
     fail "in process"
 
-# beside MODE NAME ARGUMENT...: a run of portmetd beside a stranger; ends well, and warns.
+# sent ROUNDS ECHOES: whether the stranger has sent at least as much.
+sent() {
+    read -r rounds echoes <<END
+$(tail -n 1 "$folder/stranger.out")
+END
+    [ "${rounds:-0}" -ge "$1" ] && [ "${echoes:-0}" -ge "$2" ]
+}
+
+# beside MODE NAME SCENE: a run beside a stranger, which has sent much before it, and while it is held;
+# ends well, and warns.
 beside() {
-    "$stranger" "$1" 15 &
+    : >"$folder/stranger.out"
+    "$stranger" "$1" 1000 >"$folder/stranger.out" &
     evil=$!
     started="$started $evil"
-    sleep 0.2
-    start "$2" run "$3" --quiet --steps $steps --record "$folder/$2.h5"
+    wait_until 30 sent 1 0 || fail "no stranger"
+    open_gate "$2" 100
+    start "$2" run "$3" --steps $steps --gate "$folder/$2.gate" --record "$folder/$2.h5"
+    held "$2" 100
+    sent 0 0
+    more=$((echoes + 10))
+    [ "$1" = echo ] || more=0
+    wait_until 30 sent $((rounds + 10)) $more || fail "$2: a silent stranger"
+    open_gate "$2" $steps
     wait $pid || fail "$2: among strangers"
     kill $evil
     "$same_recording" "$folder/plain.h5" "$folder/$2.h5" || fail "$2: other bits"
@@ -29,15 +46,28 @@ counted() {
     done
 }
 
-beside plain open "$scene"
-counted open "wrong size" "foreign type"
-
 keyed=$folder/keyed.yaml
 sed '1a key_file: pair.key' "$scene" >"$keyed"
 (umask 077 && head -c 32 /dev/urandom >"$folder/pair.key")
+
+# Who lacks the key is not heard. That takes as long as the patience; more is tested meanwhile, on another port.
+sed '1a lockstep: {patience: 3}' "$scene" >"$folder/hasty.yaml"
+sed '1a key_file: pair.key' "$folder/hasty.yaml" >"$folder/hasty_keyed.yaml"
+aside='udpm://239.255.76.67:7668?ttl=0'
+start left node "$folder/hasty.yaml" left --url "$aside"
+left=$pid
+start right node "$folder/hasty_keyed.yaml" right --url "$aside"
+right=$pid
+start coordinator coordinator "$folder/hasty_keyed.yaml" --quiet --url "$aside"
+coordinator=$pid
+
+beside plain open "$scene"
+counted open "wrong size" "foreign type"
+
 start alone run "$keyed" --quiet --steps $steps --record "$folder/alone.h5"
 ends alone $pid 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/alone.h5" || fail "with a key"
+
 beside echo sealed "$keyed"
 counted sealed "not authentic"
 "$portmetd" check "$keyed" | grep -q 'key .*pair.key' || fail "check: the key"
@@ -47,15 +77,8 @@ sed "2a url: 'udpm://239.255.76.67:7667?ttl=0&receive=lcm'" "$keyed" >"$folder/l
 beside echo lcm "$folder/lcm.yaml"
 counted lcm "not authentic"
 
-# Who lacks the key, or has another, is not heard.
-sed '1a lockstep: {patience: 1}' "$scene" >"$folder/hasty.yaml"
-sed '1a key_file: pair.key' "$folder/hasty.yaml" >"$folder/hasty_keyed.yaml"
-start left node "$folder/hasty.yaml" left
-left=$pid
-start right node "$folder/hasty_keyed.yaml" right
-right=$pid
-start coordinator coordinator "$folder/hasty_keyed.yaml" --quiet
-wait $pid
+# Who was not heard.
+wait $coordinator
 [ $? -eq 8 ] || fail "coordinator: expected a silent node"
 grep -q 'nodes missing after .*: left$' "$folder/coordinator.err" || fail "coordinator: names left"
 counted coordinator "not authentic"
@@ -72,5 +95,5 @@ chmod 600 "$folder/pair.key"
 printf x >>"$folder/pair.key"
 start long run "$keyed"
 ends long $pid 4 '33 bytes, expected a key of 32'
-no_orphans "at the end"
+no_orphans "at the end" ""
 finish

@@ -1,10 +1,10 @@
 #!/bin/sh
 # test_return.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER [KILLS [STEPS [SEED]]]: nodes and the
 # coordinator are killed at random while a run goes on; it ends with the bits of an undisturbed one, and
-# leaves no process and no file behind.
+# leaves no process and no file behind. Gates keep the run from being over before it was killed.
 . "$(dirname "$0")/network.sh"
 kills=${6:-4}
-steps=${7:-2500}
+steps=${7:-800}
 seed=${8:-$(date +%s)}
 configs=$(realpath "$(dirname "$0")/../../configs")
 
@@ -79,35 +79,65 @@ same_end() {
     no_orphans "$1"
 }
 
-# killed NAME SCENE KILLS: killed at random.
-killed() {
-    start "$1" run "$2" --steps $steps --checkpoint "$folder/$1" --record "$folder/$1.h5"
-    run=$pid
-    done=0
-    for choice in $(awk -v seed="$seed" -v kills="$3" -v scene="${2##*/}" 'BEGIN {
+# has_lost NAME COUNT: whether the run has told of as many deaths.
+has_lost() {
+    [ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/$1.err")" -eq "$2" ]
+}
+
+# choices SCENE KILLS: gates at random steps, one in each of as many equal parts of the run, when to kill
+# after the gate was opened so far, and whom. Every other kill waits until the run is held.
+choices() {
+    awk -v seed="$seed" -v kills="$2" -v steps="$steps" -v scene="${1##*/}" 'BEGIN {
         srand(seed)
         split("link1 link2 link3 " scene, who, " ")
-        for (i = 0; i < kills; i++) printf "%.2f:%s ", 0.05 + 0.2 * rand(), who[1 + int(4 * rand())]
-    }'); do
-        sleep "${choice%:*}"
-        victim=$(child $run "[^ ]*${choice#*:}")
-        [ -n "$victim" ] && kill -KILL "$victim" 2>/dev/null && done=$((done + 1))
+        for (i = 0; i < kills; i++) {
+            gate = int(steps * (i + rand()) / (kills + 1))
+            when = i % 2 ? "held" : sprintf("%.3f", 0.03 * rand())
+            printf "%d:%s:%s ", gate, when, who[1 + int(4 * rand())]
+        }
+    }'
+}
+
+# killed NAME SCENE KILLS: killed at random, on its way to a gate or held there. Whoever was killed may still
+# be on its way back when the next one is.
+killed() {
+    open_gate "$1" 0
+    start "$1" run "$2" --steps $steps --checkpoint "$folder/$1" --record "$folder/$1.h5" \
+        --gate "$folder/$1.gate"
+    run=$pid
+    kills_done=0
+    at_gate=0
+    for choice in $(choices "$2" "$3"); do
+        step=${choice%%:*}
+        when=${choice#*:}
+        when=${when%:*}
+        open_gate "$1" "$step"
+        if [ "$when" = held ]; then
+            held "$1" "$step"
+        else
+            sleep "$when" # a place at random, anywhere before the gate
+        fi
+        find_child $run "[^ ]*${choice##*:}"
+        says "$1" "held after step $step by" && at_gate=$((at_gate + 1))
+        kill -KILL "$victim" || fail "$1: ${choice##*:} was gone before it was killed"
+        kills_done=$((kills_done + 1))
+        wait_until 30 has_lost "$1" $kills_done || fail "$1: expected $kills_done deaths"
+        [ $failures -eq 0 ] || return
     done
+    open_gate "$1" $steps
     wait $run
     code=$?
     [ $code -eq 0 ] || fail "$1: exit code $code"
-    [ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/$1.err")" -eq $done ] ||
-        fail "$1: expected $done lines"
+    has_lost "$1" "$3" || fail "$1: expected $3 deaths"
     same_end "$1"
-    echo "$1, seed $seed: $done of $3 kills"
-    [ $((2 * done)) -ge "$3" ] || fail "$1: the run was over too early"
+    echo "$1, seed $seed: $kills_done of $3 kills, $((kills_done - at_gate)) between gates, $at_gate at a gate"
 }
 
 asked=$steps
-steps=2500
+steps=800
 plain "$mixed"
 killed mixed "$mixed" 3
-steps=$((40000 + 2 * asked))
+steps=$((2500 + asked))
 plain "$strict"
 killed strict "$strict" $((3 + kills / 5))
 steps=$asked
@@ -119,59 +149,58 @@ ends calm $pid 0 ""
 same_end calm
 killed killed "$chain" $kills
 
-# The run itself is killed: its processes end, and the same command goes on with it.
-start first run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5"
+# A run that pauses says so while it does: one process is stopped, not killed. No other run takes its folder.
+# Both take seconds; more is tested meanwhile.
+sed 's/^lockstep: {/&patience: 1000, /' "$chain" >"$folder/pausing.yaml"
+open_gate paused 100
+start paused run "$folder/pausing.yaml" --steps $steps --checkpoint "$folder/paused" --gate "$folder/paused.gate"
+paused=$pid
+held paused 100
+find_child $paused "[^ ]*link2"
+stopped=$victim
+kill -STOP "$stopped"
+start second run "$folder/pausing.yaml" --steps 10 --checkpoint "$folder/paused"
+second=$pid
+
+# The run itself is killed, on its way from a gate: its processes end, and the same command goes on with it.
+middle=$((steps / 2))
+open_gate first $middle
+start first run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5" \
+    --gate "$folder/first.gate"
 run=$pid
-for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-    [ -e "$folder/again/chain_3-link3.checkpoint" ] && break
-    sleep 0.05
-done
+held first $middle
+open_gate first $((steps - 1))
 kill -KILL $run
 wait $run
+wait_until 30 has_no_processes scene || fail "again: processes have outlived their run"
 [ -n "$(ls "$folder/again")" ] || fail "again: no checkpoints"
 start again run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5"
 ends again $pid 0 ""
 same_end again
 
-# A run that pauses says so while it does: one process is stopped, not killed.
-start paused run "$chain" --steps 1000000 --checkpoint "$folder/paused"
-run=$pid
-for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-    [ -e "$folder/paused/chain_3-link2.checkpoint" ] && break
-    sleep 0.05
-done
-start second run "$chain" --steps 10 --checkpoint "$folder/paused"
-ends second $pid 4 "paused: another run uses it"
-victim=$(child $run "[^ ]*link2")
-kill -STOP "$victim"
-for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
-    grep -q "the run pauses after step [0-9]*: no word from link2" "$folder/paused.err" && break
-    sleep 0.3
-done
-grep -q "the run pauses" "$folder/paused.err" || fail "paused: nothing is said while it pauses"
-kill -CONT "$victim"
-kill -INT $run
-wait $run
-no_orphans "a run that paused"
-
-# By hand: a node and the coordinator are killed, and started again with the same commands.
+# By hand: nodes and the coordinator are killed, and started again with the same commands.
 by_hand() {
     if [ "$1" = coordinator ]; then
         start "$1" coordinator "$chain" --steps $steps --checkpoint "$folder/hand" \
-            --record "$folder/hand.h5"
+            --record "$folder/hand.h5" --gate "$folder/hand.gate"
     else
         start "$1" node "$chain" "$1" --checkpoint "$folder/hand"
     fi
     eval "$1=$pid"
 }
+open_gate hand 0
 for name in link1 link2 link3 coordinator; do
     by_hand $name
 done
-for name in link2 coordinator link1; do
-    sleep 0.15
-    eval "kill -KILL \$$name"
+for choice in $((steps / 4)):link2 $((steps / 2)):coordinator $((steps * 3 / 4)):link1; do
+    open_gate hand "${choice%:*}"
+    name=${choice#*:}
+    # The coordinator on its way, which nobody but itself could tell of.
+    [ $name = coordinator ] || held coordinator "${choice%:*}"
+    eval "kill -KILL \$$name" || fail "by hand: $name was gone before it was killed"
     by_hand $name
 done
+open_gate hand $steps
 for name in coordinator link1 link2 link3; do
     eval "ends $name \$$name 0 ''"
 done
@@ -185,4 +214,13 @@ mv "$folder/hand" "$folder/done"
 start done run "$chain" --steps $steps --checkpoint "$folder/done" --record "$folder/done.h5"
 ends done $pid 0 ""
 same_end done
+
+# What was begun above.
+awaits paused "the run pauses after step 100: no word from link2"
+ends second $second 4 "paused: another run uses it"
+kill -CONT "$stopped"
+kill -INT $paused
+wait $paused
+[ $? -eq 12 ] || fail "paused: expected an interrupted run"
+no_orphans "at the end" ""
 finish

@@ -45,12 +45,14 @@ start left node "$scene" left
 left=$pid
 start right node "$scene" right
 right=$pid
-sleep 0.3
+for node in $left $right; do
+    wait_until 30 listens "$node" || fail "by hand: a node does not listen"
+done
 start coordinator coordinator "$scene" --quiet --record "$folder/hand.h5"
 ends coordinator $pid 0 ""
 ends left $left 0 ""
 ends right $right 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/hand.h5" || fail "by hand"
 
-no_orphans "at the end"
+no_orphans "at the end" ""
 finish

@@ -68,6 +68,12 @@ static void tell_pause(void *context, const char *silent) {
     ++c->pauses;
 }
 
+static void tell_hold(void *context, long step) {
+    cluster *c = context;
+    c->held_at = step;
+    ++c->holds;
+}
+
 static const char *checkpoint_of(cluster *c, int i) {
     if (c->folder == NULL) {
         return NULL;
@@ -81,7 +87,8 @@ static void add_coordinator(cluster *c) {
         .steps = c->steps,
         .session = c->session,
         .want_state = true,
-        .observer = {c, compare, tell_pause, 1, save, restore},
+        .observer = {c, compare, tell_pause, tell_hold, 1, save, restore},
+        .gate = c->gate,
         .checkpoint = checkpoint_of(c, c->count),
     };
     assert_int_equal(pm_transport_open(&c->coordinator_transport, "memory://", c->hub), PM_OK);

@@ -31,6 +31,9 @@ typedef struct cluster {
     long (*count_allocations)(void); // NULL: not of interest
     char silent[64];                 // who the coordinator said was silent, last
     int pauses;                      // how often it said so, or that the run goes on
+    const char *gate;                // NULL: none
+    long held_at;                    // the step after which the coordinator said that it is held
+    int holds;                       // how often it said so
     pm_hub *hub;
     const char *folder; // for checkpoints; NULL: none are kept
     char path[MAX_NODES + 1][128];

@@ -9,6 +9,7 @@
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -21,7 +22,8 @@
 
 // --- what a child does, by its first argument ---
 
-static int act_child(const char *role) {
+// With `file`, a number of one that it has inherited, it writes to that when it is ready.
+static int act_child(const char *role, const char *file) {
     if (strcmp(role, "well") == 0) {
         return 0;
     }
@@ -38,19 +40,41 @@ static int act_child(const char *role) {
     if (strcmp(role, "stubborn") == 0) {
         signal(SIGTERM, SIG_IGN);
     }
+    if (file != NULL && write(atoi(file), "r", 1) != 1) {
+        return 1;
+    }
     // Interrupted by SIGTERM unless stubborn.
     sleep(SLEEP);
     return 0;
 }
 
-static const char *launch_argument[] = {"test_launch", NULL, NULL};
+static const char *launch_argument[] = {"test_launch", NULL, NULL, NULL};
 
 static pm_launch *start(const char *role) {
     pm_launch *launch = NULL;
     assert_int_equal(pm_launch_open(&launch, 2), PM_OK);
     const char **argv = launch_argument;
     argv[1] = role;
+    argv[2] = NULL;
     assert_int_equal(pm_launch_start(launch, "lower", argv, NULL), PM_OK);
+    return launch;
+}
+
+// Returns when the child is what its role says.
+static pm_launch *start_and_wait(const char *role) {
+    pm_launch *launch = NULL;
+    int file[2];
+    char number[16], word;
+    assert_int_equal(pipe(file), 0);
+    snprintf(number, sizeof number, "%d", file[1]);
+    assert_int_equal(pm_launch_open(&launch, 2), PM_OK);
+    const char **argv = launch_argument;
+    argv[1] = role;
+    argv[2] = number;
+    assert_int_equal(pm_launch_start(launch, "lower", argv, NULL), PM_OK);
+    close(file[1]);
+    assert_int_equal(read(file[0], &word, 1), 1);
+    close(file[0]);
     return launch;
 }
 
@@ -129,8 +153,7 @@ static void test_child_that_stays_is_a_timeout_and_gets_ended(void **state) {
 
 static void test_child_that_ignores_sigterm_is_killed(void **state) {
     (void)state;
-    pm_launch *launch = start("stubborn");
-    usleep(200000); // until it ignores the signal
+    pm_launch *launch = start_and_wait("stubborn");
     const double begin = pm_clock();
     pm_launch_close(launch);
     assert_true(pm_clock() - begin < SLEEP / 2.0);
@@ -143,8 +166,7 @@ static void test_children_die_with_their_parent(void **state) {
     assert_int_equal(prctl(PR_SET_CHILD_SUBREAPER, 1), 0);
     const pid_t parent = fork();
     if (parent == 0) {
-        start("sleep");
-        usleep(100000); // until the child has asked for the signal
+        start_and_wait("sleep"); // it has asked for the signal
         _exit(0);
     }
     assert_int_equal(waitpid(parent, NULL, 0), parent);
@@ -158,7 +180,7 @@ static void test_children_die_with_their_parent(void **state) {
 
 int main(int argc, char **argv) {
     if (argc > 1) {
-        return act_child(argv[1]);
+        return act_child(argv[1], argc > 2 ? argv[2] : NULL);
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_child_that_ends_well),

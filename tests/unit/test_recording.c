@@ -10,9 +10,11 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
+#include "base/progress.h"
 #include "base/rng.h"
 #include "scene/recording.h"
 #include "tests/support/scratch.h"
@@ -271,8 +273,11 @@ static void components_of_large_states_are_named_by_group(void **state) {
     assert_texts(path, "/subsystems/body/z", "units", 2, units);
 }
 
-// Appends for a little over a second, so that a flush falls due, appends more, and is killed.
-static void record_and_die(const char *path) {
+#define FLUSH_SECONDS 1.0 // as recording.c has it
+#define MORE 5            // samples
+
+// Appends until a flush was due, tells how many samples that were, appends more, and is killed.
+static void record_and_die(const char *path, int out) {
     const struct timespec pause = {.tv_nsec = 15000000};
     pm_sample *sample = NULL;
     pm_recording *recording = NULL;
@@ -280,28 +285,41 @@ static void record_and_die(const char *path) {
         pm_recording_open(&recording, path, &scene) != PM_OK) {
         _exit(1);
     }
-    for (long step = 0; step < 90; ++step) {
+    const double opened = pm_clock();
+    long step = 0, due = 0;
+    for (bool late = false; step < due + MORE; ++step) {
+        due = late ? due : step;
+        late = late || pm_clock() - opened >= FLUSH_SECONDS;
         fill(sample, step);
         if (pm_recording_append(recording, sample) != PM_OK) {
             _exit(1);
         }
         nanosleep(&pause, NULL);
     }
+    if (write(out, &due, sizeof due) != sizeof due) {
+        _exit(1);
+    }
     raise(SIGKILL);
 }
 
 static void what_was_flushed_outlives_a_killed_writer(void **state) {
     const char *path = scratch_path(*state, "killed.h5");
+    int file[2];
+    assert_int_equal(pipe(file), 0);
     const pid_t child = fork();
     if (child == 0) {
-        record_and_die(path);
+        record_and_die(path, file[1]);
     }
     int ending;
+    long due = -1;
+    close(file[1]);
+    assert_int_equal(read(file[0], &due, sizeof due), sizeof due);
+    close(file[0]);
     assert_int_equal(waitpid(child, &ending, 0), child);
     assert_true(WIFSIGNALED(ending) && WTERMSIG(ending) == SIGKILL);
     double value[1000];
     const int count = read_series(path, "/time", value);
-    assert_in_range(count, 2, 89);
+    assert_in_range(count, due > 1 ? due : 1, due + MORE);
     assert_all_series(path, count);
 }
 
