@@ -14,10 +14,10 @@ fail() {
 
 find daemon/scene daemon/store trainer -name '*.[ch]' -exec awk '
     /keys\[\] = \{/ || /^#define [A-Z_]*KEYS/ { inside = 1 }
+    /keys\[\] = \{/ { macro = 0 }
     inside { print }
     inside && (/\};/ || (!/\\$/ && macro)) { inside = 0 }
-    /^#define [A-Z_]*KEYS/ { macro = 1; if (!/\\$/) inside = 0 }
-    /keys\[\] = \{/ { macro = 0; if (/\};/) inside = 0 }' {} + |
+    /^#define [A-Z_]*KEYS/ { macro = 1; if (!/\\$/) inside = 0 }' {} + |
     grep -oE '"[A-Za-z_0-9]+"' | tr -d '"' | sort -u >"$folder/accepted"
 
 find . -name '*.md' -not -path './build*' -exec awk '
