@@ -41,7 +41,7 @@ static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     d->nnode = shape.nnode;
     d->nvariable = shape.nvariable;
     d->nelement = shape.nelement;
-    d->placement = PM_PLACEMENT_WORLD;
+    d->placement = PM_PLACEMENT_IDENTITY;
     d->t = pm_arena_array(&d->arena, (size_t)shape.ntime, sizeof *d->t);
     d->z = pm_arena_array(&d->arena, nstate * nnode, (size_t)shape.nvariable * sizeof *d->z);
     d->f = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->f);
@@ -199,7 +199,7 @@ static pm_status read_placement(pm_field *d, const pm_hdf5 *file, const char *pa
         return PM_OK;
     }
     PM_TRY(pm_hdf5_read_text(file, "/", PLACEMENT, &d->arena, &text));
-    return pm_placement_read(text, path, &d->placement);
+    return pm_placement_parse(text, path, &d->placement);
 }
 
 static pm_status load(pm_field **field, const char *path) {

@@ -1,24 +1,47 @@
-// The placement of a body: the position of its origin in the global frame, and the global axis
-// along which each of its own axes points. Field files keep it as text, such as "origin: [36, -26,
-// 11], axes: [+y, -x, +z]", in m.
+// The placement of a body: where the origin of its own frame lies in the global frame, and along
+// which global axes its own axes point. Only quarter turns are possible, so that a rotation moves
+// and negates components and is exact. Field files and configurations write a placement as
+//     origin: [36, -26, 11], axes: [+y, -x, +z]      (m; own x points along global +y, ...)
 #ifndef PM_STORE_PLACEMENT_H
 #define PM_STORE_PLACEMENT_H
 
+#include "base/arena.h"
 #include "base/status.h"
+#include "store/yaml.h"
 
 typedef struct pm_placement {
-    double origin[3]; // m
-    int axis[3];      // the body's axis d lies along the global axis[d], 0 to 2, ...
-    double sign[3];   // ... in the same (1) or the opposite (-1) direction
+    double origin[3]; // m, of the body's frame, in the global frame
+    int axis[3];      // own axis d points along the global axis axis[d], 0 to 2 ...
+    double sign[3];   // ... in its direction (1) or against it (-1); the rotation is proper
 } pm_placement;
 
-// The placement of a body whose frame is the global frame.
-#define PM_PLACEMENT_WORLD ((pm_placement){{0, 0, 0}, {0, 1, 2}, {1, 1, 1}})
+// The body's own frame is the global frame.
+#define PM_PLACEMENT_IDENTITY ((pm_placement){{0, 0, 0}, {0, 1, 2}, {1, 1, 1}})
 
-// Parses the text; `name` tells errors where it was found. PM_EDATA, PM_ENOMEM.
-pm_status pm_placement_read(const char *text, const char *name, pm_placement *placement);
+// Reads the keys `origin` and `axes` of a map; other keys are refused. The arena holds what is read
+// on the way. On failure the placement is untouched. PM_ECONFIG (three numbers, or three different
+// axes in a right-handed order, are missing), PM_ENOMEM.
+pm_status pm_placement_read(pm_yaml map, pm_arena *arena, pm_placement *placement);
 
-// Converts a point own [3], m, from the body's frame to the global frame: global [3], m.
+// Reads the text of a field file, the entries of such a map without its braces; `name` says in an
+// error where the text was found. PM_EDATA, PM_ENOMEM.
+pm_status pm_placement_parse(const char *text, const char *name, pm_placement *placement);
+
+// Turns a vector's components [3] in the body's frame into those in the global frame, and back.
+static inline void pm_placement_rotate(const pm_placement *placement, const double *own,
+                                       double *global) {
+    for (int d = 0; d < 3; ++d) {
+        global[placement->axis[d]] = placement->sign[d] * own[d];
+    }
+}
+static inline void pm_placement_rotate_back(const pm_placement *placement, const double *global,
+                                            double *own) {
+    for (int d = 0; d < 3; ++d) {
+        own[d] = placement->sign[d] * global[placement->axis[d]];
+    }
+}
+
+// Turns a point's coordinates [3] in the body's frame, m, into those in the global frame.
 static inline void pm_placement_point(const pm_placement *placement, const double *own,
                                       double *global) {
     for (int d = 0; d < 3; ++d) {

@@ -9,7 +9,7 @@
 
 typedef struct box {
     double position[MOST_NODES][3], hexahedron[MOST_NODES][8], u[MOST_NODES][3];
-    pm_placed placed;
+    pm_placed_body placed;
 } box;
 
 // From the origin, `count` bricks along x, y, z, each a cube of side `step`.

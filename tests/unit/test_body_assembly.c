@@ -1,5 +1,5 @@
-// Boxes of bricks in a stack, that share a basis: which of them meet, and what the modes of all say
-// about the gaps and the forces between them.
+// Boxes of bricks in a stack that share a basis: which of them face each other, and the openings
+// and contact forces that follow from the amplitudes of all.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,8 +11,11 @@
 
 #include "base/rng.h"
 #include "graph/program.h"
-#include "modal/body_assembly.h"
+#include "modal/contact_force.h"
+#include "modal/contact_part.h"
+#include "scene/weights.h"
 #include "tests/support/boxes.h"
+#include "tests/support/scratch.h"
 
 enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
 static const int trajectory = 0;
@@ -88,10 +91,10 @@ static void make_stack(stack *s) {
     for (int i = 0; i < NBODY; ++i) {
         s->assembly.body[i] = s->box.placed;
         s->assembly.body[i].name = names[i];
-        s->assembly.body[i].origin[2] = i * (2 + GAP);
+        s->assembly.body[i].placement.origin[2] = i * (2 + GAP);
         s->field[i] = make_field(&s->box, i);
     }
-    assert_int_equal(pm_body_assembly_meet(&s->assembly), PM_OK);
+    assert_int_equal(pm_body_assembly_find_interfaces(&s->assembly), PM_OK);
 }
 
 static void free_stack(stack *s) {
@@ -102,15 +105,15 @@ static void free_stack(stack *s) {
     pm_basis_free(s->basis);
 }
 
-static void neighbours_meet(void **state) {
+static void neighbours_have_interfaces(void **state) {
     (void)state;
     stack s;
     make_stack(&s);
-    assert_int_equal(s.assembly.ncontact, 2); // bottom and top have the middle between them
+    assert_int_equal(s.assembly.ninterface, 2); // bottom and top have the middle between them
     for (int m = 0; m < 2; ++m) {
-        assert_int_equal(s.assembly.meeting[m].body[0], m);
-        assert_int_equal(s.assembly.meeting[m].body[1], m + 1);
-        assert_int_equal(s.assembly.meeting[m].facing.npair, NPAIR);
+        assert_int_equal(s.assembly.interface[m].body[0], m);
+        assert_int_equal(s.assembly.interface[m].body[1], m + 1);
+        assert_int_equal(s.assembly.interface[m].pairs.npair, NPAIR);
     }
     free_stack(&s);
 }
@@ -137,13 +140,14 @@ static void matrices_give_the_openings(void **state) {
     assert_int_equal(
         pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
-    const pm_contact_interface *m = &s.assembly.meeting[1];
-    pm_openings openings;
+    const pm_contact_interface *m = &s.assembly.interface[1];
+    pm_contact_openings openings;
     double matrix[2][PM_CONTACT_GROUPS * NPAIR][2];
     for (int end = 0; end < 2; ++end) {
         assert_int_equal(pm_contact_interface_matrix(&s.assembly, m, end, matrix[end][0]), PM_OK);
     }
-    assert_int_equal(pm_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena), PM_OK);
+    assert_int_equal(pm_contact_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena),
+                     PM_OK);
     const int creep = column_of(d, "middle_top_creep0");
     for (int j = 0; j < NTIME; ++j) {
         double *row = pm_dataset_state(d, 0, j);
@@ -158,7 +162,7 @@ static void matrices_give_the_openings(void **state) {
                 boxes_check("travel", end, row[column_of(d, travels[end]) + 1], a[1]);
                 expected += matrix[end][i][0] * a[0] + matrix[end][i][1] * a[1];
             }
-            boxes_check("opening", i, pm_openings_at(&openings, row)[i], expected);
+            boxes_check("opening", i, pm_contact_openings_compute(&openings, row)[i], expected);
         }
     }
     boxes_check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
@@ -177,23 +181,24 @@ static void matrices_give_the_openings(void **state) {
 // The part's energy, built as a graph, is that of the openings of a row with the same numbers.
 static void the_part_stores_the_openings(void **state) {
     (void)state;
-    const pm_gap_constants constants = {.stiffness = 30, .creep = 0.01};
+    const pm_contact_constants constants = {.stiffness = 30, .creep = 0.01};
     stack s;
     make_stack(&s);
     pm_dataset *d = NULL;
     pm_part part;
-    pm_openings openings;
+    pm_contact_openings openings;
     pm_graph *g = NULL;
     pm_program *program = NULL;
     pm_rng rng;
     pm_rng_init(&rng, 5, 0);
-    const pm_contact_interface *m = &s.assembly.meeting[0];
+    const pm_contact_interface *m = &s.assembly.interface[0];
     assert_int_equal(
         pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
-    assert_int_equal(pm_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena), PM_OK);
-    assert_int_equal(
-        pm_contact_interface_part(&s.assembly, m, &constants, &s.assembly.arena, &part), PM_OK);
+    assert_int_equal(pm_contact_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena),
+                     PM_OK);
+    assert_int_equal(pm_contact_part_make(&s.assembly, m, &constants, &s.assembly.arena, &part),
+                     PM_OK);
     assert_int_equal(part.layout.nz, 2 + 2 + NPAIR + 1);
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node z = pm_input(g, true, 1, part.layout.nz), E = pm_part_energy(g, &part, z);
@@ -205,7 +210,7 @@ static void the_part_stores_the_openings(void **state) {
         for (int c = 0; c < part.layout.nz; ++c) {
             row[c] = state_z[c] = 0.3 * pm_rng_normal(&rng);
         }
-        const double *v = pm_openings_at(&openings, pm_dataset_state(d, 0, 0));
+        const double *v = pm_contact_openings_compute(&openings, pm_dataset_state(d, 0, 0));
         double energy = s.basis->temperature * row[part.layout.nz - 1];
         for (int i = 0; i < NPAIR; ++i) {
             const double x =
@@ -225,11 +230,11 @@ static void the_part_stores_the_openings(void **state) {
 }
 
 // A row whose opening of one pair of each meeting is `opening` and which is open by 1 elsewhere.
-static void fill_creep(const pm_openings *o, double opening, double *row) {
+static void fill_creep(const pm_contact_openings *o, double opening, double *row) {
     for (int i = 0; i < NPAIR; ++i) {
         row[o->creep + i] = 0;
     }
-    const double *v = pm_openings_at(o, row);
+    const double *v = pm_contact_openings_compute(o, row);
     double now[NPAIR];
     for (int i = 0; i < NPAIR; ++i) {
         now[i] = v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
@@ -248,23 +253,24 @@ static void forces_are_compared(void **state) {
         pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
     for (int m = 0; m < 2; ++m) {
-        const pm_contact_interface *meeting = &s.assembly.meeting[m];
+        const pm_contact_interface *interface = &s.assembly.interface[m];
         const pm_field *const *field = (const pm_field *const *)s.field;
-        pm_openings openings;
+        pm_contact_openings openings;
         double error = -1;
-        assert_int_equal(pm_openings_open(&openings, &s.assembly, meeting, d, &s.assembly.arena),
-                         PM_OK);
+        assert_int_equal(
+            pm_contact_openings_open(&openings, &s.assembly, interface, d, &s.assembly.arena),
+            PM_OK);
         // One pair closed such that 10 N/m give the truth's force, then half of that.
         for (int j = 0; j < NTIME; ++j) {
             fill_creep(&openings, -0.5 * j, pm_dataset_state(d, 0, j));
         }
-        assert_int_equal(pm_contact_interface_force_errors(&s.assembly, meeting, d, 10, field,
-                                                           &trajectory, &error),
-                         PM_OK);
+        assert_int_equal(
+            pm_contact_force_errors(&s.assembly, interface, d, 10, field, &trajectory, &error),
+            PM_OK);
         boxes_check("all of the force", m, error, 0);
-        assert_int_equal(pm_contact_interface_force_errors(&s.assembly, meeting, d, 5, field,
-                                                           &trajectory, &error),
-                         PM_OK);
+        assert_int_equal(
+            pm_contact_force_errors(&s.assembly, interface, d, 5, field, &trajectory, &error),
+            PM_OK);
         boxes_check("half of the force", m, error, 0.5);
     }
     pm_dataset_free(d);
@@ -277,13 +283,14 @@ static double energy_of(const stack *s, double (*u)[3], const double *row, const
                         double stiffness) {
     double energy = 0;
     for (int m = 0; m < 2; ++m) {
-        const pm_contact_interface *meeting = &s->assembly.meeting[m];
+        const pm_contact_interface *interface = &s->assembly.interface[m];
         pm_arena arena = {0};
-        pm_openings openings;
+        pm_contact_openings openings;
         double v[PM_CONTACT_GROUPS * NPAIR];
-        assert_int_equal(pm_openings_open(&openings, &s->assembly, meeting, d, &arena), PM_OK);
-        memcpy(v, pm_openings_at(&openings, row), sizeof v);
-        pm_contact_pairs_measure(&meeting->facing, m == 0 ? 1 : 0, &s->assembly.body[1], u[0], v);
+        assert_int_equal(pm_contact_openings_open(&openings, &s->assembly, interface, d, &arena),
+                         PM_OK);
+        memcpy(v, pm_contact_openings_compute(&openings, row), sizeof v);
+        pm_contact_pairs_measure(&interface->pairs, m == 0 ? 1 : 0, &s->assembly.body[1], u[0], v);
         for (int i = 0; i < NPAIR; ++i) {
             const double x =
                 v[i] + v[NPAIR + i] * v[3 * NPAIR + i] + v[2 * NPAIR + i] * v[4 * NPAIR + i];
@@ -298,9 +305,9 @@ static double energy_of(const stack *s, double (*u)[3], const double *row, const
 static void forces_are_the_slope_of_the_energy(void **state) {
     (void)state;
     static double u[MOST_NODES][3];
-    const double stiffness = 30, h = 1e-5, tolerance = 1e-6;
+    const double stiffness = 30, both[2] = {stiffness, stiffness}, h = 1e-5, tolerance = 1e-6;
     stack s;
-    pm_contact_force touch;
+    pm_contact_force contact;
     pm_dataset *d = NULL;
     pm_rng rng;
     pm_rng_init(&rng, 22, 0);
@@ -308,13 +315,13 @@ static void forces_are_the_slope_of_the_energy(void **state) {
     assert_int_equal(
         pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
         PM_OK);
-    assert_int_equal(pm_contact_force_open(&touch, &s.assembly, 1, d, stiffness, &s.assembly.arena),
+    assert_int_equal(pm_contact_force_open(&contact, &s.assembly, 1, d, both, &s.assembly.arena),
                      PM_OK);
     double f[MOST_NODES][3] = {{0}}, largest = 0, *row = pm_dataset_state(d, 0, 0);
     for (int c = column_of(d, "bottom_middle_bottom0"); c < d->ncolumn; ++c) {
         row[c] = 0.3 * pm_rng_normal(&rng);
     }
-    pm_contact_force_add_forces(&touch, row, f[0]);
+    pm_contact_force_add(&contact, row, f[0]);
     for (int i = 0; i < 3 * s.box.placed.nnode; ++i) {
         double *own = &u[i / 3][i % 3], force = f[i / 3][i % 3];
         *own = h;
@@ -330,6 +337,46 @@ static void forces_are_the_slope_of_the_energy(void **state) {
     }
     assert_true(largest > 1);
     pm_dataset_free(d);
+    free_stack(&s);
+}
+
+// Saves the part of an interface as weights in a folder.
+static void save_part(const stack *s, const pm_contact_interface *m, double stiffness,
+                      const char *folder) {
+    const pm_contact_constants constants = {.stiffness = stiffness};
+    const pm_provenance provenance = {.command = "trial", .data = "none"};
+    pm_arena arena = {0};
+    pm_part part;
+    assert_int_equal(pm_contact_part_make(&s->assembly, m, &constants, &arena, &part), PM_OK);
+    const char *path = pm_contact_part_path(&s->assembly, m, folder, &arena);
+    assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_OK);
+    pm_part_free(&part);
+    pm_arena_free(&arena);
+}
+
+// Weights of another interface, or none, do not give a stiffness.
+static void the_stiffness_comes_back_from_weights(void **state) {
+    const char *folder = ((scratch *)*state)->folder;
+    stack s;
+    make_stack(&s);
+    const pm_contact_interface *interface = s.assembly.interface;
+    double stiffness = 0;
+    save_part(&s, &interface[0], 1.0 / 3, folder);
+    assert_int_equal(pm_contact_part_stiffness(&s.assembly, &interface[0], folder, &stiffness),
+                     PM_OK);
+    assert_true(stiffness == 1.0 / 3);
+    assert_int_equal(pm_contact_part_stiffness(&s.assembly, &interface[1], folder, &stiffness),
+                     PM_EWEIGHTS);
+    s.assembly.body[0].name = "middle", s.assembly.body[1].name = "top";
+    save_part(&s, &interface[0], 7, folder);
+    s.assembly.body[0].name = "bottom", s.assembly.body[1].name = "middle";
+    assert_int_equal(pm_contact_part_stiffness(&s.assembly, &interface[1], folder, &stiffness),
+                     PM_OK);
+    --s.assembly.interface[1].pairs.npair;
+    assert_int_equal(pm_contact_part_stiffness(&s.assembly, &interface[1], folder, &stiffness),
+                     PM_EWEIGHTS);
+    assert_non_null(strstr(pm_error(), "expected the part between middle and top"));
+    assert_true(stiffness == 7);
     free_stack(&s);
 }
 
@@ -350,8 +397,8 @@ static void fields_that_do_not_fit_are_refused(void **state) {
         assert_non_null(strstr(pm_error(), "the field of top has"));
         assert_int_equal(pm_body_assembly_project(&none, &s.assembly, field, 1, &trajectory),
                          PM_EDATA);
-        assert_int_equal(pm_contact_interface_force_errors(&s.assembly, &s.assembly.meeting[1], d,
-                                                           1, field, &trajectory, &error),
+        assert_int_equal(pm_contact_force_errors(&s.assembly, &s.assembly.interface[1], d, 1, field,
+                                                 &trajectory, &error),
                          PM_EDATA);
         ++*number[i];
     }
@@ -362,11 +409,13 @@ static void fields_that_do_not_fit_are_refused(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(neighbours_meet),
+        cmocka_unit_test(neighbours_have_interfaces),
         cmocka_unit_test(matrices_give_the_openings),
         cmocka_unit_test(the_part_stores_the_openings),
         cmocka_unit_test(forces_are_compared),
         cmocka_unit_test(forces_are_the_slope_of_the_energy),
+        cmocka_unit_test_setup_teardown(the_stiffness_comes_back_from_weights, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test(fields_that_do_not_fit_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

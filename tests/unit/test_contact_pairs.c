@@ -14,11 +14,11 @@
 #include "tests/support/boxes.h"
 
 // The lower box [0,8] x [0,4] x [0,2]; the upper one crosses it above x = 2 .. 5, and its nodes
-// meet none of the lower: its own x looks along +y of the random_system, its y along -x.
+// meet none of the lower: its own x looks along +y of the global frame, its y along -x.
 typedef struct scene {
     box lower, upper;
     pm_arena arena;
-    pm_contact_pairs facing;
+    pm_contact_pairs pairs;
     double *value; // [PM_CONTACT_GROUPS][npair]
 } scene;
 
@@ -26,35 +26,22 @@ static void make_scene(scene *s) {
     memset(s, 0, sizeof *s);
     box_make(&s->lower, (int[3]){4, 2, 1}, 2);
     box_make(&s->upper, (int[3]){6, 2, 1}, 1.5);
-    const double turned[3][3] = {{0, 1, 0}, {-1, 0, 0}, {0, 0, 1}};
-    memcpy(s->upper.placed.axis, turned, sizeof turned);
-    memcpy(s->upper.placed.origin, (double[3]){5, -2.5, 2 + GAP}, 3 * sizeof(double));
+    s->upper.placed.placement =
+        (pm_placement){.origin = {5, -2.5, 2 + GAP}, .axis = {1, 0, 2}, .sign = {1, -1, 1}};
     assert_int_equal(
-        pm_contact_pairs_find(&s->facing, &s->lower.placed, &s->upper.placed, &s->arena), PM_OK);
+        pm_contact_pairs_find(&s->pairs, &s->lower.placed, &s->upper.placed, &s->arena), PM_OK);
     s->value =
-        pm_arena_array(&s->arena, PM_CONTACT_GROUPS * (size_t)s->facing.npair, sizeof *s->value);
+        pm_arena_array(&s->arena, PM_CONTACT_GROUPS * (size_t)s->pairs.npair, sizeof *s->value);
 }
 
-static void in_world(const pm_placed *p, const double *own, double *random_system) {
-    for (int d = 0; d < 3; ++d) {
-        random_system[d] = p->origin[d];
-        for (int k = 0; k < 3; ++k) {
-            random_system[d] += own[k] * p->axis[k][d];
-        }
-    }
-}
-
-// Moves a box by a displacement that is a function of the place in the random_system.
+// Moves a box by a displacement that is a function of the place in the global frame.
 typedef void displacement(const double *x, double *u);
 static void move(box *b, displacement *by) {
     for (int n = 0; n < b->placed.nnode; ++n) {
         double x[3], u[3];
-        in_world(&b->placed, b->position[n], x);
+        pm_placement_point(&b->placed.placement, b->position[n], x);
         by(x, u);
-        for (int k = 0; k < 3; ++k) {
-            const double *axis = b->placed.axis[k];
-            b->u[n][k] = u[0] * axis[0] + u[1] * axis[1] + u[2] * axis[2];
-        }
+        pm_placement_rotate_back(&b->placed.placement, u, b->u[n]);
     }
 }
 
@@ -66,36 +53,36 @@ static void stay(const double *x, double *u) {
 static void measure(scene *s, displacement *lower, displacement *upper) {
     move(&s->lower, lower);
     move(&s->upper, upper);
-    memset(s->value, 0, PM_CONTACT_GROUPS * (size_t)s->facing.npair * sizeof *s->value);
-    pm_contact_pairs_measure(&s->facing, 0, &s->lower.placed, s->lower.u[0], s->value);
-    pm_contact_pairs_measure(&s->facing, 1, &s->upper.placed, s->upper.u[0], s->value);
+    memset(s->value, 0, PM_CONTACT_GROUPS * (size_t)s->pairs.npair * sizeof *s->value);
+    pm_contact_pairs_measure(&s->pairs, 0, &s->lower.placed, s->lower.u[0], s->value);
+    pm_contact_pairs_measure(&s->pairs, 1, &s->upper.placed, s->upper.u[0], s->value);
 }
 
 static double get(const scene *s, int group, int pair) {
-    return s->value[group * s->facing.npair + pair];
+    return s->value[group * s->pairs.npair + pair];
 }
 
 static double opening(const scene *s, int i) {
-    return s->facing.pair[i].gap + get(s, PM_CONTACT_GAP, i) +
+    return s->pairs.pair[i].gap + get(s, PM_CONTACT_GAP, i) +
            get(s, PM_CONTACT_SLID_U, i) * get(s, PM_CONTACT_SLOPE_U, i) +
            get(s, PM_CONTACT_SLID_V, i) * get(s, PM_CONTACT_SLOPE_V, i);
 }
 
-// A vector of the random_system from its components along the pair's tangents.
+// A vector of the global frame from its components along the pair's tangents.
 static double along(const scene *s, int first_group, int pair, int axis) {
-    const pm_contact_pair *p = &s->facing.pair[pair];
+    const pm_contact_pair *p = &s->pairs.pair[pair];
     return get(s, first_group, pair) * p->tangent[0][axis] +
            get(s, first_group + 1, pair) * p->tangent[1][axis];
 }
 
-// Where a pair's point of one end lies in the random_system.
+// Where a pair's point of one end lies in the global frame.
 static void place(const scene *s, int i, int end, double *x) {
     const box *b = end == 0 ? &s->lower : &s->upper;
-    const pm_contact_point *point = &s->facing.pair[i].point[end];
+    const pm_contact_point *point = &s->pairs.pair[i].point[end];
     memset(x, 0, 3 * sizeof *x);
     for (int k = 0; k < point->nnode; ++k) {
         double at[3];
-        in_world(&b->placed, b->position[point->node[k]], at);
+        pm_placement_point(&b->placed.placement, b->position[point->node[k]], at);
         for (int d = 0; d < 3; ++d) {
             x[d] += point->value[k] * at[d];
         }
@@ -107,8 +94,8 @@ static void points_face_each_other(void **state) {
     scene s;
     make_scene(&s);
     // The lower's top nodes with x = 2, 4 and y = 0, 2, 4.
-    assert_int_equal(s.facing.npair, 6);
-    for (int i = 0; i < s.facing.npair; ++i) {
+    assert_int_equal(s.pairs.npair, 6);
+    for (int i = 0; i < s.pairs.npair; ++i) {
         double x[2][3];
         place(&s, i, 0, x[0]);
         place(&s, i, 1, x[1]);
@@ -116,7 +103,7 @@ static void points_face_each_other(void **state) {
         boxes_check("y", i, x[1][1], x[0][1]);
         boxes_check("z of the lower", i, x[0][2], 2);
         boxes_check("z of the upper", i, x[1][2], 2 + GAP);
-        boxes_check("gap", i, s.facing.pair[i].gap, GAP);
+        boxes_check("gap", i, s.pairs.pair[i].gap, GAP);
         assert_true(x[0][0] == 2 || x[0][0] == 4);
     }
     // Seen from the other: the upper's nodes above the lower, 3 x 3 of them.
@@ -126,7 +113,7 @@ static void points_face_each_other(void **state) {
     assert_int_equal(other.npair, 9);
     boxes_check("gap", 0, other.pair[0].gap, GAP);
     // Behind each other's backs there is nothing.
-    s.upper.placed.origin[0] = 50;
+    s.upper.placed.placement.origin[0] = 50;
     assert_int_equal(pm_contact_pairs_find(&other, &s.lower.placed, &s.upper.placed, &s.arena),
                      PM_OK);
     assert_int_equal(other.npair, 0);
@@ -149,7 +136,7 @@ static void what_shifts_opens_and_slides(void **state) {
     for (int upper = 0; upper < 2; ++upper) {
         const double sign = upper == 1 ? 1 : -1;
         measure(&s, upper == 1 ? stay : shift, upper == 1 ? shift : stay);
-        for (int i = 0; i < s.facing.npair; ++i) {
+        for (int i = 0; i < s.pairs.npair; ++i) {
             boxes_check("g", i, get(&s, PM_CONTACT_GAP, i), sign * 0.1);
             boxes_check("slid along x", i, along(&s, PM_CONTACT_SLID_U, i, 0), -sign * 0.3);
             boxes_check("slid along y", i, along(&s, PM_CONTACT_SLID_U, i, 1), sign * 0.2);
@@ -157,7 +144,7 @@ static void what_shifts_opens_and_slides(void **state) {
         }
     }
     measure(&s, shift, shift);
-    for (int i = 0; i < s.facing.npair; ++i) {
+    for (int i = 0; i < s.pairs.npair; ++i) {
         boxes_check("together", i, opening(&s, i), GAP);
     }
     pm_arena_free(&s.arena);
@@ -173,12 +160,12 @@ static void the_longer_side_slopes(void **state) {
     scene s;
     make_scene(&s);
     measure(&s, tilt, stay);
-    for (int i = 0; i < s.facing.npair; ++i) {
+    for (int i = 0; i < s.pairs.npair; ++i) {
         boxes_check("lower along x", i, along(&s, PM_CONTACT_SLOPE_U, i, 0), 0.05);
         boxes_check("lower along y", i, along(&s, PM_CONTACT_SLOPE_U, i, 1), 0);
     }
     measure(&s, stay, tilt);
-    for (int i = 0; i < s.facing.npair; ++i) {
+    for (int i = 0; i < s.pairs.npair; ++i) {
         boxes_check("upper along x", i, along(&s, PM_CONTACT_SLOPE_U, i, 0), 0);
         boxes_check("upper along y", i, along(&s, PM_CONTACT_SLOPE_U, i, 1), -0.07);
     }
@@ -199,7 +186,7 @@ static void what_turns_together_stays_apart(void **state) {
     scene s;
     make_scene(&s);
     measure(&s, turn, turn);
-    for (int i = 0; i < s.facing.npair; ++i) {
+    for (int i = 0; i < s.pairs.npair; ++i) {
         const double far = opening(&s, i), expected = GAP / cos(angle);
         if (!(fabs(far - expected) <= GAP * pow(angle, 4))) {
             fail_msg("pair %d: %.9g apart, expected %.9g", i, far, expected);
@@ -219,7 +206,7 @@ static void what_slides_meets_the_slope(void **state) {
     scene s;
     make_scene(&s);
     measure(&s, slides, tilt);
-    for (int i = 0; i < s.facing.npair; ++i) {
+    for (int i = 0; i < s.pairs.npair; ++i) {
         double x[3], expected[3];
         place(&s, i, 0, x);
         x[1] += 0.4;
@@ -234,12 +221,12 @@ static void what_slides_meets_the_slope(void **state) {
 static void make_cake(box *b, int count) {
     const int nlayer = 2 * count + 1;
     memset(b, 0, sizeof *b);
-    b->placed = (pm_placed){.name = "cake",
-                            .nnode = 2 * nlayer,
-                            .nelement = count,
-                            .position = b->position[0],
-                            .hexahedron = b->hexahedron[0],
-                            .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    b->placed = (pm_placed_body){.name = "cake",
+                                 .nnode = 2 * nlayer,
+                                 .nelement = count,
+                                 .position = b->position[0],
+                                 .hexahedron = b->hexahedron[0],
+                                 .placement = PM_PLACEMENT_IDENTITY};
     for (int n = 0; n < 2 * nlayer; ++n) {
         const int i = n % nlayer; // 0: the axis
         const double turned = acos(-1) * i / count;
@@ -261,16 +248,16 @@ static void points_of_many_faces_are_refused(void **state) {
     for (int count = 7; count <= 8; ++count) {
         box lower, upper;
         pm_arena arena = {0};
-        pm_contact_pairs facing;
+        pm_contact_pairs pairs;
         make_cake(&lower, count);
         make_cake(&upper, count);
-        upper.placed.origin[2] = 1 + GAP;
+        upper.placed.placement.origin[2] = 1 + GAP;
         const pm_status status =
-            pm_contact_pairs_find(&facing, &lower.placed, &upper.placed, &arena);
+            pm_contact_pairs_find(&pairs, &lower.placed, &upper.placed, &arena);
         assert_int_equal(status, count == 7 ? PM_OK : PM_EDATA);
         if (status == PM_OK) {
-            assert_int_equal(facing.npair, 2 * count + 1);
-            assert_int_equal(facing.pair[0].point[1].nnode, 2 * count + 1);
+            assert_int_equal(pairs.npair, 2 * count + 1);
+            assert_int_equal(pairs.pair[0].point[1].nnode, 2 * count + 1);
         } else {
             assert_non_null(strstr(pm_error(), "more than 16 nodes"));
         }
@@ -293,19 +280,19 @@ static void forces_are_the_adjoint(void **state) {
     pm_rng rng;
     pm_rng_init(&rng, 21, 0);
     make_scene(&s);
-    const int count = PM_CONTACT_GROUPS * s.facing.npair;
+    const int count = PM_CONTACT_GROUPS * s.pairs.npair;
     double *effort = pm_arena_array(&s.arena, (size_t)count, sizeof *effort);
     for (int end = 0; end < 2; ++end) {
         box *b = end == 0 ? &s.lower : &s.upper;
         double f[MOST_NODES][3] = {{0}}, power = 0, lost = 0;
         shake(b, 1, &rng);
         memset(s.value, 0, (size_t)count * sizeof *s.value);
-        pm_contact_pairs_measure(&s.facing, end, &b->placed, b->u[0], s.value);
+        pm_contact_pairs_measure(&s.pairs, end, &b->placed, b->u[0], s.value);
         for (int i = 0; i < count; ++i) {
             effort[i] = pm_rng_normal(&rng);
             lost -= effort[i] * s.value[i];
         }
-        pm_contact_pairs_add_forces(&s.facing, end, &b->placed, effort, f[0]);
+        pm_contact_pairs_add_forces(&s.pairs, end, &b->placed, effort, f[0]);
         for (int n = 0; n < b->placed.nnode; ++n) {
             for (int d = 0; d < 3; ++d) {
                 power += f[n][d] * b->u[n][d];

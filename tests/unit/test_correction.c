@@ -107,13 +107,13 @@ static void what_does_not_fit_is_refused(void **state) {
     (void)state;
     pair p = make_pair();
     press(p.own, 3, 3, 1, 0);
-    refuse(&p, "no load as that of trajectory 0 of what is known, at 3, 0, 0");
+    refuse(&p, "no load like that of trajectory 0 of the known fields, at (3, 0, 0) m");
     p = make_pair();
     press(p.own, 4, 4, 1, 0);
-    refuse(&p, "in a row with that of trajectory 4 of the simulation, at 4, 1, 0");
+    refuse(&p, "in a row with that of trajectory 4 of the simulation, at (4, 1, 0) m");
     p = make_pair();
     pm_field_force(p.own, 1, 1)[3 * 1] = 1; // the same place, other forces
-    refuse(&p, "no load as that of trajectory 2");
+    refuse(&p, "no load like that of trajectory 2");
     p = make_pair();
     for (int j = 0; j < NTIME; ++j) { // between the known ones, but twice as strong
         pm_field_force(p.own, 2, j)[3 * 2 + 1] *= 2;
@@ -121,16 +121,16 @@ static void what_does_not_fit_is_refused(void **state) {
     refuse(&p, "same size and direction lies in a row with that of trajectory 2");
     p = make_pair();
     memset(pm_field_force(p.own, 2, NTIME - 1), 0, 3 * NNODE * sizeof(double));
-    refuse(&p, "trajectory 2 of the simulation ends without a load");
+    refuse(&p, "trajectory 2 of the simulation has no load at its last time");
     p = make_pair();
     memset(pm_field_force(p.known, 2, NTIME - 1), 0, 3 * NNODE * sizeof(double));
-    refuse(&p, "trajectory 2 of what is known ends without a load");
+    refuse(&p, "trajectory 2 of the known fields has no load at its last time");
     p = make_pair();
     p.own->position[0] = 0.5;
-    refuse(&p, "the simulation has no node at 0, 0, 0");
+    refuse(&p, "the simulation has no node at (0, 0, 0) m");
     p = make_pair();
     p.own->variable = "q w";
-    refuse(&p, "variables are \"q w\", those known \"q v\"");
+    refuse(&p, "variables are \"q w\", the known fields \"q v\"");
     p = make_pair();
     p.own->dt = 0.6;
     refuse(&p, "0.6 s apart");

@@ -140,15 +140,21 @@ static void placements_come_back(void **state) {
     const char *text = "origin: [36, -26, 11.5], axes: [+y, -x, +z]";
     assert_int_equal(pm_field_load(&d, save(*state, made(false), "placement", text)), PM_OK);
     assert_true(d->placed);
-    double random_system[3];
-    pm_placement_point(&d->placement, (const double[]){1, 2, 3}, random_system);
-    assert_true(random_system[0] == 34 && random_system[1] == -25 && random_system[2] == 14.5);
+    double global[3], own[3];
+    pm_placement_point(&d->placement, (const double[]){1, 2, 3}, global);
+    assert_true(global[0] == 34 && global[1] == -25 && global[2] == 14.5);
+    pm_placement_rotate(&d->placement, (const double[]){1, 2, 3}, global);
+    assert_true(global[0] == -2 && global[1] == 1 && global[2] == 3);
+    pm_placement_rotate_back(&d->placement, global, own);
+    assert_true(own[0] == 1 && own[1] == 2 && own[2] == 3);
     pm_field_free(d);
     static const char *const bad[][2] = {
         {"origin: [36, -26], axes: [+y, -x, +z]", "origin: expected three numbers, found 2"},
         {"origin: [1, 2, 3]", "missing key \"axes\""},
         {"origin: [1, 2, 3], axes: [+y, -y, +z]", "axes: expected three axes such as"},
         {"origin: [1, 2, 3], axes: [+y, +z]", "axes: expected three axes such as"},
+        {"origin: [1, 2, 3], axes: [+y, +x, +z]", "different and right-handed"},
+        {"origin: [1, 2, 3], axes: [+z, +x, -y]", "different and right-handed"},
         {"origin: [1, 2, 3], axes: up", "axes: expected a list"},
         {"origin: [1, 2, 3], axes: [+y, -x, up]", "axes: expected one of +x, -x"},
         {"here", "placement:1:"},

@@ -1,4 +1,4 @@
-// A body of known modes: what reduce finds in its fields, and what reconstruct makes of it again.
+// A body of known modes: reduce finds them in its fields, and reconstruct makes the fields again.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -76,7 +76,7 @@ static pm_field *make_body(void) {
     return d;
 }
 
-static const pm_reduce_how how = {
+static const pm_reduce_settings settings = {
     .nmode = 3,
     .nstate = 3,
     .nlead = 2,
@@ -93,7 +93,7 @@ static const int all[NTRAJECTORY] = {0, 1, 2, 3, 4, 5};
 
 static pm_basis *make_basis(const pm_field *field) {
     pm_basis *b = NULL;
-    assert_int_equal(pm_reduce_fit(&b, field, 4, all, &how), PM_OK);
+    assert_int_equal(pm_reduce_fit(&b, field, 4, all, &settings), PM_OK);
     return b;
 }
 
@@ -203,7 +203,7 @@ static pm_dataset *with_a_neighbour(const pm_dataset *one, const pm_basis *b, do
     return d;
 }
 
-// What the random_system and another body share is what the random_system alone would do.
+// Half of the forces as loads and half as contact forces have the effect of all as loads.
 static void forces_of_contact_are_loads(void **state) {
     (void)state;
     pm_field *field = make_body();
@@ -234,7 +234,7 @@ static void forces_of_contact_are_loads(void **state) {
     pm_field_free(field);
 }
 
-// What presses on a body does to its fields what a load of the same forces does.
+// Contact forces on a body change its fields in the same way as loads of the same size.
 static void contact_is_a_load(void **state) {
     (void)state;
     const int node = 4 * NX + NX - 1; // the one that carries loads
@@ -246,17 +246,16 @@ static void contact_is_a_load(void **state) {
     assert_int_equal(pm_reduce_project(&d, b, field, 1, all, false, PM_LOADS_PRESCRIBED), PM_OK);
     pm_dataset *two = with_a_neighbour(d, b, force / stiffness, &arena);
 
-    pm_placed body[2] = {
-        {.name = "one", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
-        {.name = "two", .nnode = NNODE, .axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};
+    pm_placed_body body[2] = {{.name = "one", .nnode = NNODE, .placement = PM_PLACEMENT_IDENTITY},
+                              {.name = "two", .nnode = NNODE, .placement = PM_PLACEMENT_IDENTITY}};
     body[0].position = body[1].position = b->position;
     pm_contact_pair pair = {.normal = {0, 0, 1}, .point = {{1, {node}, {1}, {{0}}, {0}}}};
-    pm_contact_interface meeting = {{0, 1}, {1, &pair}};
+    pm_contact_interface interface = {{0, 1}, {1, &pair}};
     const pm_body_assembly assembly = {
-        .basis = b, .nbody = 2, .body = body, .ncontact = 1, .meeting = &meeting};
-    pm_contact_force touch;
-    assert_int_equal(pm_contact_force_open(&touch, &assembly, 0, two, stiffness, &arena), PM_OK);
-    assert_int_equal(pm_reconstruct(&pressed, b, two, "one", &touch, NULL, NULL), PM_OK);
+        .basis = b, .nbody = 2, .body = body, .ninterface = 1, .interface = &interface};
+    pm_contact_force contact;
+    assert_int_equal(pm_contact_force_open(&contact, &assembly, 0, two, &stiffness, &arena), PM_OK);
+    assert_int_equal(pm_reconstruct(&pressed, b, two, "one", &contact, NULL, NULL), PM_OK);
 
     memset(field->f, 0, 3 * NTRAJECTORY * NTIME * NNODE * sizeof *field->f);
     for (int j = 0; j < NTIME; ++j) {
@@ -428,7 +427,7 @@ static void what_does_not_fit_is_told(void **state) {
     assert_non_null(strstr(pm_error(), "no column \"p0\""));
     field->position[3] += 0.3; // no longer like a square
     pm_basis *none = NULL;
-    assert_int_equal(pm_reduce_fit(&none, field, 4, all, &how), PM_EDATA);
+    assert_int_equal(pm_reduce_fit(&none, field, 4, all, &settings), PM_EDATA);
     assert_non_null(strstr(pm_error(), "not symmetric"));
     assert_int_equal(pm_basis_load(&none, scratch_path(*state, "none.h5")), PM_EFILE);
     pm_dataset_free(d);

@@ -23,7 +23,7 @@
 #define SIGMA 6
 
 static const double corner[3] = {-1, 5, 0.5}, brick[3] = {2, 0.3, 1};
-static const pm_nodes_how how = {.nbranch = 2, .tau = {0.2, 0.7}, .temperature = 250};
+static const pm_nodes_settings settings = {.nbranch = 2, .tau = {0.2, 0.7}, .temperature = 250};
 
 // What the body does at a place: any smooth functions that tell places, times and components apart.
 static double value_at(const double *x, int trajectory, int time, int component) {
@@ -68,7 +68,7 @@ static pm_field *make_field(void) {
 
 static pm_dataset *make_nodes(const pm_field *field, int count, const int *which) {
     pm_dataset *nodes = NULL;
-    if (pm_nodes_dataset(&nodes, field, count, which, &how) != PM_OK) {
+    if (pm_nodes_dataset(&nodes, field, count, which, &settings) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return nodes;
@@ -141,7 +141,7 @@ static void only_the_first_states_are_taken(void **state) {
     (void)state;
     pm_field *field = make_field();
     pm_dataset *nodes = NULL;
-    pm_nodes_how fewer = how;
+    pm_nodes_settings fewer = settings;
     fewer.nstate = 2;
     assert_int_equal(pm_nodes_dataset(&nodes, field, 1, (const int[]){1}, &fewer), PM_OK);
     assert_int_equal(nodes->ntime, 2);
@@ -168,7 +168,7 @@ static void memories_follow_displacements(void **state) {
             for (int j = 0; j < NTIME; ++j) {
                 const double *row = pm_dataset_state(nodes, 0, j);
                 check("memory", i / 3, row[m + i], memory, ROUNDING);
-                memory = row[u + i] + (memory - row[u + i]) * exp(-DT / how.tau[b]);
+                memory = row[u + i] + (memory - row[u + i]) * exp(-DT / settings.tau[b]);
             }
         }
     }
@@ -243,7 +243,7 @@ static void back_again_is_the_body(void **state) {
 
 static void assert_refused(const pm_field *field, const char *words) {
     pm_dataset *nodes = NULL;
-    const pm_status status = pm_nodes_dataset(&nodes, field, 1, (const int[]){0}, &how);
+    const pm_status status = pm_nodes_dataset(&nodes, field, 1, (const int[]){0}, &settings);
     if (status != PM_EDATA || strstr(pm_error(), words) == NULL || nodes != NULL) {
         fail_msg("status %d, error \"%s\", expected %d and \"%s\"", status, pm_error(), PM_EDATA,
                  words);
@@ -256,12 +256,12 @@ static void what_is_no_box_is_refused(void **state) {
     double kept[3 * NNODE], *x = field->position;
     memcpy(kept, x, sizeof kept);
     field->nnode = NNODE - 1;
-    assert_refused(field, "35 nodes are no box of bricks");
+    assert_refused(field, "35 nodes do not form a box of bricks");
     field->nnode = NNODE;
     for (int i = 0; i < NNODE; ++i) { // flat
         x[3 * i + 1] = 0;
     }
-    assert_refused(field, "36 nodes are no box of bricks");
+    assert_refused(field, "36 nodes do not form a box of bricks");
     memcpy(x, kept, sizeof kept);
     int inner = 0, other = 0;
     for (int i = 0; i < NNODE; ++i) {

@@ -135,7 +135,7 @@ succeed "wrote" truth "$rows" -o "$folder/own.h5" --trajectories 0:3
 with_rows 's/C10: 1.5e5/C10: 1.6e5/'
 succeed "wrote" truth "$rows" -o "$folder/known.h5" --trajectories 0:6
 succeed "3 trajectories of 3 states, 20 nodes" correct "$folder/own.h5" --by "$folder/known.h5" --trajectories 0,2 -o "$folder/corrected.h5"
-expect 5 "no load as that of trajectory 3 of what is known" correct "$folder/own.h5" --by "$folder/known.h5" -o "$new"
+expect 5 "no load like that of trajectory 3 of the known fields" correct "$folder/own.h5" --by "$folder/known.h5" -o "$new"
 expect 5 "in a row with that of trajectory 3 of the simulation" correct "$folder/known.h5" --by "$folder/own.h5" -o "$new"
 expect 5 "the simulation has 20 nodes at 5 times" correct "$folder/beam.h5" --by "$folder/own.h5" -o "$new"
 expect 2 "expected A:B" correct "$folder/own.h5" --by "$folder/known.h5" --trajectories 0:7 -o "$new"
@@ -202,7 +202,7 @@ succeed "2 trajectories of 3 states, 193 columns" nodes "$folder/beam.h5" --stat
 expect 2 "--relaxation: at most 4 numbers" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
 expect 2 "--temperature: expected a number > 0, found \"0\"" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
 expect 2 "--temperature: expected a number > 0, found \"1,2\"" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
-expect 5 "one/nodes.h5: trajectories of 3 states, those of $folder/beam.h5 have 5: only whole ones" \
+expect 5 "one/nodes.h5: trajectories of 3 states, those of $folder/beam.h5 have 5: only whole trajectories" \
     reconstruct "$folder/one/nodes.h5" --truth "$folder/beam.h5"
 succeed "stress  " reconstruct "$nodes" --truth "$folder/beam.h5" -o "$folder/again.h5"
 grep -qa "Fields reconstructed from nodal values" "$folder/again.h5" || fail "reconstruct: title of fields of nodal values"
@@ -218,23 +218,26 @@ expect 4 "/nowhere/new.h5" nodes "$folder/beam.h5" -o /nowhere/new.h5
 fields="lower=$folder/beams_lower.h5,upper=$folder/beams_upper.h5"
 succeed "modes.h5: 2 trajectories of 8 states" reduce "$modes" --data "$folder/beams_upper.h5" --basis "$basis" -o "$folder/one"
 with_beams ''
-succeed "lower_upper.h5: 2 pairs of points, 1 m apart" contact "$beam" --basis "$basis" --stiffness 1e6 --creep 1e-6 -o "$folder/two"
+succeed "lower_upper.h5: 2 contact pairs, 1 m apart" contact "$beam" --basis "$basis" --stiffness 1e6 --creep 1e-6 -o "$folder/two"
 [ -e "$folder/two/lower_upper.h5" ] && [ ! -e "$folder/two/modes.h5" ] || fail "contact: its files"
 succeed "modes.h5: 1 trajectories of 8 states" contact "$beam" --basis "$basis" --stiffness 1e6 --data "$fields" --trajectories 0:1 -o "$folder/two"
 succeed "displacement" reconstruct "$folder/two/modes.h5" --body upper --basis "$basis" --truth "$folder/beams_upper.h5" --trajectories 0
 with_contact="reconstruct $folder/two/modes.h5 --basis $basis --contact $beam"
-succeed "stress" $with_contact --body upper --stiffness 1e6 --truth "$folder/beams_upper.h5" --trajectories 0
-expect 2 "belong together" $with_contact --stiffness 1e6
+succeed "stress" $with_contact --body upper --weights "$folder/two" --truth "$folder/beams_upper.h5" --trajectories 0
+expect 2 "belong together" $with_contact --weights "$folder/two"
 expect 2 "belong together" $with_contact --body upper
-expect 2 "--stiffness: expected a number > 0, found \"-1\"" $with_contact --body upper --stiffness -1
-expect 2 'places no "middle"' $with_contact --body middle --stiffness 1e6
-succeed "in 1 of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
-succeed "touch in none of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 1 --score "$folder/two/modes.h5" --stiffness 1e6
+expect 6 "nowhere/lower_upper.h5" $with_contact --body upper --weights "$folder/nowhere"
+expect 2 'places no "middle"' $with_contact --body middle --weights "$folder/two"
+succeed "in 1 of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --weights "$folder/two"
+succeed "touch in none of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 1 --score "$folder/two/modes.h5" --weights "$folder/two"
 expect 5 'no column "middle_a0"' reconstruct "$folder/two/modes.h5" --body middle --basis "$basis"
-expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6
-expect 2 "--stiffness: expected a number > 0, found \"1e6N\"" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --stiffness 1e6N
-expect 2 "--score needs --data" contact "$beam" --basis "$basis" --stiffness 1e6 --score "$folder/two/modes.h5"
-expect 2 "--stiffness K is missing" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
+expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --weights "$folder/two"
+expect 2 "--stiffness: expected a number > 0, found \"1e6N\"" contact "$beam" --basis "$basis" --stiffness 1e6N -o "$folder/two"
+expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
+expect 2 "needs the --weights of the recording" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"
+expect 2 "--output needs --stiffness" contact "$beam" --basis "$basis" -o "$folder/two"
+expect 2 "and need --output" contact "$beam" --basis "$basis" --stiffness 1e6 --data "$fields" --score "$folder/two/modes.h5"
+succeed "in 1 of 2 trajectories" contact "$beam" --basis "$basis" --stiffness 1e6 --data "$fields" -o "$folder/three" --score "$folder/three/modes.h5"
 expect 2 "--creep: expected a number > 0, found \"-1\"" contact "$beam" --basis "$basis" --stiffness 1e6 --creep -1 -o "$folder/two"
 expect 4 "$new: cannot make or write this folder" contact "$beam" --basis "$basis" --stiffness 1e6 -o "$new"
 # The same body in other coordinates: a different basis.
@@ -242,12 +245,12 @@ with_modes 's/inertia_time: .*/inertia_time: 0.003/'
 succeed "modes.h5: 16" reduce "$modes" --data "$folder/beam.h5" -o "$folder/other"
 other=$folder/other/basis.h5
 expect 5 "two/modes.h5: made with basis " reconstruct "$folder/two/modes.h5" --body upper --basis "$other"
-expect 5 "two/modes.h5: made with basis " contact "$beam" --basis "$other" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
+expect 5 "two/modes.h5: made with basis " contact "$beam" --basis "$other" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --weights "$folder/two"
 expect 2 "nothing to do" contact "$beam" --stiffness 1e6 --basis "$basis" --data "$fields"
 expect 2 "expected upper=FILE" contact "$beam" --stiffness 1e6 --basis "$basis" --data "lower=$folder/beams_lower.h5" -o "$folder/two"
-expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --stiffness 1e6 --basis "$basis" \
-    --data "lower=$folder/beams_lower.h5,upper=$folder/beam.h5" --trajectories 0 --score "$folder/two/modes.h5" --stiffness 1e6
-expect 5 "no columns from" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/one/modes.h5" --stiffness 1e6
+expect 5 "the field of upper has 2 trajectories of 5 states" contact "$beam" --basis "$basis" \
+    --data "lower=$folder/beams_lower.h5,upper=$folder/beam.h5" --trajectories 0 --score "$folder/two/modes.h5" --weights "$folder/two"
+expect 5 "no columns from" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/one/modes.h5" --weights "$folder/two"
 with_beams 's/+y, -x, +z/+y, +x, +z/'
 expect 3 "right-handed" contact "$beam" --stiffness 1e6 --basis "$basis" -o "$folder/two"
 with_beams 's/, 11\]/]/'

@@ -1,29 +1,31 @@
-// Sides of a body are the faces of its elements that belong to one element only.
+// Finds contact pairs face by face, and maps between displacements and the quantities of the pairs.
 #include "body/contact_pairs.h"
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 
-#define PARALLEL 0.999  // cosine, of normals that count as equal
-#define TOLERANCE 1e-6  // of an element's size
+#include "body/surface.h"
+
+#define PARALLEL 0.999  // cosine above which two normals count as equal
+#define TOLERANCE 1e-6  // relative to the size of a face
 #define NEWTON_STEPS 10 // each doubles the digits: to rounding with room to spare
 
-typedef struct face {
+// A face of a body's surface in its place.
+typedef struct contact_face {
     int node[4];
-    double corner[4][3]; // in the world, m
-    double normal[3];    // outwards
+    double corner[4][3]; // m, in the global frame
+    double normal[3];    // unit, outwards, in the global frame
     double size;         // m
-} face;
+} contact_face;
 
-typedef struct skin {
-    int count;
-    face *face;
-} skin;
+typedef struct contact_side {
+    int nface;
+    contact_face *face; // [nface]
+} contact_side;
 
 static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for the sides of a body");
+    return pm_fail(PM_ENOMEM, "out of memory for the surface of a body");
 }
 
 static double dot(const double *a, const double *b) {
@@ -36,7 +38,8 @@ static void cross(const double *a, const double *b, double *c) {
     c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static double normalise(double *a) {
+// Divides a vector by its length, which is returned.
+static double make_unit(double *a) {
     const double length = sqrt(dot(a, a));
     for (int d = 0; d < 3; ++d) {
         a[d] /= length;
@@ -44,90 +47,42 @@ static double normalise(double *a) {
     return length;
 }
 
-static void to_world(const pm_placed *body, const double *own, double *world) {
-    for (int d = 0; d < 3; ++d) {
-        world[d] =
-            own[0] * body->axis[0][d] + own[1] * body->axis[1][d] + own[2] * body->axis[2][d];
-    }
-}
+// --- the surface of a body in its place ---
 
-// --- the skin of a body ---
-
-static int compare_numbers(const void *a, const void *b) {
-    return *(const int *)a - *(const int *)b;
-}
-
-typedef struct keyed_face {
-    int key[4]; // its nodes in order
-    int node[4];
-} keyed_face;
-
-static int compare_faces(const void *a, const void *b) {
-    const keyed_face *x = a, *y = b;
-    for (int i = 0; i < 4; ++i) {
-        if (x->key[i] != y->key[i]) {
-            return x->key[i] - y->key[i];
-        }
-    }
-    return 0;
-}
-
-static keyed_face *list_faces(const pm_placed *body, pm_arena *arena) {
-    static const int corner[6][4] = {{0, 3, 2, 1}, {4, 5, 6, 7}, {0, 1, 5, 4},
-                                     {1, 2, 6, 5}, {2, 3, 7, 6}, {3, 0, 4, 7}};
-    keyed_face *all = pm_arena_array(arena, 6 * (size_t)body->nelement, sizeof *all);
-    for (int i = 0; i < 6 * body->nelement && all != NULL; ++i) {
-        for (int k = 0; k < 4; ++k) {
-            all[i].node[k] = (int)body->hexahedron[8 * (ptrdiff_t)(i / 6) + corner[i % 6][k]];
-        }
-        memcpy(all[i].key, all[i].node, sizeof all[i].key);
-        qsort(all[i].key, 4, sizeof *all[i].key, compare_numbers);
-    }
-    return all;
-}
-
-static face place_face(const pm_placed *body, const int *node) {
-    face f;
+static contact_face place_face(const pm_placed_body *body, const int *node) {
+    contact_face f;
     double diagonal[2][3];
     for (int k = 0; k < 4; ++k) {
         f.node[k] = node[k];
-        to_world(body, body->position + 3 * (ptrdiff_t)node[k], f.corner[k]);
-        for (int d = 0; d < 3; ++d) {
-            f.corner[k][d] += body->origin[d];
-        }
+        pm_placement_point(&body->placement, body->position + 3 * (ptrdiff_t)node[k], f.corner[k]);
     }
     for (int d = 0; d < 3; ++d) {
         diagonal[0][d] = f.corner[2][d] - f.corner[0][d];
         diagonal[1][d] = f.corner[3][d] - f.corner[1][d];
     }
     cross(diagonal[0], diagonal[1], f.normal);
-    f.size = sqrt(normalise(f.normal));
+    f.size = sqrt(make_unit(f.normal));
     return f;
 }
 
-static pm_status find_skin(skin *s, const pm_placed *body, pm_arena *arena) {
+static pm_status place_surface(contact_side *s, const pm_placed_body *body, pm_arena *arena) {
+    pm_surface surface;
     if (body->nelement == 0) {
         return pm_fail(PM_EDATA, "%s: the basis has no mesh, whose sides could touch", body->name);
     }
-    const size_t count = 6 * (size_t)body->nelement;
-    keyed_face *all = list_faces(body, arena);
-    s->face = pm_arena_array(arena, count, sizeof *s->face);
-    if (all == NULL || s->face == NULL) {
+    PM_TRY(pm_surface_find(&surface, body->nelement, body->hexahedron, arena));
+    s->nface = surface.nface;
+    s->face = pm_arena_array(arena, (size_t)surface.nface, sizeof *s->face);
+    if (s->face == NULL) {
         return no_memory();
     }
-    qsort(all, count, sizeof *all, compare_faces);
-    s->count = 0;
-    for (size_t i = 0; i < count; ++i) {
-        const bool twice = (i > 0 && compare_faces(&all[i], &all[i - 1]) == 0) ||
-                           (i + 1 < count && compare_faces(&all[i], &all[i + 1]) == 0);
-        if (!twice) {
-            s->face[s->count++] = place_face(body, all[i].node);
-        }
+    for (int i = 0; i < surface.nface; ++i) {
+        s->face[i] = place_face(body, surface.face[i].node);
     }
     return PM_OK;
 }
 
-// --- points of a skin ---
+// --- points of a surface ---
 
 // Bilinear weights of the corners at (x, y) in the unit square, and their derivatives.
 static void weigh(double x, double y, double weight[4], double slope[2][4]) {
@@ -140,10 +95,11 @@ static void weigh(double x, double y, double weight[4], double slope[2][4]) {
     memcpy(slope[1], by_y, sizeof by_y);
 }
 
-// The point of the face whose tangential coordinates are those of `at`: weights of its corners,
-// their slopes along both tangents. False: it does not lie on the face.
-static bool look_up(const face *f, const pm_contact_pair *pair, const double *at, double weight[4],
-                    double slope[2][4]) {
+// Finds the point of the face that has the tangential coordinates of `at`, by Newton's method: the
+// weights of the face's corners and their slopes along both tangents. Returns false if the point
+// lies outside the face.
+static bool locate_on_face(const contact_face *f, const pm_contact_pair *pair, const double *at,
+                           double weight[4], double slope[2][4]) {
     double xy[2] = {0.5, 0.5}, inverse[2][2], local[2][4];
     for (int step = 0; step < NEWTON_STEPS; ++step) {
         double off[2], jacobian[2][2] = {{0}}; // [tangent][x or y]
@@ -176,7 +132,7 @@ static bool look_up(const face *f, const pm_contact_pair *pair, const double *at
            xy[1] < 1 + TOLERANCE;
 }
 
-// PM_EDATA: more faces meet there than a point has room for.
+// Adds the weights of a corner to those of a point. PM_EDATA: the point has no room for the node.
 static pm_status add_corner(pm_contact_point *point, int node, double value, double slope_u,
                             double slope_v) {
     int i = 0;
@@ -195,7 +151,8 @@ static pm_status add_corner(pm_contact_point *point, int node, double value, dou
     return PM_OK;
 }
 
-static double distance_to(const face *f, const pm_contact_pair *pair, const double *at,
+// The distance from `at` to the point of the face with these weights, along the pair's normal.
+static double distance_to(const contact_face *f, const pm_contact_pair *pair, const double *at,
                           const double weight[4]) {
     double distance = -dot(pair->normal, at);
     for (int k = 0; k < 4; ++k) {
@@ -204,18 +161,19 @@ static double distance_to(const face *f, const pm_contact_pair *pair, const doub
     return distance;
 }
 
-// The point of a skin that looks along `sign` times the pair's normal, across from `at` and nearest
-// to it: the mean over the faces that meet there. Not found: there is none.
-static pm_status find_point(const skin *s, const pm_contact_pair *pair, double sign,
+// Finds the point of a surface straight across from `at`, on the nearest of the faces whose normal
+// is `sign` times that of the pair. Where several faces meet there the weights are their mean. If
+// there is no such face, `found` becomes false.
+static pm_status find_point(const contact_side *s, const pm_contact_pair *pair, double sign,
                             const double *at, pm_contact_point *point, double *distance,
                             bool *found) {
     double weight[4], slope[2][4];
     int nface = 0;
     *point = (pm_contact_point){0};
-    for (int i = 0; i < s->count; ++i) {
-        const face *f = &s->face[i];
+    for (int i = 0; i < s->nface; ++i) {
+        const contact_face *f = &s->face[i];
         if (sign * dot(f->normal, pair->normal) < PARALLEL ||
-            !look_up(f, pair, at, weight, slope)) {
+            !locate_on_face(f, pair, at, weight, slope)) {
             continue;
         }
         const double far = distance_to(f, pair, at, weight), close = TOLERANCE * f->size;
@@ -243,10 +201,11 @@ static pm_status find_point(const skin *s, const pm_contact_pair *pair, double s
 
 // --- pairs ---
 
-// How long the side is along a tangent that looks along `sign` times the normal.
-static double length_of(const skin *s, const pm_contact_pair *pair, double sign, int tangent) {
+// The extent along a tangent, m, of the faces whose normal is `sign` times that of the pair.
+static double length_of(const contact_side *s, const pm_contact_pair *pair, double sign,
+                        int tangent) {
     double low = INFINITY, high = -INFINITY;
-    for (int i = 0; i < s->count; ++i) {
+    for (int i = 0; i < s->nface; ++i) {
         for (int k = 0; k < 4 && sign * dot(s->face[i].normal, pair->normal) >= PARALLEL; ++k) {
             const double at = dot(pair->tangent[tangent], s->face[i].corner[k]);
             low = fmin(low, at);
@@ -256,28 +215,28 @@ static double length_of(const skin *s, const pm_contact_pair *pair, double sign,
     return high - low;
 }
 
-static void share_slopes(const skin skins[2], pm_contact_pair *pair) {
+static void share_slopes(const contact_side sides[2], pm_contact_pair *pair) {
     for (int t = 0; t < 2; ++t) {
-        const double first = length_of(&skins[0], pair, 1, t);
-        const double second = length_of(&skins[1], pair, -1, t);
+        const double first = length_of(&sides[0], pair, 1, t);
+        const double second = length_of(&sides[1], pair, -1, t);
         const bool equal = fabs(first - second) <= TOLERANCE * (first + second);
         pair->point[0].share[t] = equal ? 0.5 : first > second;
         pair->point[1].share[t] = 1 - pair->point[0].share[t];
     }
 }
 
-// The normal of a face, and a tangent along its first edge.
-static void set_frame(pm_contact_pair *pair, const face *f) {
+// Sets the normal to that of a face and the first tangent along the first edge of the face.
+static void set_frame(pm_contact_pair *pair, const contact_face *f) {
     memcpy(pair->normal, f->normal, sizeof pair->normal);
     for (int d = 0; d < 3; ++d) {
         pair->tangent[0][d] = f->corner[1][d] - f->corner[0][d];
     }
-    normalise(pair->tangent[0]);
+    make_unit(pair->tangent[0]);
     cross(pair->normal, pair->tangent[0], pair->tangent[1]);
 }
 
-// Whether the node is in a face before this one that looks the same way.
-static bool was_seen(const skin *s, int face_id, int node) {
+// Whether a face before this one has the node and the same normal.
+static bool was_seen(const contact_side *s, int face_id, int node) {
     for (int i = 0; i < face_id; ++i) {
         const bool alike = dot(s->face[i].normal, s->face[face_id].normal) >= PARALLEL;
         for (int k = 0; k < 4 && alike; ++k) {
@@ -289,61 +248,62 @@ static bool was_seen(const skin *s, int face_id, int node) {
     return false;
 }
 
-// Of a node of the first body's face. Not found: nothing lies across.
-static pm_status make_pair(const skin skins[2], int face_id, int corner, pm_contact_pair *pair,
-                           bool *found) {
-    const face *f = &skins[0].face[face_id];
+// Makes the pair of a corner of one of the first body's faces. If no side of the second body lies
+// across from it, `found` becomes false.
+static pm_status make_pair(const contact_side sides[2], int face_id, int corner,
+                           pm_contact_pair *pair, bool *found) {
+    const contact_face *f = &sides[0].face[face_id];
     const double *at = f->corner[corner];
     double none = 0;
     *pair = (pm_contact_pair){0};
     set_frame(pair, f);
-    PM_TRY(find_point(&skins[1], pair, -1, at, &pair->point[1], &pair->gap, found));
+    PM_TRY(find_point(&sides[1], pair, -1, at, &pair->point[1], &pair->gap, found));
     if (*found) {
-        PM_TRY(find_point(&skins[0], pair, 1, at, &pair->point[0], &none, found));
+        PM_TRY(find_point(&sides[0], pair, 1, at, &pair->point[0], &none, found));
     }
     if (*found) {
-        share_slopes(skins, pair);
+        share_slopes(sides, pair);
     }
     return PM_OK;
 }
 
-pm_status pm_contact_pairs_find(pm_contact_pairs *facing, const pm_placed *first,
-                                const pm_placed *second, pm_arena *arena) {
-    skin skins[2];
-    PM_TRY(find_skin(&skins[0], first, arena));
-    PM_TRY(find_skin(&skins[1], second, arena));
-    facing->npair = 0;
-    facing->pair = pm_arena_array(arena, 4 * (size_t)skins[0].count, sizeof *facing->pair);
-    if (facing->pair == NULL) {
+pm_status pm_contact_pairs_find(pm_contact_pairs *pairs, const pm_placed_body *first,
+                                const pm_placed_body *second, pm_arena *arena) {
+    contact_side sides[2];
+    PM_TRY(place_surface(&sides[0], first, arena));
+    PM_TRY(place_surface(&sides[1], second, arena));
+    pairs->npair = 0;
+    pairs->pair = pm_arena_array(arena, 4 * (size_t)sides[0].nface, sizeof *pairs->pair);
+    if (pairs->pair == NULL) {
         return no_memory();
     }
-    for (int i = 0; i < skins[0].count; ++i) {
+    for (int i = 0; i < sides[0].nface; ++i) {
         for (int k = 0; k < 4; ++k) {
             bool found = false;
-            if (!was_seen(&skins[0], i, skins[0].face[i].node[k])) {
-                PM_TRY(make_pair(skins, i, k, &facing->pair[facing->npair], &found));
+            if (!was_seen(&sides[0], i, sides[0].face[i].node[k])) {
+                PM_TRY(make_pair(sides, i, k, &pairs->pair[pairs->npair], &found));
             }
-            facing->npair += found;
+            pairs->npair += found;
         }
     }
     return PM_OK;
 }
 
-void pm_contact_pairs_measure(const pm_contact_pairs *facing, int end, const pm_placed *body,
+void pm_contact_pairs_measure(const pm_contact_pairs *pairs, int end, const pm_placed_body *body,
                               const double *u, double *value) {
     const double sign = end == 0 ? -1 : 1;
-    const int n = facing->npair;
+    const int n = pairs->npair;
     for (int i = 0; i < n; ++i) {
-        const pm_contact_pair *pair = &facing->pair[i];
+        const pm_contact_pair *pair = &pairs->pair[i];
         const pm_contact_point *point = &pair->point[end];
         for (int k = 0; k < point->nnode; ++k) {
-            double world[3];
-            to_world(body, u + 3 * (ptrdiff_t)point->node[k], world);
-            const double along = dot(pair->normal, world);
+            double global[3];
+            pm_placement_rotate(&body->placement, u + 3 * (ptrdiff_t)point->node[k], global);
+            const double along = dot(pair->normal, global);
             value[PM_CONTACT_GAP * n + i] += sign * point->value[k] * along;
             for (int t = 0; t < 2; ++t) {
                 value[(PM_CONTACT_SLID_U + t) * n + i] -=
-                    sign * point->value[k] * dot(pair->tangent[t], world);
+                    sign * point->value[k] * dot(pair->tangent[t], global);
                 value[(PM_CONTACT_SLOPE_U + t) * n + i] +=
                     point->share[t] * point->slope[t][k] * along;
             }
@@ -351,30 +311,31 @@ void pm_contact_pairs_measure(const pm_contact_pairs *facing, int end, const pm_
     }
 }
 
-void pm_contact_pairs_add_forces(const pm_contact_pairs *facing, int end, const pm_placed *body,
+void pm_contact_pairs_add_forces(const pm_contact_pairs *pairs, int end, const pm_placed_body *body,
                                  const double *effort, double *f) {
     const double sign = end == 0 ? -1 : 1;
-    const int n = facing->npair;
+    const int n = pairs->npair;
     for (int i = 0; i < n; ++i) {
-        const pm_contact_pair *pair = &facing->pair[i];
+        const pm_contact_pair *pair = &pairs->pair[i];
         const pm_contact_point *point = &pair->point[end];
         for (int k = 0; k < point->nnode; ++k) {
             double along = -sign * point->value[k] * effort[PM_CONTACT_GAP * n + i];
-            double world[3] = {0};
+            double force[3] = {0}, own[3];
             for (int t = 0; t < 2; ++t) {
                 const double slid =
                     sign * point->value[k] * effort[(PM_CONTACT_SLID_U + t) * n + i];
                 along -=
                     point->share[t] * point->slope[t][k] * effort[(PM_CONTACT_SLOPE_U + t) * n + i];
                 for (int d = 0; d < 3; ++d) {
-                    world[d] += slid * pair->tangent[t][d];
+                    force[d] += slid * pair->tangent[t][d];
                 }
             }
             for (int d = 0; d < 3; ++d) {
-                world[d] += along * pair->normal[d];
+                force[d] += along * pair->normal[d];
             }
+            pm_placement_rotate_back(&body->placement, force, own);
             for (int d = 0; d < 3; ++d) {
-                f[3 * (ptrdiff_t)point->node[k] + d] += dot(body->axis[d], world);
+                f[3 * (ptrdiff_t)point->node[k] + d] += own[d];
             }
         }
     }

@@ -1,4 +1,4 @@
-// Nodes are matched by position, loads by their place and their forces.
+// Matches nodes by position and loads by place and force, then adds interpolated discrepancies.
 #include "body/correction.h"
 
 #include <math.h>
@@ -6,25 +6,26 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SAME 1e-5       // of the body's size, of a force: single precision
-#define SAME_TOTAL 1e-3 // of a total force
+#define SAME 1e-5       // relative to the size of the body or of a force: single precision
+#define SAME_TOTAL 1e-3 // relative to a total force
 
-// A place of a load: of a trajectory of own's, or of a known one.
-typedef struct place {
+typedef struct load_place {
     double x[3]; // m
-} place;
+} load_place;
 
 typedef struct correction {
     const pm_field *known;
     int count;
     const int *trajectory; // [count] of known
-    pm_field *result;      // own's, in known's numbering
-    double near;           // m, within which places are the same
-    place *own, *at;       // [result->ntrajectory], [count]
+    pm_field *result;      // the simulated fields, in the numbering of the known ones
+    double near;           // m, distance within which two places are the same
+    load_place *own;       // [result->ntrajectory] of the simulated loads
+    load_place *at;        // [count] of the known loads
     double *difference;    // [count][ntime][nnode][nvariable]
     pm_arena arena;
 } correction;
 
+// The numbers in the fields of one trajectory.
 static size_t numbers(const correction *c) {
     return (size_t)c->known->ntime * (size_t)c->known->nnode * (size_t)c->known->nvariable;
 }
@@ -34,13 +35,14 @@ static pm_status check_like(const pm_field *own, const pm_field *known) {
         fabs(own->dt - known->dt) > SAME * known->dt) {
         return pm_fail(
             PM_EDATA,
-            "the simulation has %d nodes at %d times %g s apart, what is known %d at %d, "
-            "%g s",
+            "the simulation has %d nodes at %d times %g s apart, the known fields have %d "
+            "at %d, %g s apart",
             own->nnode, own->ntime, own->dt, known->nnode, known->ntime, known->dt);
     }
     return strcmp(own->variable, known->variable) == 0
                ? PM_OK
-               : pm_fail(PM_EDATA, "the simulation's variables are \"%s\", those known \"%s\"",
+               : pm_fail(PM_EDATA,
+                         "the simulation has the variables \"%s\", the known fields \"%s\"",
                          own->variable, known->variable);
 }
 
@@ -58,6 +60,7 @@ static bool is_near(const double *a, const double *b, double near) {
     return fabs(a[0] - b[0]) <= near && fabs(a[1] - b[1]) <= near && fabs(a[2] - b[2]) <= near;
 }
 
+// Finds for every known node the simulated node at the same place, node [nnode].
 static pm_status match_nodes(const correction *c, const pm_field *own, int *node) {
     for (int i = 0; i < own->nnode; ++i) {
         const double *at = c->known->position + 3 * (ptrdiff_t)i;
@@ -67,7 +70,7 @@ static pm_status match_nodes(const correction *c, const pm_field *own, int *node
             ++node[i];
         }
         if (node[i] == own->nnode) {
-            return pm_fail(PM_EDATA, "the simulation has no node at %g, %g, %g", at[0], at[1],
+            return pm_fail(PM_EDATA, "the simulation has no node at (%g, %g, %g) m", at[0], at[1],
                            at[2]);
         }
     }
@@ -112,7 +115,7 @@ static pm_status renumber(correction *c, const pm_field *own) {
 
 // --- loads ---
 
-static pm_status find_place(const pm_field *d, int trajectory, const char *whose, place *at) {
+static pm_status find_place(const pm_field *d, int trajectory, const char *whose, load_place *at) {
     const double *f = pm_field_force(d, trajectory, d->ntime - 1);
     double *x = at->x, sum = 0;
     x[0] = x[1] = x[2] = 0;
@@ -126,13 +129,16 @@ static pm_status find_place(const pm_field *d, int trajectory, const char *whose
     for (int k = 0; k < 3 && sum > 0; ++k) {
         x[k] /= sum;
     }
-    return sum > 0 ? PM_OK
-                   : pm_fail(PM_EDATA, "trajectory %d of %s ends without a load: it has no place",
-                             trajectory, whose);
+    return sum > 0
+               ? PM_OK
+               : pm_fail(
+                     PM_EDATA,
+                     "trajectory %d of %s has no load at its last time, so the load has no place",
+                     trajectory, whose);
 }
 
-// The sum of a trajectory's forces at one time.
-static void add_up(const pm_field *d, int trajectory, int time, double sum[3]) {
+// Adds up the forces of a trajectory at one time.
+static void add_forces(const pm_field *d, int trajectory, int time, double sum[3]) {
     const double *f = pm_field_force(d, trajectory, time);
     sum[0] = sum[1] = sum[2] = 0;
     for (int i = 0; i < 3 * d->nnode; ++i) {
@@ -140,14 +146,14 @@ static void add_up(const pm_field *d, int trajectory, int time, double sum[3]) {
     }
 }
 
-// Relatively, how far the history of the total force of a trajectory of own's is from that of a
-// known one.
-static double total_apart(const correction *c, int own, int known) {
+// The relative difference, over time, between the total forces of a simulated and a known
+// trajectory.
+static double total_force_difference(const correction *c, int own, int known) {
     double off = 0, whole = 0;
     for (int j = 0; j < c->known->ntime; ++j) {
         double a[3], b[3];
-        add_up(c->result, own, j, a);
-        add_up(c->known, known, j, b);
+        add_forces(c->result, own, j, a);
+        add_forces(c->known, known, j, b);
         for (int k = 0; k < 3; ++k) {
             off += (a[k] - b[k]) * (a[k] - b[k]);
             whole += b[k] * b[k];
@@ -156,8 +162,9 @@ static double total_apart(const correction *c, int own, int known) {
     return off == 0 ? 0 : sqrt(off / whole);
 }
 
-// Relatively, how far the forces of a trajectory of own's are from those of a known one.
-static double force_apart(const correction *c, int own, int known) {
+// The relative difference, over nodes and time, between the forces of a simulated and a known
+// trajectory.
+static double force_difference(const correction *c, int own, int known) {
     const size_t count = 3 * (size_t)c->known->nnode * (size_t)c->known->ntime;
     const double *a = pm_field_force(c->result, own, 0), *b = pm_field_force(c->known, known, 0);
     double off = 0, whole = 0;
@@ -168,19 +175,19 @@ static double force_apart(const correction *c, int own, int known) {
     return off == 0 ? 0 : sqrt(off / whole);
 }
 
-// What each of the known trajectories differs from the one of own's with the same load.
+// Subtracts from each known trajectory the simulated one with the same load.
 static pm_status find_differences(correction *c) {
     for (int k = 0; k < c->count; ++k) {
         const int known = c->trajectory[k];
         int own = 0;
         while (own < c->result->ntrajectory && (!is_near(c->own[own].x, c->at[k].x, c->near) ||
-                                                force_apart(c, own, known) > SAME)) {
+                                                force_difference(c, own, known) > SAME)) {
             ++own;
         }
         if (own == c->result->ntrajectory) {
             return pm_fail(PM_EDATA,
-                           "the simulation has no load as that of trajectory %d of what is known, "
-                           "at %g, %g, %g",
+                           "the simulation has no load like that of trajectory %d of the known "
+                           "fields, at (%g, %g, %g) m",
                            known, c->at[k].x[0], c->at[k].x[1], c->at[k].x[2]);
         }
         const double *a = pm_field_state(c->result, own, 0),
@@ -192,16 +199,17 @@ static pm_status find_differences(correction *c) {
     return PM_OK;
 }
 
-// The known load of the same size and direction next to that of a trajectory of own's along x, in
-// direction `sign`; -1: none in a row with it.
+// Returns the nearest known load of the same size and direction that lies in a row along x with a
+// simulated load, in the direction `sign`; -1 if there is none.
 static int next_known(const correction *c, int own, double sign) {
-    const place *p = &c->own[own];
+    const load_place *p = &c->own[own];
     int best = -1;
     for (int k = 0; k < c->count; ++k) {
         const double *x = c->at[k].x;
         const double ahead = sign * (x[0] - p->x[0]);
         const bool in_row = fabs(x[1] - p->x[1]) <= c->near && fabs(x[2] - p->x[2]) <= c->near;
-        if (in_row && ahead >= -c->near && total_apart(c, own, c->trajectory[k]) <= SAME_TOTAL &&
+        if (in_row && ahead >= -c->near &&
+            total_force_difference(c, own, c->trajectory[k]) <= SAME_TOTAL &&
             (best < 0 || ahead < sign * (c->at[best].x[0] - p->x[0]))) {
             best = k;
         }
@@ -210,12 +218,12 @@ static int next_known(const correction *c, int own, double sign) {
 }
 
 static pm_status correct_one(const correction *c, int own) {
-    const place *p = &c->own[own];
+    const load_place *p = &c->own[own];
     int low = next_known(c, own, -1), high = next_known(c, own, 1);
     if (low < 0 && high < 0) {
         return pm_fail(PM_EDATA,
                        "no known load of the same size and direction lies in a row with that of "
-                       "trajectory %d of the simulation, at %g, %g, %g",
+                       "trajectory %d of the simulation, at (%g, %g, %g) m",
                        own, p->x[0], p->x[1], p->x[2]);
     }
     low = low < 0 ? high : low;
@@ -243,7 +251,7 @@ static pm_status correct_all(correction *c) {
         PM_TRY(find_place(c->result, i, "the simulation", &c->own[i]));
     }
     for (int k = 0; k < c->count; ++k) {
-        PM_TRY(find_place(c->known, c->trajectory[k], "what is known", &c->at[k]));
+        PM_TRY(find_place(c->known, c->trajectory[k], "the known fields", &c->at[k]));
     }
     PM_TRY(find_differences(c));
     for (int i = 0; i < n; ++i) {
@@ -252,13 +260,13 @@ static pm_status correct_all(correction *c) {
     return PM_OK;
 }
 
-pm_status pm_correct(pm_field **corrected, const pm_field *own, const pm_field *known, int count,
-                     const int *trajectory) {
+pm_status pm_correct(pm_field **corrected, const pm_field *simulated, const pm_field *known,
+                     int count, const int *trajectory) {
     correction c = {.known = known, .count = count, .trajectory = trajectory};
     pm_status status;
-    PM_TRY(check_like(own, known));
+    PM_TRY(check_like(simulated, known));
     c.near = SAME * size_of(known);
-    PM_TRY_DONE(renumber(&c, own));
+    PM_TRY_DONE(renumber(&c, simulated));
     PM_TRY_DONE(correct_all(&c));
     *corrected = c.result;
     c.result = NULL;

@@ -1,23 +1,25 @@
-// Fields of a simulation, corrected by what a few better known fields of the same body differ from
-// them: that is smooth in the place of the load, even where the fields are not.
+// Corrects the fields of a simulation by a few better known fields of the same body under the same
+// loads. The discrepancy between both varies smoothly with the place of the load, even where the
+// fields themselves do not.
 //
-// The place of a load is the centre of its forces at the last time. Between two known loads that
-// differ in x alone, not in the history of their total force, the difference is interpolated
-// linearly, beyond the last it stays:
-//     z = own + (1 - w) (known_0 - own_0) + w (known_1 - own_1)
-// (Two levels of a simulation and the discrepancy between them: Kennedy, O'Hagan, Biometrika 87,
-// 2000; here it is interpolated.)
+// The place of a load is the mean position of its forces at the last time, weighted by their size.
+// Two known loads whose places differ in x alone, and whose total force has the same history,
+// enclose a load between them at the fraction w of their distance; its correction is interpolated
+// linearly, and beyond the last known load it is that of the last:
+//     z = simulated + (1 - w) (known_0 - simulated_0) + w (known_1 - simulated_1)
+// (A simulation at two levels and their discrepancy: Kennedy, O'Hagan, Biometrika 87, 2000; the
+// discrepancy is interpolated here instead of regressed.)
 #ifndef PM_TRAINER_BODY_CORRECTION_H
 #define PM_TRAINER_BODY_CORRECTION_H
 
 #include "store/field.h"
 
-// All trajectories of `own`, with the nodes, elements and numbering of `known`, of which `count`
-// trajectories are used; each of these loads must be among own's, and each of own's loads lie in a
-// row with one of these, of the same size and direction. PM_EDATA (they are not; a load is gone at
-// the last time; fields of other nodes, variables or times),
-// PM_ENOMEM. The caller frees.
-pm_status pm_correct(pm_field **corrected, const pm_field *own, const pm_field *known, int count,
-                     const int *trajectory);
+// Corrects all trajectories of `simulated` by the trajectories trajectory [count] of `known`. The
+// result has the nodes, elements and numbering of `known`, and the caller frees it. Each of these
+// known loads must be among the simulated ones, and each simulated load must lie in a row with a
+// known one of the same size and direction. PM_EDATA (a load has no such partner or is zero at the
+// last time; the fields differ in nodes, variables or times), PM_ENOMEM.
+pm_status pm_correct(pm_field **corrected, const pm_field *simulated, const pm_field *known,
+                     int count, const int *trajectory);
 
 #endif

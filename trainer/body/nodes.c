@@ -1,11 +1,11 @@
-// Nodes of a box in order, and their values by columns.
+// Finds the box of bricks that nodes form, and lays their values out in columns.
 #include "body/nodes.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-// Coordinates are the same if they are this close, relative to the body's size.
+// Two coordinates count as the same if they are this close, relative to the size of the body.
 #define SAME_PLACE 1e-6
 
 #define POSITION "qx qy qz"
@@ -14,7 +14,7 @@
 
 // --- the mesh ---
 
-// The number of different coordinates along an axis, assumed to be evenly spaced, and their range.
+// Counts the different coordinates along an axis, taken to be evenly spaced, and finds their range.
 static int levels_along(const pm_field *field, int axis, double *low, double *high) {
     *low = INFINITY;
     *high = -INFINITY;
@@ -30,6 +30,7 @@ static int levels_along(const pm_field *field, int axis, double *low, double *hi
     return *high > *low ? (int)lround((*high - *low) / next) + 1 : 1;
 }
 
+// Finds the body's node of each node of the mesh, node [mesh->nnode].
 static pm_status number_nodes(const pm_field *field, const pm_mesh *mesh, const double low[3],
                               int *node) {
     for (int i = 0; i < mesh->nnode; ++i) {
@@ -51,7 +52,7 @@ static pm_status number_nodes(const pm_field *field, const pm_mesh *mesh, const 
     }
     for (int i = 0; i < mesh->nnode; ++i) {
         if (node[i] < 0) {
-            return pm_fail(PM_EDATA, "the nodes are no box of bricks: some are missing");
+            return pm_fail(PM_EDATA, "the nodes do not form a box of bricks: some are missing");
         }
     }
     return PM_OK;
@@ -71,10 +72,10 @@ pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **
         }
     }
     if (count != field->nnode) {
-        return pm_fail(PM_EDATA, "%d nodes are no box of bricks", field->nnode);
+        return pm_fail(PM_EDATA, "%d nodes do not form a box of bricks", field->nnode);
     }
     if (pm_mesh_make(size, elements, arena, mesh) != PM_OK) {
-        return pm_fail(PM_EDATA, "%s", pm_error()); // of the data, not of a configuration
+        return pm_fail(PM_EDATA, "%s", pm_error()); // the data are wrong, not a configuration
     }
     int *found = pm_arena_array(arena, (size_t)(*mesh)->nnode, sizeof *found);
     if (found == NULL) {
@@ -86,7 +87,7 @@ pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **
 
 // --- columns ---
 
-// Where the groups begin in a row.
+// The first column of each group in a row, and the number of columns.
 typedef struct row_layout {
     int nnode, nbranch;
     int u, memory, sigma, f, s, count;
@@ -130,12 +131,13 @@ static pm_status name_columns(const row_layout *l, pm_arena *arena, const char *
 
 typedef struct conversion {
     const pm_field *field;
-    const pm_nodes_how *how;
-    const int *node;
+    const pm_nodes_settings *settings;
+    const int *node; // [layout.nnode] the body's node of each free node
     row_layout layout;
-    int q, stress; // columns of the field
+    int q, stress; // first variables of the field that are positions, and stresses
 } conversion;
 
+// Fills a row with the state at one time; `before` is the row of the time before, or NULL.
 static void convert_state(const conversion *c, int trajectory, int time, const double *before,
                           double *row) {
     const pm_field *field = c->field;
@@ -153,7 +155,7 @@ static void convert_state(const conversion *c, int trajectory, int time, const d
         memcpy(row + l->sigma + 6 * (ptrdiff_t)i, value + c->stress, 6 * sizeof *row);
     }
     for (int b = 0; b < l->nbranch && before != NULL; ++b) {
-        const double part = 1 - exp(-field->dt / c->how->tau[b]);
+        const double part = 1 - exp(-field->dt / c->settings->tau[b]);
         const int first = l->memory + b * 3 * l->nnode;
         for (int i = 0; i < 3 * l->nnode; ++i) {
             row[first + i] = before[first + i] + part * (before[l->u + i] - before[first + i]);
@@ -163,20 +165,20 @@ static void convert_state(const conversion *c, int trajectory, int time, const d
         const double *energy =
             field->energy +
             ((size_t)trajectory * (size_t)field->ntime + (size_t)time) * PM_FIELD_ENERGIES;
-        row[l->s] = energy[1] / c->how->temperature;
+        row[l->s] = energy[1] / c->settings->temperature;
     }
     for (int i = 0; i < l->count; ++i) {
         row[i] = (float)row[i];
     }
 }
 
-static pm_status begin(conversion *c, const pm_field *field, const pm_nodes_how *how,
+static pm_status begin(conversion *c, const pm_field *field, const pm_nodes_settings *settings,
                        pm_arena *arena) {
     const pm_mesh *mesh;
     PM_TRY(pm_nodes_mesh(field, arena, &mesh, &c->node));
     c->field = field;
-    c->how = how;
-    c->layout = layout_of(mesh->nnode, how == NULL ? 0 : how->nbranch);
+    c->settings = settings;
+    c->layout = layout_of(mesh->nnode, settings == NULL ? 0 : settings->nbranch);
     c->q = pm_field_columns(field, POSITION);
     c->stress = pm_field_columns(field, STRESS);
     return c->q < 0 || c->stress < 0
@@ -185,10 +187,10 @@ static pm_status begin(conversion *c, const pm_field *field, const pm_nodes_how 
                : PM_OK;
 }
 
-static pm_status fill(pm_dataset **dataset, const conversion *c, int count, const int *which,
+static pm_status fill(pm_dataset **dataset, const conversion *c, int count, const int *trajectory,
                       pm_arena *arena) {
     const row_layout *l = &c->layout;
-    const int nstate = c->how->nstate > 0 ? c->how->nstate : c->field->ntime;
+    const int nstate = c->settings->nstate > 0 ? c->settings->nstate : c->field->ntime;
     const char **name = pm_arena_array(arena, (size_t)l->count, sizeof *name);
     if (name == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for columns");
@@ -197,20 +199,20 @@ static pm_status fill(pm_dataset **dataset, const conversion *c, int count, cons
     PM_TRY(pm_dataset_new(dataset, count, nstate, l->count, c->field->dt, name));
     for (int i = 0; i < count; ++i) {
         for (int j = 0; j < nstate; ++j) {
-            convert_state(c, which[i], j, j == 0 ? NULL : pm_dataset_state(*dataset, i, j - 1),
+            convert_state(c, trajectory[i], j, j == 0 ? NULL : pm_dataset_state(*dataset, i, j - 1),
                           pm_dataset_state(*dataset, i, j));
         }
     }
     return PM_OK;
 }
 
-pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int count, const int *which,
-                           const pm_nodes_how *how) {
+pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int count,
+                           const int *trajectory, const pm_nodes_settings *settings) {
     pm_arena arena = {0};
     conversion c = {0};
-    pm_status status = begin(&c, field, how, &arena);
+    pm_status status = begin(&c, field, settings, &arena);
     if (status == PM_OK) {
-        status = fill(dataset, &c, count, which, &arena);
+        status = fill(dataset, &c, count, trajectory, &arena);
     }
     pm_arena_free(&arena);
     return status;
@@ -218,7 +220,8 @@ pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int coun
 
 // --- nodes to fields ---
 
-// The first of `count` columns called prefix0, prefix1, ...; -1: they are not there in a row.
+// Returns the first of `count` successive columns called prefix0, prefix1, ...; -1 if there are
+// none.
 static int find_group(const pm_dataset *nodes, const char *prefix, int count) {
     char name[32];
     snprintf(name, sizeof name, "%s0", prefix);
@@ -231,6 +234,7 @@ static int find_group(const pm_dataset *nodes, const char *prefix, int count) {
     return -1;
 }
 
+// Writes the positions and stresses of a row into the free nodes of a state z [nnode][nvariable].
 static void restore_state(const conversion *c, const double *row, int u, int sigma, double *z) {
     const pm_field *field = c->field;
     for (int i = 0; i < c->layout.nnode; ++i) {
@@ -243,6 +247,7 @@ static void restore_state(const conversion *c, const double *row, int u, int sig
     }
 }
 
+// Sets the variables from v on to the backward differences of those from q on.
 static void differentiate(pm_field *field, int trajectory, int q, int v) {
     for (int j = 1; j < field->ntime; ++j) {
         const double *before = pm_field_state(field, trajectory, j - 1);
@@ -257,14 +262,14 @@ static void differentiate(pm_field *field, int trajectory, int q, int v) {
 }
 
 static pm_status restore(pm_field **field, const conversion *c, const pm_dataset *nodes,
-                         const int *which) {
+                         const int *trajectory) {
     const pm_field *body = c->field;
     const int n = c->layout.nnode, u = find_group(nodes, "u", 3 * n);
     const int sigma = find_group(nodes, "sigma", 6 * n), v = pm_field_columns(body, VELOCITY);
     if (u < 0 || sigma < 0 || nodes->ntime != body->ntime) {
         return pm_fail(PM_EDATA,
-                       "expected columns u[0:%d], sigma[0:%d] and %d states, as of the body", 3 * n,
-                       6 * n, body->ntime);
+                       "expected columns u[0:%d], sigma[0:%d] and %d states, as the body has them",
+                       3 * n, 6 * n, body->ntime);
     }
     const pm_field_shape shape = {nodes->ntrajectory, body->ntime,    body->nnode,
                                   body->nvariable,    body->nelement, false};
@@ -280,9 +285,10 @@ static pm_status restore(pm_field **field, const conversion *c, const pm_dataset
     for (int i = 0; i < nodes->ntrajectory; ++i) {
         for (int j = 0; j < body->ntime; ++j) {
             double *z = pm_field_state(*field, i, j);
-            memcpy(z, pm_field_state(body, which[i], j), nstate * sizeof *z); // what is held
+            memcpy(z, pm_field_state(body, trajectory[i], j),
+                   nstate * sizeof *z); // also clamped nodes
             restore_state(c, pm_dataset_state(nodes, i, j), u, sigma, z);
-            memcpy(pm_field_force(*field, i, j), pm_field_force(body, which[i], j),
+            memcpy(pm_field_force(*field, i, j), pm_field_force(body, trajectory[i], j),
                    nforce * sizeof *z);
         }
         if (v >= 0) {
@@ -293,13 +299,13 @@ static pm_status restore(pm_field **field, const conversion *c, const pm_dataset
 }
 
 pm_status pm_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
-                          const int *which) {
+                          const int *trajectory) {
     pm_arena arena = {0};
     conversion c = {0};
     pm_field *made = NULL;
     pm_status status = begin(&c, body, NULL, &arena);
     if (status == PM_OK) {
-        status = restore(&made, &c, nodes, which);
+        status = restore(&made, &c, nodes, trajectory);
     }
     pm_arena_free(&arena);
     if (status != PM_OK) {

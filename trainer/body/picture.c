@@ -1,4 +1,4 @@
-// Surfaces as quadrangles in a gnuplot script, which sorts them by depth.
+// Writes the surfaces as quadrangles into a gnuplot script, which sorts them by depth.
 #include "body/picture.h"
 
 #include <errno.h>
@@ -9,69 +9,24 @@
 #include <string.h>
 
 #include "base/path.h"
+#include "body/surface.h"
 #include "evaluate/gnuplot.h"
 
-#define PASCAL_PER_UNIT 1e3 // of the colours: kPa
+#define PASCAL_PER_UNIT 1e3 // the colours show kPa
 #define PANEL_HEIGHT 440    // pixels
-
-// --- surfaces ---
-
-// A face of a hexahedron: its nodes in turn, and in order.
-typedef struct face {
-    int node[4], sorted[4];
-} face;
-
-static int compare_ints(const void *a, const void *b) {
-    return *(const int *)a - *(const int *)b;
-}
-
-static int compare_faces(const void *a, const void *b) {
-    const face *x = a, *y = b;
-    int order = 0;
-    for (int i = 0; i < 4 && order == 0; ++i) {
-        order = x->sorted[i] - y->sorted[i];
-    }
-    return order;
-}
-
-// Faces that only one hexahedron has; how many. `all` has room for 6 of each.
-static int find_surface(const pm_field *field, face *all) {
-    static const int corner[6][4] = {{0, 4, 7, 3}, {1, 2, 6, 5}, {0, 1, 5, 4},
-                                     {3, 7, 6, 2}, {0, 3, 2, 1}, {4, 5, 6, 7}};
-    const int count = 6 * field->nelement;
-    for (int i = 0; i < count; ++i) {
-        for (int k = 0; k < 4; ++k) {
-            all[i].node[k] = (int)field->hexahedron[i / 6 * 8 + corner[i % 6][k]];
-        }
-        memcpy(all[i].sorted, all[i].node, sizeof all[i].sorted);
-        qsort(all[i].sorted, 4, sizeof(int), compare_ints);
-    }
-    qsort(all, (size_t)count, sizeof *all, compare_faces);
-    int found = 0;
-    for (int i = 0; i < count;) {
-        int same = 1;
-        while (i + same < count && compare_faces(&all[i], &all[i + same]) == 0) {
-            ++same;
-        }
-        if (same == 1) {
-            all[found++] = all[i];
-        }
-        i += same;
-    }
-    return found;
-}
 
 // --- states ---
 
-typedef struct body {
+// A body at the time to be drawn.
+typedef struct drawn_body {
     const double *z; // [nnode][nvariable]
     const pm_field *field;
     pm_placement placement; // in the picture
-    int q, stress;          // first columns
-    face *face;             // [nface]; the surface
-    int nface;
-} body;
+    int q, stress;          // first variables that are positions (-1: none), and stresses
+    pm_surface surface;
+} drawn_body;
 
+// The index of the state nearest to a time.
 static int nearest_state(const pm_field *field, double time) {
     int best = 0;
     for (int j = 1; j < field->ntime; ++j) {
@@ -80,14 +35,16 @@ static int nearest_state(const pm_field *field, double time) {
     return best;
 }
 
-static pm_status open_body(body *b, const pm_picture *picture, int i, bool together) {
+static pm_status open_body(drawn_body *b, const pm_picture *picture, int i, bool together,
+                           pm_arena *arena) {
     const pm_field *field = picture->field[i];
-    *b = (body){.field = field,
-                .placement = together ? field->placement : PM_PLACEMENT_WORLD,
-                .q = pm_field_columns(field, "qx qy qz"),
-                .stress = pm_field_columns(field, "sxx syy szz sxy sxz syz")};
+    *b = (drawn_body){.field = field,
+                      .placement = together ? field->placement : PM_PLACEMENT_IDENTITY,
+                      .q = pm_field_columns(field, "qx qy qz"),
+                      .stress = pm_field_columns(field, "sxx syy szz sxy sxz syz")};
     if (field->hexahedron == NULL || field->nelement == 0 || b->stress < 0) {
-        return pm_fail(PM_EDATA, "%s: there is no mesh of hexahedra, or no stress to colour it by",
+        return pm_fail(PM_EDATA,
+                       "%s: the field has no mesh of hexahedra, or no stress to colour it by",
                        picture->title[i]);
     }
     if (picture->trajectory < 0 || picture->trajectory >= field->ntrajectory) {
@@ -95,21 +52,18 @@ static pm_status open_body(body *b, const pm_picture *picture, int i, bool toget
                        picture->title[i], picture->trajectory, field->ntrajectory);
     }
     b->z = pm_field_state(field, picture->trajectory, nearest_state(field, picture->time));
-    b->face = calloc(6 * (size_t)field->nelement, sizeof *b->face);
-    if (b->face == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a picture");
-    }
-    b->nface = find_surface(field, b->face);
-    return PM_OK;
+    return pm_surface_find(&b->surface, field->nelement, field->hexahedron, arena);
 }
 
-static void position_of(const body *b, int node, double *world) {
+// The position [3] of a node in the picture, m.
+static void position_of(const drawn_body *b, int node, double *global) {
     const double *own = b->q >= 0 ? b->z + (ptrdiff_t)node * b->field->nvariable + b->q
                                   : b->field->position + 3 * (ptrdiff_t)node;
-    pm_placement_point(&b->placement, own, world);
+    pm_placement_point(&b->placement, own, global);
 }
 
-static double von_mises(const body *b, int node) {
+// The von Mises stress at a node, Pa.
+static double von_mises(const drawn_body *b, int node) {
     const double *s = b->z + (ptrdiff_t)node * b->field->nvariable + b->stress;
     const double xy = s[0] - s[1], yz = s[1] - s[2], zx = s[2] - s[0];
     const double shear = s[3] * s[3] + s[4] * s[4] + s[5] * s[5];
@@ -118,11 +72,12 @@ static double von_mises(const body *b, int node) {
 
 // --- the script ---
 
-typedef struct bounds {
+// The ranges of all bodies: positions, m, and the highest von Mises stress, Pa.
+typedef struct drawn_bounds {
     double low[3], high[3], stress;
-} bounds;
+} drawn_bounds;
 
-static void widen(bounds *all, const body *b) {
+static void widen(drawn_bounds *all, const drawn_body *b) {
     for (int node = 0; node < b->field->nnode; ++node) {
         double at[3];
         position_of(b, node, at);
@@ -134,8 +89,8 @@ static void widen(bounds *all, const body *b) {
     }
 }
 
-// A quadrangle is a grid of two by two points, set apart from the next by two empty lines.
-static void write_face(FILE *file, const body *b, const face *f) {
+// Writes a quadrangle as a grid of two by two points. Two empty lines separate it from the next.
+static void write_face(FILE *file, const drawn_body *b, const pm_surface_face *f) {
     static const int order[4] = {0, 1, 3, 2};
     for (int k = 0; k < 4; ++k) {
         double at[3];
@@ -146,17 +101,18 @@ static void write_face(FILE *file, const body *b, const face *f) {
     fputc('\n', file);
 }
 
-static void write_bodies(FILE *file, int count, const body *bodies, const char *name) {
+// Writes the surfaces as a data block `name`.
+static void write_bodies(FILE *file, int count, const drawn_body *bodies, const char *name) {
     fprintf(file, "%s << END\n", name);
     for (int i = 0; i < count; ++i) {
-        for (int k = 0; k < bodies[i].nface; ++k) {
-            write_face(file, &bodies[i], &bodies[i].face[k]);
+        for (int k = 0; k < bodies[i].surface.nface; ++k) {
+            write_face(file, &bodies[i], &bodies[i].surface.face[k]);
         }
     }
     fputs("END\n", file);
 }
 
-// Text between single quotes.
+// Writes a text between single quotes.
 static void write_quoted(FILE *file, const char *text) {
     fputc('\'', file);
     for (; *text != '\0'; ++text) {
@@ -165,7 +121,7 @@ static void write_quoted(FILE *file, const char *text) {
     fputc('\'', file);
 }
 
-static void write_setting(FILE *file, const bounds *all, const char *path, int npanel) {
+static void write_setting(FILE *file, const drawn_bounds *all, const char *path, int npanel) {
     fprintf(file, "set terminal pngcairo size 1000,%d font 'DejaVu Sans,11' background 'white'\n",
             PANEL_HEIGHT * npanel);
     fputs("set output ", file);
@@ -185,11 +141,11 @@ static void write_setting(FILE *file, const bounds *all, const char *path, int n
             fmax(all->stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT);
 }
 
-// `together`: all bodies in one panel.
-static void write_script(FILE *file, const pm_picture *picture, const body *bodies, bool together,
-                         const char *path) {
+// Writes the whole script. `together` puts all bodies into one panel.
+static void write_script(FILE *file, const pm_picture *picture, const drawn_body *bodies,
+                         bool together, const char *path) {
     const int npanel = together ? 1 : picture->count;
-    bounds all = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}, 0};
+    drawn_bounds all = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}, 0};
     for (int i = 0; i < picture->count; ++i) {
         widen(&all, &bodies[i]);
     }
@@ -209,7 +165,7 @@ static void write_script(FILE *file, const pm_picture *picture, const body *bodi
     }
 }
 
-static pm_status write_file(const pm_picture *picture, const body *bodies, bool together,
+static pm_status write_file(const pm_picture *picture, const drawn_body *bodies, bool together,
                             const char *script, const char *path) {
     FILE *file = fopen(script, "w");
     if (file == NULL) {
@@ -223,7 +179,7 @@ static pm_status write_file(const pm_picture *picture, const body *bodies, bool 
 pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
     pm_arena arena = {NULL};
     const char *script = pm_arena_printf(&arena, "%.*s.gp", (int)pm_path_stem(path), path);
-    body *bodies = calloc((size_t)picture->count, sizeof *bodies);
+    drawn_body *bodies = calloc((size_t)picture->count, sizeof *bodies);
     bool together = true;
     pm_status status = PM_OK;
     if (script == NULL || bodies == NULL) {
@@ -235,15 +191,12 @@ pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
         together = together && picture->field[i]->placed;
     }
     for (int i = 0; i < picture->count && status == PM_OK; ++i) {
-        status = open_body(&bodies[i], picture, i, together);
+        status = open_body(&bodies[i], picture, i, together, &arena);
     }
     PM_TRY_DONE(status);
     PM_TRY_DONE(write_file(picture, bodies, together, script, path));
     status = pm_gnuplot_run(".", script);
 done:
-    for (int i = 0; i < picture->count && bodies != NULL; ++i) {
-        free(bodies[i].face);
-    }
     free(bodies);
     pm_arena_free(&arena);
     return status;

@@ -1,22 +1,23 @@
-// A picture of bodies on a mesh: their surfaces, deformed, coloured by von Mises stress.
+// Draws the deformed surfaces of bodies on a mesh, coloured by the von Mises stress.
 #ifndef PM_TRAINER_BODY_PICTURE_H
 #define PM_TRAINER_BODY_PICTURE_H
 
 #include "store/field.h"
 
-// Bodies that say where they lie in the world are drawn in one scene, others one above another.
+// Bodies whose fields carry a placement are drawn in one scene, others in panels one below another.
 typedef struct pm_picture {
     int count;
-    const pm_field *const *field; // [count], with hexahedra, of variables sxx syy szz sxy sxz syz;
-                                  // undeformed without qx qy qz
-    const char *const *title;     // [count]
-    int trajectory;
-    double time; // s; of each field the state nearest to it
+    // [count], with hexahedra and the variables sxx syy szz sxy sxz syz (Pa). A field without the
+    // positions qx qy qz (m) is drawn undeformed.
+    const pm_field *const *field;
+    const char *const *title; // [count]
+    int trajectory;           // counted from 0
+    double time;              // s; the state of each field nearest to it is drawn
 } pm_picture;
 
-// Draws with gnuplot into `path`, a PNG; the script stays beside it, with the ending .gp.
-// PM_EUSAGE (`path` has that ending itself), PM_EFILE, PM_EDATA (no mesh, stress or trajectory),
-// PM_ENOMEM.
+// Draws the picture with gnuplot into the PNG file `path`. The script remains beside it, with the
+// ending .gp. PM_EUSAGE (`path` itself has that ending), PM_EFILE, PM_EDATA (no mesh, no stress or
+// no such trajectory), PM_ENOMEM.
 pm_status pm_picture_draw(const pm_picture *picture, const char *path);
 
 #endif

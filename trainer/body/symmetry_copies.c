@@ -1,13 +1,13 @@
-// Mirror images and quarter turns of the section.
+// Finds for every node its partner in each mirrored or turned copy, and copies vectors and tensors.
 #include "body/symmetry_copies.h"
 
 #include <math.h>
 #include <stddef.h>
 
-// Nodes are the same if they are this close, relative to the body's size.
+// Two places count as the same if they are this close, relative to the size of the body.
 #define SAME_PLACE 1e-6
 
-// The centre of the section, and the body's size.
+// Measures the centre of the section and the largest extent of the body, m.
 static void measure(const pm_field *field, double centre[2], double *size) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (int i = 0; i < field->nnode; ++i) {
@@ -25,7 +25,7 @@ static void measure(const pm_field *field, double centre[2], double *size) {
     }
 }
 
-// The node at a place; nnode: none.
+// Returns the node at a place, or nnode if there is none.
 static int find(const pm_field *field, const double place[3], double tolerance) {
     int i = 0;
     while (i < field->nnode && (fabs(field->position[3 * i] - place[0]) > tolerance ||
@@ -48,7 +48,7 @@ pm_status pm_symmetry_copies_make(pm_copy copy[PM_SYMMETRY_COPIES_OF_SQUARE], co
             return pm_fail(PM_ENOMEM, "out of memory for symmetric copies");
         }
         for (int i = 0; i < field->nnode; ++i) {
-            // Where the value at node i comes from.
+            // The place in the original that this copy carries to node i.
             const double *at = field->position + 3 * (ptrdiff_t)i;
             const double y = k->sign[1] * (at[1] - centre[0]), z = k->sign[2] * (at[2] - centre[1]);
             const double place[3] = {at[0], centre[0] + (k->swap ? z : y),
@@ -58,7 +58,7 @@ pm_status pm_symmetry_copies_make(pm_copy copy[PM_SYMMETRY_COPIES_OF_SQUARE], co
                 return pm_fail(
                     PM_EDATA,
                     "the body is not symmetric like a square: node %d at (%g, %g, %g) has "
-                    "no image",
+                    "no partner",
                     i, at[0], at[1], at[2]);
             }
         }

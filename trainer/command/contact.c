@@ -1,5 +1,5 @@
-// portmet-train contact: where bodies face each other, as weights of ports and columns of a
-// dataset.
+// portmet-train contact: finds where bodies face each other, writes the weights of the subsystems
+// between them and a dataset of the assembly, and scores contact forces.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,42 +7,50 @@
 
 #include "command/commands.h"
 #include "command/options.h"
-#include "modal/body_assembly.h"
+#include "modal/contact_force.h"
+#include "modal/contact_part.h"
 #include "modal/save_modes.h"
 #include "scene/weights.h"
 #include "sim/score.h"
 
 typedef struct arguments {
-    const char *configuration, *basis, *data, *modes, *stiffness, *creep, *trajectories, *output;
-    pm_gap_constants gap;
+    const char *configuration, *basis, *data, *modes, *stiffness, *creep, *weights, *trajectories,
+        *output;
+    pm_contact_constants constants;
 } arguments;
 
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
-        {"--basis", "-b", "FILE", NULL, &a->basis, true, "the bodies' basis, made by `reduce`"},
-        {"--data", "-d", "NAME=FILE,...", NULL, &a->data, false,
-         "fields of every body; write modes.h5, a dataset of the assembly"},
-        {"--output", "-o", "DIR", NULL, &a->output, false, "write into DIR"},
-        {"--score", NULL, "MODES", NULL, &a->modes, false,
-         "print how far off forces of contact are in this recording (needs --data)"},
-        {"--stiffness", "-k", "K", NULL, &a->stiffness, true,
-         "N/m, of a pair of points: of the bodies' edges, which their modes do not have"},
+        {"--basis", "-b", "FILE", NULL, &a->basis, true,
+         "the basis that `reduce` made and all bodies share"},
+        {"--output", "-o", "DIR", NULL, &a->output, false,
+         "write the weights into DIR, and with --data also modes.h5"},
+        {"--stiffness", "-k", "K", NULL, &a->stiffness, false,
+         "N/m of a contact pair, of the bodies' edges, which modes lack; -o needs it"},
         {"--creep", "-c", "C", NULL, &a->creep, false,
-         "m/(N s), by which a pair of points opens while it is pressed (> 0); without, it does "
-         "not"},
+         "m/(N s), > 0, at which a pressed pair opens for good (default: not at all)"},
+        {"--data", "-d", "NAME=FILE,...", NULL, &a->data, false, "the fields of every body (HDF5)"},
+        {"--score", NULL, "MODES", NULL, &a->modes, false,
+         "print the errors of the contact forces in this recording; needs --data"},
+        {"--weights", "-w", "DIR", NULL, &a->weights, false,
+         "the weights that the recording was made with (default: those in the -o folder)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "only these of the fields, such as 0:4,7,9:; for --score the recording's"},
+         "use only these trajectories of the fields, such as 0:4,7,9:"},
     };
     const pm_options options = {
-        .usage = "portmet-train contact CONFIG --basis FILE [options]",
+        .usage =
+            "portmet-train contact CONFIG --basis FILE {-o DIR -k K | --score MODES} [options]",
         .summary =
-            "Finds where bodies with the same basis, placed as CONFIG says under system: beams:,\n"
-            "face each other, and writes for each two of them A and B the weights A_B.h5 of the\n"
-            "subsystem that lies between: its groups A and B say how far either has travelled,\n"
-            "mode by mode (ports of the law contact join them to the bodies' p), `creep` what "
-            "each\n"
-            "pair of facing points has crept; they are open by g + creep + u slope_u + v slope_v,\n"
-            "images of the travel. Sliding is taken to be small.",
+            "Places bodies with the same basis as CONFIG says under system: beams:, finds which "
+            "of\n"
+            "them face each other, and writes for any two of them, A and B, the weights A_B.h5 of\n"
+            "the subsystem between them. Its groups A and B are the travel of both bodies, mode "
+            "by\n"
+            "mode (ports of the law contact join them to the momenta p of the bodies); `creep` is\n"
+            "the opening that each contact pair has gained by creeping. The opening of a pair is\n"
+            "g + creep + u slope_u + v slope_v, where g, u, v and the slopes are derived "
+            "variables,\n"
+            "linear in the travel. Sliding is taken to be small.",
         .positional_name = "CONFIG",
         .positional = &a->configuration,
         .count = sizeof table / sizeof *table,
@@ -51,22 +59,35 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// That there is something to do, and what it needs.
+// Checks that there is something to do, and that nothing is missing for it.
 static pm_status check_arguments(arguments *a) {
     if (a->output == NULL && a->modes == NULL) {
-        return pm_fail(PM_EUSAGE, "contact: nothing to do: give -o or --score");
+        return pm_fail(PM_EUSAGE, "contact: nothing to do: give --output or --score");
     }
     if (a->modes != NULL && a->data == NULL) {
-        return pm_fail(PM_EUSAGE, "--score needs --data");
+        return pm_fail(PM_EUSAGE, "contact: --score needs --data");
     }
-    PM_TRY(pm_options_positive("--stiffness", a->stiffness, &a->gap.stiffness));
-    return a->creep == NULL ? PM_OK : pm_options_positive("--creep", a->creep, &a->gap.creep);
+    if (a->output == NULL && (a->stiffness != NULL || a->creep != NULL)) {
+        return pm_fail(PM_EUSAGE, "contact: --stiffness and --creep are constants of weights that "
+                                  "are written, and need --output");
+    }
+    if (a->output == NULL && a->weights == NULL) {
+        return pm_fail(PM_EUSAGE, "contact: --score needs the --weights of the recording");
+    }
+    if (a->output == NULL) {
+        return PM_OK;
+    }
+    if (a->stiffness == NULL) {
+        return pm_fail(PM_EUSAGE, "contact: --output needs --stiffness");
+    }
+    PM_TRY(pm_options_positive("--stiffness", a->stiffness, &a->constants.stiffness));
+    return a->creep == NULL ? PM_OK : pm_options_positive("--creep", a->creep, &a->constants.creep);
 }
 
 // --- weights ---
 
-static pm_status save_gap(const pm_body_assembly *assembly, const pm_contact_interface *m,
-                          const arguments *a, const char *command) {
+static pm_status save_part(const pm_body_assembly *assembly, const pm_contact_interface *m,
+                           const arguments *a, const char *command) {
     char coordinates[PM_BASIS_COORDINATES];
     pm_basis_coordinates(assembly->basis, coordinates);
     const pm_provenance provenance = {
@@ -74,17 +95,14 @@ static pm_status save_gap(const pm_body_assembly *assembly, const pm_contact_int
     pm_arena arena = {0};
     pm_part part = {0};
     pm_status status;
-    const char *path =
-        pm_arena_printf(&arena, "%s/%s_%s.h5", a->output, assembly->body[m->body[0]].name,
-                        assembly->body[m->body[1]].name);
+    const char *path = pm_contact_part_path(assembly, m, a->output, &arena);
     if (path == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a path");
         goto done;
     }
-    PM_TRY_DONE(pm_contact_interface_part(assembly, m, &a->gap, &arena, &part));
+    PM_TRY_DONE(pm_contact_part_make(assembly, m, &a->constants, &arena, &part));
     PM_TRY_DONE(pm_weights_save_part(path, &part, &provenance));
-    printf("wrote %s: %d pairs of points, %g m apart\n", path, m->facing.npair,
-           m->facing.pair[0].gap);
+    printf("wrote %s: %d contact pairs, %g m apart\n", path, m->pairs.npair, m->pairs.pair[0].gap);
 done:
     pm_part_free(&part);
     pm_arena_free(&arena);
@@ -93,7 +111,7 @@ done:
 
 // --- dataset ---
 
-// The file of a body in "NAME=FILE,NAME=FILE".
+// Finds the file of a body in "NAME=FILE,NAME=FILE".
 static pm_status find_file(const char *list, const char *name, pm_arena *arena, const char **path) {
     const size_t length = strlen(name);
     for (const char *at = list; at != NULL; at = strchr(at, ',')) {
@@ -107,15 +125,15 @@ static pm_status find_file(const char *list, const char *name, pm_arena *arena, 
     return pm_fail(PM_EUSAGE, "--data: expected %s=FILE in \"%s\"", name, list);
 }
 
-// Trajectories of the fields.
-typedef struct chosen {
+// The trajectories of the fields that are used.
+typedef struct trajectory_list {
     int count, *trajectory;
-} chosen;
+} trajectory_list;
 
-// The fields of all bodies, field [nbody], and which of their trajectories are wanted; also on
-// failure the caller frees what fields there are.
+// Loads the fields of all bodies, field [nbody], and lists their trajectories. Also on failure the
+// caller frees the fields that are not NULL.
 static pm_status load_fields(pm_body_assembly *assembly, const arguments *a, pm_field **field,
-                             chosen *c) {
+                             trajectory_list *c) {
     for (int i = 0; i < assembly->nbody; ++i) {
         const char *path;
         PM_TRY(find_file(a->data, assembly->body[i].name, &assembly->arena, &path));
@@ -131,7 +149,7 @@ static pm_status load_fields(pm_body_assembly *assembly, const arguments *a, pm_
 }
 
 static pm_status save_dataset(const pm_body_assembly *assembly, const pm_field *const *field,
-                              const chosen *c, const arguments *a, const char *command) {
+                              const trajectory_list *c, const arguments *a, const char *command) {
     pm_dataset *modes = NULL;
     PM_TRY(pm_body_assembly_project(&modes, assembly, field, c->count, c->trajectory));
     const pm_status status =
@@ -141,16 +159,17 @@ static pm_status save_dataset(const pm_body_assembly *assembly, const pm_field *
 }
 
 static pm_status save_all(const pm_body_assembly *assembly, const pm_field *const *field,
-                          const chosen *c, const arguments *a, const char *command) {
+                          const trajectory_list *c, const arguments *a, const char *command) {
     PM_TRY(pm_options_folder(a->output));
-    for (int i = 0; i < assembly->ncontact; ++i) {
-        PM_TRY(save_gap(assembly, &assembly->meeting[i], a, command));
+    for (int i = 0; i < assembly->ninterface; ++i) {
+        PM_TRY(save_part(assembly, &assembly->interface[i], a, command));
     }
     return a->data == NULL ? PM_OK : save_dataset(assembly, field, c, a, command);
 }
 
 // --- scores ---
 
+// Prints the spread of the errors over the trajectories in which the bodies touch.
 static void print_errors(const pm_body_assembly *assembly, const pm_contact_interface *m, int count,
                          double *error) {
     int touching = 0;
@@ -171,8 +190,9 @@ static void print_errors(const pm_body_assembly *assembly, const pm_contact_inte
            100 * b.mean);
 }
 
+// Scores the contact forces of all interfaces; `weights` is the folder of their weights.
 static pm_status score(const pm_body_assembly *assembly, const pm_field *const *field,
-                       const chosen *c, const char *path, double stiffness) {
+                       const trajectory_list *c, const char *path, const char *weights) {
     pm_dataset *modes = NULL;
     double *error = NULL;
     pm_status status;
@@ -188,10 +208,13 @@ static pm_status score(const pm_body_assembly *assembly, const pm_field *const *
         status = pm_fail(PM_ENOMEM, "out of memory for errors");
         goto done;
     }
-    for (int i = 0; i < assembly->ncontact; ++i) {
-        PM_TRY_DONE(pm_contact_interface_force_errors(assembly, &assembly->meeting[i], modes,
-                                                      stiffness, field, c->trajectory, error));
-        print_errors(assembly, &assembly->meeting[i], c->count, error);
+    for (int i = 0; i < assembly->ninterface; ++i) {
+        const pm_contact_interface *m = &assembly->interface[i];
+        double stiffness = 0;
+        PM_TRY_DONE(pm_contact_part_stiffness(assembly, m, weights, &stiffness));
+        PM_TRY_DONE(
+            pm_contact_force_errors(assembly, m, modes, stiffness, field, c->trajectory, error));
+        print_errors(assembly, m, c->count, error);
     }
 done:
     free(error);
@@ -216,7 +239,7 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     pm_basis *basis = NULL;
     pm_body_assembly assembly = {0};
     pm_field **field = NULL;
-    chosen c = {0};
+    trajectory_list c = {0};
     pm_status status;
     PM_TRY_DONE(pm_basis_load(&basis, a.basis));
     assembly.basis = basis;
@@ -229,7 +252,8 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     PM_TRY_DONE(a.data == NULL ? PM_OK : load_fields(&assembly, &a, field, &c));
     const pm_field *const *fields = (const pm_field *const *)field;
     PM_TRY_DONE(a.output == NULL ? PM_OK : save_all(&assembly, fields, &c, &a, command));
-    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, a.modes, a.gap.stiffness);
+    const char *weights = a.weights == NULL ? a.output : a.weights;
+    status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, a.modes, weights);
 done:
     for (int i = 0; i < assembly.nbody && field != NULL; ++i) {
         pm_field_free(field[i]);

@@ -1,4 +1,4 @@
-// portmet-train correct: fields of a simulation, corrected by better known ones.
+// portmet-train correct: corrects the fields of a simulation by better known fields.
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -15,15 +15,15 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_option table[] = {
         {"--by", NULL, "FILE", NULL, &a->known, true, "better known fields of the same body"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "only these of the known ones, such as 0,3,6:9"},
+         "use only these of the known trajectories, such as 0,3,6:9"},
         {"--output", "-o", "FILE", NULL, &a->output, true, "write the corrected fields (HDF5)"},
     };
     const pm_options options = {
         .usage = "portmet-train correct FIELDS --by FILE -o FILE [options]",
         .summary =
-            "Adds to the fields of a simulation what better known ones with the same loads differ\n"
-            "from them; between two known places of the load, the difference interpolated. Nodes\n"
-            "are then numbered as in the known fields.",
+            "Adds to the fields of a simulation their discrepancy from better known fields under\n"
+            "the same loads. For a load between two known ones that differ in x alone, the\n"
+            "discrepancy is interpolated. The result has the node numbers of the known fields.",
         .positional_name = "FIELDS",
         .positional = &a->fields,
         .count = sizeof table / sizeof *table,

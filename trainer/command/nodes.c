@@ -1,4 +1,4 @@
-// portmet-train nodes: fields of a body as trajectories of nodal values.
+// portmet-train nodes: writes fields of a body as trajectories of nodal values.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,20 +14,21 @@ typedef struct arguments {
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--relaxation", NULL, "TAU[,TAU...]", NULL, &a->relaxation, false,
-         "s, of a viscoelastic body's Prony series, e.g. 0.2,0.5; without, it remembers nothing"},
+         "s, relaxation times of the material's Prony series, e.g. 0.2,0.5 (default: none)"},
         {"--temperature", NULL, "T", NULL, &a->temperature, false,
-         "K, by which what is dissipated is divided (default: 300)"},
-        {"--states", NULL, "N", NULL, &a->states, false, "only the first N of each trajectory"},
+         "K, at trajectory dissipated energy becomes entropy (default: 300)"},
+        {"--states", NULL, "N", NULL, &a->states, false,
+         "write only the first N states of each trajectory"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: up to the last"},
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
     };
     const pm_options options = {
         .usage = "portmet-train nodes FIELDS -o FILE [options]",
         .summary =
-            "Writes fields of a body on a box of bricks as trajectories of the values at its\n"
-            "free nodes, a dataset for `fit` and `evaluate` of networks on its mesh.\n"
-            "`reconstruct` goes back.",
+            "Writes the fields of a body on a box of bricks as trajectories of the values at its\n"
+            "free nodes: a dataset from trajectory `fit` trains networks on its mesh, and that\n"
+            "`evaluate` takes. `reconstruct` turns nodal values into fields again.",
         .positional_name = "FIELDS",
         .positional = &a->fields,
         .count = sizeof table / sizeof *table,
@@ -36,8 +37,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// The number of states to keep.
-static pm_status read_states(const arguments *a, const pm_field *field, pm_nodes_how *how) {
+// Reads the number of states to keep.
+static pm_status read_states(const arguments *a, const pm_field *field,
+                             pm_nodes_settings *settings) {
     double count = field->ntime;
     if (a->states != NULL) {
         PM_TRY(pm_options_positive("--states", a->states, &count));
@@ -46,19 +48,19 @@ static pm_status read_states(const arguments *a, const pm_field *field, pm_nodes
         return pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found \"%s\"",
                        field->ntime, a->states);
     }
-    how->nstate = (int)count;
+    settings->nstate = (int)count;
     return PM_OK;
 }
 
-static pm_status read_how(const arguments *a, pm_nodes_how *how) {
-    how->temperature = 300;
+static pm_status read_settings(const arguments *a, pm_nodes_settings *settings) {
+    settings->temperature = 300;
     if (a->temperature != NULL) {
-        PM_TRY(pm_options_positive("--temperature", a->temperature, &how->temperature));
+        PM_TRY(pm_options_positive("--temperature", a->temperature, &settings->temperature));
     }
     return a->relaxation == NULL
                ? PM_OK
                : pm_options_positives("--relaxation", a->relaxation, PM_NODES_MOST_BRANCHES,
-                                      how->tau, &how->nbranch);
+                                      settings->tau, &settings->nbranch);
 }
 
 static pm_status print_mesh(const pm_field *field) {
@@ -75,16 +77,16 @@ static pm_status print_mesh(const pm_field *field) {
     return status;
 }
 
-static pm_status write_nodes(const arguments *a, const pm_field *field, const pm_nodes_how *how,
-                             const char *command) {
-    int count = 0, *which = calloc((size_t)field->ntrajectory, sizeof *which);
+static pm_status write_nodes(const arguments *a, const pm_field *field,
+                             const pm_nodes_settings *settings, const char *command) {
+    int count = 0, *trajectory = calloc((size_t)field->ntrajectory, sizeof *trajectory);
     pm_dataset *nodes = NULL;
     pm_status status;
-    if (which == NULL) {
+    if (trajectory == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
     }
-    PM_TRY_DONE(pm_options_list(a->trajectories, field->ntrajectory, which, &count));
-    PM_TRY_DONE(pm_nodes_dataset(&nodes, field, count, which, how));
+    PM_TRY_DONE(pm_options_list(a->trajectories, field->ntrajectory, trajectory, &count));
+    PM_TRY_DONE(pm_nodes_dataset(&nodes, field, count, trajectory, settings));
     PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", a->fields));
     PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
     PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
@@ -93,7 +95,7 @@ static pm_status write_nodes(const arguments *a, const pm_field *field, const pm
            nodes->ntime, nodes->ncolumn);
 done:
     pm_dataset_free(nodes);
-    free(which);
+    free(trajectory);
     return status;
 }
 
@@ -107,14 +109,14 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
-    pm_nodes_how how = {0};
+    pm_nodes_settings settings = {0};
     pm_field *field = NULL;
     pm_status status;
-    PM_TRY(read_how(&a, &how));
+    PM_TRY(read_settings(&a, &settings));
     PM_TRY_DONE(pm_field_load(&field, a.fields));
-    PM_TRY_DONE(read_states(&a, field, &how));
+    PM_TRY_DONE(read_states(&a, field, &settings));
     PM_TRY_DONE(print_mesh(field));
-    PM_TRY_DONE(write_nodes(&a, field, &how, command));
+    PM_TRY_DONE(write_nodes(&a, field, &settings, command));
 done:
     pm_field_free(field);
     return status;

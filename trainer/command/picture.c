@@ -17,16 +17,17 @@ typedef struct arguments {
 static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--output", "-o", "FILE", NULL, &a->output, true, "picture to write (PNG)"},
-        {"--trajectory", NULL, "I", NULL, &a->trajectory, false, "counted from 0, which is drawn"},
+        {"--trajectory", NULL, "I", NULL, &a->trajectory, false,
+         "draw this trajectory, counted from 0 (default: 0)"},
         {"--time", NULL, "T", NULL, &a->time, false,
-         "s; the state nearest to it is drawn (default: the last)"},
+         "s; draw the state nearest to it (default: the last)"},
     };
     const pm_options options = {
         .usage = "portmet-train picture FIELD [FIELD...] -o FILE [--trajectory I] [--time T]",
         .summary =
-            "Draws the deformed surfaces of bodies, coloured by von Mises stress, with gnuplot;\n"
-            "FIELDs are files such as truth writes for bodies on a mesh. Bodies that say where\n"
-            "they lie in the world are drawn in one scene, others one above another.",
+            "Draws the deformed surfaces of bodies, coloured by von Mises stress, with gnuplot.\n"
+            "FIELD is a file of nodal fields, such as `truth` writes for bodies on a mesh. Bodies\n"
+            "whose files contain a placement are drawn in one scene, others in panels.",
         .positional_name = "FIELD",
         .positional = a->path,
         .most = MOST_FIELDS,

@@ -1,4 +1,5 @@
-// portmet-train reduce: fields of a body as trajectories of a few numbers.
+// portmet-train reduce: finds the modes of a body, and writes its fields as trajectories of their
+// amplitudes.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,15 +21,17 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--basis", "-b", "FILE", NULL, &a->basis, false,
          "project on this basis instead of making one as CONFIG says"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: up to the last"},
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
         {"--output", "-o", "DIR", NULL, &a->output, true,
-         "write modes.h5, and basis.h5 where one is made, into DIR"},
+         "write modes.h5 into DIR, and basis.h5 unless --basis is given"},
     };
     const pm_options options = {
         .usage = "portmet-train reduce CONFIG --data FIELDS -o DIR [options]",
         .summary =
-            "Finds the modes in which a body moves and writes its fields as trajectories of\n"
-            "their amplitudes, a dataset for `fit` and `evaluate`. `reconstruct` goes back.",
+            "Finds the modes in trajectory a body moves, and writes its fields as trajectories of "
+            "their\n"
+            "amplitudes: a dataset for `fit` and `evaluate`. `reconstruct` turns amplitudes into\n"
+            "fields again.",
         .positional_name = "CONFIG",
         .positional = &a->configuration,
         .count = sizeof table / sizeof *table,
@@ -50,22 +53,22 @@ static pm_status read_count(pm_yaml root, const char *key, int most, int *result
     return pm_yaml_int(value, 1, most, result);
 }
 
-static pm_status read_relaxation(pm_yaml list, pm_arena *arena, pm_reduce_how *how) {
+static pm_status read_relaxation(pm_yaml list, pm_arena *arena, pm_reduce_settings *settings) {
     double *tau = NULL;
-    PM_TRY(pm_yaml_doubles(list, arena, &how->nbranch, &tau));
-    if (how->nbranch > PM_BASIS_MAX_BRANCHES) {
+    PM_TRY(pm_yaml_doubles(list, arena, &settings->nbranch, &tau));
+    if (settings->nbranch > PM_BASIS_MAX_BRANCHES) {
         return pm_yaml_fail(list, "expected at most %d times", PM_BASIS_MAX_BRANCHES);
     }
-    for (int i = 0; i < how->nbranch; ++i) {
+    for (int i = 0; i < settings->nbranch; ++i) {
         if (!(tau[i] > 0)) {
             return pm_yaml_fail(list, "expected times > 0");
         }
-        how->tau[i] = tau[i];
+        settings->tau[i] = tau[i];
     }
     return PM_OK;
 }
 
-static pm_status read_how(pm_yaml root, pm_arena *arena, pm_reduce_how *how) {
+static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings *settings) {
     static const char *const keys[] = {"modes",        "state",       "leading",      "relaxation",
                                        "inertia_time", "temperature", "displacement", "stress",
                                        "symmetry",     "reach",       "trajectories", NULL};
@@ -73,29 +76,29 @@ static pm_status read_how(pm_yaml root, pm_arena *arena, pm_reduce_how *how) {
     pm_yaml value;
     int section = 0;
     PM_TRY(pm_yaml_allow(root, keys));
-    PM_TRY(read_count(root, "modes", PM_BASIS_MAX_MODES, &how->nmode));
-    PM_TRY(read_count(root, "state", how->nmode, &how->nstate));
-    PM_TRY(read_count(root, "leading", how->nmode, &how->nlead));
-    PM_TRY(read_positive(root, "inertia_time", &how->inertia_time));
-    PM_TRY(read_positive(root, "temperature", &how->temperature));
-    PM_TRY(read_count(root, "displacement", PM_BASIS_MAX_RANK, &how->displacement_rank));
-    PM_TRY(read_count(root, "stress", PM_BASIS_MAX_RANK, &how->stress_rank));
+    PM_TRY(read_count(root, "modes", PM_BASIS_MAX_MODES, &settings->nmode));
+    PM_TRY(read_count(root, "state", settings->nmode, &settings->nstate));
+    PM_TRY(read_count(root, "leading", settings->nmode, &settings->nlead));
+    PM_TRY(read_positive(root, "inertia_time", &settings->inertia_time));
+    PM_TRY(read_positive(root, "temperature", &settings->temperature));
+    PM_TRY(read_count(root, "displacement", PM_BASIS_MAX_RANK, &settings->displacement_rank));
+    PM_TRY(read_count(root, "stress", PM_BASIS_MAX_RANK, &settings->stress_rank));
     if (pm_yaml_exists(value = pm_yaml_get(root, "relaxation"))) {
-        PM_TRY(read_relaxation(value, arena, how));
+        PM_TRY(read_relaxation(value, arena, settings));
     }
     if (pm_yaml_exists(value = pm_yaml_get(root, "reach"))) {
-        PM_TRY(pm_yaml_int(value, 0, PM_LOCAL_MAX_REACH, &how->reach));
+        PM_TRY(pm_yaml_int(value, 0, PM_LOCAL_MAX_REACH, &settings->reach));
     }
     if (pm_yaml_exists(value = pm_yaml_get(root, "symmetry"))) {
         PM_TRY(pm_yaml_choice(value, sections, &section));
     }
-    how->square = section == 1;
+    settings->square = section == 1;
     return PM_OK;
 }
 
 static void print_basis(const pm_basis *b) {
-    printf("modes             %d, of which %d carry the energy; features of the rest %d\n",
-           b->nmode, b->nstate, pm_basis_features(b));
+    printf("modes             %d, of which %d carry the energy; %d features\n", b->nmode, b->nstate,
+           pm_basis_features(b));
     printf("stiffness         ");
     for (int i = 0; i < b->nmode; ++i) {
         printf("%s%.3g", i == 0 ? "" : i == b->nstate ? " | " : " ", b->stiffness[i]);
@@ -112,23 +115,24 @@ static pm_status save_basis(const pm_basis *basis, const char *folder, const cha
     return status;
 }
 
+// Loads or makes the basis, and lists the trajectories.
 static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *field,
-                            const char *command, pm_basis **basis, pm_reduce_how *how, int *which,
-                            int *count) {
+                            const char *command, pm_basis **basis, pm_reduce_settings *settings,
+                            int *trajectory, int *count) {
     pm_arena arena = {0};
     const char *range = a->trajectories;
-    pm_status status = read_how(root, &arena, how);
+    pm_status status = read_settings(root, &arena, settings);
     const pm_yaml value = pm_yaml_get(root, "trajectories");
     if (status == PM_OK && range == NULL && a->basis == NULL && pm_yaml_exists(value)) {
         status = pm_yaml_text(value, &arena, &range);
     }
     if (status == PM_OK) {
-        status = pm_options_list(range, field->ntrajectory, which, count);
+        status = pm_options_list(range, field->ntrajectory, trajectory, count);
     }
     if (status == PM_OK && a->basis != NULL) {
         status = pm_basis_load(basis, a->basis);
     } else if (status == PM_OK) {
-        status = pm_reduce_fit(basis, field, *count, which, how);
+        status = pm_reduce_fit(basis, field, *count, trajectory, settings);
         if (status == PM_OK) {
             print_basis(*basis);
             status = save_basis(*basis, a->output, command);
@@ -139,9 +143,9 @@ static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *fi
 }
 
 static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm_field *field,
-                             int count, const int *which, bool square, const char *command) {
+                             int count, const int *trajectory, bool square, const char *command) {
     pm_dataset *modes = NULL;
-    PM_TRY(pm_reduce_project(&modes, basis, field, count, which, square, PM_LOADS_OF_ALL));
+    PM_TRY(pm_reduce_project(&modes, basis, field, count, trajectory, square, PM_LOADS_OF_ALL));
     const pm_status status = pm_modes_save(modes, basis, a->data, "reduce", command, a->output);
     pm_dataset_free(modes);
     return status;
@@ -162,22 +166,23 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
     pm_yaml root;
     pm_field *field = NULL;
     pm_basis *basis = NULL;
-    pm_reduce_how how = {0};
-    int count = 0, *which = NULL;
+    pm_reduce_settings settings = {0};
+    int count = 0, *trajectory = NULL;
     pm_status status;
     PM_TRY_DONE(pm_yaml_open(&document, a.configuration, &root));
     PM_TRY_DONE(pm_field_load(&field, a.data));
     PM_TRY_DONE(pm_options_folder(a.output));
-    which = calloc((size_t)field->ntrajectory, sizeof *which);
-    if (which == NULL) {
+    trajectory = calloc((size_t)field->ntrajectory, sizeof *trajectory);
+    if (trajectory == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
         goto done;
     }
-    PM_TRY_DONE(find_basis(&a, root, field, command, &basis, &how, which, &count));
-    // What is learned from has its copies beside it; what is only projected stands alone.
-    status = write_modes(&a, basis, field, count, which, how.square && a.basis == NULL, command);
+    PM_TRY_DONE(find_basis(&a, root, field, command, &basis, &settings, trajectory, &count));
+    // A dataset to train on contains the symmetric copies; a mere projection does not.
+    status = write_modes(&a, basis, field, count, trajectory, settings.square && a.basis == NULL,
+                         command);
 done:
-    free(which);
+    free(trajectory);
     pm_basis_free(basis);
     pm_field_free(field);
     pm_yaml_close(document);

@@ -1,4 +1,4 @@
-// portmet-train truth: simulates the trajectories a configuration asks for and writes a dataset.
+// portmet-train truth: simulates the trajectories that a configuration describes, and writes them.
 #include "command/commands.h"
 #include "command/truth_body.h"
 
@@ -23,17 +23,18 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_option table[] = {
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
-         "only trajectories A up to, not including, B"},
+         "only the trajectories from A up to, but not including, B"},
     };
     const pm_options options = {
         .usage = "portmet-train truth CONFIG -o FILE [--trajectories A:B]",
         .summary =
-            "Simulates ground truth with SUNDIALS CVODE at the limit of double precision and\n"
-            "prints how far the result is converged and how well it keeps the laws. Every\n"
-            "trajectory has random numbers of its own, so a part is the same as in the whole.\n"
-            "For bodies on a mesh: quasi-static finite elements, with their balance of energy; a\n"
-            "file for each of several bodies, with its name before the ending of FILE, and an\n"
-            "XDMF file beside each, with which ParaView opens it.",
+            "Simulates ground truth with SUNDIALS CVODE at the limit of double precision. Prints\n"
+            "how far the result is converged and how well it keeps the laws. Every trajectory has\n"
+            "random numbers of its own, so that a part of the trajectories equals that part of "
+            "the\n"
+            "whole. Bodies on a mesh are simulated with quasi-static finite elements, and their\n"
+            "balance of energy is printed. Each body is written to a file of its own, with its\n"
+            "name before the ending of FILE, and an XDMF file beside it, which ParaView opens.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof table / sizeof *table,
@@ -42,6 +43,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
+// Prints how well the laws are kept.
 static void print_report(const pm_truth *truth, const pm_truth_report *report) {
     const pm_truth_model *model = &truth->model;
     for (int k = 0; k < model->nconserved; ++k) {
@@ -82,7 +84,7 @@ static pm_status note_convergence(pm_dataset *dataset, const double *difference)
                         : pm_dataset_note(dataset, "convergence", "%s", text);
 }
 
-// Those components of the states z [ntime][nz] that are columns.
+// Copies those components of the states z [ntime][nz] that are columns.
 static void keep_columns(const pm_truth *truth, const double *z, pm_dataset *dataset,
                          int trajectory) {
     const size_t nz = (size_t)truth->model.ode.nz, ncolumn = (size_t)dataset->ncolumn;

@@ -1,4 +1,4 @@
-// Fields of bodies, trajectory by trajectory.
+// Simulates bodies trajectory by trajectory, prints balances, and saves the fields.
 #include "command/truth_body.h"
 
 #include <math.h>
@@ -9,18 +9,19 @@
 #include "base/progress.h"
 #include "store/xdmf.h"
 
-typedef struct bodies {
+// The bodies, their fields and files.
+typedef struct simulated_bodies {
     const pm_truth_body *kind;
     pm_field **field;  // [nbody]
     const char **path; // [nbody] of their files
-} bodies;
+} simulated_bodies;
 
 // --- the balance of energy ---
 
-// The largest |stored + dissipated - work| of a trajectory, summed over the bodies, over its
-// largest work; the work is that of loads and contact.
-static double imbalance(const bodies *b, int trajectory) {
-    double lack = 0, work = 0;
+// The largest |stored + dissipated - work| of a trajectory over its largest work, both summed over
+// the bodies. The work is that of loads and contact forces.
+static double imbalance(const simulated_bodies *b, int trajectory) {
+    double error = 0, work = 0;
     for (int j = 0; j < b->field[0]->ntime; ++j) {
         double sum[2] = {0};
         for (int k = 0; k < b->kind->nbody; ++k) {
@@ -30,13 +31,13 @@ static double imbalance(const bodies *b, int trajectory) {
             sum[0] += energy[0] + energy[1];
             sum[1] += energy[2] + field->contact_work[at];
         }
-        lack = fmax(lack, fabs(sum[0] - sum[1]));
+        error = fmax(error, fabs(sum[0] - sum[1]));
         work = fmax(work, fabs(sum[1]));
     }
-    return work > 0 ? lack / work : 0;
+    return work > 0 ? error / work : 0;
 }
 
-static void print_balance(const bodies *b) {
+static void print_balance(const simulated_bodies *b) {
     double worst = 0;
     for (int i = 0; i < b->field[0]->ntrajectory; ++i) {
         worst = fmax(worst, imbalance(b, i));
@@ -47,6 +48,7 @@ static void print_balance(const bodies *b) {
 
 // --- contact ---
 
+// The total contact force on a body at one time, N.
 static double contact_size(const pm_field *field, int trajectory, int j) {
     const double *force = pm_field_contact(field, trajectory, j);
     double total[3] = {0};
@@ -56,8 +58,8 @@ static double contact_size(const pm_field *field, int trajectory, int j) {
     return sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2]);
 }
 
-// How much there was on each body.
-static void print_contact(const bodies *b) {
+// Prints how often and how strongly each body is touched.
+static void print_contact(const simulated_bodies *b) {
     for (int k = 0; k < b->kind->nbody; ++k) {
         const pm_field *field = b->field[k];
         double largest = 0;
@@ -81,7 +83,7 @@ static void print_contact(const bodies *b) {
 
 // --- writing ---
 
-static pm_status simulate(const pm_truth *truth, int first, const bodies *b,
+static pm_status simulate(const pm_truth *truth, int first, const simulated_bodies *b,
                           const volatile sig_atomic_t *stop) {
     const pm_truth_model *model = &truth->model;
     const int count = b->field[0]->ntrajectory;
@@ -99,7 +101,7 @@ static pm_status simulate(const pm_truth *truth, int first, const bodies *b,
     return status;
 }
 
-// PATH for a body without a name; otherwise its name before the ending: FILE_upper.h5.
+// The path of a body's file: FILE.h5 for a body without a name, otherwise FILE_upper.h5.
 static const char *path_of(const char *path, const char *name, pm_arena *arena) {
     if (name == NULL) {
         return path;
@@ -109,7 +111,7 @@ static const char *path_of(const char *path, const char *name, pm_arena *arena) 
 }
 
 static pm_status prepare(const pm_truth *truth, int count, const char *path, pm_arena *arena,
-                         bodies *b) {
+                         simulated_bodies *b) {
     const pm_truth_body *kind = b->kind;
     const pm_field_shape shape = {count,           truth->ntime,   kind->nnode,
                                   kind->nvariable, kind->nelement, kind->name != NULL};
@@ -129,7 +131,7 @@ static pm_status prepare(const pm_truth *truth, int count, const char *path, pm_
     return PM_OK;
 }
 
-static pm_status save(const pm_truth *truth, const bodies *b, const char *command) {
+static pm_status save(const pm_truth *truth, const simulated_bodies *b, const char *command) {
     const pm_truth_model *model = &truth->model;
     char seed[32];
     snprintf(seed, sizeof seed, "%llu", (unsigned long long)truth->seed);
@@ -156,7 +158,7 @@ static pm_status save(const pm_truth *truth, const bodies *b, const char *comman
 
 pm_status pm_truth_body_write(const pm_truth *truth, int first, int count, const char *command,
                               const char *path, const volatile sig_atomic_t *stop) {
-    bodies b = {.kind = truth->model.body};
+    simulated_bodies b = {.kind = truth->model.body};
     pm_arena arena = {NULL};
     pm_status status;
     PM_TRY_DONE(prepare(truth, count, path, &arena, &b));

@@ -1,5 +1,5 @@
-// Memory, features, and the HDF5 file of a basis: numbers as attributes of /, arrays by their
-// names.
+// Memory and features of a basis, and its HDF5 file, in which scalars are attributes of / and
+// arrays are datasets.
 #include "modal/basis.h"
 
 #include <inttypes.h>
@@ -99,7 +99,7 @@ int pm_basis_features(const pm_basis *b) {
     return (1 + b->nbranch) * (b->nstate + products(b->nlead)) + b->nmode;
 }
 
-// Products of two and three of the leading numbers; returns their end.
+// Fills in the products of two and three of the leading numbers, and returns their end.
 static double *fill_products(const pm_basis *b, const double *a, double *feature) {
     for (int i = 0; i < b->nlead; ++i) {
         const double x = a[i] / b->lead_scale[i];
@@ -114,18 +114,18 @@ static double *fill_products(const pm_basis *b, const double *a, double *feature
     return feature;
 }
 
-void pm_basis_fill_features(const pm_basis *b, const pm_modal_state *reading, double *feature) {
+void pm_basis_fill_features(const pm_basis *b, const pm_modal_state *state, double *feature) {
     const size_t n = (size_t)b->nstate, nc = n * (size_t)b->nbranch;
-    memcpy(feature, reading->a, n * sizeof *feature);
+    memcpy(feature, state->a, n * sizeof *feature);
     feature += n;
     if (nc > 0) {
-        memcpy(feature, reading->c, nc * sizeof *feature);
+        memcpy(feature, state->c, nc * sizeof *feature);
         feature += nc;
     }
-    memcpy(feature, reading->load, (size_t)b->nmode * sizeof *feature);
-    feature = fill_products(b, reading->a, feature + b->nmode);
+    memcpy(feature, state->load, (size_t)b->nmode * sizeof *feature);
+    feature = fill_products(b, state->a, feature + b->nmode);
     for (int k = 0; k < b->nbranch; ++k) {
-        feature = fill_products(b, reading->c + (size_t)k * n, feature);
+        feature = fill_products(b, state->c + (size_t)k * n, feature);
     }
 }
 
@@ -171,7 +171,8 @@ static pm_status write_pattern(const pm_basis *b, const pm_pattern *p, pm_hdf5 *
     return pm_hdf5_write(file, path, 2, pattern, p->pattern);
 }
 
-// What is local: the places that carry loads and the kernel; sections are found from the positions.
+// Reads the loaded places and the kernel of the local stress. The sections follow from the
+// positions.
 static pm_status read_local(pm_basis *b, const pm_hdf5 *file, const char *path) {
     pm_local *l = &b->local;
     int nloaded = 0, kernel[4] = {0};
@@ -208,7 +209,7 @@ static pm_status write_local(const pm_basis *b, pm_hdf5 *file) {
         return no_memory();
     }
     for (int i = 0; i < l->nloaded; ++i) {
-        carries[l->node[l->loaded[i]]] = 1; // in the first section, for all
+        carries[l->node[l->loaded[i]]] = 1; // marked in the first section, for all sections
     }
     pm_status status = pm_hdf5_write(file, "/local/carries", 1, &b->nnode, carries);
     if (status == PM_OK) {
@@ -242,7 +243,7 @@ static bool pattern_is_finite(const pm_basis *b, const pm_pattern *p) {
            is_finite(rank * (size_t)p->width, p->pattern);
 }
 
-// What arithmetic needs.
+// Checks that arithmetic with the numbers is possible.
 static pm_status check_content(const pm_basis *b, const char *path) {
     const size_t width = 3 * (size_t)b->nnode;
     bool good =
@@ -260,8 +261,8 @@ static pm_status check_content(const pm_basis *b, const char *path) {
     good = good && (l->nsection == 0 || is_finite(kernel, l->kernel));
     return good ? PM_OK
                 : pm_fail(PM_EDATA,
-                          "%s: numbers that are not finite, times, scales or stiffnesses that "
-                          "are not > 0, or elements of nodes that there are not",
+                          "%s: a number is not finite, a time, scale or stiffness is not > 0, or "
+                          "an element has a node that does not exist",
                           path);
 }
 
@@ -271,7 +272,7 @@ static pm_status read_content(pm_basis *b, const pm_hdf5 *file, const char *path
     PM_TRY(pm_hdf5_read_number(file, "/", "temperature_K", &b->temperature));
     PM_TRY(pm_hdf5_read(file, "/position", 2, position, b->position));
     if (!is_finite(3 * (size_t)b->nnode, b->position)) {
-        return pm_fail(PM_EDATA, "%s: positions that are not finite", path);
+        return pm_fail(PM_EDATA, "%s: a position is not finite", path);
     }
     PM_TRY(pm_hdf5_read(file, "/mode", 3, mode, b->mode));
     PM_TRY(pm_hdf5_read(file, "/stiffness", 1, &b->nmode, b->stiffness));

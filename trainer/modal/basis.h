@@ -1,18 +1,22 @@
-// A body in few numbers: what turns the fields of one (store/field.h) into the state of a
-// subsystem, and back.
+// A basis turns the nodal fields of one body (store/field.h) into the state of a subsystem and
+// back.
 //
-// State. Displacements are u = sum_i a_i mode_i + the rest. The first `nstate` modes carry the
-// energy: a_i follow the loads. The rest (sections that turn make a linear mode swell; what a load
-// does just under it) is a function of the state and the loads. Modes are scaled such that 1/2
-// a_i^2 is the energy of mode i alone in the undeformed body, deformed at once; so a is in J^0.5,
-// and the load of mode i, mode_i . f, too. What the material remembers are, for each relaxation
-// time tau_k,
+// Displacements are u = sum_i a_i mode_i + remainder, with the amplitudes a_i. The first `nstate`
+// modes carry the energy: their amplitudes are the state and follow the loads. The remainder is a
+// function of the state and the loads. It contains, for example, the change of length that linear
+// modes show when a section rotates, and the indentation just under a load.
+//
+// Each mode is scaled such that a_i^2/2 is the elastic energy of that mode alone in the undeformed
+// body, when it is deformed at once. So an amplitude has the unit J^0.5, and so has the modal load
+// mode_i . f of nodal forces f. The viscoelastic material has, for each relaxation time tau_k, the
+// internal variables
 //     dc_k/dt = (a - c_k) / tau_k,
-// the Prony series carried over from points to modes. The quasi-static body is given inertia: all
-// modes inertia_time with the same short period, 2 pi `inertia_time`; p = inertia_time^2 da/dt.
+// its Prony series carried over from points to modes. The quasi-static body is given inertia such
+// that all modes oscillate with the same short period 2 pi inertia_time; the momentum of a mode is
+// p = inertia_time^2 da/dt.
 //
-// Sources: proper orthogonal decomposition (Sirovich, Quart. Appl. Math. 45, 1987), a quadratic and
-// cubic manifold for the rest (Barnett, Farhat, J. Comput. Phys. 464, 2022).
+// Sources: modes by proper orthogonal decomposition (Sirovich, Quart. Appl. Math. 45, 1987); the
+// remainder as a quadratic and cubic manifold (Barnett, Farhat, J. Comput. Phys. 464, 2022).
 #ifndef PM_TRAINER_MODAL_BASIS_H
 #define PM_TRAINER_MODAL_BASIS_H
 
@@ -25,68 +29,72 @@
 #define PM_BASIS_MAX_RANK 1000
 #define PM_BASIS_TENSOR 6
 
-// A nodal field as a function of the features: features . coefficient . pattern.
+// A nodal field as a function of the features of a state, of low rank:
+//     field = features . coefficient . pattern
 typedef struct pm_pattern {
-    int rank, width;     // numbers of the field: components times nodes
+    int rank;
+    int width;           // numbers of the field: components times nodes
     double *coefficient; // [nfeature][rank]
     double *pattern;     // [rank][width]
 } pm_pattern;
 
 typedef struct pm_basis {
-    pm_arena arena; // owns all that follows
+    pm_arena arena; // owns the arrays
     int nnode;
-    int nmode;  // modes in all; those outside the state by what loads do on them
-    int nstate; // the first of them are the state
-    int nlead;  // the first of these appear in products of two and three
+    int nmode;  // all modes; those after the state are ordered by the work that loads do on them
+    int nstate; // the first modes, which are the state
+    int nlead;  // the first of these, whose products of two and three are features
     int nbranch;
-    double tau[PM_BASIS_MAX_BRANCHES]; // s
+    double tau[PM_BASIS_MAX_BRANCHES]; // s, relaxation times
     double inertia_time;               // s
-    double temperature;                // K, at which what is dissipated becomes entropy
+    double temperature;                // K, at which dissipated energy becomes entropy
     double *position;                  // [nnode][3] m, undeformed
-    int nelement;                      // 0: not known
-    double *hexahedron;                // [nelement][8] nodes
+    int nelement;                      // 0: the mesh is not known
+    double *hexahedron;                // [nelement][8] nodes, numbered as in VTK
     double *mode;                      // [nmode][nnode][3] m/J^0.5, orthogonal
-    double *stiffness;       // [nmode] J^0.5 per m of the mode's norm, squared: 1 / mode_i . mode_i
-    double *lead_scale;      // [nlead] J^0.5, that makes the products of order 1
-    pm_pattern displacement; // m, [nnode][3]: the rest beside the modes of the state
-    pm_local local;          // what loads do to the stress around them, beside its pattern
-    pm_pattern stress;       // Pa, [nnode][6]; rank 0: not known
+    double *stiffness;                 // [nmode] J/m^2, 1 / (mode_i . mode_i)
+    double *lead_scale;                // [nlead] J^0.5, largest amplitude, which scales products
+    pm_pattern displacement;           // m, [nnode][3], the remainder
+    pm_local local;                    // stress that loads cause around them, not in `stress`
+    pm_pattern stress;                 // Pa, [nnode][6]; rank 0: not known
 } pm_basis;
 
-// What is known of the body at one time.
+// The state of a body at one time. The caller owns the arrays.
 typedef struct pm_modal_state {
-    const double *a;    // [nstate]
-    const double *c;    // [nbranch][nstate]
-    const double *load; // [nmode]
+    const double *a;    // [nstate] J^0.5
+    const double *c;    // [nbranch][nstate] J^0.5
+    const double *load; // [nmode] J^0.5
 } pm_modal_state;
 
-// Features: a, c and loads; products of two and three of the leading a, and of the leading c of
-// each branch.
+// The number of features. The features are a, c and the loads, and the products of two and three of
+// the leading amplitudes, and of the leading internal variables of each branch.
 int pm_basis_features(const pm_basis *basis);
-void pm_basis_fill_features(const pm_basis *basis, const pm_modal_state *reading, double *feature);
+// Fills feature [pm_basis_features].
+void pm_basis_fill_features(const pm_basis *basis, const pm_modal_state *state, double *feature);
 
-// Adds the field of a pattern to value [width]; `feature` [pm_basis_features].
+// Adds the field of a pattern at feature [nfeature] to value [width].
 void pm_pattern_add(const pm_pattern *pattern, int nfeature, const double *feature, double *value);
 
-// Makes one with room for all but the patterns. PM_ENOMEM. The caller frees.
+// Makes a basis with room for everything but mesh and patterns. PM_ENOMEM. The caller frees it.
 pm_status pm_basis_new(pm_basis **basis, int nnode, int nmode, int nstate, int nlead);
-// Room for a mesh. PM_ENOMEM.
+// Adds room for a mesh. PM_ENOMEM.
 pm_status pm_basis_add_mesh(pm_basis *basis, int nelement);
-// Room for a pattern. PM_ENOMEM.
+// Adds room for one of the patterns of the basis. PM_ENOMEM.
 pm_status pm_basis_add_pattern(pm_basis *basis, pm_pattern *pattern, int rank, int width);
 void pm_basis_free(pm_basis *basis); // NULL is allowed
 
-// Which coordinates a state in this basis is in, "basis " and a digest of all that gives its
-// numbers their meaning: modes, relaxation times, inertia_time, temperature. Patterns do not count.
+// Writes the name of the basis's coordinates: "basis " and a digest of everything that gives the
+// numbers of a state their meaning, which is modes, relaxation times, inertia_time and temperature.
+// Datasets and weights carry this name.
 #define PM_BASIS_COORDINATES 32
 void pm_basis_coordinates(const pm_basis *basis, char text[PM_BASIS_COORDINATES]);
-// Whether what was made in these coordinates (`text` NULL: nobody knows) is of this basis; `what`
-// names it in the error. PM_EDATA.
+// Checks that a dataset or weights file with the coordinates `text` belongs to this basis; NULL or
+// "" (the file does not say) passes. `what` names the file in the error. PM_EDATA.
 pm_status pm_basis_check(const pm_basis *basis, const char *text, const char *what);
 
-// PM_EFILE, PM_EDATA, PM_ENOMEM.
+// Loads a basis from HDF5; the caller frees it. PM_EFILE, PM_EDATA, PM_ENOMEM.
 pm_status pm_basis_load(pm_basis **basis, const char *path);
-// With the command that made it.
+// Saves a basis together with the command that made it. PM_EFILE, PM_ENOMEM.
 pm_status pm_basis_save(const pm_basis *basis, const char *path, const char *command);
 
 #endif

@@ -1,4 +1,4 @@
-// Meetings, their matrices, and datasets put side by side.
+// Finds interfaces, computes their matrices, and joins the datasets of the bodies.
 #include "modal/body_assembly.h"
 
 #include <math.h>
@@ -8,84 +8,84 @@
 
 #include "modal/reduce.h"
 
-#define TIME_TOLERANCE 1e-6 // of dt: single precision
+#define TIME_TOLERANCE 1e-6 // relative to dt: single precision
 
-const char *const pm_contact_interface_group[PM_CONTACT_GROUPS] = {"g", "u", "v", "slope_u",
-                                                                   "slope_v"};
+const char *const pm_contact_group_name[PM_CONTACT_GROUPS] = {"g", "u", "v", "slope_u", "slope_v"};
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for an assembly");
 }
 
-static const pm_contact_interface *find_meeting(const pm_body_assembly *a, int i, int k) {
-    for (int m = 0; m < a->ncontact; ++m) {
-        const int *body = a->meeting[m].body;
+// The interface of bodies i and k; NULL if there is none.
+static const pm_contact_interface *find_interface(const pm_body_assembly *a, int i, int k) {
+    for (int m = 0; m < a->ninterface; ++m) {
+        const int *body = a->interface[m].body;
         if ((body[0] == i && body[1] == k) || (body[0] == k && body[1] == i)) {
-            return &a->meeting[m];
+            return &a->interface[m];
         }
     }
     return NULL;
 }
 
-// Whether a third body lies between: it meets both, and is closer to either.
+// Whether a third body lies between: it faces both, and is closer to either.
 static bool is_hidden(const pm_body_assembly *a, const pm_contact_interface *m) {
-    const double gap = m->facing.pair[0].gap;
+    const double gap = m->pairs.pair[0].gap;
     for (int i = 0; i < a->nbody; ++i) {
-        const pm_contact_interface *first = find_meeting(a, m->body[0], i);
-        const pm_contact_interface *second = find_meeting(a, i, m->body[1]);
-        if (first != NULL && second != NULL && first->facing.pair[0].gap < gap &&
-            second->facing.pair[0].gap < gap) {
+        const pm_contact_interface *first = find_interface(a, m->body[0], i);
+        const pm_contact_interface *second = find_interface(a, i, m->body[1]);
+        if (first != NULL && second != NULL && first->pairs.pair[0].gap < gap &&
+            second->pairs.pair[0].gap < gap) {
             return true;
         }
     }
     return false;
 }
 
-// Pairs of bodies that face each other, whatever lies between.
-static pm_status face_all(pm_body_assembly *a) {
+// Finds all bodies that face each other, whatever lies between.
+static pm_status find_all(pm_body_assembly *a) {
     for (int i = 0; i < a->nbody; ++i) {
         for (int k = i + 1; k < a->nbody; ++k) {
-            pm_contact_interface *m = &a->meeting[a->ncontact];
+            pm_contact_interface *m = &a->interface[a->ninterface];
             m->body[0] = i;
             m->body[1] = k;
-            PM_TRY(pm_contact_pairs_find(&m->facing, &a->body[i], &a->body[k], &a->arena));
-            a->ncontact += m->facing.npair > 0;
+            PM_TRY(pm_contact_pairs_find(&m->pairs, &a->body[i], &a->body[k], &a->arena));
+            a->ninterface += m->pairs.npair > 0;
         }
     }
     return PM_OK;
 }
 
-pm_status pm_body_assembly_meet(pm_body_assembly *a) {
+pm_status pm_body_assembly_find_interfaces(pm_body_assembly *a) {
     const size_t n = (size_t)a->nbody;
     bool *hidden = pm_arena_array(&a->arena, n * n, sizeof *hidden);
-    a->ncontact = 0;
-    a->meeting = pm_arena_array(&a->arena, n * n, sizeof *a->meeting);
-    if (a->meeting == NULL || hidden == NULL) {
+    a->ninterface = 0;
+    a->interface = pm_arena_array(&a->arena, n * n, sizeof *a->interface);
+    if (a->interface == NULL || hidden == NULL) {
         return no_memory();
     }
-    PM_TRY(face_all(a));
+    PM_TRY(find_all(a));
     int count = 0;
-    for (int m = 0; m < a->ncontact; ++m) {
-        hidden[m] = is_hidden(a, &a->meeting[m]);
+    for (int m = 0; m < a->ninterface; ++m) {
+        hidden[m] = is_hidden(a, &a->interface[m]);
     }
-    for (int m = 0; m < a->ncontact; ++m) {
+    for (int m = 0; m < a->ninterface; ++m) {
         if (!hidden[m]) {
-            a->meeting[count++] = a->meeting[m];
+            a->interface[count++] = a->interface[m];
         }
     }
-    a->ncontact = count;
+    a->ninterface = count;
     return PM_OK;
 }
 
-// From a side half way to the axis of the body: a quarter of its thickness along the normal.
-static double depth_of(const pm_placed *body, const double normal[3]) {
+// Half the distance from a side to the axis of the body: a quarter of its thickness along a normal
+// in the global frame, m.
+static double depth_of(const pm_placed_body *body, const double normal[3]) {
     double low = INFINITY, high = -INFINITY;
     for (int i = 0; i < body->nnode; ++i) {
-        double at = 0;
+        double global[3], at = 0;
+        pm_placement_rotate(&body->placement, body->position + 3 * (ptrdiff_t)i, global);
         for (int d = 0; d < 3; ++d) {
-            for (int k = 0; k < 3; ++k) {
-                at += normal[d] * body->axis[k][d] * body->position[3 * i + k];
-            }
+            at += normal[d] * global[d];
         }
         low = fmin(low, at);
         high = fmax(high, at);
@@ -93,9 +93,9 @@ static double depth_of(const pm_placed *body, const double normal[3]) {
     return (high - low) / 4;
 }
 
-// Takes what has slid half way to the axis.
-static void move_slid(const pm_contact_interface *m, double depth, double *value) {
-    const int n = m->facing.npair;
+// Converts the sliding of a side into that half way to the axis.
+static void move_to_axis(const pm_contact_interface *m, double depth, double *value) {
+    const int n = m->pairs.npair;
     for (int i = 0; i < n; ++i) {
         value[PM_CONTACT_SLID_U * n + i] += depth * value[PM_CONTACT_SLOPE_U * n + i];
         value[PM_CONTACT_SLID_V * n + i] += depth * value[PM_CONTACT_SLOPE_V * n + i];
@@ -103,21 +103,21 @@ static void move_slid(const pm_contact_interface *m, double depth, double *value
 }
 
 pm_status pm_contact_interface_matrix(const pm_body_assembly *assembly,
-                                      const pm_contact_interface *meeting, int end,
+                                      const pm_contact_interface *interface, int end,
                                       double *matrix) {
     const pm_basis *b = assembly->basis;
-    const pm_placed *body = &assembly->body[meeting->body[end]];
-    const double depth = depth_of(body, meeting->facing.pair[0].normal);
-    const int rows = PM_CONTACT_GROUPS * meeting->facing.npair;
+    const pm_placed_body *body = &assembly->body[interface->body[end]];
+    const double depth = depth_of(body, interface->pairs.pair[0].normal);
+    const int rows = PM_CONTACT_GROUPS * interface->pairs.npair;
     double *column = malloc((size_t)rows * sizeof *column);
     if (column == NULL) {
         return no_memory();
     }
     for (int m = 0; m < b->nstate; ++m) {
         memset(column, 0, (size_t)rows * sizeof *column);
-        pm_contact_pairs_measure(&meeting->facing, end, body, b->mode + 3 * (ptrdiff_t)m * b->nnode,
-                                 column);
-        move_slid(meeting, depth, column);
+        pm_contact_pairs_measure(&interface->pairs, end, body,
+                                 b->mode + 3 * (ptrdiff_t)m * b->nnode, column);
+        move_to_axis(interface, depth, column);
         for (int i = 0; i < rows; ++i) {
             matrix[(ptrdiff_t)i * b->nstate + m] = column[i];
         }
@@ -128,9 +128,10 @@ pm_status pm_contact_interface_matrix(const pm_body_assembly *assembly,
 
 // --- dataset ---
 
-// Columns of a meeting: what both bodies have travelled, what has crept, an entropy.
-static int count_meeting(const pm_body_assembly *a, const pm_contact_interface *m) {
-    return 2 * a->basis->nstate + m->facing.npair + 1;
+// Counts the columns of an interface: the travel of both bodies, the creep of each pair, an
+// entropy.
+static int count_interface(const pm_body_assembly *a, const pm_contact_interface *m) {
+    return 2 * a->basis->nstate + m->pairs.npair + 1;
 }
 
 static int count_columns(const pm_body_assembly *a, const pm_dataset *const *part) {
@@ -138,13 +139,13 @@ static int count_columns(const pm_body_assembly *a, const pm_dataset *const *par
     for (int i = 0; i < a->nbody; ++i) {
         count += part[i]->ncolumn;
     }
-    for (int i = 0; i < a->ncontact; ++i) {
-        count += count_meeting(a, &a->meeting[i]);
+    for (int i = 0; i < a->ninterface; ++i) {
+        count += count_interface(a, &a->interface[i]);
     }
     return count;
 }
 
-// Names of `count` columns "A_B_<group><i>".
+// Makes the names of `count` columns "A_B_<group><i>".
 static void name_group(const pm_body_assembly *a, const pm_contact_interface *m, const char *group,
                        int count, pm_arena *arena, const char **name) {
     for (int i = 0; i < count; ++i) {
@@ -163,13 +164,13 @@ static const char **name_columns(const pm_body_assembly *a, const pm_dataset *co
             name[at++] = pm_arena_printf(arena, "%s_%s", a->body[i].name, part[i]->column[k]);
         }
     }
-    for (int i = 0; i < a->ncontact && name != NULL; ++i) {
-        const pm_contact_interface *m = &a->meeting[i];
+    for (int i = 0; i < a->ninterface && name != NULL; ++i) {
+        const pm_contact_interface *m = &a->interface[i];
         const char *const body[2] = {a->body[m->body[0]].name, a->body[m->body[1]].name};
         name_group(a, m, body[0], nstate, arena, name + at);
         name_group(a, m, body[1], nstate, arena, name + at + nstate);
-        name_group(a, m, "creep", m->facing.npair, arena, name + at + 2 * (ptrdiff_t)nstate);
-        at += count_meeting(a, m);
+        name_group(a, m, "creep", m->pairs.npair, arena, name + at + 2 * (ptrdiff_t)nstate);
+        at += count_interface(a, m);
         name[at - 1] = pm_arena_printf(arena, "%s_%s_s", body[0], body[1]);
     }
     for (int i = 0; i < at; ++i) {
@@ -180,7 +181,7 @@ static const char **name_columns(const pm_body_assembly *a, const pm_dataset *co
     return name;
 }
 
-// All numbers at one time of a trajectory, which is number `member` of the parts.
+// Fills a row with all numbers at one time of trajectory `member` of the parts.
 static void write_row(const pm_body_assembly *a, const pm_dataset *const *part, int member,
                       int time, double *row) {
     const int nstate = a->basis->nstate;
@@ -189,14 +190,14 @@ static void write_row(const pm_body_assembly *a, const pm_dataset *const *part, 
                (size_t)part[i]->ncolumn * sizeof *row);
         row += part[i]->ncolumn;
     }
-    for (int i = 0; i < a->ncontact; ++i) {
-        const pm_contact_interface *m = &a->meeting[i];
+    for (int i = 0; i < a->ninterface; ++i) {
+        const pm_contact_interface *m = &a->interface[i];
         for (int end = 0; end < 2; ++end) { // amplitudes are the first columns of a body
             memcpy(row + (ptrdiff_t)end * nstate,
                    pm_dataset_state(part[m->body[end]], member, time),
                    (size_t)nstate * sizeof *row);
         }
-        row += count_meeting(a, m); // the rest is 0: the truth's contact does not dissipate
+        row += count_interface(a, m); // creep and entropy stay 0
     }
 }
 

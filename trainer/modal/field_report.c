@@ -1,4 +1,4 @@
-// Errors sorted into what training saw and what it did not.
+// Prints and draws errors, with the trajectories that training saw apart from the others.
 #include "modal/field_report.h"
 
 #include <errno.h>
@@ -70,7 +70,7 @@ static pm_status close_file(FILE *file, const char *folder) {
     return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: cannot be written", folder) : PM_OK;
 }
 
-// Errors in %, a row for each trajectory that was trained on, or was not.
+// Writes the errors in %, one row for each trajectory that training saw, or did not see.
 static pm_status write_numbers(const pm_field_report *r, const char *folder, bool trained) {
     FILE *file;
     PM_TRY(write_file(folder, trained ? "trained.txt" : "test.txt", &file));

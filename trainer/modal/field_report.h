@@ -1,4 +1,4 @@
-// How far reconstructed fields are off: a table, and box plots.
+// Reports the errors of reconstructed fields as a table and as box plots.
 #ifndef PM_TRAINER_MODAL_FIELD_REPORT_H
 #define PM_TRAINER_MODAL_FIELD_REPORT_H
 
@@ -6,19 +6,20 @@
 
 #include "modal/reconstruct.h"
 
-// Relative L2 errors of some trajectories, and which of them training saw; the caller's memory.
+// The relative L2 errors of some trajectories. The caller owns the arrays.
 typedef struct pm_field_report {
     int count;
     const double *error; // [count][PM_FIELD_NERROR]
-    const bool *trained; // [count]
+    const bool *trained; // [count] whether training saw the trajectory
 } pm_field_report;
 
-// Whiskers, quartiles, medians and means, %, of those that training did not see and of those it
-// saw; of neither if there are none. PM_ENOMEM.
+// Prints whiskers, quartiles, medians and means, in %, first for the trajectories that training did
+// not see, then for those it saw; a group without trajectories is left out. PM_ENOMEM.
 pm_status pm_field_report_print(const pm_field_report *report);
 
-// errors.png in `folder`, which is made: a box for each quantity, pale what training saw; and the
-// script and numbers it was drawn from. PM_EFILE (also without gnuplot), PM_ENOMEM.
+// Makes `folder` and draws errors.png in it, with a box for each quantity, pale for the
+// trajectories that training saw. The script and the numbers remain beside it. PM_EFILE (also
+// without gnuplot), PM_ENOMEM.
 pm_status pm_field_report_plot(const pm_field_report *report, const char *folder);
 
 #endif

@@ -1,4 +1,4 @@
-// Sections, and the convolution of forces along them.
+// Finds the sections of a body, and convolves forces along them.
 #include "modal/local.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 
 #include "base/linalg.h"
 
-// Places are the same if they are this close, relative to the body's length.
+// Two places count as the same if they are this close, relative to the length of the body.
 #define SAME_PLACE 1e-6
 
 static pm_status no_memory(void) {
@@ -17,6 +17,7 @@ static pm_status no_memory(void) {
 
 // --- sections ---
 
+// Returns the node at a place, or nnode if there is none.
 static int find(int nnode, const double *position, const double place[3], double tolerance) {
     int i = 0;
     while (i < nnode && (fabs(position[3 * i] - place[0]) > tolerance ||
@@ -27,7 +28,7 @@ static int find(int nnode, const double *position, const double place[3], double
     return i;
 }
 
-// The smallest x of a node beyond `x`, or the largest number there is.
+// The smallest x of a node that is larger than `x`; infinity if there is none.
 static double next_x(int nnode, const double *position, double x) {
     double next = INFINITY;
     for (int i = 0; i < nnode; ++i) {

@@ -1,8 +1,9 @@
-// Stress close under a load, which the modes of a whole body do not show: what forces on the nodes
-// of a section do to the stress of the sections around it. In a prismatic body (all sections alike,
-// at equal distances along x) that is the same everywhere but at the ends, so it is learned from
-// all sections together: stress of section k += sum over offsets of kernel[offset] forces of
-// section k + offset (Saint-Venant: it fades within the section's size).
+// The stress that forces cause close to where they act. The modes of a whole body cannot represent
+// it, and it fades within the size of a section (Saint-Venant's principle). In a prismatic body,
+// whose sections are alike and equally spaced along x, the stress depends on the forces in the same
+// way everywhere but at the ends. So it is a convolution along x, whose kernel is fitted to all
+// sections at once:
+//     stress of section k  +=  sum over offsets of  kernel[offset] . forces of section k + offset
 #ifndef PM_TRAINER_MODAL_LOCAL_H
 #define PM_TRAINER_MODAL_LOCAL_H
 
@@ -15,27 +16,31 @@
 #define PM_LOCAL_MAX_REACH 20
 
 typedef struct pm_local {
-    int nsection, nper; // sections, nodes of each; nsection 0: there is nothing of the kind
-    int reach;          // offsets -reach .. reach
-    int *node;          // [nsection][nper], along x; the same place in every section
+    int nsection, nper; // sections, and nodes of each; nsection 0: there is no kernel
+    int reach;          // offsets run from -reach to reach
+    int *node;          // [nsection][nper], sections along x, the same places in every section
     int nloaded;        // places of a section that may carry a load
     int *loaded;        // [nloaded] places
     double *kernel;     // [pm_local_features][nper][6] Pa/N
 } pm_local;
 
-// Finds the sections of a body; memory from the arena. PM_EDATA: it is not prismatic. PM_ENOMEM.
+// Finds the sections of a body with nodes at position [nnode][3], m. Memory from the arena.
+// PM_EDATA (the body is not prismatic), PM_ENOMEM.
 pm_status pm_local_find_sections(pm_local *local, int nnode, const double *position,
                                  pm_arena *arena);
-// Then which places carry loads, from `carries` [nnode], and room for the kernel, zero. PM_ENOMEM.
+// Then sets which places may carry loads, from carries [nnode] (0 or not), and makes a kernel of
+// zeros. PM_ENOMEM.
 pm_status pm_local_set_loaded(pm_local *local, const int *carries, int reach, pm_arena *arena);
 
-// Forces on the loaded places of the sections around one, as numbers.
+// The number of features of a section: the force components at the loaded places of the sections
+// around it.
 int pm_local_features(const pm_local *local);
-// From the forces on all nodes f [nnode][3], N; zero beyond the ends.
+// Fills feature [pm_local_features] from the forces on all nodes f [nnode][3], N. Sections beyond
+// the ends of the body count as free of forces.
 void pm_local_fill_features(const pm_local *local, const double *f, int section, double *feature);
 
-// Adds to stress [nnode][6], Pa, what the forces f [nnode][3] do. Nothing if there are no sections.
-// `work` has room for pm_local_work numbers.
+// Adds the stress that the forces f [nnode][3], N, cause to stress [nnode][6], Pa. Without sections
+// it adds nothing. `work` has room for pm_local_work numbers.
 size_t pm_local_work(const pm_local *local);
 void pm_local_add(const pm_local *local, const double *f, double *stress, double *work);
 

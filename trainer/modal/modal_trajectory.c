@@ -1,4 +1,4 @@
-// Projection on modes, and what the branches remember.
+// Reads trajectories, projects them on modes, and integrates the internal variables.
 #include "modal/modal_trajectory.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 #include "base/linalg.h"
 
 pm_status pm_modal_trajectory_open(pm_modal_trajectory *p, const pm_field *field, int nmode,
-                                   int nbranch, pm_boundary_inputs loads, bool stress) {
+                                   int nbranch, pm_load_kind loads, bool stress) {
     *p = (pm_modal_trajectory){.ntime = field->ntime,
                                .nmode = nmode,
                                .nbranch = nbranch,
@@ -38,12 +38,13 @@ pm_status pm_modal_trajectory_open(pm_modal_trajectory *p, const pm_field *field
     return PM_OK;
 }
 
-void pm_modal_trajectory_close(pm_modal_trajectory *path) {
-    pm_arena_free(&path->arena);
+void pm_modal_trajectory_close(pm_modal_trajectory *modal) {
+    pm_arena_free(&modal->arena);
 }
 
-// Loads on nodes that are held have no effect: they are left out. A node is held if it never moves.
-static void drop_held_loads(const pm_modal_trajectory *p) {
+// Sets the loads on clamped nodes to zero, since they have no effect. A node is taken to be clamped
+// if it never moves.
+static void drop_clamped_loads(const pm_modal_trajectory *p) {
     for (int i = 0; i < p->nnode; ++i) {
         bool moves = false;
         for (int j = 0; j < p->ntime && !moves; ++j) {
@@ -56,7 +57,7 @@ static void drop_held_loads(const pm_modal_trajectory *p) {
     }
 }
 
-// Adds the forces of contact at a time to f [nnode][3].
+// Adds the contact forces at a time to f [nnode][3], N.
 static void add_contact(pm_modal_trajectory *p, const pm_field *field, int trajectory, int time,
                         const pm_copy *copy, double *f) {
     pm_copy_vectors(copy, p->nnode, pm_field_contact(field, trajectory, time), 3, p->moved);
@@ -65,7 +66,7 @@ static void add_contact(pm_modal_trajectory *p, const pm_field *field, int traje
     }
 }
 
-void pm_modal_trajectory_take(pm_modal_trajectory *p, const pm_field *field, int trajectory,
+void pm_modal_trajectory_read(pm_modal_trajectory *p, const pm_field *field, int trajectory,
                               const pm_copy *copy) {
     const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
     for (int j = 0; j < p->ntime; ++j) {
@@ -87,11 +88,12 @@ void pm_modal_trajectory_take(pm_modal_trajectory *p, const pm_field *field, int
                             p->stress + 2 * j * width);
         }
     }
-    drop_held_loads(p);
+    drop_clamped_loads(p);
 }
 
-// dc/dt = (a - c)/tau over dt, a linear: c' = r c + (m - r) a + (1 - m) a', r = exp(-dt/tau).
-static void remember(const pm_modal_trajectory *p, double tau, double dt, double *c) {
+// Integrates dc/dt = (a - c)/tau, c [ntime][nmode], with a linear over each dt:
+//     c' = r c + (m - r) a + (1 - m) a',   r = exp(-dt/tau),   m = (1 - r) tau/dt
+static void integrate_branch(const pm_modal_trajectory *p, double tau, double dt, double *c) {
     const double r = exp(-dt / tau), m = (1 - r) * tau / dt;
     memcpy(c, p->a, (size_t)p->nmode * sizeof *c);
     for (int j = 1; j < p->ntime; ++j) {
@@ -113,12 +115,12 @@ void pm_modal_trajectory_project(pm_modal_trajectory *p, const pm_basis *basis, 
         }
     }
     for (int k = 0; k < p->nbranch; ++k) {
-        remember(p, basis->tau[k], dt, p->c + (ptrdiff_t)k * p->ntime * p->nmode);
+        integrate_branch(p, basis->tau[k], dt, p->c + (ptrdiff_t)k * p->ntime * p->nmode);
     }
 }
 
-void pm_modal_trajectory_read(const pm_modal_trajectory *p, const pm_basis *b, int time, double *c,
-                              pm_modal_state *r) {
+void pm_modal_trajectory_state(const pm_modal_trajectory *p, const pm_basis *b, int time, double *c,
+                               pm_modal_state *r) {
     const ptrdiff_t at = (ptrdiff_t)time * p->nmode;
     for (int k = 0; k < b->nbranch; ++k) {
         memcpy(c + (ptrdiff_t)k * b->nstate, p->c + (ptrdiff_t)k * p->ntime * p->nmode + at,

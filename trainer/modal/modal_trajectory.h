@@ -1,4 +1,4 @@
-// A body's trajectory in the coordinates of its modes.
+// A trajectory of a body's fields in the coordinates of its modes (basis.h).
 #ifndef PM_TRAINER_MODAL_MODAL_TRAJECTORY_H
 #define PM_TRAINER_MODAL_MODAL_TRAJECTORY_H
 
@@ -6,18 +6,18 @@
 #include "modal/basis.h"
 #include "store/field.h"
 
-// Which forces on a body count as its loads: those of the world, or those of other bodies
-// too.
-typedef enum pm_boundary_inputs { PM_LOADS_PRESCRIBED, PM_LOADS_OF_ALL } pm_boundary_inputs;
+// Which forces on a body count as its loads: the prescribed ones alone, or the forces of contact
+// with other bodies too.
+typedef enum pm_load_kind { PM_LOADS_PRESCRIBED, PM_LOADS_OF_ALL } pm_load_kind;
 
-// Arrays by time. What is called [.][n] has all modes, also those outside the state.
+// Arrays over time. Amplitudes and loads cover all modes, also those outside the state.
 typedef struct pm_modal_trajectory {
-    pm_arena arena; // owns all that follows
+    pm_arena arena; // owns the arrays
     int ntime, nmode, nbranch, nnode;
-    pm_boundary_inputs loads;
-    int q, sigma;   // first of the field's variables that are positions, and stress; -1: none
+    pm_load_kind loads;
+    int q, sigma;   // first variables of the field that are positions, and stresses; -1: none
     double *u;      // [ntime][nnode][3] m, displacements
-    double *f;      // [ntime][nnode][3] N, loads; none on clamped nodes, where u never changes
+    double *f;      // [ntime][nnode][3] N, loads; zero on nodes that never move
     double *stress; // [ntime][nnode][6] Pa, or NULL
     double *a;      // [ntime][nmode] J^0.5
     double *load;   // [ntime][nmode] J^0.5
@@ -25,22 +25,22 @@ typedef struct pm_modal_trajectory {
     double *c;      // [nbranch][ntime][nmode] J^0.5
 } pm_modal_trajectory;
 
-// Room for the trajectories of a field; with `stress` also for that, where the field has it.
-// PM_EDATA (no positions "qx qy qz"), PM_ENOMEM.
-pm_status pm_modal_trajectory_open(pm_modal_trajectory *path, const pm_field *field, int nmode,
-                                   int nbranch, pm_boundary_inputs loads, bool stress);
-void pm_modal_trajectory_close(pm_modal_trajectory *path);
+// Makes room for one trajectory of a field, and with `stress` also for its stress if the field has
+// it. PM_EDATA (the field has no positions "qx qy qz"), PM_ENOMEM.
+pm_status pm_modal_trajectory_open(pm_modal_trajectory *modal, const pm_field *field, int nmode,
+                                   int nbranch, pm_load_kind loads, bool stress);
+void pm_modal_trajectory_close(pm_modal_trajectory *modal);
 
-// Fills in displacements, loads and, where there is room, stress of a copy of a trajectory.
-void pm_modal_trajectory_take(pm_modal_trajectory *path, const pm_field *field, int trajectory,
+// Reads displacements, loads and, if there is room, stress of a symmetric copy of a trajectory.
+void pm_modal_trajectory_read(pm_modal_trajectory *modal, const pm_field *field, int trajectory,
                               const pm_copy *copy);
-// Then a, load and c, with the modes and relaxation times of the basis. Between times a is linear,
-// for which c is exact; before the first it was as then.
-void pm_modal_trajectory_project(pm_modal_trajectory *path, const pm_basis *basis, double dt);
+// Then computes a, load and c with the modes and relaxation times of the basis. Between two times,
+// dt s apart, a is taken as linear, for which c is exact; before the first time a was constant.
+void pm_modal_trajectory_project(pm_modal_trajectory *modal, const pm_basis *basis, double dt);
 
-// What is known at a time: of the first modes, as many as the basis's state has. `c` has room for
-// [nbranch][nstate] and must live as long as the reading.
-void pm_modal_trajectory_read(const pm_modal_trajectory *path, const pm_basis *basis, int time,
-                              double *c, pm_modal_state *r);
+// Gives the state at a time, of as many modes as the basis's state has. `c` has room for
+// [nbranch][nstate] and must live as long as the state.
+void pm_modal_trajectory_state(const pm_modal_trajectory *modal, const pm_basis *basis, int time,
+                               double *c, pm_modal_state *state);
 
 #endif

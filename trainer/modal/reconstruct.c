@@ -1,4 +1,4 @@
-// Modes and patterns added up, node by node.
+// Adds up modes and patterns node by node, and compares fields.
 #include "modal/reconstruct.h"
 
 #include <math.h>
@@ -6,21 +6,26 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SAME 1e-6 // relative: what single precision keeps of times and places
+#define SAME 1e-6 // relative precision of times and places in single precision
 
-// Variables of what is written.
+// The first variable of each quantity in the result.
 enum { Q = 0, V = 3, SIGMA = 6, NVARIABLE = 12 };
 
-// Where the dataset has what a reading needs.
-typedef struct reader {
-    int *column, *momentum; // [nstate + nbranch nstate + nmode], [nstate]
-    double *value;
-    double *feature, *u, *v, *stress, *work;
-    double *force; // [nnode][3] of contact, then of loads too
-} reader;
+// The columns of a modal state in a dataset, and the fields that follow from a row.
+typedef struct state_reader {
+    int *column;     // [nstate + nbranch nstate + nmode] of a, c and loads; NO_COLUMN: zero
+    int *momentum;   // [nstate] columns of p
+    double *value;   // [nstate + nbranch nstate + nmode] a, c and loads in a row
+    double *feature; // [pm_basis_features]
+    double *u, *v;   // [nnode][3] m, m/s
+    double *stress;  // [nnode][6] Pa
+    double *force;   // [nnode][3] N, of contact, then with the loads
+    double *work;    // [pm_local_work]
+} state_reader;
 
 #define NO_COLUMN (-1)
 
+// The column of a name, with the name of the body in front unless `body` is NULL.
 static int find_column(const pm_dataset *d, const char *body, const char *name) {
     const size_t length = body == NULL ? 0 : strlen(body);
     for (int i = 0; i < d->ncolumn; ++i) {
@@ -42,12 +47,14 @@ static pm_status require_column(const pm_dataset *d, const char *body, const cha
     *column = find_column(d, body, name);
     return *column != NO_COLUMN
                ? PM_OK
-               : pm_fail(PM_EDATA,
-                         "the dataset has no column \"%s%s%s\"; expected those that reduce writes",
-                         body == NULL ? "" : body, body == NULL ? "" : "_", name);
+               : pm_fail(
+                     PM_EDATA,
+                     "the dataset has no column \"%s%s%s\"; expected those that `reduce` writes",
+                     body == NULL ? "" : body, body == NULL ? "" : "_", name);
 }
 
-static pm_status find_columns(reader *r, const pm_basis *b, const pm_dataset *d, const char *body) {
+static pm_status find_columns(state_reader *r, const pm_basis *b, const pm_dataset *d,
+                              const char *body) {
     char name[32];
     int *at = r->column;
     for (int i = 0; i < b->nstate; ++i) {
@@ -72,8 +79,8 @@ static pm_status find_columns(reader *r, const pm_basis *b, const pm_dataset *d,
     return PM_OK;
 }
 
-static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, const char *body,
-                             pm_arena *arena) {
+static pm_status open_reader(state_reader *r, const pm_basis *b, const pm_dataset *d,
+                             const char *body, pm_arena *arena) {
     const size_t count = (size_t)((1 + b->nbranch) * b->nstate + b->nmode);
     const size_t nnode = (size_t)b->nnode;
     r->column = pm_arena_array(arena, count, sizeof *r->column);
@@ -92,16 +99,16 @@ static pm_status open_reader(reader *r, const pm_basis *b, const pm_dataset *d, 
     return find_columns(r, b, d, body);
 }
 
-// r->force is what presses on the body, and joins the loads on its modes.
-static void read_touch(reader *r, const pm_basis *b, const pm_contact_force *touch,
-                       const double *row) {
+// Sets r->force to the contact forces on the body, and adds them to the loads on its modes.
+static void add_contact(state_reader *r, const pm_basis *b, const pm_contact_force *contact,
+                        const double *row) {
     const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
     double *load = r->value + (1 + b->nbranch) * b->nstate;
     memset(r->force, 0, (size_t)width * sizeof *r->force);
-    if (touch == NULL) {
+    if (contact == NULL) {
         return;
     }
-    pm_contact_force_add_forces(touch, row, r->force);
+    pm_contact_force_add(contact, row, r->force);
     for (int i = 0; i < b->nmode; ++i) {
         for (ptrdiff_t k = 0; k < width; ++k) {
             load[i] += b->mode[i * width + k] * r->force[k];
@@ -109,9 +116,9 @@ static void read_touch(reader *r, const pm_basis *b, const pm_contact_force *tou
     }
 }
 
-// r->u, r->v and r->stress of one row of the dataset, without what is local. Velocities are those
-// of the state's modes.
-static void read_row(reader *r, const pm_basis *b, const pm_contact_force *touch,
+// Computes r->u, r->v and r->stress from one row of the dataset, without the local stress. The
+// velocities are those of the state's modes.
+static void read_row(state_reader *r, const pm_basis *b, const pm_contact_force *contact,
                      const double *row) {
     const int n = b->nstate, count = (1 + b->nbranch) * n + b->nmode;
     const int nfeature = pm_basis_features(b);
@@ -119,16 +126,16 @@ static void read_row(reader *r, const pm_basis *b, const pm_contact_force *touch
     for (int i = 0; i < count; ++i) {
         r->value[i] = r->column[i] == NO_COLUMN ? 0 : row[r->column[i]];
     }
-    read_touch(r, b, touch, row);
-    const pm_modal_state reading = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
-    pm_basis_fill_features(b, &reading, r->feature);
+    add_contact(r, b, contact, row);
+    const pm_modal_state state = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
+    pm_basis_fill_features(b, &state, r->feature);
     memset(r->u, 0, (size_t)width * sizeof *r->u);
     memset(r->stress, 0, 2 * (size_t)width * sizeof *r->stress);
     memset(r->v, 0, (size_t)width * sizeof *r->v);
     for (int i = 0; i < n; ++i) {
         const double rate = row[r->momentum[i]] / (b->inertia_time * b->inertia_time);
         for (ptrdiff_t k = 0; k < width; ++k) {
-            r->u[k] += reading.a[i] * b->mode[i * width + k];
+            r->u[k] += state.a[i] * b->mode[i * width + k];
             r->v[k] += rate * b->mode[i * width + k];
         }
     }
@@ -136,16 +143,16 @@ static void read_row(reader *r, const pm_basis *b, const pm_contact_force *touch
     pm_pattern_add(&b->stress, nfeature, r->feature, r->stress);
 }
 
-// Adds to r->stress what contact, and the world's `f` if it is known, do close to where they act.
-static void add_local(reader *r, const pm_basis *b, const double *f) {
+// Adds to r->stress the stress close to contact forces and, if they are known, to the loads f.
+static void add_local(state_reader *r, const pm_basis *b, const double *f) {
     for (ptrdiff_t k = 0; k < 3 * (ptrdiff_t)b->nnode && f != NULL; ++k) {
         r->force[k] += f[k];
     }
     pm_local_add(&b->local, r->force, r->stress, r->work);
 }
 
-// positions, velocities and stresses of the nodes.
-static void write_state(const reader *r, const pm_basis *b, double *state) {
+// Writes positions, velocities and stresses of the nodes into a state of the result.
+static void write_state(const state_reader *r, const pm_basis *b, double *state) {
     for (int k = 0; k < b->nnode; ++k, state += NVARIABLE) {
         for (int c = 0; c < 3; ++c) {
             state[Q + c] = b->position[3 * k + c] + r->u[3 * k + c];
@@ -157,8 +164,8 @@ static void write_state(const reader *r, const pm_basis *b, double *state) {
 }
 
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body, const pm_contact_force *touch, const pm_field *loads,
-                         const int *which) {
+                         const char *body, const pm_contact_force *contact, const pm_field *loads,
+                         const int *trajectory) {
     const pm_field_shape shape = {.ntrajectory = modes->ntrajectory,
                                   .ntime = modes->ntime,
                                   .nnode = basis->nnode,
@@ -166,7 +173,7 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
                                   .nelement = basis->nelement};
     pm_arena arena = {0};
     pm_field *d = NULL;
-    reader r;
+    state_reader r;
     pm_status status;
     if (loads != NULL && (loads->nnode != basis->nnode || loads->ntime != modes->ntime)) {
         status = pm_fail(PM_EDATA, "loads of %d nodes at %d times, expected %d nodes, %d times",
@@ -175,7 +182,7 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     }
     PM_TRY_DONE(open_reader(&r, basis, modes, body, &arena));
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
-    d->energy = d->clamped = NULL; // not known
+    d->energy = d->clamped = NULL; // they are not known
     memcpy(d->t, modes->t, (size_t)d->ntime * sizeof *d->t);
     memcpy(d->position, basis->position, 3 * (size_t)d->nnode * sizeof *d->position);
     if (d->nelement > 0) {
@@ -183,8 +190,8 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     }
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
-            read_row(&r, basis, touch, pm_dataset_state(modes, i, j));
-            add_local(&r, basis, loads == NULL ? NULL : pm_field_force(loads, which[i], j));
+            read_row(&r, basis, contact, pm_dataset_state(modes, i, j));
+            add_local(&r, basis, loads == NULL ? NULL : pm_field_force(loads, trajectory[i], j));
             write_state(&r, basis, pm_field_state(d, i, j));
         }
     }
@@ -198,8 +205,8 @@ done:
 
 // --- errors ---
 
-// What is compared, by pm_field_error.
-static const struct quantity {
+// The variables that are compared, indexed by pm_field_error.
+static const struct compared_quantity {
     const char *names;
     int count;
 } quantities[PM_FIELD_NERROR] = {
@@ -221,7 +228,8 @@ static pm_status check_like(const pm_field *predicted, const pm_field *truth) {
     if (truth->nnode != predicted->nnode || truth->ntime != predicted->ntime ||
         fabs(truth->dt - predicted->dt) > SAME * predicted->dt) {
         return pm_fail(PM_EDATA,
-                       "the truth has %d states of %d nodes, %g s apart, expected %d of %d, %g s",
+                       "the truth has %d states of %d nodes, %g s apart; expected %d states of %d "
+                       "nodes, %g s apart",
                        truth->ntime, truth->nnode, truth->dt, predicted->ntime, predicted->nnode,
                        predicted->dt);
     }
@@ -234,19 +242,20 @@ static pm_status check_like(const pm_field *predicted, const pm_field *truth) {
                : pm_fail(PM_EDATA, "a node of the truth lies %g m from where it is expected", off);
 }
 
-// One side of a comparison.
-typedef struct compared {
+// A trajectory of one of the two fields of a comparison.
+typedef struct compared_field {
     const pm_field *field;
     int trajectory;
     int column[PM_FIELD_NERROR];
-} compared;
+} compared_field;
 
-static const double *value_of(const compared *c, int quantity, int node, int time) {
+static const double *value_of(const compared_field *c, int quantity, int node, int time) {
     return pm_field_state(c->field, c->trajectory, time) + (ptrdiff_t)node * c->field->nvariable +
            c->column[quantity];
 }
 
-static bool moves(const compared *truth, int node) {
+// Whether a node moves at any time.
+static bool moves(const compared_field *truth, int node) {
     const double *at = truth->field->position + 3 * (ptrdiff_t)node;
     for (int j = 0; j < truth->field->ntime; ++j) {
         const double *q = value_of(truth, PM_ERROR_DISPLACEMENT, node, j);
@@ -257,9 +266,9 @@ static bool moves(const compared *truth, int node) {
     return false;
 }
 
-// Adds squares of what differs and of what should be, for one node over all times.
-static void compare_node(const compared *predicted, const compared *truth, int quantity, int node,
-                         double *different, double *whole) {
+// Adds the squares of the differences and of the true values of one node over all times.
+static void compare_node(const compared_field *predicted, const compared_field *truth, int quantity,
+                         int node, double *different, double *whole) {
     static const double none[PM_BASIS_TENSOR];
     const double *origin =
         quantity == PM_ERROR_DISPLACEMENT ? truth->field->position + 3 * (ptrdiff_t)node : none;
@@ -273,7 +282,8 @@ static void compare_node(const compared *predicted, const compared *truth, int q
     }
 }
 
-static void compare_trajectory(const compared *predicted, const compared *truth, double *error) {
+static void compare_trajectory(const compared_field *predicted, const compared_field *truth,
+                               double *error) {
     double different[PM_FIELD_NERROR] = {0}, whole[PM_FIELD_NERROR] = {0};
     for (int i = 0; i < truth->field->nnode; ++i) {
         for (int e = 0; e < PM_FIELD_NERROR; ++e) {
@@ -289,7 +299,7 @@ static void compare_trajectory(const compared *predicted, const compared *truth,
 
 pm_status pm_field_errors(const pm_field *predicted, const pm_field *truth, const int *trajectory,
                           double *error) {
-    compared one = {.field = predicted}, other = {.field = truth};
+    compared_field one = {.field = predicted}, other = {.field = truth};
     PM_TRY(check_like(predicted, truth));
     PM_TRY(find_quantities(predicted, one.column));
     PM_TRY(find_quantities(truth, other.column));

@@ -1,24 +1,27 @@
-// From trajectories of a basis's state back to the fields of the body.
+// Reconstructs the fields of a body from trajectories of its modal state, and compares fields.
 #ifndef PM_TRAINER_MODAL_RECONSTRUCT_H
 #define PM_TRAINER_MODAL_RECONSTRUCT_H
 
 #include "modal/basis.h"
-#include "modal/body_assembly.h"
+#include "modal/contact_force.h"
 #include "store/dataset.h"
 #include "store/field.h"
 
-// All trajectories of a dataset with the columns that pm_reduce_project writes: positions,
-// velocities of the state's modes, stress (zero if the basis does not know it), loads left out.
-// What loads do to the stress close to them is added where their forces on the nodes are known:
-// `loads`, trajectory which[i] for trajectory i; may be NULL. `body` NULL: of the one
-// body there is; else of that one, whose columns begin with its name and "_". `touch`: what other
-// bodies press on it counts as loads do; NULL: nothing. Loads that have no columns are taken as
-// none. PM_EDATA (another column is missing), PM_ENOMEM. The caller frees.
+// Reconstructs all trajectories of a dataset that has the columns of pm_reduce_project: positions,
+// velocities (of the state's modes) and stress (zero if the basis does not know it). The result has
+// no forces. The caller frees it.
+//   body     NULL: the dataset is about one body. Otherwise the columns of that body of an assembly
+//            are read, which begin with its name and "_".
+//   contact  NULL: no contact. Otherwise the forces of other bodies count as loads do.
+//   loads    NULL: not known. Otherwise the forces on the nodes in trajectory[i] of this field
+//            belong to trajectory i, and their stress close to where they act is added.
+// Modal loads without a column are taken as zero. PM_EDATA (another column is missing, or the loads
+// do not fit), PM_ENOMEM.
 pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_dataset *modes,
-                         const char *body, const pm_contact_force *touch, const pm_field *loads,
-                         const int *which);
+                         const char *body, const pm_contact_force *contact, const pm_field *loads,
+                         const int *trajectory);
 
-// What is compared: displacements, velocities, stresses on free nodes.
+// The quantities that are compared: displacements, velocities, and stresses on free nodes.
 typedef enum pm_field_error {
     PM_ERROR_DISPLACEMENT,
     PM_ERROR_VELOCITY,
@@ -26,10 +29,10 @@ typedef enum pm_field_error {
 } pm_field_error;
 #define PM_FIELD_NERROR 3
 
-// Relative L2 errors over trajectory i of `predicted` against trajectory[i] of `truth`,
+// Computes the relative L2 errors of trajectory i of `predicted` against trajectory[i] of `truth`,
 // error [predicted->ntrajectory][PM_FIELD_NERROR]. A node is free if it moves in the truth. A
-// quantity that is zero throughout scores 0 if it is so in both, else infinity. PM_EDATA if the
-// fields do not fit.
+// quantity that is zero throughout the truth has the error 0 if it is predicted to be zero, and
+// infinity otherwise. PM_EDATA (the fields do not fit together).
 pm_status pm_field_errors(const pm_field *predicted, const pm_field *truth, const int *trajectory,
                           double *error);
 

@@ -1,77 +1,38 @@
-// Fitting a basis, step by step, and projecting on one.
+// Runs the two steps that fit a basis, and projects fields on a basis.
 #include "modal/reduce.h"
 
 #include <assert.h>
-#include <math.h>
 #include <string.h>
 
-#include "modal/reduction.h"
+#include "modal/reduce_modes.h"
+#include "modal/reduce_patterns.h"
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a reduction");
 }
 
-double pm_reduction_norm(size_t count, const double *value) {
-    double sum = 0;
-    for (size_t i = 0; i < count; ++i) {
-        sum += value[i] * value[i];
-    }
-    return sqrt(sum);
-}
-
-pm_status pm_reduction_for_each(pm_reduction *r, pm_visit_path *visit, void *context) {
-    pm_modal_trajectory *p = &r->path;
-    for (int i = 0; i < r->count; ++i) {
-        for (int k = 0; k < r->ncopy; ++k) {
-            pm_modal_trajectory_take(p, r->field, r->trajectory[i], &r->copy[k]);
-            const double size = pm_reduction_norm(3 * (size_t)p->nnode * (size_t)p->ntime, p->u);
-            if (size > 0) {
-                PM_TRY(visit(r, 1 / size, context));
-            }
-        }
-    }
-    return PM_OK;
-}
-
-// --- all of it ---
-
-static pm_status open_reduction(pm_reduction *r, int nmode, int nbranch, bool square,
-                                pm_boundary_inputs loads, bool stress) {
-    if (square) {
-        r->ncopy = PM_SYMMETRY_COPIES_OF_SQUARE;
-        PM_TRY(pm_symmetry_copies_make(r->copy, r->field, &r->arena));
-    } else {
-        r->ncopy = 1;
-        PM_TRY(pm_symmetry_copies_none(&r->copy[0], r->field, &r->arena));
-    }
-    return pm_modal_trajectory_open(&r->path, r->field, nmode, nbranch, loads, stress);
-}
-
-static void close_reduction(pm_reduction *r) {
-    pm_modal_trajectory_close(&r->path);
-    pm_arena_free(&r->arena);
-}
-
 pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, const int *trajectory,
-                        const pm_reduce_how *how) {
-    pm_reduction r = {.field = field, .how = how, .count = count, .trajectory = trajectory};
+                        const pm_reduce_settings *settings) {
+    pm_reduction r = {
+        .field = field, .settings = settings, .count = count, .trajectory = trajectory};
     pm_basis *b = NULL;
     pm_status status;
-    assert(how->nmode <= PM_BASIS_MAX_MODES && how->nbranch <= PM_BASIS_MAX_BRANCHES);
-    PM_TRY_DONE(open_reduction(&r, how->nmode, how->nbranch, how->square, PM_LOADS_OF_ALL, true));
+    assert(settings->nmode <= PM_BASIS_MAX_MODES && settings->nbranch <= PM_BASIS_MAX_BRANCHES);
+    PM_TRY_DONE(pm_reduction_open(&r, settings->nmode, settings->nbranch, settings->square,
+                                  PM_LOADS_OF_ALL, true));
     PM_TRY_DONE(pm_reduce_modes(&r, &b));
     PM_TRY_DONE(pm_reduce_patterns(&r, b));
     *basis = b;
     b = NULL;
 done:
     pm_basis_free(b);
-    close_reduction(&r);
+    pm_reduction_close(&r);
     return status;
 }
 
 // --- projection ---
 
-// The names of the columns; NULL: out of memory.
+// Makes the names of the columns; NULL if memory is exhausted.
 static const char **name_columns(const pm_basis *b, int count, pm_arena *arena) {
     const char **name = pm_arena_array(arena, (size_t)count, sizeof *name);
     int at = 0;
@@ -101,7 +62,7 @@ static const char **name_columns(const pm_basis *b, int count, pm_arena *arena) 
     return name;
 }
 
-// Rates at time j of a series with `stride` numbers per time: differences of second order.
+// The rate at time j of a series with `stride` numbers per time, by differences of second order.
 static double difference(const double *value, int stride, int ntime, int j, double dt) {
     if (ntime < 3) {
         return 0;
@@ -116,7 +77,7 @@ static double difference(const double *value, int stride, int ntime, int j, doub
     return (at[stride] - at[-stride]) / (2 * dt);
 }
 
-// One time of a path as a row of the dataset, and its rates.
+// Writes the state at time j as a row of the dataset, and its rates.
 static void write_row(const pm_modal_trajectory *p, const pm_basis *b, double dt,
                       const double *dissipated, int j, double *z, double *zdot) {
     const int n = b->nstate;
@@ -126,7 +87,7 @@ static void write_row(const pm_modal_trajectory *p, const pm_basis *b, double dt
         z[i] = p->a[at + i];
         z[n + i] = b->inertia_time * b->inertia_time * rate;
         zdot[i] = rate;
-        zdot[n + i] = 0; // quasi-static
+        zdot[n + i] = 0; // the motion is quasi-static
     }
     for (int k = 0; k < b->nbranch; ++k) {
         const double *c = p->c + (ptrdiff_t)k * p->ntime * p->nmode + at;
@@ -144,8 +105,7 @@ static void write_row(const pm_modal_trajectory *p, const pm_basis *b, double dt
 }
 
 pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const pm_field *field,
-                            int count, const int *trajectory, bool square,
-                            pm_boundary_inputs loads) {
+                            int count, const int *trajectory, bool square, pm_load_kind loads) {
     pm_reduction r = {.field = field};
     const int ncolumn = (2 + basis->nbranch) * basis->nstate + 1 + basis->nmode;
     pm_dataset *d = NULL;
@@ -154,7 +114,7 @@ pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const p
         return pm_fail(PM_EDATA, "the field has %d nodes, the basis %d", field->nnode,
                        basis->nnode);
     }
-    PM_TRY_DONE(open_reduction(&r, basis->nmode, basis->nbranch, square, loads, false));
+    PM_TRY_DONE(pm_reduction_open(&r, basis->nmode, basis->nbranch, square, loads, false));
     const char **name = name_columns(basis, ncolumn, &r.arena);
     if (name == NULL) {
         status = no_memory();
@@ -164,14 +124,14 @@ pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const p
     PM_TRY_DONE(pm_dataset_with_rates(d));
     for (int i = 0; i < d->ntrajectory; ++i) {
         const int from = trajectory[i / r.ncopy];
-        pm_modal_trajectory_take(&r.path, field, from, &r.copy[i % r.ncopy]);
-        pm_modal_trajectory_project(&r.path, basis, field->dt);
+        pm_modal_trajectory_read(&r.modal, field, from, &r.copy[i % r.ncopy]);
+        pm_modal_trajectory_project(&r.modal, basis, field->dt);
         const double *dissipated =
             field->energy == NULL
                 ? NULL
                 : field->energy + (ptrdiff_t)from * field->ntime * PM_FIELD_ENERGIES + 1;
         for (int j = 0; j < d->ntime; ++j) {
-            write_row(&r.path, basis, field->dt, dissipated, j, pm_dataset_state(d, i, j),
+            write_row(&r.modal, basis, field->dt, dissipated, j, pm_dataset_state(d, i, j),
                       pm_dataset_rate(d, i, j));
         }
     }
@@ -179,6 +139,6 @@ pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const p
     d = NULL;
 done:
     pm_dataset_free(d);
-    close_reduction(&r);
+    pm_reduction_close(&r);
     return status;
 }

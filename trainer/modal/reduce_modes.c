@@ -1,23 +1,23 @@
-// The modes of a basis: by proper orthogonal decomposition, turned to the eigenvectors of the
-// flexibility that a regression finds, those first that carry the energy.
+// Decomposes the displacements, fits the flexibility, rotates and orders the modes.
+#include "modal/reduce_modes.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/linalg.h"
-#include "modal/reduction.h"
 #include "modal/regression.h"
 
-// Every so many states count in the decomposition: neighbours in time are alike.
+// One in so many states enters the decomposition, because neighbours in time are alike.
 #define STRIDE 3
-// Features depend on each other: just so much that what they do not tell apart stays small. More
-// would soften the modes.
+// The features depend on each other. This ridge is just large enough to keep coefficients small
+// that the data do not determine; a larger one would soften the modes.
 #define RIDGE 1e-7
-// A mode belongs to the state if its load is at least this share of what would hold it: relaxed
-// rubber takes a fifth. Modes with less are carried along by others.
+// A mode belongs to the state if its load is at least this share of its elastic force. Relaxed
+// rubber needs a fifth of the load; modes with less merely accompany others.
 #define DRIVEN 0.25
-// A direction is at least so soft, relative to the softest mode: of one as good as rigid the
-// regression finds no softness, or less.
+// The smallest flexibility of a mode, relative to the softest one. For a nearly rigid mode the
+// regression finds a flexibility of zero or less.
 #define STIFFEST 1e-6
 
 static pm_status no_memory(void) {
@@ -33,22 +33,22 @@ typedef struct decomposition {
 
 static pm_status add_snapshots(pm_reduction *r, double weight, void *context) {
     const decomposition *d = context;
-    const int width = 3 * r->path.nnode;
+    const int width = 3 * r->modal.nnode;
     int count = 0;
-    for (int j = STRIDE - 1; j < r->path.ntime; j += STRIDE, ++count) {
+    for (int j = STRIDE - 1; j < r->modal.ntime; j += STRIDE, ++count) {
         for (int i = 0; i < width; ++i) {
-            d->row[(ptrdiff_t)count * width + i] = weight * r->path.u[(ptrdiff_t)j * width + i];
+            d->row[(ptrdiff_t)count * width + i] = weight * r->modal.u[(ptrdiff_t)j * width + i];
         }
     }
     pm_gram_add(count, width, d->row, d->gram);
     return PM_OK;
 }
 
-// Orthonormal modes of the displacements.
+// Makes the modes orthonormal eigenvectors of the displacements.
 static pm_status decompose(pm_reduction *r, pm_basis *b) {
     const size_t width = 3 * (size_t)r->field->nnode;
     decomposition d = {calloc(width * width, sizeof(double)),
-                       calloc((size_t)r->path.ntime * width, sizeof(double))};
+                       calloc((size_t)r->modal.ntime * width, sizeof(double))};
     double *value = calloc((size_t)b->nmode, sizeof *value);
     pm_status status = d.gram == NULL || d.row == NULL || value == NULL ? no_memory() : PM_OK;
     if (status == PM_OK) {
@@ -68,7 +68,8 @@ static pm_status decompose(pm_reduction *r, pm_basis *b) {
 
 // --- flexibility ---
 
-// Features of the regression: loads, what is remembered, and products; that is all features but a.
+// The regression of the amplitudes on all features but the amplitudes themselves: internal
+// variables, loads and products.
 typedef struct flexibility {
     pm_basis *b;
     pm_regression regression;
@@ -76,41 +77,43 @@ typedef struct flexibility {
     double *loads, *amplitudes;     // [nmode] sums of squares
 } flexibility;
 
+// Finds the largest leading amplitudes.
 static pm_status find_lead_scale(pm_reduction *r, double weight, void *context) {
     (void)weight;
     pm_basis *b = context;
-    pm_modal_trajectory_project(&r->path, b, r->field->dt);
-    for (int j = 0; j < r->path.ntime; ++j) {
+    pm_modal_trajectory_project(&r->modal, b, r->field->dt);
+    for (int j = 0; j < r->modal.ntime; ++j) {
         for (int i = 0; i < b->nlead; ++i) {
-            const double size = fabs(r->path.a[(ptrdiff_t)j * r->path.nmode + i]);
+            const double size = fabs(r->modal.a[(ptrdiff_t)j * r->modal.nmode + i]);
             b->lead_scale[i] = fmax(b->lead_scale[i], size);
         }
     }
     return PM_OK;
 }
 
+// Adds the states of a trajectory to the regression.
 static pm_status add_flexibility(pm_reduction *r, double weight, void *context) {
     flexibility *x = context;
-    const pm_modal_trajectory *p = &r->path;
+    const pm_modal_trajectory *p = &r->modal;
     const int n = x->b->nstate, count = pm_basis_features(x->b), used = count - n;
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
-    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->modal, x->b, r->field->dt);
     for (int j = 0; j < p->ntime; ++j) {
-        pm_modal_state reading;
-        pm_modal_trajectory_read(p, x->b, j, c, &reading);
-        pm_basis_fill_features(x->b, &reading, x->all);
+        pm_modal_state state;
+        pm_modal_trajectory_state(p, x->b, j, c, &state);
+        pm_basis_fill_features(x->b, &state, x->all);
         for (int i = 0; i < used; ++i) {
             x->feature[(ptrdiff_t)j * used + i] = weight * x->all[n + i];
         }
         for (int i = 0; i < n; ++i) {
-            x->result[(ptrdiff_t)j * n + i] = weight * reading.a[i];
+            x->result[(ptrdiff_t)j * n + i] = weight * state.a[i];
         }
     }
     pm_regression_add(&x->regression, p->ntime, x->feature, x->result);
     return PM_OK;
 }
 
-// The symmetric part of what a gains per load, in coordinates where all modes have stiffness 1.
+// Takes the symmetric part of da/d(load), in coordinates in which all modes have stiffness 1.
 static void take_flexibility(const flexibility *x, double *square) {
     const int n = x->b->nstate, skip = x->b->nbranch * n;
     const double *cross = x->regression.cross + (ptrdiff_t)skip * n;
@@ -121,8 +124,8 @@ static void take_flexibility(const flexibility *x, double *square) {
     }
 }
 
-// Turns the modes by vector [nmode][nmode] and scales them by their flexibility.
-static pm_status turn_modes(pm_basis *b, const double *value, const double *vector) {
+// Rotates the modes by vector [nmode][nmode] and scales them by their flexibility.
+static pm_status rotate_modes(pm_basis *b, const double *value, const double *vector) {
     const size_t width = 3 * (size_t)b->nnode, n = (size_t)b->nmode;
     double *turned = malloc(n * width * sizeof *turned);
     if (turned == NULL) {
@@ -140,13 +143,13 @@ static pm_status turn_modes(pm_basis *b, const double *value, const double *vect
     return PM_OK;
 }
 
-// What loads may do on a mode that is carried along: in any units of its amplitude.
+// A measure of the work of the loads on a mode, which does not depend on the unit of its amplitude.
 static double work_of(const flexibility *x, int mode) {
     return x->amplitudes[mode] * x->loads[mode];
 }
 
-// Which modes carry the energy, softest first, and then the others, those first on which loads do
-// most. Returns how many carry.
+// Orders the modes: first those that carry the energy, at most `most`, softest first; then the
+// others by the work of the loads on them. Returns the number of modes that carry the energy.
 static int order_modes(const flexibility *x, int most, int *order) {
     const int n = x->b->nmode;
     int count = 0, rest = 0;
@@ -167,12 +170,13 @@ static int order_modes(const flexibility *x, int most, int *order) {
     return count;
 }
 
-// Not weighted: the larger the deflection, the more is carried along.
+// Adds up the squares of amplitudes and loads. They are not weighted, because modes accompany
+// others most at large deflections.
 static pm_status measure_modes(pm_reduction *r, double weight, void *context) {
     (void)weight;
     const flexibility *x = context;
-    const pm_modal_trajectory *p = &r->path;
-    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
+    const pm_modal_trajectory *p = &r->modal;
+    pm_modal_trajectory_project(&r->modal, x->b, r->field->dt);
     for (int j = 0; j < p->ntime; ++j) {
         for (int i = 0; i < p->nmode; ++i) {
             const double a = p->a[(ptrdiff_t)j * p->nmode + i];
@@ -184,6 +188,7 @@ static pm_status measure_modes(pm_reduction *r, double weight, void *context) {
     return PM_OK;
 }
 
+// Fits the flexibility and rotates the modes to its eigenvectors.
 static pm_status find_flexibility(pm_reduction *r, flexibility *x) {
     const int n = x->b->nmode;
     double *square = calloc((size_t)(n * n), sizeof *square);
@@ -202,7 +207,7 @@ static pm_status find_flexibility(pm_reduction *r, flexibility *x) {
         status = pm_fail(PM_ENUMERIC, "no eigenvectors of the flexibility");
         goto done;
     }
-    PM_TRY_DONE(turn_modes(x->b, value, vector));
+    PM_TRY_DONE(rotate_modes(x->b, value, vector));
     status = pm_reduction_for_each(r, measure_modes, x);
 done:
     free(square);
@@ -213,7 +218,7 @@ done:
 
 static pm_status open_flexibility(pm_reduction *r, flexibility *x, pm_basis *b) {
     const int count = pm_basis_features(b), n = b->nmode;
-    const size_t ntime = (size_t)r->path.ntime;
+    const size_t ntime = (size_t)r->modal.ntime;
     x->b = b;
     x->all = pm_arena_array(&r->arena, (size_t)count, sizeof(double));
     x->feature = pm_arena_array(&r->arena, ntime * (size_t)count, sizeof(double));
@@ -229,11 +234,12 @@ static pm_status open_flexibility(pm_reduction *r, flexibility *x, pm_basis *b) 
 
 // --- the final basis ---
 
-static pm_status set_constants(pm_basis *b, const pm_reduce_how *how, const pm_field *field) {
-    b->nbranch = how->nbranch;
-    memcpy(b->tau, how->tau, sizeof b->tau);
-    b->inertia_time = how->inertia_time;
-    b->temperature = how->temperature;
+static pm_status set_constants(pm_basis *b, const pm_reduce_settings *settings,
+                               const pm_field *field) {
+    b->nbranch = settings->nbranch;
+    memcpy(b->tau, settings->tau, sizeof b->tau);
+    b->inertia_time = settings->inertia_time;
+    b->temperature = settings->temperature;
     memcpy(b->position, field->position, 3 * (size_t)field->nnode * sizeof *b->position);
     if (field->hexahedron == NULL) {
         return PM_OK;
@@ -243,17 +249,18 @@ static pm_status set_constants(pm_basis *b, const pm_reduce_how *how, const pm_f
     return PM_OK;
 }
 
+// Makes the final basis from the modes in their order.
 static pm_status pick_modes(pm_reduction *r, const flexibility *x, pm_basis **basis) {
     const pm_basis *all = x->b;
     const size_t width = 3 * (size_t)all->nnode;
     int order[2 * PM_BASIS_MAX_MODES];
-    const int nstate = order_modes(x, r->how->nstate, order);
+    const int nstate = order_modes(x, r->settings->nstate, order);
     if (nstate == 0) {
         return pm_fail(PM_EDATA, "no mode of the displacements follows the loads");
     }
-    const int nlead = nstate < r->how->nlead ? nstate : r->how->nlead;
+    const int nlead = nstate < r->settings->nlead ? nstate : r->settings->nlead;
     PM_TRY(pm_basis_new(basis, all->nnode, all->nmode, nstate, nlead));
-    PM_TRY(set_constants(*basis, r->how, r->field));
+    PM_TRY(set_constants(*basis, r->settings, r->field));
     for (int i = 0; i < all->nmode; ++i) {
         memcpy((*basis)->mode + (size_t)i * width, all->mode + (size_t)order[i] * width,
                width * sizeof *all->mode);
@@ -263,13 +270,13 @@ static pm_status pick_modes(pm_reduction *r, const flexibility *x, pm_basis **ba
 }
 
 pm_status pm_reduce_modes(pm_reduction *r, pm_basis **basis) {
-    const pm_reduce_how *how = r->how;
-    const int nlead = how->nlead < how->nmode ? how->nlead : how->nmode;
+    const pm_reduce_settings *settings = r->settings;
+    const int nlead = settings->nlead < settings->nmode ? settings->nlead : settings->nmode;
     pm_basis *all = NULL;
     flexibility x = {0};
     pm_status status;
-    PM_TRY_DONE(pm_basis_new(&all, r->field->nnode, how->nmode, how->nmode, nlead));
-    PM_TRY_DONE(set_constants(all, how, r->field));
+    PM_TRY_DONE(pm_basis_new(&all, r->field->nnode, settings->nmode, settings->nmode, nlead));
+    PM_TRY_DONE(set_constants(all, settings, r->field));
     PM_TRY_DONE(decompose(r, all));
     PM_TRY_DONE(open_flexibility(r, &x, all));
     PM_TRY_DONE(find_flexibility(r, &x));

@@ -1,18 +1,18 @@
-// The patterns of a basis: all that the state's modes leave of the displacements, and the stresses,
-// as functions of its features; and what of the stresses is local to the loads.
+// Fits the remainder of the displacements, then stress pattern and local kernel in turn.
+#include "modal/reduce_patterns.h"
+
 #include <stdlib.h>
 #include <string.h>
 
-#include "modal/reduction.h"
 #include "modal/regression.h"
 
-// Every so many states count in what is local: neighbours in time are alike.
+// One in so many states enters the local kernel, because neighbours in time are alike.
 #define STRIDE 3
-// The ridge of patterns is the square of how far off, relatively, a predicted state is taken to be:
-// the features depend on each other, and what tells them apart must not be taken for true.
+// The ridge of patterns is the square of the relative error that a predicted state is expected to
+// have. The features depend on each other, and differences below this error carry no information.
 #define PATTERN_RIDGE 1e-4
-// The stress's pattern and what is local are fitted in turn, each to what the other leaves. After
-// the first round they still hold much of each other; after the fourth little changes.
+// Stress pattern and local kernel are fitted in turn, each to what the other leaves. After the
+// first round each still contains much of the other; after the fourth little changes.
 #define ROUNDS 4
 
 static pm_status no_memory(void) {
@@ -21,6 +21,7 @@ static pm_status no_memory(void) {
 
 // --- patterns ---
 
+// The regression of a field on the features.
 typedef struct remainder_fit {
     const pm_basis *b;
     pm_regression regression;
@@ -28,21 +29,21 @@ typedef struct remainder_fit {
     double *work;           // pm_local_work numbers
 } remainder_fit;
 
-// Features of all times of a path, times the weight.
+// Fills in the weighted features at all times of a trajectory.
 static void fill_features(const remainder_fit *x, const pm_modal_trajectory *p, double weight) {
     const int count = pm_basis_features(x->b);
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
     for (int j = 0; j < p->ntime; ++j) {
-        pm_modal_state reading;
-        pm_modal_trajectory_read(p, x->b, j, c, &reading);
-        pm_basis_fill_features(x->b, &reading, x->feature + (ptrdiff_t)j * count);
+        pm_modal_state state;
+        pm_modal_trajectory_state(p, x->b, j, c, &state);
+        pm_basis_fill_features(x->b, &state, x->feature + (ptrdiff_t)j * count);
     }
     for (ptrdiff_t i = 0; i < (ptrdiff_t)p->ntime * count; ++i) {
         x->feature[i] *= weight;
     }
 }
 
-// u less what the state's modes are, times the weight.
+// Subtracts the modes of the state from the displacements at a time; the result is weighted.
 static void subtract_modes(const pm_modal_trajectory *p, const pm_basis *b, int time, double weight,
                            double *rest) {
     const int width = 3 * p->nnode;
@@ -59,9 +60,9 @@ static void subtract_modes(const pm_modal_trajectory *p, const pm_basis *b, int 
 
 static pm_status add_displacement(pm_reduction *r, double weight, void *context) {
     remainder_fit *x = context;
-    const pm_modal_trajectory *p = &r->path;
+    const pm_modal_trajectory *p = &r->modal;
     const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
-    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->modal, x->b, r->field->dt);
     fill_features(x, p, weight);
     for (int j = 0; j < p->ntime; ++j) {
         subtract_modes(p, x->b, j, weight, x->rest + j * width);
@@ -70,7 +71,7 @@ static pm_status add_displacement(pm_reduction *r, double weight, void *context)
     return PM_OK;
 }
 
-// Stress less what is local, times the weight.
+// Subtracts the stress of the local kernel from the stress at a time; the result is weighted.
 static void subtract_local(const pm_modal_trajectory *p, const remainder_fit *x, int time,
                            double weight) {
     const ptrdiff_t width = PM_BASIS_TENSOR * (ptrdiff_t)p->nnode, at = time * width;
@@ -82,7 +83,7 @@ static void subtract_local(const pm_modal_trajectory *p, const remainder_fit *x,
     }
 }
 
-// Weighed by its own size, so that its units do not matter.
+// The weight of the stress of a trajectory: one over its norm, so that its unit does not matter.
 static double weigh_stress(const pm_modal_trajectory *p) {
     return 1 / pm_reduction_norm(PM_BASIS_TENSOR * (size_t)p->nnode * (size_t)p->ntime, p->stress);
 }
@@ -90,9 +91,9 @@ static double weigh_stress(const pm_modal_trajectory *p) {
 static pm_status add_stress(pm_reduction *r, double weight, void *context) {
     (void)weight;
     remainder_fit *x = context;
-    const pm_modal_trajectory *p = &r->path;
+    const pm_modal_trajectory *p = &r->modal;
     const double stressed = weigh_stress(p);
-    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->modal, x->b, r->field->dt);
     fill_features(x, p, stressed);
     for (int j = 0; j < p->ntime; ++j) {
         subtract_local(p, x, j, stressed);
@@ -101,11 +102,11 @@ static pm_status add_stress(pm_reduction *r, double weight, void *context) {
     return PM_OK;
 }
 
-// The pattern, of `width` numbers, of what `add` leaves for it; it replaces one that is there.
-static pm_status fit_pattern(pm_reduction *r, pm_basis *b, pm_visit_path *add, int width, int rank,
-                             pm_pattern *pattern) {
+// Fits a pattern of `width` numbers to the samples that `add` adds. It replaces an earlier one.
+static pm_status fit_pattern(pm_reduction *r, pm_basis *b, pm_reduction_visit *add, int width,
+                             int rank, pm_pattern *pattern) {
     const int count = pm_basis_features(b), most = count < width ? count : width;
-    const size_t ntime = (size_t)r->path.ntime;
+    const size_t ntime = (size_t)r->modal.ntime;
     remainder_fit x = {.b = b,
                        .feature = calloc(ntime * (size_t)count, sizeof(double)),
                        .rest = calloc(ntime * (size_t)width, sizeof(double)),
@@ -128,33 +129,35 @@ done:
     return status;
 }
 
-// --- what is local ---
+// --- the local kernel ---
 
+// The regression of the stress of sections on the forces around them.
 typedef struct local_fit {
     const pm_basis *b;
     pm_regression regression;
     int *carries;                       // [nnode]
-    double *feature, *stress;           // of one time: features of the basis, [nnode][6]
+    double *feature, *stress;           // at one time: features of the basis, and [nnode][6] Pa
     double *local_feature, *local_rest; // [nsection] rows
 } local_fit;
 
+// Marks the nodes that carry a load at any time.
 static pm_status find_loaded(pm_reduction *r, double weight, void *context) {
     (void)weight;
     const local_fit *x = context;
-    const pm_modal_trajectory *p = &r->path;
+    const pm_modal_trajectory *p = &r->modal;
     for (ptrdiff_t i = 0; i < 3 * (ptrdiff_t)p->ntime * p->nnode; ++i) {
         x->carries[i / 3 % p->nnode] |= p->f[i] != 0;
     }
     return PM_OK;
 }
 
-// Stress at a time less what the pattern makes of it.
+// Subtracts the stress pattern from the stress at a time.
 static void subtract_pattern(const local_fit *x, const pm_modal_trajectory *p, int time) {
     const int width = PM_BASIS_TENSOR * p->nnode;
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES];
-    pm_modal_state reading;
-    pm_modal_trajectory_read(p, x->b, time, c, &reading);
-    pm_basis_fill_features(x->b, &reading, x->feature);
+    pm_modal_state state;
+    pm_modal_trajectory_state(p, x->b, time, c, &state);
+    pm_basis_fill_features(x->b, &state, x->feature);
     memset(x->stress, 0, (size_t)width * sizeof *x->stress);
     pm_pattern_add(&x->b->stress, pm_basis_features(x->b), x->feature, x->stress);
     for (int i = 0; i < width; ++i) {
@@ -165,11 +168,11 @@ static void subtract_pattern(const local_fit *x, const pm_modal_trajectory *p, i
 static pm_status add_local(pm_reduction *r, double weight, void *context) {
     (void)weight;
     local_fit *x = context;
-    const pm_modal_trajectory *p = &r->path;
+    const pm_modal_trajectory *p = &r->modal;
     const pm_local *local = &x->b->local;
     const int count = pm_local_features(local), width = PM_LOCAL_TENSOR * local->nper;
     const double scale = weigh_stress(p);
-    pm_modal_trajectory_project(&r->path, x->b, r->field->dt);
+    pm_modal_trajectory_project(&r->modal, x->b, r->field->dt);
     for (int j = STRIDE - 1; j < p->ntime; j += STRIDE) {
         subtract_pattern(x, p, j);
         for (int k = 0; k < local->nsection; ++k) {
@@ -201,7 +204,7 @@ static pm_status open_local(pm_reduction *r, pm_basis *b, local_fit *x) {
     }
     PM_TRY(pm_local_find_sections(local, b->nnode, b->position, &b->arena));
     PM_TRY(pm_reduction_for_each(r, find_loaded, x));
-    PM_TRY(pm_local_set_loaded(local, x->carries, r->how->reach, &b->arena));
+    PM_TRY(pm_local_set_loaded(local, x->carries, r->settings->reach, &b->arena));
     const size_t count = (size_t)pm_local_features(local), nsection = (size_t)local->nsection;
     x->local_feature = pm_arena_array(&r->arena, nsection * count, sizeof *x->local_feature);
     x->local_rest = pm_arena_array(&r->arena, PM_LOCAL_TENSOR * nnode, sizeof *x->local_rest);
@@ -223,11 +226,11 @@ done:
 }
 
 static pm_status fit_stress(pm_reduction *r, pm_basis *b) {
-    return fit_pattern(r, b, add_stress, PM_BASIS_TENSOR * b->nnode, r->how->stress_rank,
+    return fit_pattern(r, b, add_stress, PM_BASIS_TENSOR * b->nnode, r->settings->stress_rank,
                        &b->stress);
 }
 
-// To single precision, far below what they leave out, which halves the file.
+// Rounds to single precision, which is far below the error of the patterns and halves the file.
 static void round_numbers(size_t count, double *number) {
     for (size_t i = 0; i < count; ++i) {
         number[i] = (float)number[i];
@@ -240,13 +243,13 @@ static void round_pattern(pm_pattern *p) {
 
 static pm_status fit_all(pm_reduction *r, pm_basis *basis) {
     local_fit local = {0};
-    PM_TRY(fit_pattern(r, basis, add_displacement, 3 * basis->nnode, r->how->displacement_rank,
+    PM_TRY(fit_pattern(r, basis, add_displacement, 3 * basis->nnode, r->settings->displacement_rank,
                        &basis->displacement));
-    if (r->path.stress == NULL) {
+    if (r->modal.stress == NULL) {
         return PM_OK;
     }
     PM_TRY(fit_stress(r, basis));
-    if (r->how->reach == 0) {
+    if (r->settings->reach == 0) {
         return PM_OK;
     }
     PM_TRY(open_local(r, basis, &local));

@@ -1,31 +1,47 @@
-// What the steps of a reduction share: inside trainer/modal/reduce*.c alone.
+// The settings of a reduction, and the loop over trajectories and symmetric copies that its steps
+// (reduce_modes.h, reduce_patterns.h) and the projection (reduce.h) share.
 #ifndef PM_TRAINER_MODAL_REDUCTION_H
 #define PM_TRAINER_MODAL_REDUCTION_H
 
 #include "modal/modal_trajectory.h"
-#include "modal/reduce.h"
+
+typedef struct pm_reduce_settings {
+    int nmode;                         // modes in all, at most PM_BASIS_MAX_MODES
+    int nstate;                        // the largest number of modes that carry the energy
+    int nlead;                         // the largest number of these that appear in products
+    int nbranch;                       // at most PM_BASIS_MAX_BRANCHES
+    double tau[PM_BASIS_MAX_BRANCHES]; // s, relaxation times
+    double inertia_time;               // s
+    double temperature;                // K
+    int displacement_rank, stress_rank;
+    int reach;   // sections on either side that the kernel of the local stress spans; 0: no kernel
+    bool square; // learn from the eight symmetric copies (symmetry_copies.h)
+} pm_reduce_settings;
 
 typedef struct pm_reduction {
     const pm_field *field;
-    const pm_reduce_how *how;
+    const pm_reduce_settings *settings; // NULL in a projection
     int count;
     const int *trajectory; // [count]
     int ncopy;
     pm_copy copy[PM_SYMMETRY_COPIES_OF_SQUARE];
-    pm_modal_trajectory path; // the one being visited
-    pm_arena arena;           // work space
+    pm_modal_trajectory modal; // the trajectory that is being visited
+    pm_arena arena;            // work space
 } pm_reduction;
 
-// Calls visit for every trajectory and copy that moves, with its displacements, loads and stresses
-// in r->path, and with what makes it count as much as any: one over the norm of the displacements.
-typedef pm_status pm_visit_path(pm_reduction *r, double weight, void *context);
-pm_status pm_reduction_for_each(pm_reduction *r, pm_visit_path *visit, void *context);
+// Makes the symmetric copies (`square`: all eight) and room for one trajectory; `field` and what
+// the caller needs besides are set before. PM_EDATA, PM_ENOMEM. Also on failure the caller closes.
+pm_status pm_reduction_open(pm_reduction *r, int nmode, int nbranch, bool square,
+                            pm_load_kind loads, bool stress);
+void pm_reduction_close(pm_reduction *r);
 
+// Calls `visit` for every copy of every trajectory in which the body moves. r->modal then holds its
+// displacements, loads and stresses. The weight is one over the norm of the displacements, so that
+// all trajectories count equally.
+typedef pm_status pm_reduction_visit(pm_reduction *r, double weight, void *context);
+pm_status pm_reduction_for_each(pm_reduction *r, pm_reduction_visit *visit, void *context);
+
+// The Euclidean norm of value [count].
 double pm_reduction_norm(size_t count, const double *value);
-
-// The modes, their stiffness and the constants of a basis: reduce_modes.c.
-pm_status pm_reduce_modes(pm_reduction *r, pm_basis **basis);
-// Then its patterns, and what is local: reduce_patterns.c.
-pm_status pm_reduce_patterns(pm_reduction *r, pm_basis *basis);
 
 #endif

@@ -1,4 +1,4 @@
-// Normal equations; reduced-rank regression (Izenman, J. Multivar. Anal. 5, 1975).
+// Adds up and solves the normal equations.
 #include "modal/regression.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 
 #include "base/linalg.h"
 
-// A feature with less of the largest one's mean square is never there but for rounding.
+// A feature whose mean square is a smaller share of the largest one's is zero but for rounding.
 #define NEVER 1e-26
 
 static pm_status no_memory(void) {
@@ -64,14 +64,14 @@ pm_status pm_regression_solve(pm_regression *r, double ridge) {
     return PM_OK;
 }
 
-// image = u cross, with the factor gram = u^T u.
-static void multiply_factor(const pm_regression *r, double *u, double *image) {
+// Computes product = u cross, where gram = u^T u is the Cholesky factorization.
+static void multiply_factor(const pm_regression *r, double *u, double *product) {
     const size_t p = (size_t)r->nfeature;
     for (size_t i = 0; i < p; ++i) {
         memset(u + i * p, 0, i * sizeof *u);
         memcpy(u + i * p + i, r->gram + i * p + i, (p - i) * sizeof *u);
     }
-    pm_gemm(false, false, r->nfeature, r->nresult, r->nfeature, u, r->cross, image);
+    pm_gemm(false, false, r->nfeature, r->nresult, r->nfeature, u, r->cross, product);
 }
 
 pm_status pm_regression_compress(const pm_regression *r, int rank, double *coefficient,
@@ -79,28 +79,28 @@ pm_status pm_regression_compress(const pm_regression *r, int rank, double *coeff
     const int p = r->nfeature, m = r->nresult;
     double *u = malloc((size_t)p * (size_t)p * sizeof *u);
     double *square = malloc((size_t)p * (size_t)p * sizeof *square);
-    double *image = malloc((size_t)p * (size_t)m * sizeof *image);
+    double *product = malloc((size_t)p * (size_t)m * sizeof *product);
     double *vector = malloc((size_t)rank * (size_t)p * sizeof *vector);
     double *value = malloc((size_t)rank * sizeof *value);
     pm_status status = PM_OK;
-    if (u == NULL || square == NULL || image == NULL || vector == NULL || value == NULL) {
+    if (u == NULL || square == NULL || product == NULL || vector == NULL || value == NULL) {
         status = no_memory();
         goto done;
     }
-    multiply_factor(r, u, image);
-    pm_gemm(false, true, p, p, m, image, image, square);
+    multiply_factor(r, u, product);
+    pm_gemm(false, true, p, p, m, product, product, square);
     if (!pm_eigen_largest(p, square, rank, value, vector)) {
         status = pm_fail(PM_ENUMERIC, "no eigenvectors of a regression on %d features", p);
         goto done;
     }
-    pm_gemm(false, false, rank, m, p, vector, image, pattern);
+    pm_gemm(false, false, rank, m, p, vector, product, pattern);
     // coefficient = u^-1 vector^T = (u^T u)^-1 u^T vector^T
     pm_gemm(true, true, p, rank, p, u, vector, coefficient);
     pm_cholesky_back(p, u, rank, coefficient);
 done:
     free(u);
     free(square);
-    free(image);
+    free(product);
     free(vector);
     free(value);
     return status;

@@ -1,31 +1,33 @@
-// Linear least squares with many results at once, and the low-rank form of what came out.
+// Linear least squares with many results at once, by normal equations, and the best solution of low
+// rank (reduced-rank regression: Izenman, J. Multivar. Anal. 5, 1975).
 #ifndef PM_TRAINER_MODAL_REGRESSION_H
 #define PM_TRAINER_MODAL_REGRESSION_H
 
 #include "base/status.h"
 
-// Sums over samples of weight^2 features^T features and weight^2 features^T results.
+// Sums over the samples of features^T features and features^T results, both weighted.
 typedef struct pm_regression {
     int nfeature, nresult;
     double *gram;    // [nfeature][nfeature], upper triangle
     double *cross;   // [nfeature][nresult]
-    double *product; // work space
+    double *product; // [nfeature][nresult] work space
 } pm_regression;
 
-// PM_ENOMEM.
+// Makes room and sets the sums to zero. PM_ENOMEM.
 pm_status pm_regression_open(pm_regression *r, int nfeature, int nresult);
 void pm_regression_close(pm_regression *r);
 
-// Adds samples, already multiplied by their weights: features [count][nfeature], results
+// Adds samples that are already multiplied by their weights: features [count][nfeature], results
 // [count][nresult].
 void pm_regression_add(pm_regression *r, int count, const double *features, const double *results);
 
-// cross becomes the coefficients [nfeature][nresult] of results = features . coefficients, with a
-// ridge of `ridge` times each feature's mean square, and gram its factor. PM_ENUMERIC.
+// Solves for the coefficients in results = features . coefficients, with a ridge of `ridge` times
+// the mean square of each feature. `cross` becomes the coefficients [nfeature][nresult] and `gram`
+// its Cholesky factor. PM_ENUMERIC.
 pm_status pm_regression_solve(pm_regression *r, double ridge);
 
-// The best approximation of the solution, over the samples, of the given rank:
-// coefficient [nfeature][rank] times pattern [rank][nresult]. PM_ENOMEM, PM_ENUMERIC.
+// Approximates the solution by coefficient [nfeature][rank] times pattern [rank][nresult], the best
+// of this rank over the samples. PM_ENOMEM, PM_ENUMERIC.
 pm_status pm_regression_compress(const pm_regression *r, int rank, double *coefficient,
                                  double *pattern);
 

@@ -1,4 +1,4 @@
-// Notes, a path, and one line.
+// Writes the notes and the file, and reports it.
 #include "modal/save_modes.h"
 
 #include <stdio.h>

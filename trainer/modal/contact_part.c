@@ -1,23 +1,25 @@
-// What lies between two bodies as a part: how far each has travelled, mode by mode, makes the
-// openings between all pairs of facing points.
+// Makes the part from the matrices of an interface, and reads its stiffness back from weights.
+#include "modal/contact_part.h"
+
 #include <stdbool.h>
 #include <string.h>
 
-#include "modal/body_assembly.h"
+#include "scene/weights.h"
 
 #define FORMULA "k/2*|min(g + creep + u*slope_u + v*slope_v, 0)|^2"
 
+// The groups of the state.
 enum { TRAVEL_A, TRAVEL_B, CREEP, ENTROPY, NGROUP };
 
 static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a gap");
+    return pm_fail(PM_ENOMEM, "out of memory for a part between bodies");
 }
 
-// Whether a body's name stands for something else in the formula.
+// Whether the name of a body already means something else in the formula or the layout.
 static bool is_taken(const char *name) {
     bool taken = strcmp(name, "k") == 0 || strcmp(name, "creep") == 0 || strcmp(name, "s") == 0;
     for (int i = 0; i < PM_CONTACT_GROUPS; ++i) {
-        taken = taken || strcmp(name, pm_contact_interface_group[i]) == 0;
+        taken = taken || strcmp(name, pm_contact_group_name[i]) == 0;
     }
     return taken;
 }
@@ -27,11 +29,11 @@ static pm_status fill_layout(const pm_body_assembly *a, const pm_contact_interfa
     const char *const body[2] = {a->body[m->body[0]].name, a->body[m->body[1]].name};
     for (int i = 0; i < 2; ++i) {
         if (is_taken(body[i])) {
-            return pm_fail(PM_ECONFIG, "a body that meets another cannot be called \"%s\"",
+            return pm_fail(PM_ECONFIG, "a body that faces another cannot be called \"%s\"",
                            body[i]);
         }
     }
-    const int size[NGROUP] = {a->basis->nstate, a->basis->nstate, m->facing.npair, 1};
+    const int size[NGROUP] = {a->basis->nstate, a->basis->nstate, m->pairs.npair, 1};
     const char *const name[NGROUP] = {body[0], body[1], "creep", "s"};
     const char *const unit[NGROUP] = {"J^0.5", "J^0.5", "m", "J/K"};
     *layout = (pm_layout){0};
@@ -43,9 +45,9 @@ static pm_status fill_layout(const pm_body_assembly *a, const pm_contact_interfa
     return PM_OK;
 }
 
-// The spec, with everything it points to in the arena.
+// Fills in the spec; everything that it points to lies in the arena.
 static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface *m,
-                           const pm_gap_constants *c, pm_part *part, pm_arena *arena) {
+                           const pm_contact_constants *c, pm_part *part, pm_arena *arena) {
     static const char *const names[] = {"k"}, *const entropy[] = {"s"};
     const char **of = pm_arena_array(arena, 2, sizeof *of);
     double *number = pm_arena_array(arena, 2, sizeof *number);
@@ -60,10 +62,8 @@ static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface
     of[0] = part->layout.group[TRAVEL_A].name;
     of[1] = part->layout.group[TRAVEL_B].name;
     for (int i = 0; i < PM_CONTACT_GROUPS; ++i) {
-        derived[i] = (pm_derived_spec){.name = pm_contact_interface_group[i],
-                                       .size = m->facing.npair,
-                                       .ngroup = 2,
-                                       .group = of};
+        derived[i] = (pm_derived_spec){
+            .name = pm_contact_group_name[i], .size = m->pairs.npair, .ngroup = 2, .group = of};
     }
     number[0] = c->stiffness;
     number[1] = a->basis->temperature;
@@ -86,16 +86,17 @@ static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface
     return PM_OK;
 }
 
+// The values of a parameter of a derived variable; NULL if memory is exhausted.
 static double *values_of(const pm_part *part, const char *derived, const char *what,
                          pm_arena *arena) {
     const char *name = pm_arena_printf(arena, "derived.%s.%s", derived, what);
     return name == NULL ? NULL : pm_params_find(&part->params, name)->value;
 }
 
-// Both ends' matrices side by side, and the undeformed gap.
-static pm_status fill_images(const pm_body_assembly *a, const pm_contact_interface *m,
-                             pm_part *part, pm_arena *arena) {
-    const int n = m->facing.npair, nstate = a->basis->nstate;
+// Fills in the matrices of both ends, side by side, and the undeformed gap as the offset of g.
+static pm_status fill_derived(const pm_body_assembly *a, const pm_contact_interface *m,
+                              pm_part *part, pm_arena *arena) {
+    const int n = m->pairs.npair, nstate = a->basis->nstate;
     double *one = pm_arena_array(arena, (size_t)(PM_CONTACT_GROUPS * n * nstate), sizeof *one);
     if (one == NULL) {
         return no_memory();
@@ -103,7 +104,7 @@ static pm_status fill_images(const pm_body_assembly *a, const pm_contact_interfa
     for (int end = 0; end < 2; ++end) {
         PM_TRY(pm_contact_interface_matrix(a, m, end, one));
         for (int i = 0; i < PM_CONTACT_GROUPS; ++i) {
-            const char *derived = pm_contact_interface_group[i];
+            const char *derived = pm_contact_group_name[i];
             double *matrix = values_of(part, derived, "matrix", arena);
             double *offset = values_of(part, derived, "offset", arena);
             if (matrix == NULL || offset == NULL) {
@@ -112,18 +113,67 @@ static pm_status fill_images(const pm_body_assembly *a, const pm_contact_interfa
             for (int k = 0; k < n; ++k) {
                 memcpy(matrix + (ptrdiff_t)(2 * k + end) * nstate,
                        one + (ptrdiff_t)(i * n + k) * nstate, (size_t)nstate * sizeof *one);
-                offset[k] = i == PM_CONTACT_GAP ? m->facing.pair[k].gap : 0;
+                offset[k] = i == PM_CONTACT_GAP ? m->pairs.pair[k].gap : 0;
             }
         }
     }
     return PM_OK;
 }
 
-pm_status pm_contact_interface_part(const pm_body_assembly *a, const pm_contact_interface *m,
-                                    const pm_gap_constants *c, pm_arena *arena, pm_part *part) {
+pm_status pm_contact_part_make(const pm_body_assembly *a, const pm_contact_interface *m,
+                               const pm_contact_constants *c, pm_arena *arena, pm_part *part) {
     *part = (pm_part){0};
     PM_TRY(fill_layout(a, m, &part->layout));
     PM_TRY(fill_spec(a, m, c, part, arena));
     PM_TRY(pm_part_declare(part));
-    return fill_images(a, m, part, arena);
+    return fill_derived(a, m, part, arena);
+}
+
+// --- from weights ---
+
+const char *pm_contact_part_path(const pm_body_assembly *a, const pm_contact_interface *m,
+                                 const char *folder, pm_arena *arena) {
+    return pm_arena_printf(arena, "%s/%s_%s.h5", folder, a->body[m->body[0]].name,
+                           a->body[m->body[1]].name);
+}
+
+// Finds k in a part, provided that it has the layout and the energy of the interface's part.
+static pm_status find_stiffness(const pm_body_assembly *a, const pm_contact_interface *m,
+                                const pm_part *part, const char *path, double *stiffness) {
+    const pm_potential_spec *energy = &part->spec.energy;
+    const pm_constants *constants = part->spec.constants;
+    pm_layout expected;
+    PM_TRY(fill_layout(a, m, &expected));
+    const bool same = pm_layout_equal(&part->layout, &expected) && energy->nformula == 1 &&
+                      strcmp(energy->formula[0].text, FORMULA) == 0;
+    for (int i = 0; same && constants != NULL && i < constants->count; ++i) {
+        if (strcmp(constants->name[i], "k") == 0) {
+            *stiffness = constants->value[i];
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EWEIGHTS,
+                   "%s: expected the part between %s and %s with %d contact pairs, which `contact` "
+                   "writes",
+                   path, a->body[m->body[0]].name, a->body[m->body[1]].name, m->pairs.npair);
+}
+
+pm_status pm_contact_part_stiffness(const pm_body_assembly *a, const pm_contact_interface *m,
+                                    const char *folder, double *stiffness) {
+    pm_arena arena = {0};
+    pm_part part = {0};
+    pm_provenance provenance;
+    pm_status status;
+    const char *path = pm_contact_part_path(a, m, folder, &arena);
+    if (path == NULL) {
+        status = no_memory();
+        goto done;
+    }
+    PM_TRY_DONE(pm_weights_load_part(path, &arena, &part, &provenance));
+    PM_TRY_DONE(pm_basis_check(a->basis, provenance.coordinates, path));
+    status = find_stiffness(a, m, &part, path, stiffness);
+done:
+    pm_part_free(&part);
+    pm_arena_free(&arena);
+    return status;
 }

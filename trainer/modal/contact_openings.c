@@ -1,9 +1,9 @@
-// What a state of an assembly says about the openings between two bodies.
-#include <stdio.h>
+// Finds the columns of an interface, and applies its matrices to a row.
+#include "modal/contact_openings.h"
+
 #include <string.h>
 
-#include "modal/body_assembly.h"
-
+// Finds the first of `count` columns by its name; the others follow it.
 static pm_status find_column(const pm_dataset *d, const char *name, int count, int *first) {
     *first = 0;
     while (*first < d->ncolumn && strcmp(d->column[*first], name) != 0) {
@@ -14,7 +14,7 @@ static pm_status find_column(const pm_dataset *d, const char *name, int count, i
                : pm_fail(PM_EDATA, "the dataset has no columns from \"%s\" on", name);
 }
 
-// Where the first number of a group of the meeting stands; the others follow.
+// Finds the first column of a group of the interface.
 static pm_status find_group(const pm_body_assembly *a, const pm_contact_interface *m,
                             const pm_dataset *d, const char *group, int count, pm_arena *arena,
                             int *first) {
@@ -24,10 +24,11 @@ static pm_status find_group(const pm_body_assembly *a, const pm_contact_interfac
                         : find_column(d, name, count, first);
 }
 
-pm_status pm_openings_open(pm_openings *o, const pm_body_assembly *a, const pm_contact_interface *m,
-                           const pm_dataset *modes, pm_arena *arena) {
-    const size_t count = PM_CONTACT_GROUPS * (size_t)m->facing.npair;
-    *o = (pm_openings){.meeting = m, .nstate = a->basis->nstate};
+pm_status pm_contact_openings_open(pm_contact_openings *o, const pm_body_assembly *a,
+                                   const pm_contact_interface *m, const pm_dataset *modes,
+                                   pm_arena *arena) {
+    const size_t count = PM_CONTACT_GROUPS * (size_t)m->pairs.npair;
+    *o = (pm_contact_openings){.interface = m, .nstate = a->basis->nstate};
     o->value = pm_arena_array(arena, count, sizeof *o->value);
     for (int end = 0; end < 2; ++end) {
         o->matrix[end] = pm_arena_array(arena, count * (size_t)o->nstate, sizeof(double));
@@ -38,13 +39,13 @@ pm_status pm_openings_open(pm_openings *o, const pm_body_assembly *a, const pm_c
         PM_TRY(
             find_group(a, m, modes, a->body[m->body[end]].name, o->nstate, arena, &o->travel[end]));
     }
-    return find_group(a, m, modes, "creep", m->facing.npair, arena, &o->creep);
+    return find_group(a, m, modes, "creep", m->pairs.npair, arena, &o->creep);
 }
 
-const double *pm_openings_at(const pm_openings *o, const double *row) {
-    const int n = o->meeting->facing.npair;
+const double *pm_contact_openings_compute(const pm_contact_openings *o, const double *row) {
+    const int n = o->interface->pairs.npair;
     for (int i = 0; i < PM_CONTACT_GROUPS * n; ++i) {
-        double sum = i < n ? o->meeting->facing.pair[i].gap + row[o->creep + i] : 0;
+        double sum = i < n ? o->interface->pairs.pair[i].gap + row[o->creep + i] : 0;
         for (int end = 0; end < 2; ++end) {
             for (int k = 0; k < o->nstate; ++k) {
                 sum += o->matrix[end][(ptrdiff_t)i * o->nstate + k] * row[o->travel[end] + k];
