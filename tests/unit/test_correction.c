@@ -130,7 +130,7 @@ static void what_does_not_fit_is_refused(void **state) {
     refuse(&p, "the simulation has no node at (0, 0, 0) m");
     p = make_pair();
     p.own->variable = "q w";
-    refuse(&p, "variables are \"q w\", the known fields \"q v\"");
+    refuse(&p, "variables \"q w\", the known fields \"q v\"");
     p = make_pair();
     p.own->dt = 0.6;
     refuse(&p, "0.6 s apart");
