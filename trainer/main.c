@@ -1,17 +1,12 @@
-// portmet-train: the offline tools. Looks up the subcommand, runs it, prints its error once.
+// portmet-train: the offline tools.
 #include <signal.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "base/linalg.h"
+#include "base/subcommand.h"
 #include "command/commands.h"
 
-typedef struct command {
-    const char *name, *summary;
-    pm_status (*run)(int argc, char **argv, const volatile sig_atomic_t *stop);
-} command;
-
-static const command commands[] = {
+static const pm_subcommand commands[] = {
     {"truth", "simulate ground truth into a dataset", pm_command_truth},
     {"correct", "correct a simulation by known fields", pm_command_correct},
     {"reduce", "find the modes of a body in its fields", pm_command_reduce},
@@ -22,9 +17,19 @@ static const command commands[] = {
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
     {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},
 };
-#define NCOMMAND (sizeof commands / sizeof *commands)
 
-static volatile sig_atomic_t stop;
+static const pm_subcommands program = {
+    .program = "portmet-train",
+    .about =
+        "Makes the weights of learned thermodynamic subsystems: simulates ground truth, prepares\n"
+        "data, trains models, and scores their rollouts.",
+    .codes = "0 success, 2 command line, 3 configuration, 4 file, 5 data, 6 weights,\n"
+             "9 numerics, 10 a law violated, 11 memory, 12 interrupted.",
+    .count = sizeof commands / sizeof *commands,
+    .command = commands,
+};
+
+static volatile sig_atomic_t stop; // a signal handler can only reach a global
 
 static void request_stop(int signal_number) {
     (void)signal_number;
@@ -42,40 +47,8 @@ static void catch_signals(void) {
     sigaction(SIGTERM, &action, NULL);
 }
 
-static void print_help(void) {
-    printf("Usage: portmet-train COMMAND [arguments]\n\nCommands:\n");
-    for (size_t i = 0; i < NCOMMAND; ++i) {
-        printf("  %-12s %s\n", commands[i].name, commands[i].summary);
-    }
-    printf("\nportmet-train COMMAND --help describes a command. --version prints the version.\n"
-           "Exit codes: 0 success, 2 command line, 3 configuration, 4 file, 5 data, 6 weights,\n"
-           "9 numerics, 10 a law violated, 11 memory, 12 interrupted.\n");
-}
-
-static pm_status run(int argc, char **argv) {
-    const char *name = argc > 1 ? argv[1] : "";
-    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0) {
-        print_help();
-        return PM_OK;
-    }
-    if (strcmp(name, "--version") == 0) {
-        printf("portmet-train %s\n", PM_VERSION);
-        return PM_OK;
-    }
-    for (size_t i = 0; i < NCOMMAND; ++i) {
-        if (strcmp(name, commands[i].name) == 0) {
-            return commands[i].run(argc - 1, argv + 1, &stop);
-        }
-    }
-    return pm_fail(PM_EUSAGE, "unknown command \"%s\"; portmet-train --help lists them", name);
-}
-
 int main(int argc, char **argv) {
     pm_linalg_init();
     catch_signals();
-    const pm_status status = run(argc, argv);
-    if (status != PM_OK) {
-        fprintf(stderr, "portmet-train: %s\n", pm_error());
-    }
-    return (int)status;
+    return pm_subcommand_main(&program, argc, argv, &stop);
 }

@@ -1,12 +1,16 @@
-// The subcommands, one file each; main.c lists them. A new one is a file and a line there.
+// The subcommands of portmetd, one file each. Each gets its own name as argv[0] and the arguments
+// after it, and ends soon with PM_EINTERRUPTED when `stop` becomes non-zero (base/subcommand.h). A
+// new one is a file, a line here and a line in main.c.
 #ifndef PM_APP_COMMAND_H
 #define PM_APP_COMMAND_H
 
+#include <signal.h>
+
 #include "app/options.h"
 
-extern const pm_command pm_command_run;
-extern const pm_command pm_command_node;
-extern const pm_command pm_command_coordinator;
-extern const pm_command pm_command_check;
+pm_status pm_command_run(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_node(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_coordinator(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_check(int argc, char **argv, const volatile sig_atomic_t *stop);
 
 #endif

@@ -277,7 +277,7 @@ static pm_status describe(const pm_setup *setup) {
     return print_channels(setup->scene);
 }
 
-static pm_status execute(const pm_options *options) {
+static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
     PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_DESCRIBE));
@@ -287,16 +287,18 @@ done:
     return status;
 }
 
-const pm_command pm_command_check = {
-    .name = "check",
+static const pm_command command = {
     .arguments = "SCENE",
-    .summary = "validate a scene and describe it",
     .help =
         "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
         "hold: time stepping, subsystems with their variables, units and dataset columns, loads,\n"
         "ports, the provenance of the weights, what a run will not compute, and the LCM channels.\n"
         "A scene without a state to start from is described too, though it cannot run.\n"
-        "Anything wrong ends it with one line and the exit code of its class.\n",
+        "The first mistake ends it with one line and the exit code of its class.",
     .accepts = PM_OPTION_WEIGHTS,
     .execute = execute,
 };
+
+pm_status pm_command_check(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    return pm_command_execute(&command, argc, argv, stop);
+}

@@ -5,7 +5,6 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/observer.h"
-#include "app/stop.h"
 #include "lockstep/lockstep.h"
 
 static pm_status conduct(pm_setup *setup, pm_observer *observer) {
@@ -16,7 +15,7 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_setup_checkpoint(setup, observer->options, NULL, &options.checkpoint));
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
-    status = pm_lockstep_run_coordinator(coordinator, &pm_stop_requested);
+    status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "over LCM");
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
@@ -26,7 +25,7 @@ done:
     return status;
 }
 
-static pm_status execute(const pm_options *options) {
+static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_observer observer = {0};
     pm_status status;
@@ -39,17 +38,19 @@ done:
     return status;
 }
 
-const pm_command pm_command_coordinator = {
-    .name = "coordinator",
+static const pm_command command = {
     .arguments = "SCENE",
-    .summary = "step the nodes of a scene that run elsewhere",
     .help =
         "Waits for one `portmetd node` per process, on this or any other host of the network,\n"
         "then steps them together, keeps the ledger of both laws, records, and prints the same\n"
         "tables as `portmetd run`. Nodes with another scene, other weights or another initial\n"
         "state are refused by name. With --checkpoint it goes on where it was killed;\n"
-        "when all have ended well, remove the folder's files.\n",
+        "remove the files in the folder when all processes have ended well.",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |
                PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_GATE | PM_OPTION_QUIET,
     .execute = execute,
 };
+
+pm_status pm_command_coordinator(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    return pm_command_execute(&command, argc, argv, stop);
+}

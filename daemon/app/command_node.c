@@ -4,10 +4,9 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/setup.h"
-#include "app/stop.h"
 #include "lockstep/lockstep.h"
 
-static pm_status serve(pm_setup *setup, const pm_options *options, int process_id) {
+static pm_status serve(pm_setup *setup, const pm_run_options *options, int process_id) {
     pm_transport *transport = NULL;
     pm_lockstep_node *node = NULL;
     pm_lockstep_node_options node_options = {
@@ -20,7 +19,7 @@ static pm_status serve(pm_setup *setup, const pm_options *options, int process_i
                                     &node_options.checkpoint));
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
-    status = pm_lockstep_run_node(node, &pm_stop_requested);
+    status = pm_lockstep_run_node(node, options->stop);
     pm_connect_warn(transport, pm_lockstep_node_drops(node));
 done:
     pm_lockstep_node_close(node);
@@ -40,7 +39,7 @@ static pm_status fail_name(const pm_scene *scene, const char *name) {
                    list);
 }
 
-static pm_status execute(const pm_options *options) {
+static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
     PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_SERVE));
@@ -52,20 +51,23 @@ done:
     return status;
 }
 
-const pm_command pm_command_node = {
-    .name = "node",
+static const pm_command command = {
     .arguments = "SCENE NAME",
-    .summary = "serve one process of a scene",
-    .help = "Serves the process NAME, one subsystem or those that the scene's `processes` list:\n"
-            "publishes their energy and entropy fluxes through the ports that lead to others,\n"
-            "listens to these, and steps when the coordinator grants it. Ends when the run does.\n"
-            "Scene, weights and initial state must be the same on every host; a node that\n"
-            "differs is refused. By hand, one in each terminal or on each host, in any order:\n\n"
+    .help = "Serves the process NAME: one subsystem, or those that the scene's `processes` list.\n"
+            "It publishes their energy and entropy fluxes through the ports to other processes,\n"
+            "listens to the fluxes of these, and steps when the coordinator grants a step. It\n"
+            "ends when the run does. Scene, weights and initial state must be the same on every\n"
+            "host; the coordinator refuses a node that differs. Start the processes by hand, one\n"
+            "in each terminal or on each host, in any order:\n\n"
             "  portmetd node SCENE NAME1\n"
             "  portmetd node SCENE NAME2\n"
             "  portmetd coordinator SCENE\n\n"
-            "With --checkpoint, for all of them, one that was killed goes on when it is started\n"
-            "again with the same command within the scene's `patience`.\n",
+            "If all of them have --checkpoint, one that was killed goes on when the same command\n"
+            "starts it again within the scene's `patience`.",
     .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT,
     .execute = execute,
 };
+
+pm_status pm_command_node(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    return pm_command_execute(&command, argc, argv, stop);
+}

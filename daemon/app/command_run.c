@@ -8,7 +8,6 @@
 #include "app/connect.h"
 #include "app/launch.h"
 #include "app/observer.h"
-#include "app/stop.h"
 #include "app/supervise.h"
 #include "lockstep/lockstep.h"
 
@@ -17,7 +16,7 @@
 
 // --- over LCM ---
 
-static pm_status launch_nodes(pm_launch *launch, pm_setup *setup, const pm_options *options,
+static pm_status launch_nodes(pm_launch *launch, pm_setup *setup, const pm_run_options *options,
                               int64_t session) {
     const char *number = pm_arena_printf(&setup->arena, "%" PRId64, session);
     for (int i = 0; i < setup->scene->nprocess; ++i) {
@@ -33,7 +32,8 @@ static pm_status launch_nodes(pm_launch *launch, pm_setup *setup, const pm_optio
 }
 
 // The coordinator's loop, with an eye on the children and on the stop flag until the first failure.
-static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch) {
+static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch,
+                         const volatile sig_atomic_t *stop) {
     pm_transport *transport = pm_lockstep_coordinator_transport(coordinator);
     bool failed = false;
     double now = pm_clock(), looked = 0;
@@ -41,7 +41,7 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch
         if (!failed && now - looked > WATCH_INTERVAL) {
             looked = now;
             pm_status status = pm_launch_watch(launch);
-            if (pm_stop_requested) {
+            if (*stop) {
                 status = pm_fail(PM_EINTERRUPTED, "interrupted");
             }
             if (status != PM_OK) {
@@ -57,7 +57,8 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch
     return pm_lockstep_coordinator_result(coordinator);
 }
 
-static pm_status run_processes(pm_setup *setup, const pm_options *options, pm_observer *observer) {
+static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
+                               pm_observer *observer) {
     pm_transport *transport = NULL;
     pm_lockstep_coordinator *coordinator = NULL;
     pm_launch *launch = NULL;
@@ -69,7 +70,7 @@ static pm_status run_processes(pm_setup *setup, const pm_options *options, pm_ob
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
     PM_TRY_DONE(launch_nodes(launch, setup, options, coordinator_options.session));
-    status = conduct(coordinator, launch);
+    status = conduct(coordinator, launch, options->stop);
     if (status == PM_OK) {
         status = pm_launch_wait(launch, END_GRACE);
     }
@@ -101,7 +102,7 @@ static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_transport_open(&transport[1], url, hub));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, 0, transport[0], &node_options));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport[1], &options));
-    status = pm_lockstep_run_together(coordinator, 1, &node, &pm_stop_requested);
+    status = pm_lockstep_run_together(coordinator, 1, &node, observer->options->stop);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 "in one process");
 done:
@@ -113,7 +114,7 @@ done:
     return status;
 }
 
-static pm_status run_here(pm_setup *setup, const pm_options *options) {
+static pm_status run_here(pm_setup *setup, const pm_run_options *options) {
     pm_observer observer = {0};
     pm_status status;
     PM_TRY_DONE(pm_observer_open(&observer, setup, options));
@@ -124,7 +125,7 @@ done:
     return status;
 }
 
-static pm_status execute(const pm_options *options) {
+static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     if (options->in_process && options->checkpoint != NULL) {
         return pm_fail(PM_EUSAGE, "run: --checkpoint is for processes that may die one by one, "
@@ -139,18 +140,21 @@ static pm_status execute(const pm_options *options) {
     return status;
 }
 
-const pm_command pm_command_run = {
-    .name = "run",
+static const pm_command command = {
     .arguments = "SCENE",
-    .summary = "run a scene: its processes, and a coordinator",
-    .help = "Launches `portmetd node` once per process, by default one for each subsystem,\n"
-            "coordinates them over LCM, and prints mean fluxes, errors against the scene's\n"
-            "reference trajectory, the ledger of both laws, and the speed. It starts from each\n"
-            "subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
-            "processes and prints the tables of the steps done so far. With --checkpoint whoever\n"
-            "is killed is started again and goes on, with the same bits at the end; so does the\n"
-            "whole run when this command is given again.\n",
+    .help =
+        "Launches `portmetd node` once per process, by default one for each subsystem,\n"
+        "coordinates them over LCM, and prints mean fluxes, errors against the scene's\n"
+        "reference trajectory, the ledger of both laws, and the speed. It starts from each\n"
+        "subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
+        "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
+        "that is killed starts again and goes on, with the same bits at the end; so does the\n"
+        "whole run when this command is given again.",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS |
                PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_GATE | PM_OPTION_QUIET,
     .execute = execute,
 };
+
+pm_status pm_command_run(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    return pm_command_execute(&command, argc, argv, stop);
+}

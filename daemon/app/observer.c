@@ -5,7 +5,7 @@
 #include <stdio.h>
 
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
-                           const pm_options *options) {
+                           const pm_run_options *options) {
     *observer = (pm_observer){.options = options, .scene = setup->scene, .started = pm_clock()};
     PM_TRY(pm_report_open(&observer->report, setup));
     return options->record == NULL ? PM_OK : pm_recording_check(options->record);

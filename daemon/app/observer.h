@@ -8,7 +8,7 @@
 
 // Storage the caller owns.
 typedef struct pm_observer {
-    const pm_options *options;
+    const pm_run_options *options;
     const pm_scene *scene;
     pm_report *report;
     pm_recording *recording; // NULL: nobody records, or there was no sample yet
@@ -19,7 +19,8 @@ typedef struct pm_observer {
 // Checks that the recording, if one is wanted, can be made. The first sample makes it, so that a
 // run that never begins leaves an older file alone. `setup` and `options` must outlive it.
 // PM_EFILE, PM_ENOMEM.
-pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup, const pm_options *options);
+pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
+                           const pm_run_options *options);
 
 // The coordinator's options that make it call this observer, which must stay where it is.
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup);

@@ -1,148 +1,107 @@
-// One table of options serves every subcommand: it is what getopt_long reads and what help prints.
+// Each subcommand's table of options is the part of one common table that it accepts.
 #include "app/options.h"
 
-#include <errno.h>
-#include <getopt.h>
-#include <inttypes.h>
 #include <limits.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+
+#include "base/options.h"
+
+// Options whose values are numbers arrive as text.
+typedef struct given_options {
+    pm_run_options run;
+    const char *steps, *session;
+} given_options;
 
 typedef struct option_row {
-    const char *name, *argument, *help; // argument NULL: a flag
-    unsigned bit;                       // 0: accepted by all
+    unsigned bit;
+    pm_option option;
 } option_row;
 
-static const option_row rows[] = {
-    {"steps", "N", "compute N steps instead of the scene's", PM_OPTION_STEPS},
-    {"record", "FILE", "write every state, flux and total to FILE (HDF5)", PM_OPTION_RECORD},
-    {"weights", "DIR", "take the weights files from DIR", PM_OPTION_WEIGHTS},
-    {"url", "URL", "LCM provider instead of the scene's", PM_OPTION_URL},
-    {"in-process", NULL, "all subsystems in this process, without LCM", PM_OPTION_IN_PROCESS},
-    {"session", "NUMBER", "the run to join or to open, where several share a network",
-     PM_OPTION_SESSION},
-    {"checkpoint", "DIR", "keep in DIR what is needed to go on after a death, and go on from it",
-     PM_OPTION_CHECKPOINT},
-    {"gate", "FILE", "hold the run after as many steps as FILE says, until it says more",
-     PM_OPTION_GATE},
-    {"quiet", NULL, "print errors only", PM_OPTION_QUIET},
-    {"help", NULL, "show this help", 0},
-};
-#define ROWS ((int)(sizeof rows / sizeof rows[0]))
+enum { MOST_OPTIONS = 16 };
 
-static bool accepted(const pm_command *command, const option_row *row) {
-    return row->bit == 0 || (command->accepts & row->bit) != 0;
-}
-
-static pm_status parse_count(const char *option, const char *text, int64_t high, int64_t *count) {
-    char *end;
-    errno = 0;
-    const long long value = strtoll(text, &end, 10);
-    if (errno != 0 || end == text || *end != 0 || value < 1 || value > high) {
-        return pm_fail(PM_EUSAGE, "%s: expected a whole number from 1 to %" PRId64 ", found \"%s\"",
-                       option, high, text);
-    }
-    *count = value;
-    return PM_OK;
-}
-
-static pm_status store(unsigned bit, const char *argument, pm_options *options) {
-    switch (bit) {
-    case PM_OPTION_STEPS:
-        return parse_count("--steps", argument, INT_MAX, &options->steps);
-    case PM_OPTION_SESSION:
-        return parse_count("--session", argument, INT64_MAX, &options->session);
-    case PM_OPTION_RECORD:
-        options->record = argument;
-        break;
-    case PM_OPTION_CHECKPOINT:
-        options->checkpoint = argument;
-        break;
-    case PM_OPTION_GATE:
-        options->gate = argument;
-        break;
-    case PM_OPTION_WEIGHTS:
-        options->weights = argument;
-        break;
-    case PM_OPTION_URL:
-        options->url = argument;
-        break;
-    case PM_OPTION_IN_PROCESS:
-        options->in_process = true;
-        break;
-    case PM_OPTION_QUIET:
-        options->quiet = true;
-        break;
-    }
-    return PM_OK;
-}
-
-// The table as getopt_long wants it; `val` is the row's number plus one.
-static void fill_getopt(const pm_command *command, struct option *table) {
+// Fills table [MOST_OPTIONS] with the accepted options; returns their number.
+static int list_options(unsigned accepts, given_options *given, pm_option *table) {
+    pm_run_options *run = &given->run;
+    const option_row rows[] = {
+        {PM_OPTION_STEPS,
+         {.name = "--steps",
+          .value = "N",
+          .text = &given->steps,
+          .help = "compute N steps instead of the scene's"}},
+        {PM_OPTION_RECORD,
+         {.name = "--record",
+          .value = "FILE",
+          .text = &run->record,
+          .help = "write every state, flux and total to FILE (HDF5)"}},
+        {PM_OPTION_WEIGHTS,
+         {.name = "--weights",
+          .value = "DIR",
+          .text = &run->weights,
+          .help = "take the weights files from DIR"}},
+        {PM_OPTION_URL,
+         {.name = "--url",
+          .value = "URL",
+          .text = &run->url,
+          .help = "LCM provider instead of the scene's"}},
+        {PM_OPTION_IN_PROCESS,
+         {.name = "--in-process",
+          .on = &run->in_process,
+          .help = "all subsystems in this process, without LCM"}},
+        {PM_OPTION_SESSION,
+         {.name = "--session",
+          .value = "NUMBER",
+          .text = &given->session,
+          .help = "the run to join or to open, where several share a network"}},
+        {PM_OPTION_CHECKPOINT,
+         {.name = "--checkpoint",
+          .value = "DIR",
+          .text = &run->checkpoint,
+          .help = "keep checkpoints in DIR, and go on from those found there"}},
+        {PM_OPTION_GATE,
+         {.name = "--gate",
+          .value = "FILE",
+          .text = &run->gate,
+          .help = "hold the run after the number of steps in FILE until FILE has a larger one"}},
+        {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
+    };
     int count = 0;
-    for (int i = 0; i < ROWS; ++i) {
-        if (accepted(command, &rows[i])) {
-            const int takes = rows[i].argument == NULL ? no_argument : required_argument;
-            table[count++] = (struct option){rows[i].name, takes, NULL, i + 1};
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+        if ((accepts & rows[i].bit) != 0) {
+            table[count++] = rows[i].option;
         }
     }
-    table[count] = (struct option){NULL, 0, NULL, 0};
+    return count;
 }
 
-static pm_status fail_option(const pm_command *command, bool unknown, const char *word) {
-    // A short option leaves its letter in optopt, and may stand anywhere in its word.
-    const char letter[] = {'-', (char)optopt, 0};
-    return pm_fail(PM_EUSAGE, "%s: %s %s (portmetd %s --help)", command->name,
-                   unknown ? "does not know" : "an argument must follow",
-                   optopt > ROWS ? letter : word, command->name);
-}
-
-static pm_status parse_positional(const pm_command *command, int count, char **argument,
-                                  pm_options *options) {
-    const int expected = strchr(command->arguments, ' ') == NULL ? 1 : 2;
-    if (count != expected) {
-        return pm_fail(PM_EUSAGE, "%s: expected %s, found %d argument%s (portmetd %s --help)",
-                       command->name, command->arguments, count, count == 1 ? "" : "s",
-                       command->name);
+static pm_status read_options(const pm_command *command, int argc, char **argv,
+                              given_options *given, bool *helped) {
+    pm_option table[MOST_OPTIONS];
+    const char *positional[2] = {NULL, NULL};
+    char usage[64];
+    snprintf(usage, sizeof usage, "portmetd %s %s [options]", argv[0], command->arguments);
+    const pm_options options = {
+        .usage = usage,
+        .summary = command->help,
+        .positional_name = command->arguments,
+        .positional = positional,
+        .count = list_options(command->accepts, given, table),
+        .option = table,
+    };
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    given->run.scene = positional[0];
+    given->run.name = positional[1];
+    if (given->steps != NULL) {
+        PM_TRY(pm_options_count("--steps", given->steps, INT_MAX, &given->run.steps));
     }
-    options->scene = argument[0];
-    options->name = expected == 2 ? argument[1] : NULL;
-    return PM_OK;
+    return given->session == NULL
+               ? PM_OK
+               : pm_options_count("--session", given->session, INT64_MAX, &given->run.session);
 }
 
-pm_status pm_options_parse(const pm_command *command, int argc, char **argv, pm_options *options,
-                           bool *help) {
-    struct option table[ROWS + 1];
-    fill_getopt(command, table);
-    pm_options parsed = {0};
-    opterr = 0;
-    optind = 1;
-    int value;
-    while ((value = getopt_long(argc, argv, ":h", table, NULL)) != -1) {
-        if (value == '?' || value == ':') {
-            return fail_option(command, value == '?', argv[optind - 1]);
-        }
-        if (value == 'h' || rows[value - 1].bit == 0) {
-            *help = true;
-            return PM_OK;
-        }
-        PM_TRY(store(rows[value - 1].bit, optarg, &parsed));
-    }
-    PM_TRY(parse_positional(command, argc - optind, argv + optind, &parsed));
-    *options = parsed;
-    return PM_OK;
-}
-
-void pm_options_print_help(const pm_command *command) {
-    printf("Usage: portmetd %s %s [options]\n\n%s\nOptions:\n", command->name, command->arguments,
-           command->help);
-    for (int i = 0; i < ROWS; ++i) {
-        if (accepted(command, &rows[i])) {
-            char left[32];
-            snprintf(left, sizeof left, "--%s %s", rows[i].name,
-                     rows[i].argument == NULL ? "" : rows[i].argument);
-            printf("  %-16s %s\n", left, rows[i].help);
-        }
-    }
+pm_status pm_command_execute(const pm_command *command, int argc, char **argv,
+                             const volatile sig_atomic_t *stop) {
+    given_options given = {.run = {.stop = stop}};
+    bool helped = false;
+    PM_TRY(read_options(command, argc, argv, &given, &helped));
+    return helped ? PM_OK : command->execute(&given.run);
 }

@@ -1,22 +1,24 @@
-// The command line: how a subcommand describes itself, its help, and the options it was given.
+// The options of portmetd's subcommands: one table serves all of them, and each accepts some.
 #ifndef PM_APP_OPTIONS_H
 #define PM_APP_OPTIONS_H
 
+#include <signal.h>
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "base/status.h"
 
-// What a subcommand was given; text points into argv. Absent text is NULL.
-typedef struct pm_options {
-    const char *scene, *name; // positional
+// What a subcommand was given. Text points into argv; text that was not given is NULL.
+typedef struct pm_run_options {
+    const char *scene, *name; // positional; `name` only where the subcommand has two
     const char *weights, *url, *record, *checkpoint, *gate;
     int64_t steps;   // 0: as the scene says
     int64_t session; // 0: any
     bool in_process, quiet;
-} pm_options;
+    const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
+} pm_run_options;
 
-// Options a subcommand may accept, besides --help.
+// The options that a subcommand may accept, besides --help.
 enum {
     PM_OPTION_STEPS = 1 << 0,
     PM_OPTION_RECORD = 1 << 1,
@@ -30,20 +32,15 @@ enum {
 };
 
 typedef struct pm_command {
-    const char *name;
     const char *arguments; // positional, "SCENE" or "SCENE NAME"
-    const char *summary;   // half a line
     const char *help;      // paragraphs
     unsigned accepts;      // PM_OPTION_... combined
-    pm_status (*execute)(const pm_options *options);
+    pm_status (*execute)(const pm_run_options *options);
 } pm_command;
 
-// Parses what follows the subcommand's name (argv[0]). With --help, `help` becomes true and nothing
-// else is checked. PM_EUSAGE.
-pm_status pm_options_parse(const pm_command *command, int argc, char **argv, pm_options *options,
-                           bool *help);
-
-// Prints a subcommand's help to standard output.
-void pm_options_print_help(const pm_command *command);
+// Reads the arguments that follow the subcommand's name (argv[0]) and executes it, or prints its
+// help. PM_EUSAGE, and what `execute` returns.
+pm_status pm_command_execute(const pm_command *command, int argc, char **argv,
+                             const volatile sig_atomic_t *stop);
 
 #endif

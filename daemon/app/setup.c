@@ -66,7 +66,7 @@ static pm_status find_initial(pm_setup *setup) {
     return PM_OK;
 }
 
-static pm_status override(pm_scene *scene, const pm_options *options) {
+static pm_status override(pm_scene *scene, const pm_run_options *options) {
     if (options->url != NULL) {
         PM_TRY(pm_transport_check(options->url));
         scene->url = options->url;
@@ -77,7 +77,7 @@ static pm_status override(pm_scene *scene, const pm_options *options) {
     return options->in_process ? pm_scene_join_processes(scene) : PM_OK;
 }
 
-pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose purpose) {
+pm_status pm_setup_load(pm_setup *setup, const pm_run_options *options, pm_purpose purpose) {
     *setup = (pm_setup){0};
     PM_TRY(pm_scene_load(&setup->scene, options->scene));
     const pm_scene *scene = setup->scene;
@@ -119,7 +119,7 @@ void pm_setup_free(pm_setup *setup) {
     pm_arena_free(&setup->arena);
 }
 
-pm_status pm_setup_checkpoint(pm_setup *setup, const pm_options *options, const char *process,
+pm_status pm_setup_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
                               const char **path) {
     const char *folder = options->checkpoint;
     *path = NULL;

@@ -27,12 +27,12 @@ typedef struct pm_setup {
 // PM_ECONFIG if it has neither. A reference that is loaded has its time step checked (PM_EDATA).
 // The initial state and the loads are folded into system->digest, so that hosts which look at
 // different references find out. The caller frees, on failure too.
-pm_status pm_setup_load(pm_setup *setup, const pm_options *options, pm_purpose purpose);
+pm_status pm_setup_load(pm_setup *setup, const pm_run_options *options, pm_purpose purpose);
 void pm_setup_free(pm_setup *setup);
 
 // The file in which a process, or with `process` NULL the coordinator, keeps its checkpoint; NULL
 // if none is asked for. The folder is made. PM_EFILE, PM_ENOMEM.
-pm_status pm_setup_checkpoint(pm_setup *setup, const pm_options *options, const char *process,
+pm_status pm_setup_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
                               const char **path);
 
 // The reference's trajectory at state `time_id`: [reference->ncolumn].

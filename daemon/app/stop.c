@@ -3,14 +3,15 @@
 
 #include <string.h>
 
-volatile sig_atomic_t pm_stop_requested = 0;
+// The only mutable global: a signal handler can reach nothing else.
+static volatile sig_atomic_t requested = 0;
 
 static void request_stop(int signal_number) {
     (void)signal_number;
-    pm_stop_requested = 1;
+    requested = 1;
 }
 
-void pm_stop_install(void) {
+const volatile sig_atomic_t *pm_stop_install(void) {
     struct sigaction action;
     memset(&action, 0, sizeof action);
     sigemptyset(&action.sa_mask);
@@ -19,4 +20,5 @@ void pm_stop_install(void) {
     sigaction(SIGTERM, &action, NULL);
     action.sa_handler = SIG_IGN;
     sigaction(SIGPIPE, &action, NULL);
+    return &requested;
 }

@@ -1,15 +1,12 @@
-// SIGINT and SIGTERM as a flag that loops look at, so that every process ends through its own
-// clean-up.
+// Turns SIGINT and SIGTERM into a flag that loops look at, so that every process ends through its
+// own clean-up.
 #ifndef PM_APP_STOP_H
 #define PM_APP_STOP_H
 
 #include <signal.h>
 
-// Set by the handlers; the program's only mutable global, since a signal handler can reach no
-// other.
-extern volatile sig_atomic_t pm_stop_requested;
-
-// Installs both handlers; a blocking call then returns EINTR. SIGPIPE is ignored.
-void pm_stop_install(void);
+// Installs the handlers and ignores SIGPIPE. Returns the flag, which the handlers make non-zero. A
+// blocking system call then returns EINTR.
+const volatile sig_atomic_t *pm_stop_install(void);
 
 #endif

@@ -12,7 +12,6 @@
 #include "base/progress.h"
 
 #include "app/launch.h"
-#include "app/stop.h"
 #include "lockstep/lockstep_coordinator.h"
 #include "store/snapshot.h"
 
@@ -25,11 +24,11 @@
 
 // Opens and locks the folder of the checkpoints. The children inherit the lock, so that it is free
 // when the last process of a run is gone, however the run ended.
-static pm_status lock(int *folder, const char *path) {
+static pm_status lock(int *folder, const char *path, const volatile sig_atomic_t *stop) {
     const double deadline = pm_clock() + LOCK_GRACE;
     *folder = open(path, O_RDONLY | O_DIRECTORY);
     while (*folder < 0 || flock(*folder, LOCK_EX | LOCK_NB) != 0) {
-        if (*folder < 0 || pm_clock() > deadline || pm_stop_requested) {
+        if (*folder < 0 || pm_clock() > deadline || *stop) {
             return pm_fail(PM_EFILE, "%s: %s", path,
                            *folder < 0 ? "cannot be opened" : "another run uses it");
         }
@@ -48,7 +47,7 @@ static pm_status choose_session(pm_setup *setup, const char *checkpoint, const c
     return *text == NULL ? pm_fail(PM_ENOMEM, "run: out of memory") : PM_OK;
 }
 
-const char *const *pm_supervise_arguments(pm_setup *setup, const pm_options *options,
+const char *const *pm_supervise_arguments(pm_setup *setup, const pm_run_options *options,
                                           const char *session, const char *process) {
     const bool coordinates = process == NULL;
     const char **argv = pm_arena_array(&setup->arena, MAX_ARGUMENTS, sizeof *argv);
@@ -85,7 +84,7 @@ const char *const *pm_supervise_arguments(pm_setup *setup, const pm_options *opt
     return argv;
 }
 
-static pm_status start(pm_launch *launch, pm_setup *setup, const pm_options *options,
+static pm_status start(pm_launch *launch, pm_setup *setup, const pm_run_options *options,
                        const char *session, const char *process, const char *checkpoint) {
     const char *const *argv = pm_supervise_arguments(setup, options, session, process);
     const char *name = process == NULL ? "coordinator" : process;
@@ -93,7 +92,7 @@ static pm_status start(pm_launch *launch, pm_setup *setup, const pm_options *opt
                         : pm_launch_start(launch, name, argv, checkpoint);
 }
 
-static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_options *options) {
+static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_run_options *options) {
     const pm_scene *scene = setup->scene;
     const char *checkpoint, *session;
     PM_TRY(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
@@ -108,10 +107,10 @@ static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_options 
 }
 
 // Until the coordinator has ended, or one of the children has failed.
-static pm_status watch(pm_launch *launch) {
+static pm_status watch(pm_launch *launch, const volatile sig_atomic_t *stop) {
     pm_status status = PM_OK;
     while (status == PM_OK && !pm_launch_ended_well(launch, COORDINATOR)) {
-        if (pm_stop_requested) {
+        if (*stop) {
             // The coordinator ends all others, and prints what was done so far.
             pm_launch_signal(launch, COORDINATOR, SIGTERM);
             (void)pm_launch_wait(launch, STOP_GRACE);
@@ -124,7 +123,7 @@ static pm_status watch(pm_launch *launch) {
 }
 
 // When all are done, and none of the children can write any more.
-static void remove_checkpoints(pm_setup *setup, const pm_options *options) {
+static void remove_checkpoints(pm_setup *setup, const pm_run_options *options) {
     for (int i = -1; i < setup->scene->nprocess; ++i) {
         const char *name = i < 0 ? NULL : setup->scene->process[i].name;
         const char *checkpoint;
@@ -134,17 +133,17 @@ static void remove_checkpoints(pm_setup *setup, const pm_options *options) {
     }
 }
 
-pm_status pm_supervise(pm_setup *setup, const pm_options *options) {
+pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     pm_launch *launch = NULL;
     int folder = -1;
     const char *checkpoint;
     pm_status status;
     // Makes the folder, too.
     PM_TRY_DONE(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
-    PM_TRY_DONE(lock(&folder, options->checkpoint));
+    PM_TRY_DONE(lock(&folder, options->checkpoint, options->stop));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
     PM_TRY_DONE(start_all(launch, setup, options));
-    status = watch(launch);
+    status = watch(launch, options->stop);
     // Of several failures the coordinator's tells most. Once it has ended well, all is done.
     if (status != PM_EINTERRUPTED) {
         const pm_status end = pm_launch_wait(launch, END_GRACE);

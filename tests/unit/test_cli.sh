@@ -61,9 +61,9 @@ for command in run node coordinator check; do
     succeed "Usage: portmetd $command SCENE" $command --help
     succeed "Options:" $command "$scene" --help
     expect 2 "$command: expected SCENE" $command
-    expect 2 "does not know --wrong" $command --wrong "$scene"
-    expect 2 "does not know -x" $command -x "$scene"
-    expect 2 "must follow --weights" $command "$scene" --weights
+    expect 2 'unknown option "--wrong"' $command --wrong "$scene"
+    expect 2 'unknown option "-x"' $command -x "$scene"
+    expect 2 "--weights needs a value" $command "$scene" --weights
 done
 expect 2 "expected a command"
 expect 2 '"walk"' walk
@@ -74,7 +74,7 @@ for steps in 0 -3 1.5 many '' 99999999999999999999; do
     expect 2 "--steps" run "$scene" --steps "$steps"
 done
 expect 2 "--session" node "$scene" left --session 0
-expect 2 "does not know --record" check "$scene" --record x.h5
+expect 2 'unknown option "--record"' check "$scene" --record x.h5
 
 # --- the scene: 3, with file, line and column ---
 edit 's/^time:/tome:/'

@@ -2,9 +2,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/options.h"
 #include "body/correction.h"
 #include "command/commands.h"
-#include "command/options.h"
 #include "store/xdmf.h"
 
 typedef struct arguments {

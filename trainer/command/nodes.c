@@ -3,9 +3,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/options.h"
 #include "body/nodes.h"
 #include "command/commands.h"
-#include "command/options.h"
 
 typedef struct arguments {
     const char *fields, *relaxation, *temperature, *states, *trajectories, *output;

@@ -3,9 +3,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/options.h"
 #include "body/picture.h"
 #include "command/commands.h"
-#include "command/options.h"
 
 #define MOST_FIELDS 16
 

@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/options.h"
 #include "body/nodes.h"
 #include "command/commands.h"
-#include "command/options.h"
 #include "modal/contact_part.h"
 #include "modal/field_report.h"
 #include "store/xdmf.h"

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/options.h"
 #include "command/commands.h"
-#include "command/options.h"
 #include "modal/reduce.h"
 #include "modal/save_modes.h"
 #include "store/yaml.h"

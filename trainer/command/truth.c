@@ -1,4 +1,5 @@
 // portmet-train truth: simulates the trajectories that a configuration describes, and writes them.
+#include "base/options.h"
 #include "command/commands.h"
 #include "command/truth_body.h"
 
@@ -8,7 +9,6 @@
 #include <string.h>
 
 #include "base/progress.h"
-#include "command/options.h"
 #include "store/dataset.h"
 #include "truth/truth.h"
 

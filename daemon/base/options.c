@@ -1,6 +1,8 @@
-// Reading a command line from its table.
-#include "command/options.h"
+// Reads a command line with the table of its options.
+#include "base/options.h"
 
+#include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,7 +26,8 @@ static void print_help(const pm_options *options) {
     print_option("-h", "--help", NULL, "print this and exit");
 }
 
-// The option that `argument` names, and the value glued to it by '='; NULL if there is none.
+// Finds the option that `argument` names; NULL: there is none. `glued` points to a value that "="
+// joins to the name, or is NULL.
 static const pm_option *find(const pm_options *options, const char *argument, const char **glued) {
     const char *equals = strchr(argument, '=');
     const size_t length = equals == NULL ? strlen(argument) : (size_t)(equals - argument);
@@ -39,21 +42,31 @@ static const pm_option *find(const pm_options *options, const char *argument, co
     return NULL;
 }
 
-static pm_status take(const pm_options *options, int argc, char **argv, int *i) {
-    const char *argument = argv[*i], *glued;
-    if (argument[0] != '-') {
-        int k = 0;
-        while (options->positional[k] != NULL) {
-            if (++k >= options->most) {
-                return pm_fail(PM_EUSAGE, "%s: unexpected argument \"%s\"", argv[0], argument);
-            }
-        }
-        options->positional[k] = argument;
-        return PM_OK;
+// The number of names in "SCENE NAME".
+static int count_names(const char *names) {
+    int count = 1;
+    for (const char *at = names; *at != '\0'; ++at) {
+        count += *at == ' ';
     }
+    return count;
+}
+
+// The k-th name of "SCENE NAME", or the last one; `length` is its length.
+static const char *name_at(const char *names, int k, int *length) {
+    for (; k > 0 && strchr(names, ' ') != NULL; --k) {
+        names = strchr(names, ' ') + 1;
+    }
+    *length = (int)strcspn(names, " ");
+    return names;
+}
+
+// Sorts one argument, and the value that may follow it, into its place.
+static pm_status take_option(const pm_options *options, int argc, char **argv, int *i) {
+    const char *argument = argv[*i], *glued;
     const pm_option *option = find(options, argument, &glued);
     if (option == NULL) {
-        return pm_fail(PM_EUSAGE, "%s: unknown option \"%s\" (see --help)", argv[0], argument);
+        return pm_fail(PM_EUSAGE, "%s: unknown option \"%s\"; --help lists the options", argv[0],
+                       argument);
     }
     if (option->value == NULL) {
         if (glued != NULL) {
@@ -69,6 +82,44 @@ static pm_status take(const pm_options *options, int argc, char **argv, int *i) 
     return PM_OK;
 }
 
+static pm_status fail_positional(const pm_options *options, const char *command, int found,
+                                 const char *unexpected) {
+    char detail[128];
+    int length;
+    const char *name = name_at(options->positional_name, found, &length);
+    if (unexpected != NULL) {
+        snprintf(detail, sizeof detail, "unexpected \"%.80s\"", unexpected);
+    } else {
+        snprintf(detail, sizeof detail, "%.*s is missing", length, name);
+    }
+    return pm_fail(PM_EUSAGE, "%s: expected %s, found %d argument%s (%s); usage: %s", command,
+                   options->positional_name, found, found == 1 ? "" : "s", detail, options->usage);
+}
+
+// Reads all arguments; counts the positional ones and keeps as many as there is room for.
+static pm_status take_all(const pm_options *options, int argc, char **argv) {
+    const int names = count_names(options->positional_name);
+    const int least = options->least > 0 ? options->least : names;
+    const int most = options->most > least ? options->most : least;
+    const char *unexpected = NULL;
+    bool only_positional = false;
+    int found = 0;
+    for (int i = 1; i < argc; ++i) {
+        const char *argument = argv[i];
+        if (!only_positional && strcmp(argument, "--") == 0) {
+            only_positional = true;
+        } else if (!only_positional && argument[0] == '-') {
+            PM_TRY(take_option(options, argc, argv, &i));
+        } else if (found++ < most) {
+            options->positional[found - 1] = argument;
+        } else if (unexpected == NULL) {
+            unexpected = argument;
+        }
+    }
+    return found >= least && found <= most ? PM_OK
+                                           : fail_positional(options, argv[0], found, unexpected);
+}
+
 pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped) {
     *helped = false;
     for (int i = 1; i < argc; ++i) {
@@ -78,13 +129,7 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
             return PM_OK;
         }
     }
-    for (int i = 1; i < argc; ++i) {
-        PM_TRY(take(options, argc, argv, &i));
-    }
-    if (*options->positional == NULL) {
-        return pm_fail(PM_EUSAGE, "%s: %s is missing; usage: %s", argv[0], options->positional_name,
-                       options->usage);
-    }
+    PM_TRY(take_all(options, argc, argv));
     for (int i = 0; i < options->count; ++i) {
         const pm_option *o = &options->option[i];
         if (o->required && *o->text == NULL) {
@@ -95,7 +140,7 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
     return PM_OK;
 }
 
-// Up to `end`: one of `separators`, or the end of the text.
+// Reads a number > 0 that ends with the text or one of `separators`, to which `end` points.
 static pm_status read_positive(const char *name, const char *text, const char *separators,
                                char **end, double *result) {
     const double number = strtod(text, end);
@@ -103,6 +148,18 @@ static pm_status read_positive(const char *name, const char *text, const char *s
         return pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", name, text);
     }
     *result = number;
+    return PM_OK;
+}
+
+pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result) {
+    char *end;
+    errno = 0;
+    const long long value = strtoll(text, &end, 10);
+    if (errno != 0 || end == text || *end != 0 || value < 1 || value > most) {
+        return pm_fail(PM_EUSAGE, "%s: expected a whole number from 1 to %" PRId64 ", found \"%s\"",
+                       name, most, text);
+    }
+    *result = value;
     return PM_OK;
 }
 
@@ -120,14 +177,14 @@ pm_status pm_options_positives(const char *name, const char *text, int most, dou
             return PM_OK;
         }
     }
-    return pm_fail(PM_EUSAGE, "%s: at most %d numbers", name, most);
+    return pm_fail(PM_EUSAGE, "%s: at most %d numbers are possible", name, most);
 }
 
 pm_status pm_options_range(const char *text, int count, int *first, int *end) {
     const char *given = text == NULL ? ":" : text;
     char *rest;
     long a = strtol(given, &rest, 10);
-    long b = a < count ? a + 1 : a; // "A" alone: one trajectory
+    long b = a < count ? a + 1 : a; // "A" alone means one trajectory
     const bool empty = *given == 0 || (rest == given && *rest != ':');
     if (*rest == ':') {
         const char *after = rest + 1;
@@ -168,7 +225,7 @@ pm_status pm_options_list(const char *text, int count, int *which, int *nwhich) 
 }
 
 void pm_options_line(int argc, char **argv, char *line, int size) {
-    int used = snprintf(line, (size_t)size, "portmet-train");
+    int used = snprintf(line, (size_t)size, "%s", program_invocation_short_name);
     for (int i = 0; i < argc && used < size; ++i) {
         used += snprintf(line + used, (size_t)(size - used), " %s", argv[i]);
     }
@@ -177,11 +234,11 @@ void pm_options_line(int argc, char **argv, char *line, int size) {
 pm_status pm_options_folder(const char *path) {
     char *part = strdup(path);
     if (part == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a path");
+        return pm_fail(PM_ENOMEM, "%s: out of memory", path);
     }
     for (char *slash = strchr(part, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
         *slash = 0;
-        mkdir(part, 0777); // what fails here shows below
+        mkdir(part, 0777); // a failure shows in the last call
         *slash = '/';
     }
     mkdir(part, 0777);

@@ -1,0 +1,66 @@
+// Reads the command line of a subcommand. One table of options gives the parser, the checks and the
+// help. Values remain text; the functions below turn text into numbers.
+#ifndef PM_BASE_OPTIONS_H
+#define PM_BASE_OPTIONS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/status.h"
+
+// One option: a switch, which sets `on`, or an option with a value, which sets `text`. Exactly one
+// of the two is not NULL.
+typedef struct pm_option {
+    const char *name;  // such as "--output"
+    const char *brief; // such as "-o"; NULL: the option has no short form
+    const char *value; // what the help calls the value, such as "FILE"; NULL: a switch
+    bool *on;          // becomes true when the switch is given
+    const char **text; // becomes the value when the option is given
+    bool required;
+    const char *help;
+} pm_option;
+
+typedef struct pm_options {
+    const char *usage;           // such as "portmet-train truth CONFIG -o FILE [options]"
+    const char *summary;         // paragraphs for the help
+    const char *positional_name; // of the positional arguments, such as "SCENE" or "SCENE NAME"
+    const char **positional;     // [most] NULL before reading
+    int least, most;             // number of positional arguments; 0: one for each name
+    int count;
+    const pm_option *option; // [count]
+} pm_options;
+
+// Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to
+// it by "=". After "--" all arguments are positional. With --help or -h, prints the help to
+// standard output and sets `helped`: the caller then has nothing to do. Values point into argv.
+// PM_EUSAGE names the offending argument.
+pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped);
+
+// Reads a range of trajectories out of 0 ... count - 1: "A:B" means A up to, not including, B;
+// "A:",
+// ":B" and "A" are possible too, and NULL means all. PM_EUSAGE.
+pm_status pm_options_range(const char *text, int count, int *first, int *end);
+
+// Reads ranges joined by commas, such as "0:4,7,9:", into which [count], in their order; `nwhich`
+// counts them. PM_EUSAGE; naming a trajectory twice is an error too.
+pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
+
+// Reads a whole number from 1 to `most`, the value of the option `name`. PM_EUSAGE.
+pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result);
+
+// Reads a number > 0, the value of the option `name`. PM_EUSAGE.
+pm_status pm_options_positive(const char *name, const char *text, double *result);
+
+// Reads up to `most` numbers > 0, joined by commas, into result [count]. PM_EUSAGE.
+pm_status pm_options_positives(const char *name, const char *text, int most, double *result,
+                               int *count);
+
+// Makes the folder `path`, with its parents, unless it exists. PM_EFILE: it cannot be made or
+// written; PM_ENOMEM.
+pm_status pm_options_folder(const char *path);
+
+// Writes the program's name and the arguments, joined by blanks, into `line` [size] for provenance;
+// a longer line is cut.
+void pm_options_line(int argc, char **argv, char *line, int size);
+
+#endif

@@ -1,0 +1,32 @@
+// The skeleton of a program with subcommands: it finds the subcommand, runs it, and prints the
+// error if there is one. The calling main adds only its table.
+#ifndef PM_BASE_SUBCOMMAND_H
+#define PM_BASE_SUBCOMMAND_H
+
+#include <signal.h>
+
+#include "base/status.h"
+
+typedef struct pm_subcommand {
+    const char *name;
+    const char *summary; // half a line
+    // Gets its own name as argv[0] and the arguments after it. Prints its results on standard
+    // output and describes a failure with pm_fail. `stop` becomes non-zero when the user interrupts
+    // the program; the command then ends soon with PM_EINTERRUPTED and leaves nothing half-written.
+    pm_status (*run)(int argc, char **argv, const volatile sig_atomic_t *stop);
+} pm_subcommand;
+
+typedef struct pm_subcommands {
+    const char *program; // such as "portmetd"
+    const char *about;   // a paragraph for the help
+    const char *codes;   // the exit codes, for the help
+    int count;
+    const pm_subcommand *command; // [count]
+} pm_subcommands;
+
+// Runs the subcommand that argv[1] names, or answers --help or --version. Prints one line on
+// standard error if that fails. Returns the exit code of the program, a pm_status.
+int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv,
+                       const volatile sig_atomic_t *stop);
+
+#endif
