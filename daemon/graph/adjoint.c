@@ -1,12 +1,13 @@
-// The derivative rule of every operation, written in the same operations, so that derivatives can
-// be differentiated again. "x" is the result, "dx" its adjoint.
+// The derivative rule of every operation. The rules use the same operations, so that derivatives
+// can be differentiated again. In each, x is the result, dx its adjoint, and i the number of the
+// operand.
 #include "graph/node.h"
 
 static pm_node operand(const pm_graph *g, pm_node x, int i) {
     return pm_graph_node_at(g, x)->operand[i];
 }
 
-// Sums an adjoint back to the shape of operand i, undoing its broadcast.
+// Sums an adjoint to the shape of operand i, where that operand was repeated.
 static pm_node reduce(pm_graph *g, pm_node x, pm_node d, int i) {
     return pm_sum_to(g, d, pm_graph_shape(g, operand(g, x, i)));
 }
@@ -84,7 +85,7 @@ pm_node pm_adjoint_dot(pm_graph *g, pm_node x, pm_node dx, int i) {
     return reduce(g, x, pm_mul(g, dx, operand(g, x, 1 - i)), i);
 }
 
-// x = op(a) op(b). The four cases of d op(a) = dx op(b)^T and d op(b) = op(a)^T dx.
+// x = op(a) op(b): d op(a) = dx op(b)^T and d op(b) = op(a)^T dx, each with or without transposing.
 pm_node pm_adjoint_matmul(pm_graph *g, pm_node x, pm_node dx, int i) {
     const bool transpose_a = (pm_graph_node_at(g, x)->first & 1) != 0;
     const bool transpose_b = (pm_graph_node_at(g, x)->first & 2) != 0;

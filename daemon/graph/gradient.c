@@ -1,19 +1,19 @@
-// Reverse accumulation: walks from the result to the leaves and adds up adjoints, building graph
-// nodes only for operands that lead to something asked for.
+// Reverse accumulation: walks from the result to the leaves and adds up adjoints. It builds nodes
+// only for operands that depend on a node whose derivative is wanted.
 #include <assert.h>
 #include <stdlib.h>
 
 #include "graph/node.h"
 
-// A walk over the nodes from `first` to `last`: what comes before the first node asked for cannot
-// depend on any. Arrays are indexed from `first`.
-typedef struct walk {
+// A walk over the nodes from `first`, the first one whose derivative is wanted, to `last`. Earlier
+// nodes cannot depend on a wanted one. Arrays are indexed from `first`.
+typedef struct reverse_walk {
     pm_node first, last;
-    bool *leads;      // it depends on a node that is asked for, or is one
-    pm_node *adjoint; // d last / d node
-} walk;
+    bool *leads;      // whether the node is a wanted one or depends on one
+    pm_node *adjoint; // d last / d node; PM_NO_NODE: zero
+} reverse_walk;
 
-static void mark_leading(const pm_graph *g, walk *w, int count, const pm_node *wanted) {
+static void mark_leading(const pm_graph *g, reverse_walk *w, int count, const pm_node *wanted) {
     for (int i = 0; i < count; ++i) {
         if (wanted[i] != PM_NO_NODE && wanted[i] <= w->last) {
             w->leads[wanted[i] - w->first] = true;
@@ -29,7 +29,7 @@ static void mark_leading(const pm_graph *g, walk *w, int count, const pm_node *w
     }
 }
 
-static void accumulate(pm_graph *g, walk *w) {
+static void accumulate(pm_graph *g, reverse_walk *w) {
     for (pm_node x = w->last; x >= w->first; --x) {
         const pm_node adjoint = w->adjoint[x - w->first];
         if (adjoint == PM_NO_NODE || !w->leads[x - w->first]) {
@@ -63,7 +63,7 @@ void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node 
     if (y == PM_NO_NODE || pm_graph_exhausted(g)) {
         return;
     }
-    walk w = {.first = first_of(count, x, y), .last = y};
+    reverse_walk w = {.first = first_of(count, x, y), .last = y};
     const size_t size = (size_t)(w.last - w.first) + 1;
     w.leads = calloc(size, sizeof *w.leads);
     w.adjoint = malloc(size * sizeof *w.adjoint);

@@ -1,4 +1,5 @@
-// Building: shape rules, hash-consing, and the few simplifications that derivatives ask for.
+// Builds graphs: the rules of shapes, hash-consing, and a few simplifications that derivatives
+// need.
 #include "graph/graph.h"
 
 #include <assert.h>
@@ -13,7 +14,8 @@ struct pm_graph {
     pm_arena arena; // operand and index arrays
     pm_graph_node *node;
     int count, capacity;
-    int *bucket; // hash table of handles, -1 empty; size a power of two, at least 2 capacity
+    int *bucket; // [nbucket] hash table of handles, -1: empty; nbucket is a power of two, at least
+                 // 2 capacity
     int nbucket;
     bool weights_per_item;
     bool exhausted;
@@ -53,7 +55,7 @@ void pm_graph_exhaust(pm_graph *g) {
 }
 
 pm_shape pm_graph_shape(const pm_graph *g, pm_node x) {
-    // After memory ran out there may be no node at all; any shape will do.
+    // After memory is exhausted there may be no node at all, and any shape will do.
     return g->exhausted ? (pm_shape){false, 1, 1} : pm_graph_node_at(g, x)->shape;
 }
 
@@ -94,6 +96,7 @@ static bool equal_nodes(const pm_graph_node *a, const pm_graph_node *b) {
             memcmp(a->index, b->index, (size_t)a->nindex * sizeof *a->index) == 0);
 }
 
+// Makes room for one more node; false if memory is exhausted.
 static bool grow(pm_graph *g) {
     if (g->count < g->capacity) {
         return true;
@@ -128,7 +131,7 @@ static void *copy_ints(pm_graph *g, int count, const int *from) {
     return copy == NULL ? NULL : memcpy(copy, from, (size_t)count * sizeof *copy);
 }
 
-// The handle of a node equal to `candidate`, made if there is none. Inputs are never shared.
+// Returns the node that equals `candidate`, or makes it. Inputs are never shared.
 static pm_node intern(pm_graph *g, pm_graph_node candidate) {
     if (g->exhausted || !grow(g)) {
         g->exhausted = true;
@@ -235,7 +238,7 @@ pm_node pm_sub(pm_graph *g, pm_node a, pm_node b) {
 
 pm_node pm_mul(pm_graph *g, pm_node a, pm_node b) {
     const pm_shape shape = broadcast_shape(pm_graph_shape(g, a), pm_graph_shape(g, b));
-    // Seeds of ones are the common case in derivatives.
+    // In derivatives, most seeds are ones.
     if (is_op(g, a, PM_OP_BROADCAST_TO) && is_constant(g, pm_graph_node_at(g, a)->operand[0], 1)) {
         return pm_broadcast_to(g, b, shape);
     }
@@ -362,7 +365,7 @@ pm_node pm_slice(pm_graph *g, pm_node x, int first, int count) {
         return x;
     }
     assert(first >= 0 && count > 0 && first + count <= from.cols);
-    // A slice of what was placed there is that itself.
+    // A slice of columns that pm_place filled is what it placed.
     if (is_op(g, x, PM_OP_PLACE)) {
         const pm_graph_node *placed = pm_graph_node_at(g, x);
         if (placed->first == first && pm_graph_shape(g, placed->operand[0]).cols == count) {
@@ -392,7 +395,7 @@ pm_node pm_concat(pm_graph *g, int count, const pm_node *part) {
         shape.batched = shape.batched || s.batched;
         shape.cols += s.cols;
     }
-    // Every part is repeated to the batch first, so that concatenation is plain copying.
+    // Shared parts are repeated for every item first, so that concatenation only copies.
     pm_node *same = pm_arena_array(&g->arena, (size_t)count, sizeof *same);
     if (same == NULL) {
         g->exhausted = true;
@@ -427,7 +430,7 @@ pm_node pm_scatter_add_rows(pm_graph *g, pm_node x, int rows, int count, const i
     return row_operation(g, PM_OP_SCATTER_ADD_ROWS, x, rows, count, index);
 }
 
-// --- conveniences ---
+// --- combinations ---
 
 pm_node pm_add_or(pm_graph *g, pm_node a, pm_node b) {
     if (a == PM_NO_NODE || b == PM_NO_NODE) {
@@ -458,10 +461,4 @@ pm_node pm_square(pm_graph *g, pm_node x) {
 
 pm_node pm_magnitude(pm_graph *g, pm_node x) {
     return pm_mul(g, x, pm_offset(g, pm_scale(g, pm_is_negative(g, x), -2), 1));
-}
-
-pm_node pm_mean_all(pm_graph *g, pm_node x) {
-    const pm_shape shape = pm_graph_shape(g, x);
-    const pm_node sum = pm_sum_to(g, x, (pm_shape){shape.batched, 1, 1});
-    return pm_scale(g, sum, 1.0 / ((double)shape.rows * shape.cols));
 }

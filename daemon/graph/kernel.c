@@ -1,4 +1,4 @@
-// What each operation computes. Sums run in a fixed order.
+// Computes each operation. Sums have a fixed order.
 #include <math.h>
 #include <string.h>
 
@@ -17,11 +17,11 @@ static size_t entries(pm_shape shape, int batch) {
 
 // --- elementwise with two operands ---
 //
-// One macro writes the four inner loops (each operand contiguous or repeated along a row) for each
-// operator; rows and items are collapsed into one loop where both operands allow it, and the items
-// make the inner loop where rows are short.
+// For each operator a macro writes four inner loops: each operand is contiguous or repeated along a
+// row. Where both operands have the result's shape, all rows are one long row. Where rows are
+// short, the inner loop runs over the items.
 
-// Rows shorter than the widest vector register are not worth a loop.
+// A row shorter than the widest vector register is not worth a loop of its own.
 #define SHORT_ROW 8
 
 #define BINARY_ROW(n, EXPRESSION)              \
@@ -153,7 +153,7 @@ void pm_run_is_negative(const pm_instruction *x, int batch) {
 
 void pm_run_sum_to(const pm_instruction *x, int batch) {
     const int items = x->shape_a.batched ? batch : 1;
-    const pm_stride s = x->stride_a; // of the result, while walking over the operand
+    const pm_stride s = x->stride_a; // of the result, while the loops walk over the operand
     memset(x->out, 0, entries(x->shape, batch) * sizeof *x->out);
     const double *a = x->a;
     for (int i = 0; i < items; ++i) {

@@ -1,4 +1,5 @@
-// Inside the graph folder: what a node is, and the table of operations.
+// Shared by the files of this folder: the nodes, the instructions of a program, and the table of
+// operations.
 #ifndef PM_GRAPH_NODE_H
 #define PM_GRAPH_NODE_H
 
@@ -37,26 +38,26 @@ typedef enum pm_op {
     PM_OP_COUNT
 } pm_op;
 
-// One operation of the graph. Operands have smaller handles than their results, so the order of
+// One node of the graph. Operands have smaller handles than their result, so that the order of
 // handles is an order of evaluation.
 typedef struct pm_graph_node {
     pm_op op;
     pm_shape shape;
     int noperand;
     const pm_node *operand; // [noperand]
-    double number;          // scale, offset, constant
-    int first;              // slice, place; matmul: bit 0 transposes a, bit 1 transposes b
+    double number;          // of scale, offset and constant
+    int first; // slice and place: the first column; matmul: bit 0 transposes a, bit 1 transposes b
     int nindex;
-    const int *index;    // gather, scatter [nindex]
-    const double *value; // param
+    const int *index;    // [nindex] rows of gather and scatter
+    const double *value; // of param: [rows][cols]
 } pm_graph_node;
 
 const pm_graph_node *pm_graph_node_at(const pm_graph *g, pm_node x);
-bool pm_graph_exhausted(const pm_graph *g); // out of memory while building
-void pm_graph_exhaust(pm_graph *g);
+bool pm_graph_exhausted(const pm_graph *g); // whether building ran out of memory
+void pm_graph_exhaust(pm_graph *g);         // notes that it did
 
-// One operation to run, its operands resolved to memory. batch x rows x cols is the result's shape;
-// strides are in numbers, 0 along a broadcast dimension.
+// The distances between neighbouring items, rows and columns of an operand while a kernel walks
+// over the result, in numbers; 0 along a dimension in which the operand is repeated.
 typedef struct pm_stride {
     ptrdiff_t item, row, col;
 } pm_stride;
@@ -64,34 +65,35 @@ typedef struct pm_stride {
 typedef struct pm_instruction pm_instruction;
 typedef void pm_kernel(const pm_instruction *instruction, int batch);
 
+// One operation to run, with its operands resolved to memory.
 struct pm_instruction {
     pm_kernel *run;
     const pm_graph_node *node;
     pm_shape shape, shape_a, shape_b;
-    pm_stride stride_a, stride_b; // against the result's shape (for sum_to: the result against a's)
+    pm_stride stride_a, stride_b; // sum_to walks over a instead: stride_a is that of the result
     double *out;
     const double *a, *b;
-    const double *const *part; // concat: all operands [nindex]
-    const int *part_cols;
+    const double *const *part; // [nindex] all operands of concat
+    const int *part_cols;      // [nindex] their columns
     double number;
     int first, nindex;
     const int *index;
 };
 
-// The derivative rule of an operation: given the handle of its result and of the result's adjoint,
-// the adjoint of operand i (in the operand's shape), or PM_NO_NODE.
+// The derivative rule of an operation. Given its result and the result's adjoint, it returns the
+// adjoint of operand number `operand`, in the operand's shape, or PM_NO_NODE for zero.
 typedef pm_node pm_adjoint(pm_graph *g, pm_node result, pm_node adjoint, int operand);
 
 typedef struct pm_operation {
     const char *name;
-    pm_kernel *run;      // NULL: nothing to compute (leaves, views)
-    pm_adjoint *adjoint; // NULL: no operands
+    pm_kernel *run;      // NULL: nothing to compute, as for leaves and reshape
+    pm_adjoint *adjoint; // NULL: the operation has no operands
     bool in_place;       // the result may overwrite an operand of the same shape
 } pm_operation;
 
 extern const pm_operation pm_operations[PM_OP_COUNT];
 
-// Kernels (kernel.c) and adjoints (adjoint.c), one per operation, listed in operation.c.
+// Kernels (kernel.c) and derivative rules (adjoint.c), one per operation, listed in operation.c.
 pm_kernel pm_run_add, pm_run_sub, pm_run_mul, pm_run_div, pm_run_scale, pm_run_offset, pm_run_tanh,
     pm_run_sigmoid, pm_run_softplus, pm_run_exp, pm_run_log, pm_run_sqrt, pm_run_is_negative,
     pm_run_sum_to, pm_run_broadcast_to, pm_run_dot, pm_run_matmul, pm_run_matmul_sum, pm_run_slice,

@@ -1,5 +1,5 @@
-// The table of operations: name, kernel, derivative rule. A new operation is a line here, a builder
-// in graph.c, a kernel in kernel.c and an adjoint in adjoint.c.
+// The table of operations: name, kernel, derivative rule, and whether it can work in place. A new
+// operation is a line here, a builder in graph.c, a kernel in kernel.c and a rule in adjoint.c.
 #include "graph/node.h"
 
 const pm_operation pm_operations[PM_OP_COUNT] = {

@@ -1,5 +1,5 @@
-// Planning: which nodes are needed, in which order, and where their numbers live. Memory is reused
-// as soon as its last reader has run; views share the memory of what they view.
+// Plans programs: which nodes they need, in which order, and where their numbers live. A node's
+// memory is reused after its last reader has run; a view shares the memory of its operand.
 #include "graph/program.h"
 
 #include <assert.h>
@@ -10,7 +10,7 @@
 #include "base/arena.h"
 #include "graph/node.h"
 
-#define ALIGNMENT ((size_t)8) // numbers: one cache line
+#define ALIGNMENT ((size_t)8) // in numbers: one cache line
 
 struct pm_program {
     pm_arena arena;
@@ -19,23 +19,26 @@ struct pm_program {
     int ninstruction;
     pm_instruction *instruction;
     int nnode;
-    double **value; // [nnode] where a node's numbers live; NULL if it is not part of the program
-    bool *needed;   // [nnode] by an output
+    double **value; // [nnode] where a node's numbers live; NULL: not part of the program
+    bool *needed;   // [nnode] whether an output needs the node
     int capacity;
 };
 
 // --- a free list of memory intervals ---
 
+// An interval of memory, in numbers.
 typedef struct interval {
     size_t first, size;
 } interval;
 
 typedef struct memory_pool {
-    interval *space; // sorted, never adjacent
+    interval *space; // [count] free memory, sorted; never two that touch
     int count, capacity;
-    size_t end; // of memory handed out so far
+    size_t end; // of all memory handed out so far, in numbers
 } memory_pool;
 
+// Takes an interval of `size` numbers: the smallest free one that fits, or new memory. Returns its
+// first number.
 static size_t pool_take(memory_pool *pool, size_t size) {
     int best = -1;
     for (int i = 0; i < pool->count; ++i) {
@@ -60,6 +63,7 @@ static size_t pool_take(memory_pool *pool, size_t size) {
     return first;
 }
 
+// Gives an interval back; false if memory is exhausted.
 static bool pool_give(memory_pool *pool, size_t first, size_t size) {
     if (pool->count == pool->capacity) {
         const int capacity = pool->capacity == 0 ? 64 : 2 * pool->capacity;
@@ -77,7 +81,7 @@ static bool pool_give(memory_pool *pool, size_t first, size_t size) {
     memmove(&pool->space[i + 1], &pool->space[i], (size_t)(pool->count - i) * sizeof(interval));
     pool->space[i] = (interval){first, size};
     ++pool->count;
-    // Join with the neighbours.
+    // Joins the interval with free neighbours.
     for (int j = i > 0 ? i - 1 : 0; j < i + 1 && j + 1 < pool->count;) {
         interval *a = &pool->space[j], *b = a + 1;
         if (a->first + a->size != b->first) {
@@ -94,18 +98,19 @@ static bool pool_give(memory_pool *pool, size_t first, size_t size) {
 
 // --- planning ---
 
-// What planning knows of a node. `root` is the node whose memory it uses.
-typedef struct placement {
+// What planning knows of a node. `root` is the node whose memory it uses, itself unless it is a
+// view.
+typedef struct node_memory {
     bool needed, pinned;
     pm_node root;
     int last_use;
     size_t offset, size;
-} placement;
+} node_memory;
 
 typedef struct memory_plan {
     const pm_graph *g;
     int nnode, capacity;
-    placement *place;
+    node_memory *place;
     memory_pool pool;
 } memory_plan;
 
@@ -119,7 +124,7 @@ static bool is_leaf(pm_op op) {
     return op == PM_OP_INPUT || op == PM_OP_PARAM || op == PM_OP_CONSTANT;
 }
 
-// A view has its operand's numbers at an offset and needs no instruction.
+// Whether a node is a view, which has its operand's numbers at an offset and needs no instruction.
 static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
     if (node->op == PM_OP_RESHAPE) {
         return true;
@@ -128,7 +133,7 @@ static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
     return node->op == PM_OP_SLICE && one_row;
 }
 
-// Everything the outputs reach, from the last node down; and the last reader of each.
+// Finds the nodes that the outputs need, from the last one down, and the last reader of each.
 static void find_needed(memory_plan *plan, int count, const pm_node *output) {
     for (int i = 0; i < count; ++i) {
         plan->place[output[i]].needed = true;
@@ -142,12 +147,13 @@ static void find_needed(memory_plan *plan, int count, const pm_node *output) {
     }
     for (pm_node x = 0; x < plan->nnode; ++x) {
         const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-        placement *place = &plan->place[x];
+        node_memory *place = &plan->place[x];
         place->root = is_view(plan, node) ? plan->place[node->operand[0]].root : x;
         place->last_use = x;
-        // Leaves keep their memory: callers write inputs before a run, constants are filled once.
+        // Leaves keep their memory: callers write inputs before a run, and constants are filled
+        // once.
         place->pinned = place->pinned || is_leaf(node->op);
-        placement *root = &plan->place[place->root];
+        node_memory *root = &plan->place[place->root];
         root->pinned = root->pinned || (place->needed && place->pinned);
         for (int i = 0; place->needed && i < node->noperand; ++i) {
             plan->place[plan->place[node->operand[i]].root].last_use = x;
@@ -155,11 +161,12 @@ static void find_needed(memory_plan *plan, int count, const pm_node *output) {
     }
 }
 
+// Whether nothing reads the memory of `root` after x.
 static bool dies_at(const memory_plan *plan, pm_node root, pm_node x) {
     return plan->place[root].last_use == x && !plan->place[root].pinned;
 }
 
-// Whether an operand of x other than `operand` itself reads the same memory through a view.
+// Whether x also reads the memory of `operand` through a view.
 static bool is_viewed_too(const memory_plan *plan, pm_node x, pm_node operand) {
     const pm_graph_node *node = pm_graph_node_at(plan->g, x);
     for (int i = 0; i < node->noperand; ++i) {
@@ -170,7 +177,7 @@ static bool is_viewed_too(const memory_plan *plan, pm_node x, pm_node operand) {
     return false;
 }
 
-// The operand whose memory x may take over, or PM_NO_NODE.
+// Returns the operand whose memory x may take over, or PM_NO_NODE.
 static pm_node reusable_operand(const memory_plan *plan, pm_node x) {
     const pm_graph_node *node = pm_graph_node_at(plan->g, x);
     for (int i = 0; pm_operations[node->op].in_place && i < node->noperand; ++i) {
@@ -189,30 +196,30 @@ static bool release_operands(memory_plan *plan, pm_node x) {
     const pm_graph_node *node = pm_graph_node_at(plan->g, x);
     for (int i = 0; i < node->noperand; ++i) {
         const pm_node root = plan->place[node->operand[i]].root;
-        placement *place = &plan->place[root];
+        node_memory *place = &plan->place[root];
         if (dies_at(plan, root, x) && place->size > 0) {
             if (!pool_give(&plan->pool, place->offset, place->size)) {
                 return false;
             }
-            place->size = 0; // an operand named twice is given back once
+            place->size = 0; // an operand that appears twice is given back once
         }
     }
     return true;
 }
 
 static void place_own(memory_plan *plan, pm_node x) {
-    placement *place = &plan->place[x];
+    node_memory *place = &plan->place[x];
     const pm_node kept = reusable_operand(plan, x);
     place->size = memory_of(plan, pm_graph_node_at(plan->g, x)->shape);
     place->offset =
         kept != PM_NO_NODE ? plan->place[kept].offset : pool_take(&plan->pool, place->size);
     if (kept != PM_NO_NODE) {
-        plan->place[kept].size = 0; // taken over, not to be given back
+        plan->place[kept].size = 0; // x has it now
     }
 }
 
 static bool place_nodes(memory_plan *plan) {
-    // Leaves first: their numbers are written before a run, so they share memory with nothing.
+    // Leaves come first: their numbers are written before a run, so they share memory with nothing.
     for (pm_node x = 0; x < plan->nnode; ++x) {
         const pm_op op = pm_graph_node_at(plan->g, x)->op;
         if (op == PM_OP_INPUT || (op == PM_OP_CONSTANT && plan->place[x].needed)) {
@@ -294,11 +301,11 @@ static pm_status emit(pm_program *p, const pm_graph *g, pm_node handle) {
         x->stride_b = stride_against(x->shape_b, node->shape);
     }
     if (node->op == PM_OP_DOT) {
-        // Against the longer row of the two operands, which is summed away.
+        // The columns are summed, so both operands advance along them.
         x->stride_a.col = x->stride_b.col = 1;
     }
     if (node->op >= PM_OP_ADD && node->op <= PM_OP_DIV) {
-        // The kernel takes one long row where nothing is broadcast.
+        // Where nothing is repeated, the kernel treats all numbers as one long row.
         x->first = same_shape(x->shape_a, node->shape) && same_shape(x->shape_b, node->shape);
     }
     return node->op == PM_OP_CONCAT ? resolve_parts(p, g, x) : PM_OK;
@@ -307,9 +314,9 @@ static pm_status emit(pm_program *p, const pm_graph *g, pm_node handle) {
 static void resolve_values(pm_program *p, const memory_plan *plan) {
     for (pm_node x = 0; x < plan->nnode; ++x) {
         const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-        const placement *place = &plan->place[x];
+        const node_memory *place = &plan->place[x];
         if (node->op == PM_OP_PARAM) {
-            // Read only: nothing in a program writes to a leaf.
+            // Only read: no instruction writes to a leaf.
             p->value[x] = (double *)(uintptr_t)node->value;
         } else if (place->root != x) {
             const int first = node->op == PM_OP_SLICE ? node->first : 0;
@@ -405,10 +412,6 @@ void pm_program_run(pm_program *program, int batch) {
         const pm_instruction *x = &program->instruction[i];
         x->run(x, batch);
     }
-}
-
-int pm_program_operations(const pm_program *program) {
-    return program->ninstruction;
 }
 
 double pm_program_multiply_adds(const pm_program *program, int batch) {

@@ -1,4 +1,4 @@
-// A program: the part of a graph that chosen outputs need, in a fixed order, with its memory
+// A program is the part of a graph that chosen outputs need, in a fixed order, with memory that is
 // planned once. Running it allocates nothing.
 #ifndef PM_GRAPH_PROGRAM_H
 #define PM_GRAPH_PROGRAM_H
@@ -9,27 +9,27 @@
 
 typedef struct pm_program pm_program;
 
-// Plans `count` outputs for up to `capacity` batch items. Keeps no pointer to the graph, only to
-// the parameters' values. PM_ENOMEM.
+// Plans a program for output [count] and up to `capacity` batch items. It keeps pointers to the
+// values of parameters, but not to the graph, which may be closed. PM_ENOMEM. The caller closes it.
 pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count,
                           const pm_node *output, int capacity);
 void pm_program_close(pm_program *program); // NULL is allowed
 
-// The numbers of an input or an output, [capacity][rows][cols] if batched, else [rows][cols].
-// The program owns them. Outputs hold the last run's result until the next run. An input that no
-// output depends on has memory all the same, so that callers need no special case.
+// Returns the numbers of an input or an output, [capacity][rows][cols] if batched, else
+// [rows][cols]. The program owns them. Outputs keep the result of the last run until the next one.
+// An input on which no output depends has memory too, so that callers need no special case.
 double *pm_program_value(pm_program *program, pm_node x);
 
-// Whether any output depends on an input.
+// Whether an output depends on an input.
 bool pm_program_depends(const pm_program *program, pm_node input);
 
-// Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch cover these.
+// Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch sum these
+// items.
 void pm_program_run(pm_program *program, int batch);
 
-// For reports: operations per run, the work in them, and bytes of planned memory.
-int pm_program_operations(const pm_program *program);
-// Multiply-adds of the matrix products of one run.
+// Returns the number of multiply-adds in the matrix products of one run.
 double pm_program_multiply_adds(const pm_program *program, int batch);
+// Returns the bytes of planned memory.
 size_t pm_program_bytes(const pm_program *program);
 
 #endif
