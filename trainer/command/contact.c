@@ -13,13 +13,13 @@
 #include "scene/weights.h"
 #include "sim/score.h"
 
-typedef struct arguments {
+typedef struct contact_arguments {
     const char *configuration, *basis, *data, *modes, *stiffness, *creep, *weights, *trajectories,
         *output;
     pm_contact_constants constants;
-} arguments;
+} contact_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(contact_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a->basis, true,
          "the basis that `reduce` made and all bodies share"},
@@ -60,7 +60,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
 }
 
 // Checks that there is something to do, and that nothing is missing for it.
-static pm_status check_arguments(arguments *a) {
+static pm_status check_arguments(contact_arguments *a) {
     if (a->output == NULL && a->modes == NULL) {
         return pm_fail(PM_EUSAGE, "contact: nothing to do: give --output or --score");
     }
@@ -87,7 +87,7 @@ static pm_status check_arguments(arguments *a) {
 // --- weights ---
 
 static pm_status save_part(const pm_body_assembly *assembly, const pm_contact_interface *m,
-                           const arguments *a, const char *command) {
+                           const contact_arguments *a, const char *command) {
     char coordinates[PM_BASIS_COORDINATES];
     pm_basis_coordinates(assembly->basis, coordinates);
     const pm_provenance provenance = {
@@ -132,8 +132,8 @@ typedef struct trajectory_list {
 
 // Loads the fields of all bodies, field [nbody], and lists their trajectories. Also on failure the
 // caller frees the fields that are not NULL.
-static pm_status load_fields(pm_body_assembly *assembly, const arguments *a, pm_field **field,
-                             trajectory_list *c) {
+static pm_status load_fields(pm_body_assembly *assembly, const contact_arguments *a,
+                             pm_field **field, trajectory_list *c) {
     for (int i = 0; i < assembly->nbody; ++i) {
         const char *path;
         PM_TRY(find_file(a->data, assembly->body[i].name, &assembly->arena, &path));
@@ -149,7 +149,8 @@ static pm_status load_fields(pm_body_assembly *assembly, const arguments *a, pm_
 }
 
 static pm_status save_dataset(const pm_body_assembly *assembly, const pm_field *const *field,
-                              const trajectory_list *c, const arguments *a, const char *command) {
+                              const trajectory_list *c, const contact_arguments *a,
+                              const char *command) {
     pm_dataset *modes = NULL;
     PM_TRY(pm_body_assembly_project(&modes, assembly, field, c->count, c->trajectory));
     const pm_status status =
@@ -159,7 +160,8 @@ static pm_status save_dataset(const pm_body_assembly *assembly, const pm_field *
 }
 
 static pm_status save_all(const pm_body_assembly *assembly, const pm_field *const *field,
-                          const trajectory_list *c, const arguments *a, const char *command) {
+                          const trajectory_list *c, const contact_arguments *a,
+                          const char *command) {
     PM_TRY(pm_options_folder(a->output));
     for (int i = 0; i < assembly->ninterface; ++i) {
         PM_TRY(save_part(assembly, &assembly->interface[i], a, command));
@@ -226,7 +228,7 @@ done:
 
 pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    arguments a;
+    contact_arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));

@@ -7,11 +7,11 @@
 #include "command/commands.h"
 #include "store/xdmf.h"
 
-typedef struct arguments {
+typedef struct correct_arguments {
     const char *fields, *known, *trajectories, *output;
-} arguments;
+} correct_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(correct_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--by", NULL, "FILE", NULL, &a->known, true, "better known fields of the same body"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
@@ -32,7 +32,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
-static pm_status save(const arguments *a, const pm_field *field, const char *command) {
+static pm_status save(const correct_arguments *a, const pm_field *field, const char *command) {
     const char *const notes[][2] = {
         {"title", "Fields of a simulation, corrected by better known ones"},
         {"source", "portmet-train correct"},
@@ -47,7 +47,7 @@ static pm_status save(const arguments *a, const pm_field *field, const char *com
 
 pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    arguments a = {0};
+    correct_arguments a = {0};
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {

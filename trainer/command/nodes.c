@@ -7,16 +7,16 @@
 #include "body/nodes.h"
 #include "command/commands.h"
 
-typedef struct arguments {
+typedef struct nodes_arguments {
     const char *fields, *relaxation, *temperature, *states, *trajectories, *output;
-} arguments;
+} nodes_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(nodes_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--relaxation", NULL, "TAU[,TAU...]", NULL, &a->relaxation, false,
          "s, relaxation times of the material's Prony series, e.g. 0.2,0.5 (default: none)"},
         {"--temperature", NULL, "T", NULL, &a->temperature, false,
-         "K, at trajectory dissipated energy becomes entropy (default: 300)"},
+         "K, at which dissipated energy becomes entropy (default: 300)"},
         {"--states", NULL, "N", NULL, &a->states, false,
          "write only the first N states of each trajectory"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
@@ -27,8 +27,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .usage = "portmet-train nodes FIELDS -o FILE [options]",
         .summary =
             "Writes the fields of a body on a box of bricks as trajectories of the values at its\n"
-            "free nodes: a dataset from trajectory `fit` trains networks on its mesh, and that\n"
-            "`evaluate` takes. `reconstruct` turns nodal values into fields again.",
+            "free nodes: a dataset for `evaluate`, and for `fit` to train networks on the mesh.\n"
+            "`reconstruct` turns nodal values into fields again.",
         .positional_name = "FIELDS",
         .positional = &a->fields,
         .count = sizeof table / sizeof *table,
@@ -38,7 +38,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
 }
 
 // Reads the number of states to keep.
-static pm_status read_states(const arguments *a, const pm_field *field,
+static pm_status read_states(const nodes_arguments *a, const pm_field *field,
                              pm_nodes_settings *settings) {
     double count = field->ntime;
     if (a->states != NULL) {
@@ -52,7 +52,7 @@ static pm_status read_states(const arguments *a, const pm_field *field,
     return PM_OK;
 }
 
-static pm_status read_settings(const arguments *a, pm_nodes_settings *settings) {
+static pm_status read_settings(const nodes_arguments *a, pm_nodes_settings *settings) {
     settings->temperature = 300;
     if (a->temperature != NULL) {
         PM_TRY(pm_options_positive("--temperature", a->temperature, &settings->temperature));
@@ -77,7 +77,7 @@ static pm_status print_mesh(const pm_field *field) {
     return status;
 }
 
-static pm_status write_nodes(const arguments *a, const pm_field *field,
+static pm_status write_nodes(const nodes_arguments *a, const pm_field *field,
                              const pm_nodes_settings *settings, const char *command) {
     int count = 0, *trajectory = calloc((size_t)field->ntrajectory, sizeof *trajectory);
     pm_dataset *nodes = NULL;
@@ -101,7 +101,7 @@ done:
 
 pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    arguments a = {0};
+    nodes_arguments a = {0};
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {

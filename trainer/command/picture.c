@@ -9,12 +9,12 @@
 
 #define MOST_FIELDS 16
 
-typedef struct arguments {
+typedef struct picture_arguments {
     const char *path[MOST_FIELDS + 1]; // NULL after the last
     const char *trajectory, *time, *output;
-} arguments;
+} picture_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(picture_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--output", "-o", "FILE", NULL, &a->output, true, "picture to write (PNG)"},
         {"--trajectory", NULL, "I", NULL, &a->trajectory, false,
@@ -45,7 +45,7 @@ static pm_status read_number(const char *name, const char *text, double *number)
                : pm_fail(PM_EUSAGE, "picture: %s \"%s\": expected a number", name, text);
 }
 
-static pm_status draw(const arguments *a, const pm_field *const *field, int count) {
+static pm_status draw(const picture_arguments *a, const pm_field *const *field, int count) {
     pm_picture picture = {
         .count = count, .field = field, .title = a->path, .time = field[0]->t[field[0]->ntime - 1]};
     double number = 0;
@@ -67,7 +67,7 @@ static pm_status draw(const arguments *a, const pm_field *const *field, int coun
 
 pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    arguments a = {.path = {NULL}};
+    picture_arguments a = {.path = {NULL}};
     pm_field *field[MOST_FIELDS] = {NULL};
     bool helped = false;
     int count = 0;

@@ -11,12 +11,12 @@
 #include "modal/field_report.h"
 #include "store/xdmf.h"
 
-typedef struct arguments {
+typedef struct reconstruct_arguments {
     const char *dataset, *basis, *body, *contact, *weights, *truth, *trajectories, *trained, *plot,
         *output;
-} arguments;
+} reconstruct_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a->basis, false,
          "the basis that `reduce` made; without it DATASET has nodal values"},
@@ -52,7 +52,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     return pm_options_read(&options, argc, argv, helped);
 }
 
-static pm_status check_arguments(const arguments *a) {
+static pm_status check_arguments(const reconstruct_arguments *a) {
     if (a->basis == NULL && (a->truth == NULL || a->body != NULL)) {
         return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
     }
@@ -63,7 +63,7 @@ static pm_status check_arguments(const arguments *a) {
 
 // Places the bodies, finds the contact interfaces of the one that is reconstructed, and reads their
 // stiffness from the weights.
-static pm_status open_contact(const arguments *a, const pm_dataset *modes,
+static pm_status open_contact(const reconstruct_arguments *a, const pm_dataset *modes,
                               pm_body_assembly *assembly, pm_contact_force *force) {
     PM_TRY(pm_body_assembly_load(assembly, a->contact));
     int body = 0;
@@ -88,8 +88,8 @@ static pm_status open_contact(const arguments *a, const pm_dataset *modes,
 }
 
 // Lists the trajectories of the truth that the command line names; the dataset must have as many.
-static pm_status choose(const arguments *a, const pm_dataset *dataset, const pm_field *truth,
-                        int **trajectory) {
+static pm_status choose(const reconstruct_arguments *a, const pm_dataset *dataset,
+                        const pm_field *truth, int **trajectory) {
     int count = 0;
     *trajectory = calloc((size_t)truth->ntrajectory, sizeof **trajectory);
     if (*trajectory == NULL) {
@@ -102,8 +102,8 @@ static pm_status choose(const arguments *a, const pm_dataset *dataset, const pm_
                          dataset->ntrajectory, a->dataset, count);
 }
 
-static pm_status make_from_nodes(const arguments *a, const pm_dataset *nodes, const pm_field *truth,
-                                 const int *trajectory, pm_field **field) {
+static pm_status make_from_nodes(const reconstruct_arguments *a, const pm_dataset *nodes,
+                                 const pm_field *truth, const int *trajectory, pm_field **field) {
     if (nodes->ntime != truth->ntime) {
         return pm_fail(
             PM_EDATA,
@@ -117,8 +117,8 @@ static pm_status make_from_nodes(const arguments *a, const pm_dataset *nodes, co
                : status;
 }
 
-static pm_status make_from_modes(const arguments *a, const pm_dataset *modes, const pm_field *truth,
-                                 const int *trajectory, pm_field **field) {
+static pm_status make_from_modes(const reconstruct_arguments *a, const pm_dataset *modes,
+                                 const pm_field *truth, const int *trajectory, pm_field **field) {
     pm_basis *basis = NULL;
     pm_body_assembly assembly = {0};
     pm_contact_force force;
@@ -144,8 +144,8 @@ done:
     return status;
 }
 
-static pm_status report_errors(const arguments *a, const pm_field *field, const pm_field *truth,
-                               const int *trajectory) {
+static pm_status report_errors(const reconstruct_arguments *a, const pm_field *field,
+                               const pm_field *truth, const int *trajectory) {
     const size_t count = (size_t)field->ntrajectory;
     double *error = calloc(count, PM_FIELD_NERROR * sizeof *error);
     bool *trained = calloc(count, sizeof *trained);
@@ -174,7 +174,7 @@ done:
     return status;
 }
 
-static pm_status save(const pm_field *field, const arguments *a, const char *command) {
+static pm_status save(const pm_field *field, const reconstruct_arguments *a, const char *command) {
     const char *const notes[][2] = {
         {"title", a->basis == NULL ? "Fields reconstructed from nodal values"
                                    : "Fields reconstructed from modes"},
@@ -190,7 +190,7 @@ static pm_status save(const pm_field *field, const arguments *a, const char *com
 
 pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    arguments a;
+    reconstruct_arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));

@@ -11,11 +11,11 @@
 #include "modal/save_modes.h"
 #include "store/yaml.h"
 
-typedef struct arguments {
+typedef struct reduce_arguments {
     const char *configuration, *data, *basis, *trajectories, *output;
-} arguments;
+} reduce_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(reduce_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--data", "-d", "FILE", NULL, &a->data, true, "fields of the body (HDF5)"},
         {"--basis", "-b", "FILE", NULL, &a->basis, false,
@@ -116,7 +116,7 @@ static pm_status save_basis(const pm_basis *basis, const char *folder, const cha
 }
 
 // Loads or makes the basis, and lists the trajectories.
-static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *field,
+static pm_status find_basis(const reduce_arguments *a, pm_yaml root, const pm_field *field,
                             const char *command, pm_basis **basis, pm_reduce_settings *settings,
                             int *trajectory, int *count) {
     pm_arena arena = {0};
@@ -142,8 +142,9 @@ static pm_status find_basis(const arguments *a, pm_yaml root, const pm_field *fi
     return status;
 }
 
-static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm_field *field,
-                             int count, const int *trajectory, bool square, const char *command) {
+static pm_status write_modes(const reduce_arguments *a, const pm_basis *basis,
+                             const pm_field *field, int count, const int *trajectory, bool square,
+                             const char *command) {
     pm_dataset *modes = NULL;
     PM_TRY(pm_reduce_project(&modes, basis, field, count, trajectory, square, PM_LOADS_OF_ALL));
     const pm_status status = pm_modes_save(modes, basis, a->data, "reduce", command, a->output);
@@ -153,7 +154,7 @@ static pm_status write_modes(const arguments *a, const pm_basis *basis, const pm
 
 pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    arguments a;
+    reduce_arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));

@@ -1,5 +1,4 @@
 // portmet-train truth: simulates the trajectories that a configuration describes, and writes them.
-#include "base/options.h"
 #include "command/commands.h"
 #include "command/truth_body.h"
 
@@ -8,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/options.h"
 #include "base/progress.h"
 #include "store/dataset.h"
 #include "truth/truth.h"
@@ -15,11 +15,11 @@
 // Relative difference between two solutions below which a trajectory counts as converged.
 #define CONVERGED 1e-10
 
-typedef struct arguments {
+typedef struct truth_arguments {
     const char *config, *output, *trajectories;
-} arguments;
+} truth_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
@@ -150,7 +150,7 @@ static pm_status add_notes(pm_dataset *dataset, const pm_truth *truth, int first
 }
 
 pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    arguments a = {NULL, NULL, NULL};
+    truth_arguments a = {NULL, NULL, NULL};
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
