@@ -54,8 +54,8 @@ static void free_pair(pair *p) {
 
 // --- the law of contact ---
 
-static bool respond(const pair *p, int i, pm_beam_contact_force *touch) {
-    return pm_beam_contact_respond(&p->contact, &p->contact.candidate[i], p->q, true, touch);
+static bool respond(const pair *p, int i, pm_beam_contact_force *force) {
+    return pm_beam_contact_respond(&p->contact, &p->contact.candidate[i], p->q, true, force);
 }
 
 // Blocks that overlap evenly: every node gets what an even pressure on its side gives it.
@@ -63,17 +63,17 @@ static void even_pressure_is_carried_evenly(void **state) {
     (void)state;
     const double stiffness = 1e6, depth = 0.01, pressure = stiffness * depth;
     pair p;
-    pm_beam_contact_force touch;
+    pm_beam_contact_force force;
     make_pair(&p, false, 0, stiffness);
     const int half = p.mesh.nnode / 2;
     for (int i = half; i < p.mesh.nnode; ++i) {
         p.q[3 * i + 2] -= depth;
     }
     for (int i = 0; i < p.contact.ncandidate; ++i) {
-        assert_true(respond(&p, i, &touch));
-        assert_near("depth", touch.depth, depth, 1e-14);
-        for (int k = 0; k < 3 * touch.nnode; ++k) {
-            p.f[3 * touch.node[k / 3] + k % 3] += touch.force[k / 3][k % 3];
+        assert_true(respond(&p, i, &force));
+        assert_near("depth", force.depth, depth, 1e-14);
+        for (int k = 0; k < 3 * force.nnode; ++k) {
+            p.f[3 * force.node[k / 3] + k % 3] += force.force[k / 3][k % 3];
         }
     }
     for (int i = 0; i < p.mesh.nnode; ++i) {
@@ -130,13 +130,13 @@ static void forces_and_stiffness_are_derivatives(void **state) {
     pm_rng_init(&rng, 5, 0);
     for (int trial = 0; trial < 3; ++trial) {
         pair p;
-        static pm_beam_contact_force touch;
+        static pm_beam_contact_force force;
         make_pair(&p, true, 0.1, 1e6);
         bend(&p, &rng);
         for (int i = 0; i < p.contact.ncandidate; ++i) {
-            if (respond(&p, i, &touch)) {
+            if (respond(&p, i, &force)) {
                 ++touching;
-                beyond += touch.nnode > 17;
+                beyond += force.nnode > 17;
                 check_derivatives(&p, i);
             }
         }
@@ -152,14 +152,14 @@ static void edges_let_go_smoothly(void **state) {
     (void)state;
     const double step = 1e-4, depth = 0.05, stiffness = 1e6;
     pair p;
-    static pm_beam_contact_force touch;
+    static pm_beam_contact_force force;
     make_pair(&p, true, 0, stiffness);
     double *x = p.q + 3 * (size_t)p.contact.candidate[0].node, before = NAN, steepest = 0;
     for (int k = -3000; k <= 3000; ++k) {
         x[0] = 14.05 + k * step;
         x[1] = 2;
         x[2] = 4 + depth;
-        const double energy = respond(&p, 0, &touch) ? touch.energy : 0;
+        const double energy = respond(&p, 0, &force) ? force.energy : 0;
         assert_true(k > -3000 ? energy <= before * (1 + 1e-9) : energy > 0);
         steepest = k > -3000 ? fmax(steepest, before - energy) : 0;
         before = energy;

@@ -12,7 +12,6 @@
 #include "base/rng.h"
 #include "modal/reconstruct.h"
 #include "modal/reduce.h"
-#include "modal/regression.h"
 #include "tests/support/scratch.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1, held at x = 0.
@@ -435,85 +434,6 @@ static void what_does_not_fit_is_told(void **state) {
     pm_field_free(field);
 }
 
-// Stress at a place is what the forces of its own section and its neighbours' do, by the kernel.
-static void local_stress_is_a_convolution(void **state) {
-    (void)state;
-    pm_field *field = make_body();
-    pm_arena arena = {0};
-    pm_local l = {0};
-    int carries[NNODE] = {0};
-    carries[3] = carries[NX + 1] = 1; // places 0 and 1 of the section
-    assert_int_equal(pm_local_find_sections(&l, NNODE, field->position, &arena), PM_OK);
-    assert_int_equal(pm_local_set_loaded(&l, carries, 1, &arena), PM_OK);
-    assert_true(l.nsection == NX && l.nper == 9 && l.nloaded == 2);
-    pm_rng rng;
-    pm_rng_init(&rng, 8, 0);
-    for (int i = 0; i < pm_local_features(&l) * 9 * 6; ++i) {
-        l.kernel[i] = pm_rng_normal(&rng);
-    }
-    double f[3 * NNODE], stress[6 * NNODE] = {0};
-    for (int i = 0; i < 3 * NNODE; ++i) {
-        f[i] = pm_rng_normal(&rng);
-    }
-    double *work = calloc(pm_local_work(&l), sizeof *work);
-    pm_local_add(&l, f, stress, work);
-    free(work);
-    for (int node = 0; node < NNODE; ++node) {
-        const int section = node % NX, place = node / NX;
-        for (int c = 0; c < 6; ++c) {
-            double expected = 0;
-            for (int at = section - 1; at <= section + 1; ++at) {
-                for (int k = 0; k < 6 && at >= 0 && at < NX; ++k) { // two places, three components
-                    const int feature = (at - section + 1) * 6 + k;
-                    expected += f[3 * (at + NX * (k / 3)) + k % 3] *
-                                l.kernel[(feature * 9 + place) * 6 + c];
-                }
-            }
-            assert_true(fabs(stress[6 * node + c] - expected) < 1e-12);
-        }
-    }
-    pm_arena_free(&arena);
-    field->position[3 * (NX + 2)] += 0.5;
-    pm_local bent = {0};
-    assert_int_equal(pm_local_find_sections(&bent, NNODE, field->position, &arena), PM_EDATA);
-    assert_non_null(strstr(pm_error(), "not prismatic"));
-    pm_arena_free(&arena);
-    pm_field_free(field);
-}
-
-// Results that are of rank two are found from noisy features of which two matter.
-static void regression_finds_what_is_there(void **state) {
-    (void)state;
-    enum { P = 4, M = 5, N = 40 };
-    double x[N][P], y[N][M], coefficient[P * 2], pattern[2 * M];
-    pm_rng rng;
-    pm_rng_init(&rng, 3, 0);
-    for (int i = 0; i < N; ++i) {
-        for (int j = 0; j < P; ++j) {
-            x[i][j] = pm_rng_normal(&rng);
-        }
-        for (int j = 0; j < M; ++j) {
-            y[i][j] = (j + 1) * x[i][0] - j * j * x[i][2];
-        }
-    }
-    pm_regression r;
-    assert_int_equal(pm_regression_open(&r, P, M), PM_OK);
-    pm_regression_add(&r, N / 2, x[0], y[0]);
-    pm_regression_add(&r, N / 2, x[N / 2], y[N / 2]);
-    assert_int_equal(pm_regression_solve(&r, 0), PM_OK);
-    assert_int_equal(pm_regression_compress(&r, 2, coefficient, pattern), PM_OK);
-    for (int i = 0; i < P; ++i) {
-        for (int j = 0; j < M; ++j) {
-            const double expected = i == 0 ? j + 1 : i == 2 ? -j * j : 0;
-            const double low_rank =
-                coefficient[2 * i] * pattern[j] + coefficient[2 * i + 1] * pattern[M + j];
-            assert_true(fabs(r.cross[i * M + j] - expected) < 1e-9);
-            assert_true(fabs(low_rank - expected) < 1e-7);
-        }
-    }
-    pm_regression_close(&r);
-}
-
 int main(void) {
     scratch folder;
     scratch_open(&folder);
@@ -529,8 +449,6 @@ int main(void) {
         cmocka_unit_test(variables_are_found_by_name),
         cmocka_unit_test(only_like_fields_are_compared),
         cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),
-        cmocka_unit_test(local_stress_is_a_convolution),
-        cmocka_unit_test(regression_finds_what_is_there),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
     scratch_close(&folder);

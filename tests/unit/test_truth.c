@@ -351,7 +351,7 @@ static void wrong_configurations(void **state) {
         {HEAD "  links: []\n", ":9:10: links: expected a list"},
         {HEAD "  links:\n" LINK "}\n", "temperature"},
         {HEAD "  total_entropy: 0\n  links:\n" LINK ", temperature: {mean: 1, deviation: 1}}\n",
-         "`total_entropy` sets it"},
+         "`total_entropy` already sets the temperatures"},
         {HEAD "  links:\n" LINK ", temperature: {mean: [1, 2], deviation: 1}}\n",
          "mean: expected 1 number"},
         {HEAD "  links:\n" LINK ", colour: 1}\n", "colour"},

@@ -1,6 +1,6 @@
-// Beams as a simulator: their trajectories as fields on a mesh, each in its own frame. Variables of
-// a node: q (position), v (its rate, by backward differences of second order over the last steps),
-// sigma (Cauchy stress, xx yy zz xy xz yz).
+// The simulator of beams, which writes the fields of each beam in its own frame. The variables of a
+// node are q (position), v (velocity, by backward differences of second order over the last steps)
+// and sigma (Cauchy stress, xx yy zz xy xz yz).
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,6 +17,7 @@ typedef struct beam_model {
 
 // --- trajectories ---
 
+// Makes the load of a trajectory: a random patch, or the next row.
 static pm_status choose_load(const pm_beam_system *system, uint64_t seed, int trajectory,
                              pm_beam_load *load) {
     if (system->positions == 0) {
@@ -35,29 +36,29 @@ static pm_status choose_load(const pm_beam_system *system, uint64_t seed, int tr
     return PM_OK;
 }
 
-// Vectors [nnode][3] of a body, turned from the world's frame into its own.
-static void turn_back(const pm_beam_placement *placement, int nnode, const double *world,
+// Turns vectors [nnode][3] from the global frame into the frame of a body.
+static void turn_back(const pm_beam_placement *placement, int nnode, const double *global,
                       double *own) {
     for (int i = 0; i < nnode; ++i) {
-        pm_beam_placement_turn_back(placement, world + 3 * i, own + 3 * i);
+        pm_beam_placement_turn_back(placement, global + 3 * i, own + 3 * i);
     }
 }
 
-// The variables of a body's nodes, whose first is `first`. `past` [2][nnode][3]: positions of all
-// nodes one and two steps before.
+// Computes the variables of the nodes of a body, the first of which is `first`. `past`
+// [2][nnode][3] are the positions of all nodes one and two steps before.
 static void keep_variables(const pm_beam_system *system, const pm_beam_placement *placement,
                            int first, const pm_beam_state *now, const double *past, double h,
                            double *z) {
     const int nnode = system->mesh.nnode;
     for (int i = first; i < first + nnode / system->mesh.nbody; ++i, z += NVARIABLE) {
         const double *sigma = now->sigma + PM_SYMMETRIC * i;
-        double way[3], v[3];
+        double relative[3], v[3];
         for (int d = 0; d < 3; ++d) {
             const double q = now->q[3 * i + d];
-            way[d] = q - placement->origin[d];
+            relative[d] = q - placement->origin[d];
             v[d] = (3 * q - 4 * past[3 * i + d] + past[3 * (nnode + i) + d]) / (2 * h);
         }
-        pm_beam_placement_turn_back(placement, way, z + Q);
+        pm_beam_placement_turn_back(placement, relative, z + Q);
         pm_beam_placement_turn_back(placement, v, z + V);
         for (int m = 0; m < PM_SYMMETRIC; ++m) {
             const int r = pm_tensor_row[m], c = pm_tensor_column[m];
@@ -67,7 +68,7 @@ static void keep_variables(const pm_beam_system *system, const pm_beam_placement
     }
 }
 
-// Writes the state under the forces f into the fields.
+// Writes the state under the forces f into the fields, at time j of row `row`.
 static void keep_state(const pm_beam_system *system, const pm_beam_state *now, const double *past,
                        double h, const double *f, pm_field *const *field, int row, int j) {
     const pm_beam_mesh *mesh = &system->mesh;
@@ -89,7 +90,8 @@ static void keep_state(const pm_beam_system *system, const pm_beam_state *now, c
     }
 }
 
-// Rest before the start is what `past` [2][nnode][3] holds first; `f` [nnode][3] is work space.
+// Simulates a trajectory. The bodies are at rest before the start. `past` [2][nnode][3] and
+// `f` [nnode][3] are work space.
 static pm_status follow(const pm_beam_system *system, const pm_beam_load *load, pm_beam *beam,
                         pm_field *const *field, int row, double *past, double *f) {
     const size_t count = 3 * (size_t)system->mesh.nnode;
@@ -135,11 +137,11 @@ static void describe(const void *data, int body, pm_field *field) {
     const pm_beam_placement *placement = &mesh->placement[body];
     for (int i = 0; i < field->nnode; ++i) {
         const double *x = mesh->position[body * field->nnode + i];
-        double way[3];
+        double relative[3];
         for (int d = 0; d < 3; ++d) {
-            way[d] = x[d] - placement->origin[d];
+            relative[d] = x[d] - placement->origin[d];
         }
-        pm_beam_placement_turn_back(placement, way, field->position + 3 * i);
+        pm_beam_placement_turn_back(placement, relative, field->position + 3 * i);
         field->clamped[i] = pm_beam_mesh_clamped(mesh, i);
     }
     for (int i = 0; i < field->nelement * PM_BEAM_CORNERS; ++i) {

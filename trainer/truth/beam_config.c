@@ -1,4 +1,4 @@
-// Reads what beam_config.h describes.
+// Reads and checks the `system:` block of beams.
 #include "truth/beam_config.h"
 
 #include <float.h>
@@ -6,7 +6,7 @@
 
 #include "truth/numbers.h"
 
-// So that a face has at most PM_BEAM_MAX_LOADED nodes.
+// The largest element counts, with which a face has at most PM_BEAM_MAX_LOADED nodes.
 static const int most[3] = {100, 19, 19};
 
 static pm_status read_box(pm_yaml block, pm_arena *arena, int count[3], double size[3]) {
@@ -27,7 +27,7 @@ static pm_status read_box(pm_yaml block, pm_arena *arena, int count[3], double s
     return PM_OK;
 }
 
-// Which axes of the world those of a beam are: a rotation.
+// Reads the global axes along which the axes of a beam point, which form a rotation.
 static pm_status read_axes(pm_yaml axes, pm_beam_placement *placement) {
     static const char *const names[] = {"+x", "-x", "+y", "-y", "+z", "-z", NULL};
     const int *axis = placement->axis;
@@ -40,7 +40,7 @@ static pm_status read_axes(pm_yaml axes, pm_beam_placement *placement) {
         placement->axis[d] = id / 2;
         placement->sign[d] = id % 2 == 0 ? 1 : -1;
     }
-    const int turn = (axis[1] - axis[0] + 3) % 3; // 1: in cyclic order, 2: against it
+    const int turn = (axis[1] - axis[0] + 3) % 3; // 1: cyclic order, 2: the reverse
     const double hand = placement->sign[0] * placement->sign[1] * placement->sign[2];
     return turn != 0 && axis[0] + axis[1] + axis[2] == 3 && axis[2] != axis[0] &&
                    hand * (turn == 1 ? 1 : -1) > 0
@@ -65,6 +65,7 @@ static pm_status read_placement(pm_yaml map, pm_arena *arena, pm_beam_placement 
     return *text == NULL ? pm_fail(PM_ENOMEM, "truth: out of memory") : PM_OK;
 }
 
+// Whether the boxes of two undeformed bodies overlap.
 static bool overlap(const pm_beam_mesh *mesh, int a, int b) {
     double low[2][3], high[2][3];
     bool inside = true;
@@ -87,7 +88,7 @@ static pm_status check_apart(pm_yaml beams, const pm_beam_system *system) {
     return PM_OK;
 }
 
-// Several beams, and which of them is loaded.
+// Reads several beams, and which of them carries the load.
 static pm_status read_beams(pm_yaml block, pm_arena *arena, const int count[3],
                             const double size[3], pm_beam_system *system) {
     pm_yaml beams = pm_yaml_get(block, "beams"), loaded;

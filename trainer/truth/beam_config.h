@@ -1,4 +1,4 @@
-// The configuration of beams: one, or several in contact, and what presses on one of them.
+// The configuration of beams: one beam, or several in contact, and the loads on one of them.
 #ifndef PM_TRAINER_TRUTH_BEAM_CONFIG_H
 #define PM_TRAINER_TRUTH_BEAM_CONFIG_H
 
@@ -13,17 +13,18 @@ typedef struct pm_beam_system {
     pm_beam_material material;
     const char *const *name;      // [nbody]; NULL: one beam without a name
     const char *const *placement; // [nbody] as text
-    double contact;               // Pa/m
-    int substeps;                 // steps per state
-    int loaded;                   // the body that is pressed
-    int positions;                // rows of each face; 0: random patches
-    double force, ramp;           // N on each node of a row, s
+    double contact;               // Pa/m, penalty stiffness per area
+    int substeps;                 // time steps per state
+    int loaded;                   // the body on which the load acts
+    int positions;                // load positions on each face; 0: the loads are random patches
+    double force;                 // N on each node of a row
+    double ramp;                  // s, until a row has its full load
     pm_beam_patches patches;
 } pm_beam_system;
 
-// Reads the `system:` block; memory from the arena. PM_ECONFIG, PM_ENOMEM.
+// Reads the `system:` block. Memory from the arena. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_beam_config_read(pm_yaml block, pm_arena *arena, pm_beam_system *system);
-// The parameters as text, in the arena. NULL: out of memory.
+// Describes the parameters as text in the arena; NULL if memory is exhausted.
 const char *pm_beam_config_describe(const pm_beam_system *system, pm_arena *arena);
 
 #endif

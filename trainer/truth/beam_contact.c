@@ -1,17 +1,17 @@
-// Sides that face each other, closest points, and what the penalty energy gives there. With r the
-// vector from the closest point to the node, G = |r|^2 / 2 least over u and v has the derivatives
-//     dG/dy = F_y,   d2G/dy2 = F_yy - F_yx F_xx^-1 F_xy,   F = |r(y, x)|^2 / 2,  x = (u, v)
-// where r is a sum of the positions y by weights c(x): 1 for the node, and less those of the
-// surface.
+// Finds sides that face each other and closest points, and differentiates the penalty energy. Let
+// r(y, x) be the vector from the surface's point at x = (u, v) to the node. It is a sum of the
+// positions y with weights c(x): 1 for the node, and minus the weights of the surface. With
+// F = |r|^2 / 2, the smallest F over x, called G, has the derivatives
+//     dG/dy = F_y,   d2G/dy2 = F_yy - F_yx F_xx^-1 F_xy
 #include "truth/beam_contact.h"
 
 #include <math.h>
 
 // --- candidates ---
 
-// The axis of the world along which two bodies lie apart while their shadows along it overlap; -1:
-// there is none. `above`: the second lies higher.
-static int facing_axis(const pm_beam_mesh *mesh, int a, int b, bool *above) {
+// The global axis along which two bodies lie apart while their projections along it overlap; -1:
+// there is none. `above` tells whether the second body lies higher on that axis.
+static int separation_axis(const pm_beam_mesh *mesh, int a, int b, bool *above) {
     double low[2][3], high[2][3];
     int axis = -1, apart = 0;
     pm_beam_mesh_bounds(mesh, a, low[0], high[0]);
@@ -26,7 +26,8 @@ static int facing_axis(const pm_beam_mesh *mesh, int a, int b, bool *above) {
     return apart == 1 ? axis : -1;
 }
 
-// The side of a body that looks along an axis of the world, upwards or not. False: an end.
+// Finds the side of a body whose outward normal points along a global axis, upwards or downwards.
+// Returns false if that is an end of the body.
 static bool find_side(const pm_beam_mesh *mesh, int body, int axis, bool up,
                       pm_beam_surface *surface) {
     const pm_beam_placement *placement = &mesh->placement[body];
@@ -39,7 +40,7 @@ static bool find_side(const pm_beam_mesh *mesh, int body, int axis, bool up,
     return false;
 }
 
-// Adds the nodes of a side as candidates for the other.
+// Adds the nodes of a side as candidates for contact with the other side.
 static void add_side(pm_beam_contact *contact, const pm_beam_surface *side,
                      const pm_beam_surface *other) {
     for (int j = 0; j <= side->count[1]; ++j) {
@@ -68,7 +69,7 @@ pm_status pm_beam_contact_make(pm_beam_contact *contact, const pm_beam_mesh *mes
         for (int b = a + 1; b < mesh->nbody; ++b) {
             bool above = false;
             pm_beam_surface first, second;
-            const int axis = facing_axis(mesh, a, b, &above);
+            const int axis = separation_axis(mesh, a, b, &above);
             if (axis >= 0 && find_side(mesh, a, axis, above, &first) &&
                 find_side(mesh, b, axis, !above, &second)) {
                 add_side(contact, &first, &second);
@@ -81,20 +82,21 @@ pm_status pm_beam_contact_make(pm_beam_contact *contact, const pm_beam_mesh *mes
 
 // --- the closest point ---
 
-// How r and its derivatives by u and v are made of nodes.
-typedef struct gap {
+// A point of a candidate's surface, and the vector r from there to the node.
+typedef struct surface_point {
     double u, v;
     pm_beam_surface_weights weights;
-    double r[PM_SURFACE_DERIVATIVES][3];
-    double slope[2];     // F_x
-    double curvature[3]; // F_xx: uu, uv, vv
-} gap;
+    double r[PM_SURFACE_DERIVATIVES][3]; // m, r and its derivatives by u and v
+    double slope[2];                     // F_x
+    double curvature[3];                 // F_xx: uu, uv, vv
+} surface_point;
 
 static double dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void look(const pm_beam_candidate *candidate, const double *q, gap *g) {
+// Evaluates the point at g->u, g->v.
+static void evaluate(const pm_beam_candidate *candidate, const double *q, surface_point *g) {
     double(*r)[3] = g->r;
     pm_beam_surface_weigh(&candidate->surface, g->u, g->v, &g->weights);
     for (int m = 0; m < PM_SURFACE_DERIVATIVES; ++m) {
@@ -112,8 +114,8 @@ static void look(const pm_beam_candidate *candidate, const double *q, gap *g) {
     g->curvature[2] = dot(r[PM_BY_V], r[PM_BY_V]) + dot(r[PM_VALUE], r[PM_BY_VV]);
 }
 
-// Starts at the surface's node closest to the candidate.
-static void start(const pm_beam_candidate *candidate, const double *q, gap *g) {
+// Starts at the node of the surface that is closest to the candidate.
+static void start(const pm_beam_candidate *candidate, const double *q, surface_point *g) {
     const pm_beam_surface *surface = &candidate->surface;
     double least = INFINITY;
     for (int j = 0; j <= surface->count[1]; ++j) {
@@ -132,19 +134,20 @@ static void start(const pm_beam_candidate *candidate, const double *q, gap *g) {
     }
 }
 
-// Half an element beyond the edges the surface has bent far below them.
+// Whether u lies at most half an element beyond the edges, where the surface has bent far below
+// them.
 static bool lies_within(double u, int count) {
     return u > -0.5 && u < count + 0.5;
 }
 
-// Newton's method for u and v, in elements; steps of at most one. False: there is no closest point
-// on the surface.
-static bool project(const pm_beam_candidate *candidate, const double *q, gap *g) {
-    const double found = 1e-9; // squared by the step that is this short
+// Finds the closest point by Newton's method for u and v, in steps of at most one element. Returns
+// false if the surface has no closest point.
+static bool project(const pm_beam_candidate *candidate, const double *q, surface_point *g) {
+    const double found = 1e-9; // a step this short leaves an error of its square
     const int most = 30;
     start(candidate, q, g);
     for (int k = 0; k < most; ++k) {
-        look(candidate, q, g);
+        evaluate(candidate, q, g);
         const double *c = g->curvature, *s = g->slope, det = c[0] * c[2] - c[1] * c[1];
         if (!(c[0] > 0 && det > 0)) {
             return false;
@@ -155,7 +158,7 @@ static bool project(const pm_beam_candidate *candidate, const double *q, gap *g)
         g->u += part * du;
         g->v += part * dv;
         if (size < found) {
-            look(candidate, q, g);
+            evaluate(candidate, q, g);
             return lies_within(g->u, candidate->surface.count[0]) &&
                    lies_within(g->v, candidate->surface.count[1]);
         }
@@ -165,27 +168,28 @@ static bool project(const pm_beam_candidate *candidate, const double *q, gap *g)
 
 // --- the response ---
 
-// r . normal < 0, the normal pointing out of the body, and no deeper than one layer of elements:
-// what is further away has come from elsewhere.
-static bool lies_behind(const pm_beam_surface *surface, const gap *g) {
+// Whether the node lies behind the surface, r . normal < 0 with the outward normal, and no deeper
+// than one layer of elements; a deeper node lies on another side of the body.
+static bool lies_behind(const pm_beam_surface *surface, const surface_point *g) {
     const double *a = g->r[PM_BY_U], *b = g->r[PM_BY_V], *r = g->r[PM_VALUE];
     const double normal[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
                               a[0] * b[1] - a[1] * b[0]};
     return surface->side * dot(r, normal) < 0 && dot(r, r) < surface->step[2] * surface->step[2];
 }
 
-// The weights c and their derivatives by u and v of the touch's nodes: the candidate first.
-typedef struct weights {
-    double c[3][PM_BEAM_TOUCH_NODES];
-} weights;
+// The weights c of the nodes and their derivatives by u and v; the candidate is the first node.
+typedef struct contact_weights {
+    double c[3][PM_BEAM_CONTACT_NODES];
+} contact_weights;
 
-static weights gather(const pm_beam_candidate *candidate, const gap *g,
-                      pm_beam_contact_force *touch) {
-    weights w = {{{1}}};
-    touch->nnode = 1 + g->weights.nnode;
-    touch->node[0] = candidate->node;
-    for (int i = 1; i < touch->nnode; ++i) {
-        touch->node[i] = g->weights.node[i - 1];
+// Lists the nodes of a contact and their weights.
+static contact_weights gather(const pm_beam_candidate *candidate, const surface_point *g,
+                              pm_beam_contact_force *force) {
+    contact_weights w = {{{1}}};
+    force->nnode = 1 + g->weights.nnode;
+    force->node[0] = candidate->node;
+    for (int i = 1; i < force->nnode; ++i) {
+        force->node[i] = g->weights.node[i - 1];
         for (int m = 0; m < 3; ++m) { // PM_VALUE, PM_BY_U, PM_BY_V
             w.c[m][i] = -g->weights.weight[m][i - 1];
         }
@@ -193,13 +197,14 @@ static weights gather(const pm_beam_candidate *candidate, const gap *g,
     return w;
 }
 
-static void set_stiffness(double scale, bool exact, const gap *g, const weights *w,
-                          pm_beam_contact_force *touch) {
-    const int n = 3 * touch->nnode;
+// Computes the stiffness, `scale` times d2G/dy2 or its positive semi-definite part.
+static void set_stiffness(double scale, bool exact, const surface_point *g,
+                          const contact_weights *w, pm_beam_contact_force *force) {
+    const int n = 3 * force->nnode;
     const double *a = g->r[PM_BY_U], *b = g->r[PM_BY_V];
     const double metric[3] = {dot(a, a), dot(a, b), dot(b, b)};
     const double *c = exact ? g->curvature : metric, det = c[0] * c[2] - c[1] * c[1];
-    double F[2][3 * PM_BEAM_TOUCH_NODES], side[2][3 * PM_BEAM_TOUCH_NODES];
+    double F[2][3 * PM_BEAM_CONTACT_NODES], side[2][3 * PM_BEAM_CONTACT_NODES];
     for (int i = 0; i < n; ++i) {
         for (int x = 0; x < 2; ++x) {
             F[x][i] = w->c[PM_VALUE][i / 3] * g->r[1 + x][i % 3] +
@@ -211,27 +216,27 @@ static void set_stiffness(double scale, bool exact, const gap *g, const weights 
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j < n; ++j) {
             const double same = i % 3 == j % 3 ? w->c[PM_VALUE][i / 3] * w->c[PM_VALUE][j / 3] : 0;
-            touch->stiffness[n * i + j] =
+            force->stiffness[n * i + j] =
                 scale * (same - F[0][i] * side[0][j] - F[1][i] * side[1][j]);
         }
     }
 }
 
 bool pm_beam_contact_respond(const pm_beam_contact *contact, const pm_beam_candidate *candidate,
-                             const double *q, bool exact, pm_beam_contact_force *touch) {
-    gap g;
+                             const double *q, bool exact, pm_beam_contact_force *force) {
+    surface_point g;
     if (!project(candidate, q, &g) || !lies_behind(&candidate->surface, &g)) {
         return false;
     }
     const double scale = contact->stiffness * candidate->area / 2, *r = g.r[PM_VALUE];
-    const weights w = gather(candidate, &g, touch);
-    touch->depth = sqrt(dot(r, r));
-    touch->energy = scale * dot(r, r) / 2;
-    for (int i = 0; i < touch->nnode; ++i) {
+    const contact_weights w = gather(candidate, &g, force);
+    force->depth = sqrt(dot(r, r));
+    force->energy = scale * dot(r, r) / 2;
+    for (int i = 0; i < force->nnode; ++i) {
         for (int d = 0; d < 3; ++d) {
-            touch->force[i][d] = -scale * w.c[PM_VALUE][i] * r[d];
+            force->force[i][d] = -scale * w.c[PM_VALUE][i] * r[d];
         }
     }
-    set_stiffness(scale, exact, &g, &w, touch);
+    set_stiffness(scale, exact, &g, &w, force);
     return true;
 }

@@ -1,10 +1,11 @@
-// Frictionless contact of bodies at finite deflection. Sides that face each other across a gap are
-// found once, from the undeformed mesh; then each node of either is held off the other's smooth
-// surface (beam_surface.h) by the penalty energy
+// Frictionless contact of bodies at finite deflection, by a penalty. Sides that face each other
+// across a gap are found once, in the undeformed mesh. From then on every node of either side is
+// kept out of the other side's smooth surface (beam_surface.h) by the energy
 //     stiffness/2 area/2 depth^2
-// where it has come to lie behind it: `depth` is its distance from the closest point, `area` its
-// share of its side, undeformed, and both sides count half. Forces are this energy's exact
-// derivatives, hence equal and opposite in force and moment, and no path can gain energy.
+// while it lies behind that surface. Here `depth` is its distance from the closest point and `area`
+// its undeformed share of its own side; the factor 1/2 is there because both sides count. The
+// forces are the exact derivatives of this energy, so that they are equal and opposite in force and
+// moment, and no closed path gains energy.
 #ifndef PM_TRAINER_TRUTH_BEAM_CONTACT_H
 #define PM_TRAINER_TRUTH_BEAM_CONTACT_H
 
@@ -12,10 +13,11 @@
 
 #include "truth/beam_surface.h"
 
+// A node and the surface of another body that it may touch.
 typedef struct pm_beam_candidate {
     int node;
-    double area;             // m^2
-    pm_beam_surface surface; // of the other body
+    double area; // m^2
+    pm_beam_surface surface;
 } pm_beam_candidate;
 
 typedef struct pm_beam_contact {
@@ -24,26 +26,28 @@ typedef struct pm_beam_contact {
     pm_beam_candidate *candidate; // [ncandidate]
 } pm_beam_contact;
 
-#define PM_BEAM_TOUCH_NODES (1 + PM_BEAM_SURFACE_NODES)
+#define PM_BEAM_CONTACT_NODES (1 + PM_BEAM_SURFACE_NODES)
 
-// A node behind a surface.
+// The contact of one candidate: energy, forces and stiffness at its node and the surface's nodes.
 typedef struct pm_beam_contact_force {
     int nnode;
-    int node[PM_BEAM_TOUCH_NODES];
-    double depth;                                                        // m
-    double energy;                                                       // J
-    double force[PM_BEAM_TOUCH_NODES][3];                                // N, on the nodes
-    double stiffness[3 * PM_BEAM_TOUCH_NODES * 3 * PM_BEAM_TOUCH_NODES]; // N/m, [3 nnode][3 nnode]
+    int node[PM_BEAM_CONTACT_NODES];
+    double depth;                           // m
+    double energy;                          // J
+    double force[PM_BEAM_CONTACT_NODES][3]; // N
+    double
+        stiffness[3 * PM_BEAM_CONTACT_NODES * 3 * PM_BEAM_CONTACT_NODES]; // N/m, [3 nnode][3 nnode]
 } pm_beam_contact_force;
 
-// Memory from the arena. PM_ENOMEM.
+// Finds the candidates. `stiffness` is in Pa/m. Memory from the arena. PM_ENOMEM.
 pm_status pm_beam_contact_make(pm_beam_contact *contact, const pm_beam_mesh *mesh, double stiffness,
                                pm_arena *arena);
 
-// What a candidate does at the positions q [nnode][3]. The stiffness is -d(force)/dq if `exact`,
-// and otherwise what of it is never negative: without sliding and without the surface's turning.
-// False: it does not touch.
+// Computes the contact of a candidate at the positions q [nnode][3], m, of all nodes; returns false
+// if it does not touch the surface. With `exact` the stiffness is -d(force)/dq. Otherwise the terms
+// for sliding and for the rotation of the surface are left out, which makes it positive
+// semi-definite.
 bool pm_beam_contact_respond(const pm_beam_contact *contact, const pm_beam_candidate *candidate,
-                             const double *q, bool exact, pm_beam_contact_force *touch);
+                             const double *q, bool exact, pm_beam_contact_force *force);
 
 #endif

@@ -1,16 +1,16 @@
-// Integrals over a brick, by 2x2x2 points of Gauss.
+// Integrates over a brick by 2x2x2 Gauss points.
 #include "truth/beam_element.h"
 
 #include <math.h>
 #include <string.h>
 
-// Where the corners lie in [-1, 1]^3; the points of Gauss lie at these over sqrt(3).
+// The corners in [-1, 1]^3. The Gauss points are these divided by sqrt(3).
 static const double sign[PM_BEAM_CORNERS][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
                                                 {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
 
 // --- shape functions ---
 
-// Of the corner's shape function (1 + sign.s) (...) (...) / 8: its derivative by s_d.
+// The derivative by s_d of a corner's shape function, the product of (1 + sign_e s_e)/2 over e.
 static double shape_slope(int corner, const double s[3], int d) {
     const int e = (d + 1) % 3, f = (d + 2) % 3;
     return sign[corner][d] * (1 + sign[corner][e] * s[e]) * (1 + sign[corner][f] * s[f]) / 8;
@@ -45,12 +45,13 @@ void pm_beam_element_init(pm_beam_element *element, const double *x) {
 
 // --- the response ---
 
-// F [9] at a point, and the gradients of the shape functions in the deformed body.
+// The deformation at a Gauss point.
 typedef struct kinematics {
     double F[9], J;
-    double gradient[PM_BEAM_CORNERS][3];
+    double gradient[PM_BEAM_CORNERS][3]; // 1/m, of the shape functions in the deformed body
 } kinematics;
 
+// Computes the deformation at point p; returns false if the element is turned inside out there.
 static bool deform(const pm_beam_element *element, const double *q, int p, kinematics *k) {
     double inverse[9];
     memset(k->F, 0, sizeof k->F);
@@ -73,7 +74,8 @@ static bool deform(const pm_beam_element *element, const double *q, int p, kinem
     return true;
 }
 
-// Adds to the upper triangle what `tangent` and the stress (both weighted) make of the gradients.
+// Adds the material stiffness of `tangent` and the geometric stiffness of `stress`, both weighted,
+// to the upper triangle of K; g are the gradients of the shape functions.
 static void add_stiffness(double g[PM_BEAM_CORNERS][3], double tangent[PM_SYMMETRIC][PM_SYMMETRIC],
                           const double *stress, double K[PM_BEAM_FREEDOMS][PM_BEAM_FREEDOMS]) {
     double side[PM_SYMMETRIC][PM_BEAM_FREEDOMS];
@@ -108,7 +110,7 @@ static void add_stiffness(double g[PM_BEAM_CORNERS][3], double tangent[PM_SYMMET
     }
 }
 
-// Adds one point: `pressure` and `volume` are the element's.
+// Adds a Gauss point; `pressure` and `volume` are those of the element.
 static void add_point(kinematics *k, double weight, double pressure, double volume,
                       const pm_beam_response *point, pm_beam_element_response *response) {
     double stress[PM_SYMMETRIC], tangent[PM_SYMMETRIC][PM_SYMMETRIC];
@@ -131,7 +133,8 @@ static void add_point(kinematics *k, double weight, double pressure, double volu
     response->dissipated += weight * point->dissipated;
 }
 
-// What the change of the pressure with theta adds; `growth` is d(volume)/dq.
+// Adds the stiffness that follows from the change of the pressure with theta; `growth` is
+// d(volume)/dq.
 static void add_volume_stiffness(double factor, const double *growth,
                                  pm_beam_element_response *response) {
     for (int row = 0; row < PM_BEAM_FREEDOMS; ++row) {

@@ -1,11 +1,11 @@
-// Rows and random patches of loaded nodes.
+// Loads rows and random patches of nodes.
 #include "truth/beam_load.h"
 
 #include <assert.h>
 #include <math.h>
 #include <string.h>
 
-// Nearest to the clamp that the centre of a patch comes, by the beam's length.
+// The smallest distance from the clamp to the centre of a patch, relative to the beam's length.
 static const double nearest = 0.4;
 
 // The node of a face at indices i along the beam and j across.
@@ -15,7 +15,7 @@ static int face_node(const pm_beam_mesh *mesh, int face, int i, int j) {
                          : pm_beam_mesh_node(mesh, i, j, top ? mesh->count[2] : 0);
 }
 
-// Axes of a face: into the beam (with its sign), and across.
+// The axis of a face that points into the beam, the sign of that direction, and the axis across.
 static int axis_in(int face) {
     return 1 + face % 2;
 }
@@ -40,11 +40,12 @@ void pm_beam_load_row(pm_beam_load *load, const pm_beam_mesh *mesh, int face, in
     load->force[axis_in(face)] = sign_in(face) * force;
 }
 
+// Draws a number from a range uniformly.
 static double draw_between(pm_rng *rng, const double range[2]) {
     return range[0] + (range[1] - range[0]) * pm_rng_uniform(rng);
 }
 
-// The nodes of a face in a rectangle; the nearest one if there is none.
+// Loads the nodes of a face that lie in a rectangle, or the one nearest to its centre if none does.
 static void add_rectangle(pm_beam_load *load, const pm_beam_mesh *mesh, int face,
                           const double centre[2], const double half[2]) {
     const int across = axis_across(face);
@@ -64,6 +65,7 @@ static void add_rectangle(pm_beam_load *load, const pm_beam_mesh *mesh, int face
     }
 }
 
+// Draws size and direction of the force.
 static void draw_force(pm_beam_load *load, const pm_beam_patches *patches, int face, pm_rng *rng) {
     double direction[3], square = 0;
     for (int d = 0; d < 3; ++d) {
@@ -82,7 +84,8 @@ void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
     const int face = patches->face < 0 ? (int)pm_rng_below(rng, PM_BEAM_FACES) : patches->face;
     const double along[2] = {nearest * mesh->size[0], mesh->size[0]};
     const double across[2] = {0, mesh->size[axis_across(face)]};
-    // One statement each: C does not say which of a list's members is evaluated first.
+    // Separate statements, because C does not define in which order the members of a list are
+    // evaluated.
     double centre[2], half[2];
     centre[0] = draw_between(rng, along);
     centre[1] = draw_between(rng, across);
@@ -95,7 +98,7 @@ void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
     load->time[3] = load->time[2] + draw_between(rng, patches->unload);
 }
 
-// The polyline at time t.
+// The fraction of the full load at time t s.
 static double fraction_at(const pm_beam_load *load, double t) {
     for (int i = 1; i < PM_BEAM_KNOTS; ++i) {
         if (t < load->time[i]) {

@@ -1,5 +1,5 @@
-// Stress and tangent of the material of beam_material.h: those of Cbar first, then projected to
-// keep the volume (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.6).
+// Computes stress and tangent as functions of Cbar first, and then projects them onto their
+// isochoric parts (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.6).
 #include "truth/beam_material.h"
 
 #include <math.h>
@@ -14,8 +14,9 @@ void pm_beam_memory_init(pm_beam_memory *memory) {
     }
 }
 
-// --- stress of Cbar: adds to `stress` (Kirchhoff) and `tangent` ---
+// --- stress and tangent as functions of Cbar ---
 
+// Adds the spring, which carries `share` of the instantaneous stress.
 static void add_spring(const pm_beam_material *m, double share, const double *b,
                        pm_beam_response *r) {
     const double C10 = share * m->C10, C01 = share * m->C01, I1 = pm_tensor_trace(b);
@@ -37,7 +38,8 @@ static void add_spring(const pm_beam_material *m, double share, const double *b,
     }
 }
 
-// With a = h / tau, A after the step is decay A + start Cbar^-1 before + end Cbar^-1 after.
+// The weights of a step with a = h / tau, after which A = decay A + start Cbar^-1 (before) +
+// end Cbar^-1 (after).
 static void step_weights(double a, double *decay, double *start, double *end) {
     *decay = exp(-a);
     const double mean = a > 0 ? -expm1(-a) / a : 1;
@@ -45,8 +47,8 @@ static void step_weights(double a, double *decay, double *start, double *end) {
     *end = 1 - mean;
 }
 
-// A branch's inner strain A h s after `before`, when Cbar^-1 has gone straight to `inverse`.
-// Returns dA / d(Cbar^-1).
+// Computes the inner strain A of a branch after h s in which Cbar^-1 went linearly from `before` to
+// `inverse`. Returns dA / d(Cbar^-1).
 static double relax(double h, double tau, const double *before, const double *inner,
                     const double *inverse, double *A) {
     double decay, start, end;
@@ -57,7 +59,7 @@ static double relax(double h, double tau, const double *before, const double *in
     return end;
 }
 
-// What a branch of modulus 1 dissipates meanwhile, by two points of Gauss.
+// The energy that a branch of modulus 1 dissipates in that time, by two Gauss points.
 static double dissipate(double h, double tau, const double *before, const double *inner,
                         const double *inverse) {
     double sum = 0;
@@ -75,6 +77,7 @@ static double dissipate(double h, double tau, const double *before, const double
     return h / (4 * tau) * sum;
 }
 
+// Adds a Maxwell branch, and writes its inner strain to `after`.
 static void add_branch(const pm_beam_material *m, int branch, double h, const double Fbar[9],
                        const pm_beam_memory *before, pm_beam_memory *after, const double *Cbar,
                        pm_beam_response *r) {
@@ -91,9 +94,9 @@ static void add_branch(const pm_beam_material *m, int branch, double h, const do
     r->dissipated += mu * dissipate(h, tau, before->inverse, inner, after->inverse);
 }
 
-// --- keeping the volume ---
+// --- the isochoric part ---
 
-// Takes the trace out of the stress, and out of both sides of the tangent.
+// Removes the trace from the stress and from both sides of the tangent.
 static void project(pm_beam_response *r) {
     const double trace = pm_tensor_trace(r->stress);
     double side[PM_SYMMETRIC], total = 0;

@@ -1,11 +1,11 @@
-// Assembly into compressed columns: where each entry of each element goes is found once.
+// Assembles compressed columns. The place of each entry of each element is found once.
 #include "truth/beam_matrix.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <suitesparse/cholmod.h>
 
-// Of OpenMP, whose header not every compiler brings along.
+// Declared here because not every compiler provides the header of OpenMP.
 void omp_set_max_active_levels(int levels);
 
 #define ENTRIES (PM_BEAM_FREEDOMS * (PM_BEAM_FREEDOMS + 1) / 2)
@@ -14,13 +14,14 @@ struct pm_beam_matrix {
     const pm_beam_mesh *mesh;
     cholmod_common common;
     cholmod_sparse *K;         // upper triangle
-    cholmod_factor *factor;    // its symbolic part is that of K
-    cholmod_triplet *coupling; // added to K on solving; NULL until there is one
+    cholmod_factor *factor;    // whose symbolic part belongs to K
+    cholmod_triplet *coupling; // added to K when solving; NULL until there is one
     cholmod_dense *b;
-    int *freedom;          // [nnode] first of three; -1: clamped
-    int (*place)[ENTRIES]; // [nelement] in K's values; -1: clamped
+    int *freedom;          // [nnode] first of three degrees of freedom; -1: clamped
+    int (*place)[ENTRIES]; // [nelement] places among the values of K; -1: clamped
 };
 
+// Numbers the degrees of freedom and returns how many there are.
 static int number_freedoms(pm_beam_matrix *matrix) {
     int count = 0;
     for (int i = 0; i < matrix->mesh->nnode; ++i) {
@@ -31,7 +32,8 @@ static int number_freedoms(pm_beam_matrix *matrix) {
     return count;
 }
 
-// Row and column in K of entry i, j of a matrix over these nodes; false if one of them is clamped.
+// Finds row and column in K of entry i, j of a matrix over these nodes. Returns false if one of the
+// nodes is clamped.
 static bool locate(const pm_beam_matrix *matrix, const int *node, int i, int j, int *row,
                    int *column) {
     const int a = matrix->freedom[node[i / 3]], b = matrix->freedom[node[j / 3]];
@@ -41,6 +43,7 @@ static bool locate(const pm_beam_matrix *matrix, const int *node, int i, int j, 
     return a >= 0 && b >= 0;
 }
 
+// Makes K with all entries that elements need. Returns false if memory is exhausted.
 static bool make_pattern(pm_beam_matrix *matrix, int nfreedom) {
     const size_t n = (size_t)nfreedom, capacity = (size_t)matrix->mesh->nelement * ENTRIES;
     cholmod_triplet *triplet =
@@ -63,7 +66,7 @@ static bool make_pattern(pm_beam_matrix *matrix, int nfreedom) {
     return matrix->K != NULL;
 }
 
-// The place of an entry among K's values; rows are sorted within a column.
+// The place of an entry among the values of K, whose rows are sorted within a column.
 static int find(const cholmod_sparse *K, int row, int column) {
     const int *start = K->p, *rows = K->i;
     int low = start[column], high = start[column + 1] - 1;
@@ -97,7 +100,7 @@ pm_status pm_beam_matrix_new(pm_beam_matrix **result, const pm_beam_mesh *mesh) 
         return pm_fail(PM_ENOMEM, "beam: out of memory");
     }
     matrix->mesh = mesh;
-    // CHOLMOD starts four threads for every block of the factor, which cost more than they save.
+    // CHOLMOD would start four threads for every block of the factor, at more cost than gain.
     omp_set_max_active_levels(0);
     cholmod_start(&matrix->common);
     matrix->common.print = 0;
@@ -151,7 +154,7 @@ void pm_beam_matrix_add(pm_beam_matrix *matrix, int element, const double *stiff
     }
 }
 
-// Room for `count` more entries of the coupling.
+// Makes room for `count` more entries of the coupling.
 static bool reserve(pm_beam_matrix *matrix, size_t count) {
     cholmod_triplet *t = matrix->coupling;
     if (t == NULL) {
@@ -181,7 +184,7 @@ bool pm_beam_matrix_couple(pm_beam_matrix *matrix, int n, const int *node,
     return true;
 }
 
-// K and the coupling, with a factor of their own.
+// Factorizes the sum of K and the coupling, with a symbolic factor of its own.
 static bool factorize_coupled(pm_beam_matrix *matrix, cholmod_factor **factor) {
     double one[2] = {1, 0};
     cholmod_common *common = &matrix->common;
@@ -196,8 +199,8 @@ static bool factorize_coupled(pm_beam_matrix *matrix, cholmod_factor **factor) {
     return good;
 }
 
-// x = K^-1 b by the factor of K, or of the coupled matrix in its place. NULL: not positive
-// definite, or out of memory.
+// Solves K x = b, with the couplings added to K if there are any. NULL: the matrix is not positive
+// definite, or memory is exhausted.
 static cholmod_dense *solve(pm_beam_matrix *matrix) {
     cholmod_common *common = &matrix->common;
     if (matrix->coupling == NULL || matrix->coupling->nnz == 0) {

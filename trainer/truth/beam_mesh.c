@@ -1,12 +1,13 @@
-// Nodes and bricks of boxes.
+// Makes the nodes and bricks of boxes.
 #include "truth/beam_mesh.h"
 
 #include <math.h>
 
-// Grid offsets of a brick's corners from its first.
+// The grid offsets of a brick's corners from its first corner.
 static const int corner[PM_BEAM_CORNERS][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0},
                                                {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
 
+// Computes the undeformed positions of a body's nodes.
 static void place_nodes(pm_beam_mesh *mesh, const pm_beam_placement *placement,
                         double (*position)[3]) {
     for (int k = 0; k <= mesh->count[2]; ++k) {
@@ -26,7 +27,7 @@ static void place_nodes(pm_beam_mesh *mesh, const pm_beam_placement *placement,
     }
 }
 
-// The elements of a body whose nodes begin at `first`.
+// Lists the nodes of the elements of a body whose nodes begin at `first`.
 static void connect(const pm_beam_mesh *mesh, int first, int *node) {
     for (int k = 0; k < mesh->count[2]; ++k) {
         for (int j = 0; j < mesh->count[1]; ++j) {
@@ -68,8 +69,8 @@ pm_status pm_beam_mesh_place(pm_beam_mesh *mesh, const int count[3], const doubl
 
 pm_status pm_beam_mesh_make(pm_beam_mesh *mesh, const int count[3], const double size[3],
                             pm_arena *arena) {
-    const pm_beam_placement world = {.axis = {0, 1, 2}, .sign = {1, 1, 1}};
-    return pm_beam_mesh_place(mesh, count, size, 1, &world, arena);
+    const pm_beam_placement identity = {.axis = {0, 1, 2}, .sign = {1, 1, 1}};
+    return pm_beam_mesh_place(mesh, count, size, 1, &identity, arena);
 }
 
 void pm_beam_mesh_bounds(const pm_beam_mesh *mesh, int body, double low[3], double high[3]) {

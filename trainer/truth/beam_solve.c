@@ -1,4 +1,4 @@
-// Newton's method on the bodies' nodes.
+// Newton's method for the positions of all nodes, with halved steps where it does not converge.
 #include "truth/beam_solve.h"
 
 #include <math.h>
@@ -8,22 +8,23 @@
 #include "truth/beam_contact.h"
 #include "truth/beam_matrix.h"
 
-// Equilibrium: the residual's norm over the largest norm of the forces within the elements, now or
-// at an equilibrium before.
-// Rounding leaves about 1e-11; the last iteration squares what is left before it.
+// Equilibrium is reached when the norm of the residual falls below this share of the largest norm
+// that the element forces have, or had at an earlier equilibrium. Rounding leaves about 1e-11, and
+// the last iteration squares the error before it.
 #define TOLERANCE 1e-9
-// Or a way this short, by an element's length: under small loads rounding leaves more than that,
-// and Newton's method squares this.
+// It is also reached when the last increment is shorter than this share of an element's length.
+// Under small loads rounding leaves a larger residual than TOLERANCE, and Newton's method squares
+// the increment.
 #define NEGLIGIBLE 1e-9
-// Iterations after which care is taken: most steps need fewer, and full ones.
-#define PATIENCE 6
-// How often a step may be halved.
-#define MAX_DEPTH 6
+// The number of full Newton iterations before a line search is used. Most steps need fewer.
+#define FULL_ITERATIONS 6
+// The largest number of times that a step may be halved.
+#define MAX_HALVINGS 6
 
-// A body in an iteration.
-typedef struct body {
+// The energies of a body in an iteration.
+typedef struct body_energy {
     double stored, dissipated; // J, now and in the step
-} body;
+} body_energy;
 
 struct pm_beam {
     pm_arena arena; // owns the arrays
@@ -35,19 +36,19 @@ struct pm_beam {
     pm_beam_memory (*after)[PM_BEAM_POINTS];  // [nelement] of the iteration
     double (*stress)[PM_SYMMETRIC];           // [nelement] of the iteration
     pm_beam_matrix *matrix;
-    pm_beam_contact_force touch; // of the iteration
+    pm_beam_contact_force pair; // work space: the contact of one candidate
     pm_beam_state now;
-    double *f;        // [nnode][3] forces at the last equilibrium
-    double *q;        // [nnode][3] of the iteration
-    double *pressed;  // [nnode][3] forces of contact, of the iteration
-    double *residual; // [nnode][3] of the iteration
-    double *way;      // [nnode][3] where Newton's method takes it from there
-    body *body;       // [nbody] of the iteration
-    int *meeting;     // [nnode] elements that meet there
-    double largest;   // N, norm of the elements' forces
+    double *f;             // [nnode][3] N, loads at the last equilibrium
+    double *q;             // [nnode][3] m, positions of the iteration
+    double *contact_force; // [nnode][3] N, of the iteration
+    double *residual;      // [nnode][3] N, of the iteration
+    double *increment;     // [nnode][3] m, of Newton's method
+    body_energy *body;     // [nbody] of the iteration
+    int *nelement_at;      // [nnode] elements that share the node
+    double largest;        // N, largest norm of the element forces at an equilibrium
 };
 
-// --- life ---
+// --- memory ---
 
 static bool beam_alloc(pm_beam *beam) {
     const size_t nnode = (size_t)beam->mesh->nnode, nelement = (size_t)beam->mesh->nelement;
@@ -63,17 +64,18 @@ static bool beam_alloc(pm_beam *beam) {
     beam->now.energy = pm_arena_array(arena, nbody, sizeof *beam->now.energy);
     beam->f = pm_arena_array(arena, nnode, vector);
     beam->q = pm_arena_array(arena, nnode, vector);
-    beam->pressed = pm_arena_array(arena, nnode, vector);
+    beam->contact_force = pm_arena_array(arena, nnode, vector);
     beam->residual = pm_arena_array(arena, nnode, vector);
-    beam->way = pm_arena_array(arena, nnode, vector);
+    beam->increment = pm_arena_array(arena, nnode, vector);
     beam->body = pm_arena_array(arena, nbody, sizeof *beam->body);
-    beam->meeting = pm_arena_array(arena, nnode, sizeof *beam->meeting);
+    beam->nelement_at = pm_arena_array(arena, nnode, sizeof *beam->nelement_at);
     return beam->element && beam->before && beam->after && beam->stress && beam->now.q &&
            beam->now.sigma && beam->now.contact && beam->now.energy && beam->f && beam->q &&
-           beam->pressed && beam->residual && beam->way && beam->body && beam->meeting;
+           beam->contact_force && beam->residual && beam->increment && beam->body &&
+           beam->nelement_at;
 }
 
-// corner [PM_BEAM_CORNERS][3]: the rows of an element's corners.
+// Copies the rows of an element's nodes to corner [PM_BEAM_CORNERS][3].
 static void gather(const int *node, const double *from, double *corner) {
     for (int c = 0; c < PM_BEAM_CORNERS; ++c) {
         memcpy(corner + 3 * c, from + 3 * node[c], 3 * sizeof *from);
@@ -92,7 +94,7 @@ static pm_status beam_init(pm_beam *beam, double contact) {
         gather(mesh->hexahedron[e], mesh->position[0], x);
         pm_beam_element_init(&beam->element[e], x);
         for (int c = 0; c < PM_BEAM_CORNERS; ++c) {
-            ++beam->meeting[mesh->hexahedron[e][c]];
+            ++beam->nelement_at[mesh->hexahedron[e][c]];
         }
     }
     pm_beam_reset(beam);
@@ -146,21 +148,22 @@ const pm_beam_state *pm_beam_now(const pm_beam *beam) {
 
 // --- one iteration ---
 
-typedef struct totals {
-    double inner;          // N, norm of the elements' forces
+// Sums over all bodies in an iteration.
+typedef struct iteration_totals {
+    double inner;          // N, norm of the element forces
     double contact_stored; // J
     double depth;          // m
-} totals;
+} iteration_totals;
 
-// Takes the elements' forces off the residual, and adds up what each body stores and dissipates.
-// False if an element is turned inside out.
-static bool add_elements(pm_beam *beam, double h, totals *sum) {
+// Subtracts the element forces from the residual, and adds up the energy that each body stores and
+// dissipates. Returns false if an element is turned inside out.
+static bool add_elements(pm_beam *beam, double h, iteration_totals *sum) {
     const pm_beam_mesh *mesh = beam->mesh;
     double square = 0;
     memset(beam->body, 0, (size_t)mesh->nbody * sizeof *beam->body);
     for (int e = 0; e < mesh->nelement; ++e) {
         const int *node = mesh->hexahedron[e];
-        body *owner = &beam->body[e / (mesh->nelement / mesh->nbody)];
+        body_energy *owner = &beam->body[e / (mesh->nelement / mesh->nbody)];
         double q[PM_BEAM_FREEDOMS];
         pm_beam_element_response r;
         gather(node, beam->q, q);
@@ -181,18 +184,18 @@ static bool add_elements(pm_beam *beam, double h, totals *sum) {
     return true;
 }
 
-// False: out of memory.
-static bool add_contact(pm_beam *beam, bool exact, totals *sum) {
+// Adds forces, energy and stiffness of contact. Returns false if memory is exhausted.
+static bool add_contact(pm_beam *beam, bool exact, iteration_totals *sum) {
     const pm_beam_contact *contact = &beam->contact;
-    pm_beam_contact_force *touch = &beam->touch;
+    pm_beam_contact_force *pair = &beam->pair;
     for (int i = 0; i < contact->ncandidate; ++i) {
-        if (pm_beam_contact_respond(contact, &contact->candidate[i], beam->q, exact, touch)) {
-            for (int k = 0; k < 3 * touch->nnode; ++k) {
-                beam->pressed[3 * touch->node[k / 3] + k % 3] += touch->force[k / 3][k % 3];
+        if (pm_beam_contact_respond(contact, &contact->candidate[i], beam->q, exact, pair)) {
+            for (int k = 0; k < 3 * pair->nnode; ++k) {
+                beam->contact_force[3 * pair->node[k / 3] + k % 3] += pair->force[k / 3][k % 3];
             }
-            sum->contact_stored += touch->energy;
-            sum->depth = fmax(sum->depth, touch->depth);
-            if (!pm_beam_matrix_couple(beam->matrix, touch->nnode, touch->node, touch->stiffness)) {
+            sum->contact_stored += pair->energy;
+            sum->depth = fmax(sum->depth, pair->depth);
+            if (!pm_beam_matrix_couple(beam->matrix, pair->nnode, pair->node, pair->stiffness)) {
                 return false;
             }
         }
@@ -200,23 +203,23 @@ static bool add_contact(pm_beam *beam, bool exact, totals *sum) {
     return true;
 }
 
-// The residual (loads and contact less the elements' forces) and the matrix at beam->q, with the
-// `exact` stiffness of contact or not.
-static bool assemble(pm_beam *beam, double h, const double *f, bool exact, totals *sum) {
+// Assembles the residual (loads plus contact forces minus element forces) and the matrix at
+// beam->q, with the exact stiffness of contact or its positive semi-definite fraction.
+static bool assemble(pm_beam *beam, double h, const double *f, bool exact, iteration_totals *sum) {
     const size_t size = 3 * (size_t)beam->mesh->nnode * sizeof *f;
-    *sum = (totals){0};
-    memset(beam->pressed, 0, size);
+    *sum = (iteration_totals){0};
+    memset(beam->contact_force, 0, size);
     pm_beam_matrix_clear(beam->matrix);
     if (!add_contact(beam, exact, sum)) {
         return false;
     }
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-        beam->residual[i] = f[i] + beam->pressed[i];
+        beam->residual[i] = f[i] + beam->contact_force[i];
     }
     return add_elements(beam, h, sum);
 }
 
-// Norm over the nodes that are free.
+// The norm of the residual over the free nodes, N.
 static double free_norm(const pm_beam *beam) {
     double square = 0;
     for (int i = 0; i < beam->mesh->nnode; ++i) {
@@ -230,63 +233,65 @@ static double free_norm(const pm_beam *beam) {
 // --- the step ---
 
 static bool solve(pm_beam *beam) {
-    memcpy(beam->way, beam->residual, 3 * (size_t)beam->mesh->nnode * sizeof *beam->way);
-    return pm_beam_matrix_solve(beam->matrix, beam->way);
+    memcpy(beam->increment, beam->residual,
+           3 * (size_t)beam->mesh->nnode * sizeof *beam->increment);
+    return pm_beam_matrix_solve(beam->matrix, beam->increment);
 }
 
-// Finds the way. Where bodies have come to lie deep in each other, or slip off each other, the
-// exact matrix may not be positive definite; then the other one leads on.
-static bool find_way(pm_beam *beam, double h, const double *f, totals *sum) {
+// Computes the increment. Where bodies lie deep in each other, or slip off each other, the exact
+// matrix may not be positive definite; then the other matrix is used.
+static bool find_increment(pm_beam *beam, double h, const double *f, iteration_totals *sum) {
     return solve(beam) || (sum->depth > 0 && assemble(beam, h, f, false, sum) && solve(beam));
 }
 
-static void move(pm_beam *beam, double part) {
+static void move(pm_beam *beam, double fraction) {
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-        beam->q[i] += part * beam->way[i];
+        beam->q[i] += fraction * beam->increment[i];
     }
 }
 
-// How hard the residual draws along the way, J.
-static double draw(const pm_beam *beam) {
+// The product of residual and increment, J: minus the derivative of the energy along the increment.
+static double directional_work(const pm_beam *beam) {
     double sum = 0;
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-        sum += beam->residual[i] * beam->way[i];
+        sum += beam->residual[i] * beam->increment[i];
     }
     return sum;
 }
 
-// Goes the way and assembles there. `careful`: not so far that the residual would draw back half as
-// hard; parts by the secant.
-static bool advance(pm_beam *beam, double h, const double *f, bool careful, totals *sum) {
+// Moves by the increment and assembles there. With `search` the increment is shortened by the
+// secant method until the directional work is no less than minus half of that before.
+static bool advance(pm_beam *beam, double h, const double *f, bool search, iteration_totals *sum) {
     const int most = 8;
-    const double before = draw(beam);
-    double part = 1;
-    move(beam, part);
+    const double before = directional_work(beam);
+    double fraction = 1;
+    move(beam, fraction);
     bool good = assemble(beam, h, f, true, sum);
-    for (int k = 0; k < most && careful; ++k) {
-        const double now = good ? draw(beam) : -INFINITY;
+    for (int k = 0; k < most && search; ++k) {
+        const double now = good ? directional_work(beam) : -INFINITY;
         if (now >= -before / 2) {
             return true;
         }
-        const double next = part * fmin(fmax(before / (before - now), 0.1), 0.5);
-        move(beam, next - part);
-        part = next;
+        const double next = fraction * fmin(fmax(before / (before - now), 0.1), 0.5);
+        move(beam, next - fraction);
+        fraction = next;
         good = assemble(beam, h, f, true, sum);
     }
     return good;
 }
 
-static bool way_is_short(const pm_beam *beam) {
+// Whether the increment is negligible.
+static bool increment_is_negligible(const pm_beam *beam) {
     const double most = NEGLIGIBLE * beam->mesh->size[0] / beam->mesh->count[0];
     double longest = 0;
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
-        longest = fmax(longest, fabs(beam->way[i]));
+        longest = fmax(longest, fabs(beam->increment[i]));
     }
     return longest <= most;
 }
 
-// Iterates beam->q to equilibrium. False if that does not succeed.
-static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
+// Iterates beam->q to equilibrium. Returns false if Newton's method does not converge.
+static bool iterate(pm_beam *beam, double h, const double *f, iteration_totals *sum,
                     pm_beam_convergence *convergence) {
     memcpy(beam->q, beam->now.q, 3 * (size_t)beam->mesh->nnode * sizeof *beam->q);
     bool good = assemble(beam, h, f, true, sum);
@@ -294,15 +299,17 @@ static bool iterate(pm_beam *beam, double h, const double *f, totals *sum,
         const double norm = free_norm(beam);
         convergence->residual[k] = norm;
         convergence->niteration = k + 1;
-        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner) || (k > 0 && way_is_short(beam))) {
+        if (norm <= TOLERANCE * fmax(beam->largest, sum->inner) ||
+            (k > 0 && increment_is_negligible(beam))) {
             return true;
         }
-        good =
-            isfinite(norm) && find_way(beam, h, f, sum) && advance(beam, h, f, k >= PATIENCE, sum);
+        good = isfinite(norm) && find_increment(beam, h, f, sum) &&
+               advance(beam, h, f, k >= FULL_ITERATIONS, sum);
     }
     return false;
 }
 
+// Averages the stresses of the elements at each node.
 static void average_stress(pm_beam *beam) {
     memset(beam->now.sigma, 0, PM_SYMMETRIC * (size_t)beam->mesh->nnode * sizeof *beam->now.sigma);
     for (int e = 0; e < beam->mesh->nelement; ++e) {
@@ -310,22 +317,22 @@ static void average_stress(pm_beam *beam) {
             const int node = beam->mesh->hexahedron[e][c];
             for (int m = 0; m < PM_SYMMETRIC; ++m) {
                 beam->now.sigma[PM_SYMMETRIC * node + m] +=
-                    beam->stress[e][m] / beam->meeting[node];
+                    beam->stress[e][m] / beam->nelement_at[node];
             }
         }
     }
 }
 
-// Makes the iteration's result the state.
-static void accept(pm_beam *beam, const double *f, const totals *sum) {
+// Makes the result of the iteration the state, and adds up the work since the last one.
+static void accept(pm_beam *beam, const double *f, const iteration_totals *sum) {
     const pm_beam_mesh *mesh = beam->mesh;
     const size_t size = 3 * (size_t)mesh->nnode * sizeof *f;
     pm_beam_state *now = &beam->now;
     for (int i = 0; i < 3 * mesh->nnode; ++i) {
         pm_beam_energy *energy = &now->energy[i / (3 * mesh->nnode / mesh->nbody)];
-        const double way = beam->q[i] - now->q[i];
-        energy->work += (beam->f[i] + f[i]) / 2 * way;
-        energy->contact_work += (now->contact[i] + beam->pressed[i]) / 2 * way;
+        const double moved = beam->q[i] - now->q[i];
+        energy->work += (beam->f[i] + f[i]) / 2 * moved;
+        energy->contact_work += (now->contact[i] + beam->contact_force[i]) / 2 * moved;
     }
     for (int b = 0; b < mesh->nbody; ++b) {
         now->energy[b].dissipated += beam->body[b].dissipated;
@@ -335,20 +342,21 @@ static void accept(pm_beam *beam, const double *f, const totals *sum) {
     now->contact_stored = sum->contact_stored;
     now->depth = sum->depth;
     memcpy(now->q, beam->q, size);
-    memcpy(now->contact, beam->pressed, size);
+    memcpy(now->contact, beam->contact_force, size);
     memcpy(beam->f, f, size);
     memcpy(beam->before, beam->after, (size_t)mesh->nelement * sizeof *beam->before);
     average_stress(beam);
 }
 
+// Takes a step that is the `depth`th half of the original one.
 static pm_status step(pm_beam *beam, double h, const double *f, int depth,
                       pm_beam_convergence *convergence) {
-    totals sum;
+    iteration_totals sum;
     if (iterate(beam, h, f, &sum, convergence)) {
         accept(beam, f, &sum);
         return PM_OK;
     }
-    if (depth == MAX_DEPTH) {
+    if (depth == MAX_HALVINGS) {
         return pm_fail(PM_ENUMERIC, "beam: no equilibrium found, not even in steps of %g s", h);
     }
     const size_t size = 3 * (size_t)beam->mesh->nnode * sizeof *f;

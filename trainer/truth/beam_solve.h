@@ -1,5 +1,6 @@
 // Quasi-static equilibrium of bodies (beam_mesh.h, beam_element.h) under loads and in contact
-// (beam_contact.h), step by step in time: Newton's method with the tangent of the step.
+// (beam_contact.h), one time step after another. Each step is solved by Newton's method with its
+// consistent tangent.
 #ifndef PM_TRAINER_TRUTH_BEAM_SOLVE_H
 #define PM_TRAINER_TRUTH_BEAM_SOLVE_H
 
@@ -10,43 +11,44 @@
 
 typedef struct pm_beam pm_beam;
 
-// Of one body, J.
+// The energy balance of one body, J.
 typedef struct pm_beam_energy {
     double stored;
     double dissipated;   // since the start
-    double work;         // of the loads since the start (trapezoidal rule along the path)
+    double work;         // of the loads since the start, by the trapezoidal rule
     double contact_work; // of the contact forces, likewise
 } pm_beam_energy;
 
 typedef struct pm_beam_state {
-    double *q; // [nnode][3] positions, m
-    // [nnode][PM_SYMMETRIC] Cauchy stress, Pa: the mean of those of the elements that meet there.
-    double *sigma;
-    double *contact;        // [nnode][3] forces of contact, N
+    double *q;       // [nnode][3] m, positions
+    double *sigma;   // [nnode][PM_SYMMETRIC] Pa, Cauchy stress, mean over the node's elements
+    double *contact; // [nnode][3] N, contact forces
     pm_beam_energy *energy; // [nbody]
-    double contact_stored;  // J, in the penalty of contact
+    double contact_stored;  // J, penalty energy of contact
     double depth;           // m, of the deepest node behind a surface
 } pm_beam_state;
 
+// How Newton's method converged.
 typedef struct pm_beam_convergence {
     int niteration;
     double residual[PM_BEAM_MAX_ITERATIONS]; // N, norm before each iteration
 } pm_beam_convergence;
 
-// Undeformed and relaxed; `mesh` must outlive it. `contact`: its stiffness, Pa/m. PM_ENOMEM. The
-// caller frees.
+// Makes undeformed, relaxed bodies. `mesh` must outlive them; `contact` is the penalty stiffness,
+// Pa/m. PM_ENOMEM. The caller frees the result.
 pm_status pm_beam_new(pm_beam **beam, const pm_beam_mesh *mesh, const pm_beam_material *material,
                       double contact);
 void pm_beam_free(pm_beam *beam); // NULL is allowed
-// Back to the start.
+// Returns the bodies to the undeformed, relaxed start.
 void pm_beam_reset(pm_beam *beam);
 
-// The state now; memory of the beam's, rewritten by the next step.
+// The current state. It belongs to the beam, and the next step overwrites it.
 const pm_beam_state *pm_beam_now(const pm_beam *beam);
 
-// One step of h s to equilibrium under the forces f [nnode][3] (N, fixed in direction; those on
-// clamped nodes have no effect). Where Newton's method does not get there, the step is halved, with
-// loads linear in time. `convergence`: of the last step taken; may be NULL. PM_ENUMERIC.
+// Takes one step of h s to equilibrium under the forces f [nnode][3], N, which keep their
+// direction; those on clamped nodes have no effect. If Newton's method does not converge, the step
+// is halved, with loads linear in time. `convergence` is that of the last step taken, and may be
+// NULL. PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_beam_step(pm_beam *beam, double h, const double *f, pm_beam_convergence *convergence);
 
 #endif

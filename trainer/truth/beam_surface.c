@@ -1,9 +1,9 @@
-// Weights of a smooth side: cubics along u, along v, and how far below the edges' level.
+// Computes the weights of a smooth side: cubics along u and v, and parabolas beyond the edges.
 #include "truth/beam_surface.h"
 
 #include <math.h>
 
-// Radius of the bends where they begin, by the thickness of a layer.
+// The radius of the bends where they begin, relative to the thickness of a layer.
 static const double roundness = 0.1;
 
 pm_beam_surface pm_beam_surface_make(const pm_beam_mesh *mesh, int body, int axis, bool high) {
@@ -23,14 +23,15 @@ pm_beam_surface pm_beam_surface_make(const pm_beam_mesh *mesh, int body, int axi
     return surface;
 }
 
-// Weights of four nodes from `first` on, and their first and second derivatives.
-typedef struct line {
+// The weights of four nodes from `first` on along a line, and their first and second derivatives.
+typedef struct line_weights {
     int first;
     double weight[3][4];
-} line;
+} line_weights;
 
-// Gives the weight of node `ghost`, which lies on the straight line through the two beside it.
-static void fold(line *l, int ghost, int near, int next) {
+// Distributes the weight of a node `ghost` that lies on the straight line through the two beside
+// it.
+static void fold(line_weights *l, int ghost, int near, int next) {
     for (int d = 0; d < 3; ++d) {
         l->weight[d][near] += 2 * l->weight[d][ghost];
         l->weight[d][next] -= l->weight[d][ghost];
@@ -38,7 +39,8 @@ static void fold(line *l, int ghost, int near, int next) {
     }
 }
 
-static void weigh_cubic(double t, line *l) {
+// The weights of a Catmull-Rom cubic at the fraction t between the second and the third node.
+static void weigh_cubic(double t, line_weights *l) {
     const double w[3][4] = {
         {((2 - t) * t - 1) * t / 2, ((3 * t - 5) * t * t + 2) / 2, ((4 - 3 * t) * t + 1) * t / 2,
          (t - 1) * t * t / 2},
@@ -53,10 +55,11 @@ static void weigh_cubic(double t, line *l) {
     }
 }
 
-static line weigh_line(double u, int count) {
+// The weights along a line of `count` elements at u, which may lie beyond its ends.
+static line_weights weigh_line(double u, int count) {
     const int cell = (int)fmin(fmax(floor(u), 0), count - 1);
     const double inside = fmin(fmax(u, 0), count), beyond = u - inside;
-    line l = {.first = cell - 1};
+    line_weights l = {.first = cell - 1};
     weigh_cubic(inside - cell, &l);
     if (cell == 0) {
         fold(&l, 0, 1, 2);
@@ -79,7 +82,7 @@ static void bend(double u, int count, double scale, double result[3]) {
     result[2] = beyond != 0 ? scale : 0;
 }
 
-// Derivatives by u and v of the product of a and b.
+// Computes the derivatives by u and v of the product of a and b.
 static void multiply(const double *a, const double *b, double *ab) {
     ab[PM_VALUE] = a[PM_VALUE] * b[PM_VALUE];
     ab[PM_BY_U] = a[PM_BY_U] * b[PM_VALUE] + a[PM_VALUE] * b[PM_BY_U];
@@ -92,10 +95,11 @@ static void multiply(const double *a, const double *b, double *ab) {
         a[PM_BY_VV] * b[PM_VALUE] + 2 * a[PM_BY_V] * b[PM_BY_V] + a[PM_VALUE] * b[PM_BY_VV];
 }
 
-// Adds the nodes of a layer, whose share of each point is `level`.
-static void add_layer(const pm_beam_surface *surface, int layer, const line *along,
-                      const line *across, const double *level, pm_beam_surface_weights *weights) {
-    // Which derivatives by u and v each of PM_SURFACE_DERIVATIVES is.
+// Adds the nodes of a layer, which has the weight `level` at the point.
+static void add_layer(const pm_beam_surface *surface, int layer, const line_weights *along,
+                      const line_weights *across, const double *level,
+                      pm_beam_surface_weights *weights) {
+    // The orders of the derivatives by u and v for each of PM_SURFACE_DERIVATIVES.
     static const int by[PM_SURFACE_DERIVATIVES][2] = {{0, 0}, {1, 0}, {0, 1},
                                                       {2, 0}, {1, 1}, {0, 2}};
     for (int m = 0; m < 16; ++m) {
@@ -118,7 +122,8 @@ static void add_layer(const pm_beam_surface *surface, int layer, const line *alo
 
 void pm_beam_surface_weigh(const pm_beam_surface *surface, double u, double v,
                            pm_beam_surface_weights *weights) {
-    const line along = weigh_line(u, surface->count[0]), across = weigh_line(v, surface->count[1]);
+    const line_weights along = weigh_line(u, surface->count[0]),
+                       across = weigh_line(v, surface->count[1]);
     const double scale = 1 / (roundness * surface->step[2] * surface->step[2]);
     double by_u[3], by_v[3], top[PM_SURFACE_DERIVATIVES], below[PM_SURFACE_DERIVATIVES];
     bend(u, surface->count[0], scale * surface->step[0] * surface->step[0], by_u);

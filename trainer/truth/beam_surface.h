@@ -1,8 +1,8 @@
-// A side of a body as a smooth surface: through its nodes by piecewise cubics (Catmull, Rom, 1974;
-// straight beyond the outermost nodes), once continuously differentiable. Beyond its edges it bends
-// into the body along parabolas, so that nothing that slides over an edge gets or loses contact at
-// once. Every point is a sum of nodes by weights that depend on u and v alone and sum to 1: flat
-// sides stay flat, and a node's weights at its own place are 1 and zeros.
+// A side of a body as a smooth surface. It interpolates the nodes by piecewise cubics (Catmull,
+// Rom, 1974), straight beyond the outermost nodes, and is once continuously differentiable. Beyond
+// its edges it bends into the body along parabolas, so that a node that slides over an edge does
+// not gain or lose contact abruptly. Every point is a sum over nodes with weights that depend on u
+// and v alone and sum to 1: flat sides stay flat, and at the place of a node its own weight is 1.
 #ifndef PM_TRAINER_TRUTH_BEAM_SURFACE_H
 #define PM_TRAINER_TRUTH_BEAM_SURFACE_H
 
@@ -10,16 +10,16 @@
 
 typedef struct pm_beam_surface {
     int first;      // node at u = v = 0
-    int stride[3];  // from node to node along u (the body's x), v (across), and into the body
+    int stride[3];  // between neighbouring nodes along u (the body's x), along v, and inwards
     int count[2];   // elements along u and v
-    double step[3]; // m, undeformed distance of nodes along u, v and into the body
-    double side;    // 1 or -1: side dx/du x dx/dv points out of the body
+    double step[3]; // m, undeformed distance of nodes along u, along v, and inwards
+    double side;    // 1 or -1, such that side dx/du x dx/dv points out of the body
 } pm_beam_surface;
 
-// The side of a body where its `axis` (1: y, 2: z) is highest (`high`), or 0.
+// The side of a body normal to its `axis` (1: y, 2: z), at the top (`high`) or at 0.
 pm_beam_surface pm_beam_surface_make(const pm_beam_mesh *mesh, int body, int axis, bool high);
 
-// The node at indices i along u, j along v, k layers below.
+// The node at indices i along u and j along v, k layers below the surface.
 static inline int pm_beam_surface_node(const pm_beam_surface *surface, int i, int j, int k) {
     return surface->first + i * surface->stride[0] + j * surface->stride[1] +
            k * surface->stride[2];
@@ -28,13 +28,15 @@ static inline int pm_beam_surface_node(const pm_beam_surface *surface, int i, in
 enum { PM_VALUE, PM_BY_U, PM_BY_V, PM_BY_UU, PM_BY_UV, PM_BY_VV, PM_SURFACE_DERIVATIVES };
 #define PM_BEAM_SURFACE_NODES 32
 
+// The weights of a point and their derivatives by u and v.
 typedef struct pm_beam_surface_weights {
     int nnode;
     int node[PM_BEAM_SURFACE_NODES];
     double weight[PM_SURFACE_DERIVATIVES][PM_BEAM_SURFACE_NODES];
 } pm_beam_surface_weights;
 
-// At u, v: 0 and count at the outermost nodes; beyond them too.
+// Computes the weights at u, v, which are 0 and `count` at the outermost nodes; points beyond them
+// are allowed.
 void pm_beam_surface_weigh(const pm_beam_surface *surface, double u, double v,
                            pm_beam_surface_weights *weights);
 

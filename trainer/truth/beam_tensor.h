@@ -1,4 +1,5 @@
-// Small tensors: 3x3 matrices row by row, symmetric ones as xx yy zz xy xz yz.
+// Tensors of three dimensions: 3x3 matrices [9] by rows, and symmetric ones [6] as
+// xx yy zz xy xz yz.
 #ifndef PM_TRAINER_TRUTH_BEAM_TENSOR_H
 #define PM_TRAINER_TRUTH_BEAM_TENSOR_H
 
@@ -10,21 +11,23 @@ static const int pm_tensor_column[PM_SYMMETRIC] = {0, 1, 2, 1, 2, 2};
 static const int pm_tensor_at[3][3] = {
     {PM_XX, PM_XY, PM_XZ}, {PM_XY, PM_YY, PM_YZ}, {PM_XZ, PM_YZ, PM_ZZ}};
 
+// The trace of a symmetric tensor.
 static inline double pm_tensor_trace(const double *a) {
     return a[PM_XX] + a[PM_YY] + a[PM_ZZ];
 }
 
-// a : b
+// The double contraction a : b of symmetric tensors.
 static inline double pm_tensor_double_dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
 }
 
+// The determinant of a matrix.
 static inline double pm_tensor_det3(const double F[9]) {
     return F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) +
            F[2] * (F[3] * F[7] - F[4] * F[6]);
 }
 
-// inverse [9] of F with the determinant det.
+// Computes the inverse [9] of a matrix F with the determinant det.
 static inline void pm_tensor_inverse3(const double F[9], double det, double *inverse) {
     for (int i = 0; i < 3; ++i) {
         for (int j = 0; j < 3; ++j) {
@@ -34,12 +37,13 @@ static inline void pm_tensor_inverse3(const double F[9], double det, double *inv
     }
 }
 
-// Determinant and inverse [6] of a symmetric tensor.
+// The determinant of a symmetric tensor.
 static inline double pm_tensor_det(const double *a) {
     return a[0] * (a[1] * a[2] - a[5] * a[5]) - a[3] * (a[3] * a[2] - a[5] * a[4]) +
            a[4] * (a[3] * a[5] - a[1] * a[4]);
 }
 
+// Computes the inverse [6] of a symmetric tensor.
 static inline void pm_tensor_inverse(const double *a, double *inverse) {
     const double det = pm_tensor_det(a);
     inverse[PM_XX] = (a[1] * a[2] - a[5] * a[5]) / det;
@@ -50,7 +54,7 @@ static inline void pm_tensor_inverse(const double *a, double *inverse) {
     inverse[PM_YZ] = (a[3] * a[4] - a[0] * a[5]) / det;
 }
 
-// result = F a F^T
+// Pushes a symmetric tensor forward: result = F a F^T.
 static inline void pm_tensor_push(const double F[9], const double *a, double *result) {
     double Fa[9];
     for (int i = 0; i < 3; ++i) {

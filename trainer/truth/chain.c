@@ -1,9 +1,9 @@
-// Energy, entropy and rate of a chain of thermoelastic links, written out by hand.
+// Computes energy, entropy and rates of a chain by formulas written out by hand.
 #include "truth/chain.h"
 
 #include <math.h>
 
-// The vector from one end of link k to the other; returns its length.
+// Computes the vector from one end of link k to the other, m, and returns its length.
 static double stretch(const double *z, int k, double vector[2]) {
     for (int i = 0; i < 2; ++i) {
         vector[i] = z[pm_chain_q(k) + i] - (k > 0 ? z[pm_chain_q(k - 1) + i] : 0);
@@ -22,7 +22,7 @@ double pm_chain_temperature(const pm_chain *chain, const double *z, int k) {
     return chain->reference_temperature * exp((s - link->b * log_stretch(chain, z, k)) / link->c);
 }
 
-// qdot = p/m, and the tension of link k pulls its two ends together.
+// Sets qdot = p/m and pdot: the tension of link k pulls its two ends together.
 static void mechanical_rate(const pm_chain *chain, const double *z, const double *T, double *zdot) {
     const int n = chain->n;
     for (int i = 0; i < 2 * n; ++i) {
@@ -45,6 +45,7 @@ static void mechanical_rate(const pm_chain *chain, const double *z, const double
     }
 }
 
+// Sets sdot by heat conduction between neighbours.
 static void thermal_rate(const pm_chain *chain, const double *T, double *zdot) {
     double *sdot = zdot + pm_chain_s(chain, 0);
     for (int k = 0; k < chain->n; ++k) {

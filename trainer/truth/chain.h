@@ -1,14 +1,14 @@
 // The physics of a chain of thermoelastic links in the plane, in absolute coordinates. Link k is a
-// logarithmic spring with an entropy, from mass k-1 (link 0: from a fixed pivot at the origin) to
-// mass k; neighbouring links conduct heat. Two links: the double thermoelastic pendulum of Romero,
-// Int. J. Numer. Meth. Engng 79 (2009) 706.
+// spring with an entropy, between mass k-1 (for link 0 a fixed pivot at the origin) and mass k.
+// Neighbouring links conduct heat. With two links this is the double thermoelastic pendulum of
+// Romero, Int. J. Numer. Meth. Engng 79 (2009) 706.
 //
-// With l the length, s the entropy, Tr the reference temperature and x = ln(l/l0):
+// With the length l, the entropy s, the reference temperature Tr and x = ln(l/l0):
 //     T = Tr exp((s - b x) / c)                        temperature, K
 //     e = C/2 x^2 + b Tr x + c (T - Tr)                internal energy, J; T = de/ds
 //     f = de/dl = (C x - b (T - Tr)) / l               tension, N
-// conduction between neighbours i, j: sdot_i = K (T_j/T_i - 1), so that T_i sdot_i + T_j sdot_j =
-// 0.
+// Conduction with the conductance K between neighbours i and j conserves energy:
+//     sdot_i = K (T_j/T_i - 1),   so that T_i sdot_i + T_j sdot_j = 0
 #ifndef PM_TRAINER_TRUTH_CHAIN_H
 #define PM_TRAINER_TRUTH_CHAIN_H
 
@@ -22,7 +22,7 @@ typedef struct pm_chain_link {
     double c;    // J/K
 } pm_chain_link;
 
-// The state z [5n]: q_1 .. q_n [2] m, p_1 .. p_n [2] kg m/s, s_1 .. s_n J/K.
+// The state z [5n] is q_1 .. q_n [2] m, p_1 .. p_n [2] kg m/s, s_1 .. s_n J/K.
 typedef struct pm_chain {
     int n;
     double conductivity;          // K, W/K
@@ -30,7 +30,7 @@ typedef struct pm_chain {
     pm_chain_link link[PM_CHAIN_MAX_LINKS];
 } pm_chain;
 
-// Where each kind of variable of link k begins in the state.
+// The first component of position, momentum and entropy of link k in the state.
 static inline int pm_chain_q(int k) {
     return 2 * k;
 }
@@ -41,17 +41,18 @@ static inline int pm_chain_s(const pm_chain *chain, int k) {
     return 4 * chain->n + k;
 }
 
-// zdot [5n] at z [5n].
+// Computes zdot [5n] at the state z [5n].
 void pm_chain_rate(const pm_chain *chain, const double *z, double *zdot);
 
-double pm_chain_energy(const pm_chain *chain, const double *z);           // J
-double pm_chain_entropy(const pm_chain *chain, const double *z);          // J/K
-double pm_chain_angular_momentum(const pm_chain *chain, const double *z); // kg m^2/s, at the pivot
-double pm_chain_temperature(const pm_chain *chain, const double *z, int k); // K
+double pm_chain_energy(const pm_chain *chain, const double *z);  // total energy, J
+double pm_chain_entropy(const pm_chain *chain, const double *z); // total entropy, J/K
+double pm_chain_angular_momentum(const pm_chain *chain,
+                                 const double *z); // about the pivot, kg m^2/s
+double pm_chain_temperature(const pm_chain *chain, const double *z, int k); // of link k, K
 
-// Sets the entropies of z from its positions: link k gets temperature T [n] ...
+// Sets the entropies of z, given its positions, such that link k has the temperature T[k], T [n] K.
 void pm_chain_set_temperatures(const pm_chain *chain, const double *T, double *z);
-// ... or all get the one temperature for which the entropies sum to `total` J/K.
+// Sets them such that all links have the same temperature and the entropies sum to `total` J/K.
 void pm_chain_equilibrate(const pm_chain *chain, double total, double *z);
 
 #endif

@@ -1,10 +1,12 @@
-// One thermoelastic link (chain.h) under a load: its pivot is moved, a force acts on its mass, and
-// its spring conducts heat to a bath. In coordinates relative to the pivot:
+// One driven thermoelastic link (chain.h): its pivot moves with the velocity v, a force F acts on
+// its mass, and its spring conducts heat to a bath. In coordinates relative to the pivot:
 //     qdot = p/m - v,   pdot = F - f q/|q|,   sdot = K (T_bath/T - 1)
-// The velocity v, the force F and the bath's temperature are sums of sines, of frequencies, phases
-// drawn per trajectory. Each sine is an oscillator of the state, so that the problem is autonomous:
+// The velocity, the force and the temperature of the bath are sums of sines, whose frequencies and
+// phases are drawn for each trajectory. Each sine is an oscillator in the state, which makes the
+// problem autonomous:
 //     v = sum_k a_k,   a_k dot = w_k b_k,   b_k dot = -w_k a_k,   w_k dot = 0
-// and two more components keep what the world has been given: then energy is conserved.
+// Two more components count the energy and the entropy that the link has given to its surroundings.
+// With them energy is conserved and entropy never falls.
 #include <math.h>
 
 #include "truth/link.h"
@@ -14,7 +16,7 @@
 #define MAX_SINES 16
 #define PI 3.14159265358979323846
 
-// The columns come first; then oscillators a, b, w by sine and load.
+// Components of the state: first the columns, then the oscillators a, b, w by sine and load.
 enum { Q, P = 2, S = 4, V, F = 7, T_BATH = 9, NCOLUMN, W_ENERGY = NCOLUMN, W_ENTROPY, OSCILLATORS };
 #define NLOAD (NCOLUMN - V)
 
@@ -22,9 +24,9 @@ typedef struct driven_link {
     pm_chain chain; // of one link
     pm_spread position, momentum, temperature;
     int nsine;
-    double frequency[2];   // rad/s, drawn evenly between
-    double mean[NLOAD];    // of v, F and the bath's temperature
-    double typical[NLOAD]; // root mean square about the mean
+    double frequency[2];   // rad/s, drawn uniformly between these
+    double mean[NLOAD];    // of v, F and the temperature of the bath
+    double typical[NLOAD]; // root mean square deviations from the mean
 } driven_link;
 
 static const char *const columns[NCOLUMN] = {"qx", "qy", "px", "py", "s",
@@ -56,7 +58,7 @@ static void rate(const void *data, const double *z, double *zdot) {
     zdot[W_ENERGY] = -heat;
     zdot[W_ENTROPY] = -heat / z[T_BATH];
     for (int i = 0; i < 2; ++i) {
-        // The spring pulls at the pivot, too; the force works on the mass.
+        // Work is done at the pivot, at which the spring pulls, and by the force on the mass.
         zdot[W_ENERGY] += -zdot[P + i] * z[V + i] - z[F + i] * zdot[Q + i];
         zdot[Q + i] -= z[V + i];
         zdot[P + i] += z[F + i];

@@ -1,9 +1,9 @@
-// Two containers of ideal gas side by side, which exchange heat and volume through a wall that
-// moves without friction: the GENERIC benchmark of Shang and Oettinger, Proc. R. Soc. A 476 (2020)
+// Two containers of ideal gas that exchange heat and volume through a wall that moves without
+// friction: the GENERIC benchmark of Shang and Oettinger, Proc. R. Soc. A 476 (2020)
 // 20190446, and of Zhang, Shin and Karniadakis, Phil. Trans. R. Soc. A 380 (2022) 20210207.
 //
-// State z = v1 v2 p s1 s2: volumes, momentum of the wall, entropies. With the wall at q, v1 = A q
-// and v2 = A (2 L - q). Monatomic gases (Sackur-Tetrode), R = N kB of each:
+// The state is z = v1 v2 p s1 s2: volumes, momentum of the wall, entropies. With the wall at q,
+// v1 = A q and v2 = A (2 L - q). The gases are monatomic (Sackur-Tetrode), with R = N kB of each:
 //     E_i = (exp(s_i / R) / (c v_i))^(2/3),   T_i = 2 E_i / (3 R),   P_i = 2 E_i / (3 v_i)
 //     v1dot = -v2dot = A p / m,   pdot = A (P1 - P2)
 //     s_i dot = alpha / T_i (1/T_i - 1/T_j), that is 9 R^2 alpha / (4 E_i) (1/E_i - 1/E_j)
@@ -21,7 +21,7 @@ typedef struct gas_containers {
     double gas_constant; // R = N kB of each container, J/K
     double c;            // 1/(m^3 J^(3/2)), sets the zero of the entropies
     double conductivity; // alpha, W K
-    // Initial states are drawn evenly between a lowest and a highest value.
+    // Initial states are drawn uniformly between a lowest and a highest value.
     double position[2]; // q, m
     double momentum[2]; // p, kg m/s
     double entropy[2];  // s1 and s2, J/K
@@ -30,6 +30,7 @@ typedef struct gas_containers {
 static const char *const columns[NZ] = {"v1", "v2", "p", "s1", "s2"};
 static const char *const conserved[] = {"energy", "volume"};
 
+// The energy of a gas of volume v and entropy s, J.
 static double gas_energy(const gas_containers *gas, double v, double s) {
     return pow(exp(s / gas->gas_constant) / (gas->c * v), 2.0 / 3);
 }

@@ -1,4 +1,4 @@
-// Reading links.
+// Reads links and distributions.
 #include "truth/link.h"
 
 #include "truth/numbers.h"

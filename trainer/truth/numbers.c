@@ -1,4 +1,4 @@
-// Reading required numbers of a configuration.
+// Reads required numbers and checks their count.
 #include "truth/numbers.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-// CVODE behind one function: a solver is made, walked along the samples, and freed.
+// Opens a CVODE solver, lets it write sample after sample, and closes it.
 #include "truth/ode.h"
 
 #include <math.h>
@@ -15,19 +15,20 @@
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 
 #define MAX_STEPS_PER_SAMPLE 1000000L
-// Of dt. Without it CVODE shrinks its step at a singularity until that is 0, and then walks
-// through.
+// Relative to dt. Without a smallest step CVODE reduces its step at a singularity to 0, and then
+// passes the singularity unnoticed.
 #define MIN_STEP 1e-13
 
-typedef struct solver {
+typedef struct cvode_solver {
     SUNContext context;
     N_Vector z;
     void *cvode;
     SUNMatrix jacobian;             // bdf
     SUNLinearSolver linear;         // bdf
     SUNNonlinearSolver fixed_point; // adams
-} solver;
+} cvode_solver;
 
+// The right-hand side for CVODE. A rate that is not finite makes CVODE try a smaller step.
 static int evaluate(realtype t, N_Vector z, N_Vector zdot, void *data) {
     (void)t;
     const pm_ode *ode = data;
@@ -35,19 +36,19 @@ static int evaluate(realtype t, N_Vector z, N_Vector zdot, void *data) {
     ode->rate(ode->data, N_VGetArrayPointer(z), rate);
     for (int i = 0; i < ode->nz; ++i) {
         if (!isfinite(rate[i])) {
-            return 1; // CVODE tries a smaller step
+            return 1;
         }
     }
     return 0;
 }
 
-// CVODE would print to standard error; its return value says enough.
+// Keeps CVODE from printing to standard error, since its return value says enough.
 static void stay_silent(int code, const char *module, const char *function, char *text,
                         void *data) {
     (void)code, (void)module, (void)function, (void)text, (void)data;
 }
 
-static void solver_close(solver *s) {
+static void solver_close(cvode_solver *s) {
     CVodeFree(&s->cvode);
     SUNNonlinSolFree(s->fixed_point);
     SUNLinSolFree(s->linear);
@@ -56,7 +57,8 @@ static void solver_close(solver *s) {
     SUNContext_Free(&s->context);
 }
 
-static pm_status attach_iteration(solver *s, pm_ode_family family, int nz) {
+// Attaches the nonlinear solver that the family of methods needs.
+static pm_status attach_iteration(cvode_solver *s, pm_ode_family family, int nz) {
     int code;
     if (family == PM_ODE_ADAMS) {
         s->fixed_point = SUNNonlinSol_FixedPoint(s->z, 0, s->context);
@@ -70,8 +72,9 @@ static pm_status attach_iteration(solver *s, pm_ode_family family, int nz) {
     return made && code == CV_SUCCESS ? PM_OK : pm_fail(PM_ENOMEM, "CVODE: out of memory");
 }
 
-// `z` [nz] is the initial state and stays the solver's storage until it is pointed elsewhere.
-static pm_status solver_open(solver *s, const pm_ode *ode, pm_ode_method method, double dt,
+// Opens a solver at the initial state z [nz], which remains the solver's storage until another one
+// is set.
+static pm_status solver_open(cvode_solver *s, const pm_ode *ode, pm_ode_method method, double dt,
                              double *z) {
     memset(s, 0, sizeof *s);
     if (SUNContext_Create(NULL, &s->context) != 0) {
@@ -94,7 +97,7 @@ static pm_status solver_open(solver *s, const pm_ode *ode, pm_ode_method method,
 }
 
 pm_status pm_ode_solve(const pm_ode *ode, pm_ode_method method, int ntime, double dt, double *z) {
-    solver s;
+    cvode_solver s;
     pm_status status = PM_OK;
     PM_TRY_DONE(solver_open(&s, ode, method, dt, z));
     for (int i = 1; i < ntime; ++i) {

@@ -1,11 +1,11 @@
-// Initial value problems zdot = f(z) solved by SUNDIALS CVODE (Hindmarsh et al., ACM Trans. Math.
-// Softw. 31, 2005) and sampled at equal intervals. The only door to SUNDIALS.
+// Solves initial value problems zdot = f(z) with SUNDIALS CVODE (Hindmarsh et al., ACM Trans. Math.
+// Softw. 31, 2005) and samples the solution at equal intervals. No other file uses SUNDIALS.
 #ifndef PM_TRAINER_TRUTH_ODE_H
 #define PM_TRAINER_TRUTH_ODE_H
 
 #include "base/status.h"
 
-// zdot [nz] at the state z [nz].
+// Computes zdot [nz] at the state z [nz].
 typedef void (*pm_ode_rate)(const void *data, const double *z, double *zdot);
 
 typedef struct pm_ode {
@@ -14,18 +14,19 @@ typedef struct pm_ode {
     const void *data; // passed to `rate`
 } pm_ode;
 
-// adams: orders 1-12 with fixed-point iteration; bdf: orders 1-5 with Newton's iteration and a
-// dense Jacobian by differences, for stiff problems.
+// adams: orders 1-12 with fixed-point iteration. bdf: orders 1-5 with Newton's method and a dense
+// Jacobian by differences, for stiff problems.
 typedef enum pm_ode_family { PM_ODE_ADAMS, PM_ODE_BDF } pm_ode_family;
 
-// Local error per step: |error_i| <= relative |z_i| + absolute, in the root mean square over i.
+// The local error of a step is kept below relative |z_i| + absolute, in the root mean square over
+// the components i.
 typedef struct pm_ode_method {
     pm_ode_family family;
     double relative, absolute;
 } pm_ode_method;
 
-// Fills z [ntime][nz], whose first row is the initial state, every dt s. PM_ENUMERIC (the error
-// tells the time reached), PM_ENOMEM.
+// Fills z [ntime][nz] with the solution every dt s. Its first row is the initial state, which the
+// caller provides. PM_ENUMERIC (the error tells the time reached), PM_ENOMEM.
 pm_status pm_ode_solve(const pm_ode *ode, pm_ode_method method, int ntime, double dt, double *z);
 
 #endif

@@ -29,7 +29,7 @@ static pm_status read_link(pm_yaml map, int k, pm_arena *arena, pendulum_chain *
     }
     pm_yaml temperature = pm_yaml_get(map, "temperature");
     return pm_yaml_exists(temperature)
-               ? pm_yaml_fail(temperature, "`total_entropy` sets it already")
+               ? pm_yaml_fail(temperature, "`total_entropy` already sets the temperatures")
                : PM_OK;
 }
 
@@ -93,7 +93,7 @@ static double entropy(const void *data, const double *z) {
 
 // --- its description ---
 
-// Columns q1x q1y .. p1x p1y .. s1 .., as in the public data.
+// Names the columns q1x q1y .. p1x p1y .. s1 .., as in the public data.
 static pm_status name_columns(const pm_chain *chain, pm_arena *arena, pm_truth_model *model) {
     const int n = chain->n;
     const char **column = pm_arena_array(arena, (size_t)(5 * n), sizeof *column);

@@ -1,4 +1,4 @@
-// Configuration, runs and checks that all simulators share.
+// Reads configurations, runs ODE simulators, and checks the laws, for all simulators alike.
 #include "truth/truth.h"
 
 #include <limits.h>
@@ -14,13 +14,13 @@ static const pm_truth_simulator simulators[] = {
 };
 #define NSIMULATOR (sizeof simulators / sizeof *simulators)
 
-// As tight as double precision allows: the pendulum's close passes amplify errors ten thousandfold
-// and more. The check takes other steps and has about twice the error.
+// As small as double precision allows, because the close passes of the pendulum amplify errors by a
+// factor of ten thousand and more. The check takes other steps and has about twice the error.
 static const double solve_tolerance = 1e-15, check_tolerance = 2e-15;
-// Components are of order 1 to 1e-2.
+// The components of the states are of order 1 to 1e-2.
 static const double absolute_per_relative = 0.1;
 
-static const char *const families[] = {"adams", "bdf", NULL}; // as pm_ode_family
+static const char *const families[] = {"adams", "bdf", NULL}; // indexed by pm_ode_family
 
 static pm_status read_simulator(pm_truth *truth, pm_yaml root) {
     const char *names[NSIMULATOR + 1] = {NULL};
@@ -105,7 +105,7 @@ void pm_truth_report_init(pm_truth_report *report) {
     report->entropy_step = INFINITY;
 }
 
-// Largest |z - check| of a column over its root mean square; a column that is zero counts as 1.
+// The largest |z - check| of a column over its root mean square, which counts as 1 if it is zero.
 static double column_difference(int nz, int ntime, const double *z, const double *check) {
     double worst = 0, square = 0;
     for (int i = 0; i < ntime; ++i) {

@@ -1,6 +1,7 @@
-// Ground truth: a configuration names a simulator, its parameters and how many trajectories to
+// Ground truth. A configuration names a simulator, its parameters and the number of trajectories to
 // draw. A simulator is one file with a function that reads its part of the configuration, and one
-// line in the table of truth.c. Shares no code with the models that are trained on its output.
+// line in the table of truth.c. Simulators share no code with the models that are trained on their
+// output, so that a mistake in a model cannot hide.
 #ifndef PM_TRAINER_TRUTH_TRUTH_H
 #define PM_TRAINER_TRUTH_TRUTH_H
 
@@ -13,38 +14,41 @@
 #include "truth/ode.h"
 
 #define PM_TRUTH_MAX_CONSERVED 4
-// Bodies with fields on a mesh, in place of an ODE. `data` is the model's.
+
+// A simulator of bodies with fields on a mesh, in place of an ODE. `data` is the model's.
 typedef struct pm_truth_body {
     int nbody;
-    const char *const *name;        // [nbody]; NULL: one without a name
-    const char *const *placement;   // [nbody] of its frame in the world, as text; NULL: the world's
+    const char *const *name;        // [nbody]; NULL: one body without a name
+    const char *const *placement;   // [nbody] as text (store/placement.h); NULL: the global frame
     int nnode, nelement, nvariable; // of each body
-    const char *variable;           // of each node, separated by blanks
-    // Fills in the mesh of each body's field, in its own frame.
+    const char *variable;           // names of a node's variables, separated by blanks
+    // Fills in the mesh of a body's field, in the body's own frame.
     void (*describe)(const void *data, int body, pm_field *field);
-    // Trajectory `trajectory` of this seed, into row `row` of the fields [nbody], each in its
-    // body's frame. PM_ECONFIG (there is no such trajectory), PM_ENUMERIC, PM_ENOMEM.
+    // Simulates trajectory `trajectory` of this seed and writes it into row `row` of the fields
+    // field [nbody], each in its body's own frame. PM_ECONFIG (there is no such trajectory),
+    // PM_ENUMERIC, PM_ENOMEM.
     pm_status (*run)(const void *data, uint64_t seed, int trajectory, pm_field *const *field,
                      int row);
 } pm_truth_body;
 
-// What a simulator makes of its configuration. Everything lives in the configuration's arena.
+// The model that a simulator makes of its configuration. Everything lives in the configuration's
+// arena. For bodies only ode.data, title, units and parameters have a meaning besides `body`.
 typedef struct pm_truth_model {
     pm_ode ode;
-    const pm_truth_body *body; // NULL: an ODE. Otherwise of the ODE only `data` has a meaning, and
-    // of what follows only title, units and parameters.
+    const pm_truth_body *body; // NULL: the model is an ODE
     const char *title;
-    int ncolumn; // of the dataset: the first components of the state; others stay inside
-    const char *const *column;                              // [ncolumn]
-    const char *units;                                      // of columns or variables, by ';'
-    const char *parameters;                                 // as text, for the dataset's notes
-    void (*draw)(const void *data, pm_rng *rng, double *z); // an initial state [nz]
-    // Quantities that the exact solution keeps (at most PM_TRUTH_MAX_CONSERVED): their names, and
-    // their values at a state.
-    int nconserved;
-    const char *const *conserved;
+    int ncolumn; // of the dataset: the first components of the state; further ones are internal
+    const char *const *column; // [ncolumn]
+    const char *units;         // of columns or variables, separated by ';'
+    const char *parameters;    // as text, for the dataset's notes
+    // Draws an initial state z [nz].
+    void (*draw)(const void *data, pm_rng *rng, double *z);
+    int nconserved;               // quantities that the exact solution conserves
+    const char *const *conserved; // [nconserved] their names
+    // Computes their values at a state: value [nconserved].
     void (*conserve)(const void *data, const double *z, double *value);
-    double (*entropy)(const void *data, const double *z); // J/K, never falls; NULL: none
+    // The total entropy at a state, J/K, which never falls; NULL: there is none.
+    double (*entropy)(const void *data, const double *z);
 } pm_truth_model;
 
 typedef struct pm_truth_simulator {
@@ -62,38 +66,41 @@ typedef struct pm_truth {
     pm_truth_model model;
 } pm_truth;
 
-// Reads a configuration. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The caller frees.
+// Reads a configuration. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The caller frees the truth.
 pm_status pm_truth_load(pm_truth **truth, const char *path);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
-// For an ODE: trajectory `trajectory` [ntime][nz], from its own stream of random numbers, and in
-// `check` the same at twice the tolerance, to tell how far it is converged. PM_ENUMERIC, PM_ENOMEM.
+// Solves an ODE: writes trajectory `trajectory` to z [ntime][nz], starting from a state drawn from
+// its own stream of random numbers, and the same trajectory at twice the tolerance to
+// check [ntime][nz]. The difference tells how far the solution is converged. PM_ENUMERIC,
+// PM_ENOMEM.
 pm_status pm_truth_run(const pm_truth *truth, int trajectory, double *z, double *check);
 
-// Largest |z - check| of any column over that column's root mean square.
+// The largest |z - check| of any component, relative to the root mean square of the component.
 double pm_truth_difference(const pm_truth *truth, const double *z, const double *check);
 
-// How well the laws are kept, over all trajectories added.
+// Statistics of how well the trajectories keep the laws.
 typedef struct pm_truth_report {
     int ntrajectory;
-    double drift[PM_TRUTH_MAX_CONSERVED];     // largest |change| since a trajectory's start
+    double drift[PM_TRUTH_MAX_CONSERVED];     // largest |change| since the start of a trajectory
     double magnitude[PM_TRUTH_MAX_CONSERVED]; // largest |value|
-    double entropy_step;                      // J/K, smallest change from one state to the next
-    double entropy_rise;                      // J/K, mean over a whole trajectory
+    double entropy_step;                      // J/K, smallest change from one time to the next
+    double entropy_rise;                      // J/K, mean change over a whole trajectory
 } pm_truth_report;
 
 void pm_truth_report_init(pm_truth_report *report);
+// Adds the trajectory z [ntime][nz].
 void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const double *z);
 
 // --- simulators ---
 
 // A chain of thermoelastic pendula (chain.h).
 pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
-// One thermoelastic link whose pivot is driven, with a force on its mass and a bath beside it.
+// One thermoelastic link with a driven pivot, a force on its mass and a heat bath (driven_link.c).
 pm_status pm_driven_link_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
-// A clamped beam of viscoelastic rubber, pressed from its sides (beam_solve.h).
+// Clamped beams of viscoelastic rubber under loads and in contact (beam_solve.h).
 pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
-// Two gases that exchange heat and volume through a moving wall.
+// Two gases that exchange heat and volume through a moving wall (gas_containers.c).
 pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 
 #endif
