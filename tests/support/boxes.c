@@ -1,4 +1,4 @@
-// Positions and bricks of a box.
+// Computes the positions and bricks of a box.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -17,11 +17,11 @@ static int node_of(const int count[3], int i, int j, int k) {
 void box_make(box *b, const int count[3], double step) {
     memset(b, 0, sizeof *b);
     b->placed = (pm_placed_body){.name = "box",
-                            .nnode = (count[0] + 1) * (count[1] + 1) * (count[2] + 1),
-                            .nelement = count[0] * count[1] * count[2],
-                            .position = b->position[0],
-                            .hexahedron = b->hexahedron[0],
-                            .placement = PM_PLACEMENT_IDENTITY};
+                                 .nnode = (count[0] + 1) * (count[1] + 1) * (count[2] + 1),
+                                 .nelement = count[0] * count[1] * count[2],
+                                 .position = b->position[0],
+                                 .hexahedron = b->hexahedron[0],
+                                 .placement = PM_PLACEMENT_IDENTITY};
     assert_true(b->placed.nnode <= MOST_NODES);
     for (int n = 0; n < b->placed.nnode; ++n) {
         b->position[n][0] = step * (n % (count[0] + 1));

@@ -1,4 +1,4 @@
-// Boxes of bricks that lie apart, for tests of what is between bodies.
+// Boxes of bricks that lie apart, for tests of contact pairs and interfaces.
 #ifndef PM_TESTS_BOXES_H
 #define PM_TESTS_BOXES_H
 
@@ -12,10 +12,10 @@ typedef struct box {
     pm_placed_body placed;
 } box;
 
-// From the origin, `count` bricks along x, y, z, each a cube of side `step`.
+// Makes a box of count [3] bricks along x, y, z from the origin on, each a cube of side `step` m.
 void box_make(box *b, const int count[3], double step);
 
-// Fails unless a number of a pair is as expected, to rounding.
+// Fails the test unless a number of a pair is as expected, to rounding.
 void boxes_check(const char *what, int pair, double value, double expected);
 
 #endif

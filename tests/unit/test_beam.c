@@ -1,4 +1,4 @@
-// The beam of the truth simulators: material, element, solver and loads against exact solutions.
+// Compares material, element, solver and loads of the simulated beam with exact solutions.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -43,7 +43,7 @@ static void multiply(const double *A, const double *B, double *AB) {
 
 // --- the material ---
 
-// Held at a stretch, every branch decays as its term of the Prony series.
+// At a held stretch the stress of every branch decays as its term of the Prony series.
 static void relaxation_follows_the_series(void **state) {
     (void)state;
     const double x = 1.6, F[9] = {x, 0, 0, 0, 1 / sqrt(x), 0, 0, 0, 1 / sqrt(x)};
@@ -66,7 +66,7 @@ static void relaxation_follows_the_series(void **state) {
     }
 }
 
-// Turning a strained and partly relaxed body turns its stress, and changes no energy.
+// A rotation of a strained and partly relaxed body rotates its stress and changes no energy.
 static void rotation_turns_the_stress(void **state) {
     (void)state;
     const double F[9] = {1.2, 0.3, 0.1, 0, 0.9, -0.2, 0.1, 0, 1}, J = pm_tensor_det3(F);
@@ -89,7 +89,8 @@ static void rotation_turns_the_stress(void **state) {
 
 // --- elements ---
 
-// 2x2x2 distorted bricks, moved by `F`: the forces at the inner node and the elements' stresses.
+// Deforms 2x2x2 distorted bricks by `F`, and computes the forces at the inner node and the stresses
+// of the elements.
 static void respond_patch(const double F[9], double *inner, double stress[8][PM_SYMMETRIC]) {
     pm_arena arena = {NULL};
     pm_beam_mesh mesh;
@@ -187,8 +188,8 @@ static pm_beam_convergence step_to(bar *b, const pm_beam_load *load, double t, d
     return convergence;
 }
 
-// Near the end each iteration squares the residual, but for rounding. That is so only if the
-// tangent is that of the step.
+// Near the end each iteration squares the residual, but for rounding. This holds only if the
+// tangent is consistent with the step.
 static void newton_converges_quadratically(void **state) {
     (void)state;
     const pm_beam_material *materials[] = {&elastic, &viscous};
@@ -213,7 +214,7 @@ static void newton_converges_quadratically(void **state) {
     }
 }
 
-// |stored + dissipated - work| over the work, after ramp, hold and unload in steps of h.
+// Returns |stored + dissipated - work| over the work, after ramp, hold and unload in steps of h s.
 static double imbalance(double h) {
     bar b;
     const pm_beam_load load = {.nnode = 1,
@@ -235,7 +236,7 @@ static double imbalance(double h) {
     return lack / largest;
 }
 
-// Work of the loads = stored + dissipated, to second order in the step.
+// The work of the loads is the stored and the dissipated energy, to second order in the step.
 static void energy_is_balanced(void **state) {
     (void)state;
     const double coarse = imbalance(0.05), fine = imbalance(0.025);

@@ -1,4 +1,5 @@
-// Beams in contact: forces as derivatives of their energy, laws of mechanics, and known solutions.
+// Compares beams in contact with derivatives of their energy, laws of mechanics and known
+// solutions.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,7 +22,7 @@ static void assert_near(const char *what, double value, double expected, double 
     }
 }
 
-// Two bars of 16 x 4 x 4, the second above the first: along it, or across its outer half.
+// Two bars of 16 x 4 x 4 m, the second above the first, parallel to it or across its outer half.
 typedef struct pair {
     pm_arena arena;
     pm_beam_mesh mesh;
@@ -58,7 +59,7 @@ static bool respond(const pair *p, int i, pm_beam_contact_force *force) {
     return pm_beam_contact_respond(&p->contact, &p->contact.candidate[i], p->q, true, force);
 }
 
-// Blocks that overlap evenly: every node gets what an even pressure on its side gives it.
+// In blocks that overlap uniformly every node gets its share of a uniform pressure.
 static void even_pressure_is_carried_evenly(void **state) {
     (void)state;
     const double stiffness = 1e6, depth = 0.01, pressure = stiffness * depth;
@@ -86,7 +87,7 @@ static void even_pressure_is_carried_evenly(void **state) {
     free_pair(&p);
 }
 
-// Crossed bars bent into each other, and displaced at random.
+// Bends crossed bars into each other, and displaces their nodes at random.
 static void bend(pair *p, pm_rng *rng) {
     for (int i = 0; i < p->mesh.nnode; ++i) {
         const bool upper = i >= p->mesh.nnode / 2;
@@ -146,8 +147,8 @@ static void forces_and_stiffness_are_derivatives(void **state) {
     assert_true(beyond >= 2);
 }
 
-// A node of the lower bar, pushed sideways over the edge x = 14.05 of the upper one, gets free
-// without a jump of the energy.
+// When a node of the lower bar is pushed sideways over the edge x = 14.05 of the upper one, the
+// energy falls to zero without a jump.
 static void edges_let_go_smoothly(void **state) {
     (void)state;
     const double step = 1e-4, depth = 0.05, stiffness = 1e6;
@@ -165,7 +166,8 @@ static void edges_let_go_smoothly(void **state) {
         before = energy;
     }
     assert_near("energy", before, 0, 0);
-    // Over the width of the bend, sqrt(2 0.2 depth), all of it goes at no more than twice the mean.
+    // Over the width of the bend, sqrt(2 0.2 depth), the energy falls at most at twice the mean
+    // rate.
     const double whole = stiffness / 2 * p.contact.candidate[0].area * depth * depth / 2;
     assert_true(steepest < 2 * whole * step / sqrt(0.4 * depth));
     free_pair(&p);
@@ -173,7 +175,7 @@ static void edges_let_go_smoothly(void **state) {
 
 // --- equilibrium ---
 
-// The load of the test on the upper bar: f on the nodes of the last row of its upper side.
+// Makes the load on the upper bar: f N on each node of the last row of its upper side.
 static void set_load(pair *p, const double force[3]) {
     const int half = p->mesh.nnode / 2;
     memset(p->f, 0, 3 * (size_t)p->mesh.nnode * sizeof *p->f);
@@ -190,8 +192,8 @@ static pm_beam_convergence step(pair *p, double h) {
     return convergence;
 }
 
-// Pressed from outside, two blocks are to each other what a mirror would be: away from the clamp
-// the stress is that of the pressure, and level with it.
+// Two blocks that are pressed together from outside are mirror images of each other: away from the
+// clamp the stress normal to the contact is the pressure, and uniform.
 static void pressed_blocks_carry_the_pressure(void **state) {
     (void)state;
     double pressure = 2;
@@ -273,8 +275,8 @@ static void newton_converges_quadratically(void **state) {
     free_pair(&p);
 }
 
-// The work that is left over its largest value, after elastic bars were pressed on each other and
-// released by another path.
+// Presses elastic bars together and releases them along another path, and returns the remaining
+// work over its largest value.
 static double lost_work(int nstep) {
     pair p;
     int most = 0;
@@ -301,7 +303,8 @@ static double lost_work(int nstep) {
     return fabs(work) / largest;
 }
 
-// They are where they were, and gave all the work back, but for what the trapezoidal rule lacks.
+// The bars return to their places and give all the work back, but for the error of the trapezoidal
+// rule.
 static void opening_and_closing_gains_nothing(void **state) {
     (void)state;
     const double coarse = lost_work(16), fine = lost_work(64);
@@ -309,7 +312,7 @@ static void opening_and_closing_gains_nothing(void **state) {
     assert_in_range(lround(coarse / fine), 10, 30);
 }
 
-// Full steps of Newton's method would leap to and fro between the sides.
+// Full steps of Newton's method would jump back and forth between the sides.
 static void a_hard_blow_finds_an_equilibrium(void **state) {
     (void)state;
     pair p;
@@ -329,7 +332,7 @@ static void a_hard_blow_finds_an_equilibrium(void **state) {
     "unload: [0.1, 0.2]}"
 enum { MOST = 2 };
 
-// Three states of trajectory 7, in the fields of its bodies.
+// Simulates three states of trajectory 7 into the fields of its bodies.
 static void simulate(const char *text, pm_field *field[MOST], int *nbody) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
@@ -359,8 +362,8 @@ static void assert_same(const char *what, const double *value, const double *exp
     }
 }
 
-// Out of reach of the other, and seen in its own frame, a beam is as if it were alone, however it
-// is placed; the other rests.
+// A beam out of reach of the other one moves, in its own frame, as if it were alone, however it is
+// placed, and the other one stays at rest.
 static void placed_beams_keep_their_own_frame(void **state) {
     (void)state;
     pm_field *alone[MOST], *placed[MOST];
@@ -382,7 +385,7 @@ static void placed_beams_keep_their_own_frame(void **state) {
         for (int i = 0; i < nz; ++i) {
             assert_near("state", moved->z[j * nz + i], one->z[j * nz + i],
                         i % one->nvariable < 6 ? 1e-9 : 1e-3);
-            assert_near("zero_at_origin", rest->z[j * nz + i], one->z[i], 1e-5);
+            assert_near("at rest", rest->z[j * nz + i], one->z[i], 1e-5);
         }
     }
     pm_field_free(alone[0]);

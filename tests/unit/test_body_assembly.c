@@ -20,7 +20,7 @@
 enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
 static const int trajectory = 0;
 
-// Two modes: one tilts along x, one shifts along y.
+// Of two modes one tilts the box along x, and one shifts it along y.
 static void mode_fields(const double *x, double u[2][3]) {
     memset(u, 0, 6 * sizeof **u);
     u[0][2] = x[0];
@@ -50,7 +50,8 @@ static double amplitude(int body, int mode, int time) {
     return 0.01 * (1 + body) * time * (mode == 0 ? 1 : -2);
 }
 
-// In modes alone; forces of contact push what is above up and what is below down, 5 N per time.
+// Makes a field of modes alone, in which contact forces push the upper body up and the lower one
+// down, by 5 N more at each time.
 static pm_field *make_field(const box *b, int body) {
     const pm_field_shape shape = {.ntrajectory = 1,
                                   .ntime = NTIME,
@@ -129,7 +130,7 @@ static int column_of(const pm_dataset *d, const char *name) {
     return i;
 }
 
-// Openings are those of the undeformed boxes and what the matrices make of the amplitudes.
+// Openings are those of the undeformed boxes plus the matrices times the amplitudes.
 static void matrices_give_the_openings(void **state) {
     (void)state;
     static const char *const a_names[2] = {"middle_a0", "top_a0"};
@@ -166,7 +167,7 @@ static void matrices_give_the_openings(void **state) {
         }
     }
     boxes_check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
-    // A tilt alone does not move a side along itself, but what lies below it counts as lagging.
+    // A tilt does not move a side along itself, but sliding is taken half way to the axis.
     for (int i = 0; i < 2 * NPAIR; ++i) {
         const double slid = matrix[1][PM_CONTACT_SLID_U * NPAIR + i][0];
         boxes_check("slid", i, slid, 0.5 * matrix[1][PM_CONTACT_SLOPE_U * NPAIR + i][0]);
@@ -178,7 +179,7 @@ static void matrices_give_the_openings(void **state) {
     free_stack(&s);
 }
 
-// The part's energy, built as a graph, is that of the openings of a row with the same numbers.
+// The energy of the part, built as a graph, is that of the openings in a row with the same numbers.
 static void the_part_stores_the_openings(void **state) {
     (void)state;
     const pm_contact_constants constants = {.stiffness = 30, .creep = 0.01};
@@ -229,7 +230,8 @@ static void the_part_stores_the_openings(void **state) {
     free_stack(&s);
 }
 
-// A row whose opening of one pair of each meeting is `opening` and which is open by 1 elsewhere.
+// Sets the creep in a row such that one pair of the interface has the given opening and all
+// others 1.
 static void fill_creep(const pm_contact_openings *o, double opening, double *row) {
     for (int i = 0; i < NPAIR; ++i) {
         row[o->creep + i] = 0;
@@ -260,7 +262,7 @@ static void forces_are_compared(void **state) {
         assert_int_equal(
             pm_contact_openings_open(&openings, &s.assembly, interface, d, &s.assembly.arena),
             PM_OK);
-        // One pair closed such that 10 N/m give the truth's force, then half of that.
+        // One pair is closed such that 10 N/m give the force of the truth.
         for (int j = 0; j < NTIME; ++j) {
             fill_creep(&openings, -0.5 * j, pm_dataset_state(d, 0, j));
         }
@@ -277,8 +279,7 @@ static void forces_are_compared(void **state) {
     free_stack(&s);
 }
 
-// What nodes of the middle box, displaced by u, make of its openings: the energy of a row's
-// openings and theirs.
+// The energy of the openings of the middle box in a row, with its nodes displaced further by u.
 static double energy_of(const stack *s, double (*u)[3], const double *row, const pm_dataset *d,
                         double stiffness) {
     double energy = 0;
@@ -301,7 +302,7 @@ static double energy_of(const stack *s, double (*u)[3], const double *row, const
     return energy;
 }
 
-// Of the middle one, which is pressed from both sides.
+// The middle box is pressed from both sides.
 static void forces_are_the_slope_of_the_energy(void **state) {
     (void)state;
     static double u[MOST_NODES][3];
@@ -354,7 +355,7 @@ static void save_part(const stack *s, const pm_contact_interface *m, double stif
     pm_arena_free(&arena);
 }
 
-// Weights of another interface, or none, do not give a stiffness.
+// Weights of another interface, and missing weights, are refused.
 static void the_stiffness_comes_back_from_weights(void **state) {
     const char *folder = ((scratch *)*state)->folder;
     stack s;
@@ -380,7 +381,7 @@ static void the_stiffness_comes_back_from_weights(void **state) {
     free_stack(&s);
 }
 
-// Fields of another number of trajectories, states or nodes are not read.
+// Fields with different numbers of trajectories, states or nodes are refused.
 static void fields_that_do_not_fit_are_refused(void **state) {
     (void)state;
     stack s;

@@ -1,5 +1,5 @@
-// Two boxes of bricks across a gap: which points face each other, and what opens them when the
-// boxes move.
+// Two boxes of bricks across a gap: which points face each other, and how their openings change
+// when the boxes move.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,8 +13,9 @@
 #include "body/contact_pairs.h"
 #include "tests/support/boxes.h"
 
-// The lower box [0,8] x [0,4] x [0,2]; the upper one crosses it above x = 2 .. 5, and its nodes
-// meet none of the lower: its own x looks along +y of the global frame, its y along -x.
+// The lower box is [0,8] x [0,4] x [0,2]. The upper one crosses it above x = 2 .. 5; its own x
+// points along the global +y and its y along -x. No node of one lies straight above a node of the
+// other.
 typedef struct scene {
     box lower, upper;
     pm_arena arena;
@@ -34,7 +35,7 @@ static void make_scene(scene *s) {
         pm_arena_array(&s->arena, PM_CONTACT_GROUPS * (size_t)s->pairs.npair, sizeof *s->value);
 }
 
-// Moves a box by a displacement that is a function of the place in the global frame.
+// Displaces a box by a function of the place in the global frame.
 typedef void displacement(const double *x, double *u);
 static void move(box *b, displacement *by) {
     for (int n = 0; n < b->placed.nnode; ++n) {
@@ -68,14 +69,14 @@ static double opening(const scene *s, int i) {
            get(s, PM_CONTACT_SLID_V, i) * get(s, PM_CONTACT_SLOPE_V, i);
 }
 
-// A vector of the global frame from its components along the pair's tangents.
+// A component of a vector in the global frame, from its components along the tangents of a pair.
 static double along(const scene *s, int first_group, int pair, int axis) {
     const pm_contact_pair *p = &s->pairs.pair[pair];
     return get(s, first_group, pair) * p->tangent[0][axis] +
            get(s, first_group + 1, pair) * p->tangent[1][axis];
 }
 
-// Where a pair's point of one end lies in the global frame.
+// Computes the place of a point of a pair in the global frame.
 static void place(const scene *s, int i, int end, double *x) {
     const box *b = end == 0 ? &s->lower : &s->upper;
     const pm_contact_point *point = &s->pairs.pair[i].point[end];
@@ -93,7 +94,7 @@ static void points_face_each_other(void **state) {
     (void)state;
     scene s;
     make_scene(&s);
-    // The lower's top nodes with x = 2, 4 and y = 0, 2, 4.
+    // The pairs are the top nodes of the lower box with x = 2, 4 and y = 0, 2, 4.
     assert_int_equal(s.pairs.npair, 6);
     for (int i = 0; i < s.pairs.npair; ++i) {
         double x[2][3];
@@ -106,13 +107,13 @@ static void points_face_each_other(void **state) {
         boxes_check("gap", i, s.pairs.pair[i].gap, GAP);
         assert_true(x[0][0] == 2 || x[0][0] == 4);
     }
-    // Seen from the other: the upper's nodes above the lower, 3 x 3 of them.
+    // In the other order the pairs are the 3 x 3 nodes of the upper box above the lower one.
     pm_contact_pairs other;
     assert_int_equal(pm_contact_pairs_find(&other, &s.upper.placed, &s.lower.placed, &s.arena),
                      PM_OK);
     assert_int_equal(other.npair, 9);
     boxes_check("gap", 0, other.pair[0].gap, GAP);
-    // Behind each other's backs there is nothing.
+    // Boxes that lie side by side have no pairs.
     s.upper.placed.placement.origin[0] = 50;
     assert_int_equal(pm_contact_pairs_find(&other, &s.lower.placed, &s.upper.placed, &s.arena),
                      PM_OK);
@@ -180,7 +181,7 @@ static void turn(const double *x, double *u) {
     u[2] = sin(angle) * x[1] + (cos(angle) - 1) * x[2];
 }
 
-// Turned together, bodies stay as far apart as they were: GAP / cos(angle) along the old normal.
+// Bodies that rotate together keep their distance, which is GAP / cos(angle) along the old normal.
 static void what_turns_together_stays_apart(void **state) {
     (void)state;
     scene s;
@@ -195,7 +196,8 @@ static void what_turns_together_stays_apart(void **state) {
     pm_arena_free(&s.arena);
 }
 
-// What slides meets the slope at another place, here along y, where the upper one's counts.
+// A point that slides meets the slope at another place, here along y, where the slope is that of
+// the upper box.
 static void slides(const double *x, double *u) {
     (void)x;
     u[0] = 0, u[1] = 0.4, u[2] = 0;
@@ -216,8 +218,8 @@ static void what_slides_meets_the_slope(void **state) {
     pm_arena_free(&s.arena);
 }
 
-// Bricks around an edge as slices of a cake, whose top faces meet at its axis: `count` of them have
-// 2 count + 1 nodes there.
+// Makes `count` bricks around an edge like the slices of a cake. Their top faces meet at its axis
+// and have 2 count + 1 nodes.
 static void make_cake(box *b, int count) {
     const int nlayer = 2 * count + 1;
     memset(b, 0, sizeof *b);
@@ -242,7 +244,7 @@ static void make_cake(box *b, int count) {
     }
 }
 
-// Where more faces meet than a point has room for, that is told.
+// Points at which more faces meet than there is room for are refused.
 static void points_of_many_faces_are_refused(void **state) {
     (void)state;
     for (int count = 7; count <= 8; ++count) {
@@ -273,7 +275,7 @@ static void shake(box *b, double size, pm_rng *rng) {
     }
 }
 
-// The power of the forces is what the groups lose.
+// The power of the forces is minus that of the efforts on the quantities.
 static void forces_are_the_adjoint(void **state) {
     (void)state;
     scene s;

@@ -1,5 +1,5 @@
-// A simulation corrected by better known fields: whatever the numbering, what is linear in the
-// place of the load is corrected entirely.
+// Corrects a simulation by better known fields. An error that is linear in the place of the load is
+// removed entirely, whatever the numbering of the nodes.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +13,7 @@
 
 enum { NROW = 5, NNODE = 2 * NROW, NTIME = 3, NVARIABLE = 2 };
 
-// Nodes in two rows along x, y = 0 and 1, in this order or in the reverse.
+// Nodes in two rows along x, at y = 0 and 1, in this order or in the reverse.
 static pm_field *make(int ntrajectory, bool reversed) {
     const pm_field_shape shape = {ntrajectory, NTIME, NNODE, NVARIABLE, 0, false};
     pm_field *d = NULL;
@@ -26,7 +26,7 @@ static pm_field *make(int ntrajectory, bool reversed) {
     return d;
 }
 
-// A load at x in row y, and what it does: anything, and an error linear in x.
+// Sets a load at x in row y and the response to it: an arbitrary one, and an error linear in x.
 static void press(pm_field *d, int trajectory, double x, double y, double error) {
     for (int j = 0; j < NTIME; ++j) {
         for (int i = 0; i < NNODE; ++i) {
@@ -39,8 +39,8 @@ static void press(pm_field *d, int trajectory, double x, double y, double error)
     }
 }
 
-// Own: loads at x = 0 .. 4 of the first row. Known: a third one, of which 1 and 3 are used, on
-// nodes in another order.
+// The simulated loads lie at x = 0 .. 4 of the first row. Two of the three known loads are used, at
+// 1 and 3, on nodes in another order.
 typedef struct pair {
     pm_field *own, *known;
 } pair;
@@ -70,7 +70,7 @@ static void what_is_linear_is_corrected(void **state) {
     assert_int_equal(pm_correct(&d, p.own, p.known, 2, used), PM_OK);
     assert_int_equal(d->ntrajectory, NROW);
     assert_memory_equal(d->position, p.known->position, 3 * NNODE * sizeof *d->position);
-    // Beyond the last known loads their differences stay.
+    // Beyond the last known loads the discrepancy is constant.
     for (int i = 0; i < NROW; ++i) {
         const double nearest = i < 1 ? 1 : i > 3 ? 3 : i;
         pm_field *lost = make(1, true), *none = make(1, true);

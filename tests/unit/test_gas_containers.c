@@ -1,5 +1,5 @@
-// The simulator of two gas containers against exact solutions, the laws and finite differences, and
-// the shipped reference against the shipped configuration.
+// Compares the simulator of two gas containers with exact solutions, the laws and finite
+// differences, and the shipped reference with the shipped configuration.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -25,8 +25,8 @@ static void assert_near(const char *what, double value, double expected, double 
 
 #define INITIAL "{position: [0.3, 2.6], momentum: [-1, 1], entropy: [1, 2]}"
 
-static pm_status boundary_input(scratch *folder, double wall_mass, double conductivity,
-                                const char *initial, pm_truth **truth) {
+static pm_status load_config(scratch *folder, double wall_mass, double conductivity,
+                             const char *initial, pm_truth **truth) {
     char text[512];
     const int length =
         snprintf(text, sizeof text,
@@ -41,7 +41,7 @@ static pm_status boundary_input(scratch *folder, double wall_mass, double conduc
 
 static pm_truth *open(scratch *folder, double wall_mass, double conductivity) {
     pm_truth *truth = NULL;
-    if (boundary_input(folder, wall_mass, conductivity, INITIAL, &truth) != PM_OK) {
+    if (load_config(folder, wall_mass, conductivity, INITIAL, &truth) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return truth;
@@ -53,7 +53,7 @@ static void solve(const pm_truth *truth, int ntime, double dt, double *z) {
     }
 }
 
-// E and V of the whole.
+// Energy and volume of both gases together.
 static double energy(const pm_truth *truth, const double *z) {
     double value[2];
     truth->model.conserve(truth->model.ode.data, z, value);
@@ -70,7 +70,7 @@ static double energy_slope(const pm_truth *truth, const double *z, int i) {
     return (above - energy(truth, moved)) / (2 * h);
 }
 
-// Entropy that gives a gas of volume v the energy E, in the units of `load`.
+// Entropy that gives a gas of volume v the energy E, in the units of `load_config`.
 static double entropy_for(double E, double v) {
     return 0.8 * log(1.3 * v * pow(E, 1.5));
 }
@@ -96,8 +96,9 @@ static void rate_follows_energy(void **state) {
     pm_truth_free(truth);
 }
 
-// A wall displaced a little swings with omega^2 = (20/9) E / (m L^2): each gas pushes with
-// 2 E / (3 L), and adiabatically E / L changes by -5/3 E / L per relative change of L.
+// A slightly displaced wall oscillates with omega^2 = (20/9) E / (m L^2), because each gas pushes
+// with the force 2 E / (3 L), and adiabatically E / L changes by -5/3 E / L per relative change of
+// L.
 static void small_oscillation(void **state) {
     pm_truth *truth = open(*state, 2, 0);
     const double E = 1.7, v = 0.7 * 1.5, start = 1e-5;
@@ -154,7 +155,7 @@ static void wrong_initial_states(void **state) {
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         pm_truth *truth = NULL;
-        const pm_status status = boundary_input(*state, 1, 1, cases[i].initial, &truth);
+        const pm_status status = load_config(*state, 1, 1, cases[i].initial, &truth);
         if (status != PM_ECONFIG || strstr(pm_error(), cases[i].words) == NULL) {
             fail_msg("case %zu: status %d, \"%s\", expected \"%s\"", i, status, pm_error(),
                      cases[i].words);

@@ -14,12 +14,12 @@
 #include "modal/reduce.h"
 #include "tests/support/scratch.h"
 
-// Nodes at x = 0..4, y and z = -1, 0, 1, held at x = 0.
+// Nodes at x = 0..4, y and z = -1, 0, 1, clamped at x = 0.
 enum { NX = 5, NNODE = NX * 9, NTRAJECTORY = 6, NTIME = 9, NVARIABLE = 12 };
 static const double dt = 0.1, softness = 2e-3, tau = 0.3, share = 0.6;
 
-// Bending in y and z by x^2, as far as the load at the end says; what the branch remembers takes a
-// share of the load; turning sections shorten the body by the squares of both.
+// The body bends in y and z by a_0 x^2 and a_1 x^2, which follow the load at its end and the
+// internal variable of one branch. Its rotating sections shorten it by the squares of both.
 static void deform(const double a[2], const double *position, double *u) {
     const double x = position[0];
     u[0] = -0.5 * x * (a[0] * a[0] + a[1] * a[1]);
@@ -48,12 +48,12 @@ static pm_field *make_body(void) {
             const double ramp = j < 4 ? j / 4.0 : 1;
             const double r = exp(-dt / tau), m = (1 - r) * tau / dt;
             for (int k = 0; k < 2; ++k) {
-                // load = (a - share c) / softness, c after a step in which a is linear.
+                // load = (a - share c) / softness, with c after a step in which a is linear.
                 const double load = top[k] * ramp, known = r * c[k] + (m - r) * before[k];
                 a[k] = j == 0 ? 0 : (softness * load + share * known) / (1 - share * (1 - m));
                 c[k] = j == 0 ? 0 : known + (1 - m) * a[k];
                 before[k] = a[k];
-                // On the middle node of the end, whose mode is 16.
+                // The force acts on the middle node of the end, at which x^2 is 16.
                 pm_field_force(d, i, j)[3 * (4 * NX + NX - 1) + 1 + k] = load / 16;
                 dissipated += dt * share / softness * (a[k] - c[k]) * (a[k] - c[k]) / tau;
             }
@@ -65,7 +65,7 @@ static pm_field *make_body(void) {
                 for (int k = 0; k < 3; ++k) {
                     z[k] = d->position[3 * n + k] + u[k];
                 }
-                // Bending stress, and one that the square of the section does not tell apart.
+                // Bending stress, and shear stress that is uniform over the section.
                 z[6] = -1e3 * (a[0] * d->position[3 * n + 1] + a[1] * d->position[3 * n + 2]);
                 z[9] = 1e2 * a[0];
                 z[10] = 1e2 * a[1];
@@ -96,13 +96,13 @@ static pm_basis *make_basis(const pm_field *field) {
     return b;
 }
 
-// Two modes bend; the third, which shortens, is carried along by them.
+// Two modes bend the body; the third, which shortens it, accompanies them.
 static void modes_that_carry_the_energy_are_found(void **state) {
     (void)state;
     pm_field *field = make_body();
     pm_basis *b = make_basis(field);
     assert_int_equal(b->nstate, 2);
-    // x^2 over all nodes squared, over the softness.
+    // The sum of x^4 over all nodes, times the softness.
     double square = 0;
     for (int i = 0; i < NNODE; ++i) {
         square += pow(field->position[3 * i], 4);
@@ -113,7 +113,7 @@ static void modes_that_carry_the_energy_are_found(void **state) {
     pm_field_free(field);
 }
 
-// In energy coordinates, load = a - share c.
+// In the coordinates of the basis, load = a - share c.
 static void amplitudes_follow_the_loads(void **state) {
     (void)state;
     pm_field *field = make_body();
@@ -172,8 +172,8 @@ static void fields_come_back(void **state) {
     pm_field_free(field);
 }
 
-// A dataset of two bodies, the first of which has the numbers of `one`; the one pair of points
-// between them is closed by `depth`.
+// Makes a dataset of two bodies. The first has the numbers of `one`, and the single contact pair
+// between the bodies is closed by `depth`.
 static pm_dataset *with_a_neighbour(const pm_dataset *one, const pm_basis *b, double depth,
                                     pm_arena *arena) {
     const char *name[64];
@@ -280,7 +280,7 @@ static void contact_is_a_load(void **state) {
     pm_arena_free(&arena);
 }
 
-// The same with the variables in another order.
+// Makes the same field with its variables in another order.
 static pm_field *reordered(const pm_field *field) {
     const pm_field_shape shape = {
         .ntrajectory = NTRAJECTORY, .ntime = NTIME, .nnode = NNODE, .nvariable = NVARIABLE};
@@ -356,7 +356,7 @@ static void a_body_may_have_no_mesh(void **state) {
     pm_field_free(field);
 }
 
-// Numbers in a file that arithmetic does not stand.
+// Files with numbers that arithmetic cannot use are refused.
 static void spoiled_bases_are_refused(void **state) {
     pm_field *field = make_body();
     pm_basis *b = make_basis(field), *none = NULL;
@@ -397,7 +397,7 @@ static void spoiled_bases_are_refused(void **state) {
     pm_field_free(field);
 }
 
-// The number of features follows from that of the modes: more than there may be are not tried.
+// The number of features grows with that of the modes, so that too many modes are refused at once.
 static void bases_of_many_modes_are_refused(void **state) {
     const char *path = scratch_path(*state, "many.h5");
     for (int n = PM_BASIS_MAX_MODES; n <= PM_BASIS_MAX_MODES + 1; ++n) {

@@ -1,4 +1,4 @@
-// Fields of a body as trajectories of nodal values, and back.
+// Converts fields of a body into trajectories of nodal values, and back.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -25,12 +25,12 @@
 static const double corner[3] = {-1, 5, 0.5}, brick[3] = {2, 0.3, 1};
 static const pm_nodes_settings settings = {.nbranch = 2, .tau = {0.2, 0.7}, .temperature = 250};
 
-// What the body does at a place: any smooth functions that tell places, times and components apart.
+// A smooth field whose values differ between places, times and components.
 static double value_at(const double *x, int trajectory, int time, int component) {
     return sin(x[0] + 2 * x[1] - 3 * x[2] + 0.4 * time * (component + 1) + trajectory);
 }
 
-// Nodes in any order.
+// Makes a field whose nodes are in no particular order.
 static pm_field *make_field(void) {
     pm_field *field = NULL;
     pm_rng rng;
@@ -74,7 +74,7 @@ static pm_dataset *make_nodes(const pm_field *field, int count, const int *which
     return nodes;
 }
 
-// The place of a free node.
+// Computes the place of a free node.
 static void place_of(int node, double x[3]) {
     const int at[3] = {node % 3 + 1, node / 3 % 3, node / 9};
     for (int c = 0; c < 3; ++c) {
@@ -101,7 +101,7 @@ static int column(const pm_dataset *nodes, const char *name) {
     return -1;
 }
 
-// The force is that of the end of the step, and of the last state its own.
+// The force is that at the end of the step; the last state has its own force.
 static void free_nodes_are_columns_in_the_order_of_the_mesh(void **state) {
     (void)state;
     pm_field *field = make_field();
@@ -147,7 +147,7 @@ static void only_the_first_states_are_taken(void **state) {
     assert_int_equal(nodes->ntime, 2);
     double x[3];
     place_of(0, x);
-    // The next state is there, though it is not taken.
+    // The force of the next state is known, although that state is not written.
     check("f", 0, pm_dataset_state(nodes, 0, 1)[column(nodes, "f0")], value_at(x, 1, 2, 12),
           ROUNDING);
     pm_dataset_free(nodes);
@@ -162,7 +162,7 @@ static void memories_follow_displacements(void **state) {
     const int u = column(nodes, "u0");
     for (int b = 0; b < 2; ++b) {
         const int m = column(nodes, name[b]);
-        // One that is at rest at first, and follows the value of each step's beginning.
+        // Each branch is zero at first, and follows the value at the beginning of each step.
         for (int i = 0; i < 3 * NFREE; ++i) {
             double memory = 0;
             for (int j = 0; j < NTIME; ++j) {

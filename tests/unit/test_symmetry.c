@@ -1,4 +1,4 @@
-// Symmetric images of training samples, and what else is taken from the data of a mesh: patterns.
+// Symmetric copies of training samples, and the patterns that are found in the data of a mesh.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,7 +16,8 @@
 #include "learn/symmetry.h"
 #include "tests/support/random_system.h"
 
-// 2 x 2 x 2 bricks, 18 free nodes: scalars t, vectors u, tensors sigma, and what is no field.
+// 2 x 2 x 2 bricks with 18 free nodes: scalars t, vectors u, tensors sigma, and x, which is no
+// field.
 #define NNODE 18
 #define MESH "mesh: {size: [3, 1, 1], elements: [2, 2, 2]}\n"
 #define NZ (10 * NNODE + 2)
@@ -55,9 +56,9 @@ static void draw(pm_rng *rng, int n, double *x) {
     }
 }
 
-// --- images ---
+// --- copies ---
 
-// Copy c of a square mirrors y if c & 1, z if c & 2, after exchanging them if c & 4.
+// Copy c of a square exchanges y and z if c & 4, and then mirrors y if c & 1 and z if c & 2.
 static int image_of_node(int n, int c) {
     int at[3] = {n % 2, n / 2 % 3, n / 6}; // where the value comes from
     at[1] = c & 1 ? 2 - at[1] : at[1];
@@ -65,7 +66,7 @@ static int image_of_node(int n, int c) {
     return c & 4 ? at[0] + 2 * (at[2] + 3 * at[1]) : at[0] + 2 * (at[1] + 3 * at[2]);
 }
 
-// Axis k of the image is this of the original, with a sign.
+// Axis k of the copy is this axis of the original, with a sign.
 static int axis_of(int k, int c) {
     return k > 0 && (c & 4) ? 3 - k : k;
 }
@@ -107,7 +108,7 @@ static void image_by_hand(const double *from, int c, double *to) {
         image_of_tensors(from + at + 56, c, to + at + 56);
         image_of_scalars(from + at + 56 + 6 * NNODE, c, to + at + 56 + 6 * NNODE);
     }
-    // Of each power of time: values and co-energies of energy and entropy, each of f and g.
+    // For each power of time: values and co-energies of energy and entropy, each for f and g.
     for (int at = (1 + UNROLL) * NZ; at < WIDTH; at += 4 * NNODE) {
         image_of_vectors(from + at, c, to + at);
         image_of_scalars(from + at + 3 * NNODE, c, to + at + 3 * NNODE);
@@ -136,7 +137,7 @@ static void images_turn_and_mirror_every_field(void **state) {
     random_system_close(&w);
 }
 
-// Of a turn the turn back, of all others they themselves.
+// The inverse of a quarter turn is the opposite turn; every other copy is its own inverse.
 static void an_image_of_an_image_is_the_window(void **state) {
     (void)state;
     static const int inverse[PM_SYMMETRY_COPIES_OF_SQUARE] = {0, 1, 2, 3, 4, 6, 5, 7};
@@ -257,7 +258,7 @@ static void what_is_not_square_is_refused(void **state) {
 #define RANK 3
 #define STATES 40
 
-// Windows whose u is made of RANK fields.
+// Makes windows whose u is a combination of RANK fields.
 static void draw_of_rank(bench *b, double basis[RANK][3 * NNODE], double *z) {
     for (int k = 0; k < RANK; ++k) {
         draw(&b->w.rng, 3 * NNODE, basis[k]);
@@ -277,7 +278,7 @@ static void draw_of_rank(bench *b, double basis[RANK][3 * NNODE], double *z) {
     }
 }
 
-// The length of what is left of x once the columns of `pattern` [3 NNODE][count] are taken away.
+// The norm of x after its projection on the columns of `pattern` [3 NNODE][count] is subtracted.
 static double remainder_of(const double *x, const double *pattern, int count) {
     double rest[3 * NNODE], square = 0, whole = 0;
     memcpy(rest, x, sizeof rest);
@@ -329,7 +330,7 @@ static void patterns_span_the_data(void **state) {
     random_system_close(&b.w);
 }
 
-// One state in four is five times as large as the others, which lead all the same.
+// One state in four is five times as large as the others, but the others determine the patterns.
 static void small_states_count_as_large_ones_do(void **state) {
     (void)state;
     static const char patterned[] = MESH "energy: {nodes: [u], width: 3, passes: 0, patterns: 1}\n";

@@ -1,4 +1,4 @@
-// The truth simulators against exact solutions, conservation laws and finite differences.
+// Compares the simulators of links with exact solutions, conservation laws and finite differences.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -44,8 +44,8 @@ static double bessel_i0(double x) {
     return sum;
 }
 
-// A logarithmic spring without thermal coupling, released at rest at l0 exp(u), comes back after
-// 2 pi l0 sqrt(m/C) I0(u), and is at its shortest, l0 exp(-u), after half of that.
+// A logarithmic spring without thermal coupling, released at rest with the length l0 exp(u),
+// returns after the period 2 pi l0 sqrt(m/C) I0(u), and is shortest, l0 exp(-u), after half of it.
 static void radial_period(void **state) {
     (void)state;
     const pm_chain chain = {.n = 1,
@@ -61,7 +61,7 @@ static void radial_period(void **state) {
     }
 }
 
-// Moving in a circle, the tension is the centripetal force and the temperature stays.
+// In a circular motion the tension is the centripetal force, and the temperature is constant.
 static void circular_orbit(void **state) {
     (void)state;
     const pm_chain_link link = {.mass = 2, .C = 0.2, .l0 = 1, .b = 0.09, .c = 5};
@@ -272,8 +272,8 @@ static void drive(scratch *folder, const char *text, int trajectory, double z[20
     pm_truth_free(truth);
 }
 
-// Seen from a pivot that moves steadily, a link moves as if at zero_at_origin: its momentum is m v
-// larger.
+// Relative to a pivot that moves steadily, a link moves as if the pivot were at rest; its momentum
+// is larger by m v.
 static void a_steady_pivot_is_at_rest(void **state) {
     double z[20][DRIVEN_NZ], still[20][5];
     drive(*state, DRIVEN("0.5", "0", "0", "[0, 0]", "C: 0.1, b: 0"), 1, z);
@@ -291,13 +291,13 @@ static void a_steady_pivot_is_at_rest(void **state) {
             assert_near("q", z[j][i], still[j][i], 1e-10);
             assert_near("p", z[j][2 + i], still[j][2 + i] + 2 * v[i], 1e-10);
         }
-        // Without thermal coupling the temperature decays to the bath's.
+        // Without thermal coupling the temperature decays to that of the bath.
         const double T = 300 * exp(z[j][4] / 5), T0 = 300 * exp(z[0][4] / 5);
         assert_near("T", T, 310 + (T0 - 310) * exp(-2 * 0.2 * j / 5), 1e-9);
     }
 }
 
-// Sine i of load k, whose oscillator starts as `start`, and its integral, at time t.
+// Computes sine i of input k, whose oscillator starts at `start`, and its integral, at time t.
 static double sine_of(const double *start, double t) {
     return start[0] * cos(start[2] * t) + start[1] * sin(start[2] * t);
 }
@@ -305,7 +305,7 @@ static double integral_of(const double *start, double t) {
     return (start[0] * sin(start[2] * t) + start[1] * (1 - cos(start[2] * t))) / start[2];
 }
 
-// The loads are sums of sines, and without a spring momentum is the integral of the force.
+// The inputs are sums of sines, and without a spring the momentum is the integral of the force.
 static void loads_act_as_they_are_written(void **state) {
     double z[20][DRIVEN_NZ];
     drive(*state, DRIVEN("0.5", "0.3", "4", "[0.5, 2]", "C: 0, b: 0"), 2, z);
@@ -371,7 +371,7 @@ static void wrong_configurations(void **state) {
     }
 }
 
-// The shipped references are what the shipped configurations give.
+// The shipped configurations reproduce the shipped references.
 static void shipped_configurations(void **state) {
     (void)state;
     static const char *const names[] = {"double_pendulum", "double_pendulum_fast"};

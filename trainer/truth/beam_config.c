@@ -134,7 +134,7 @@ static pm_status read_mesh(pm_yaml block, pm_arena *arena, pm_beam_system *syste
     return pm_beam_mesh_make(&system->mesh, count, size, arena);
 }
 
-// Branches: equally many shares g and times tau.
+// Reads the Maxwell branches, which have as many shares g as relaxation times tau.
 static pm_status read_branches(pm_yaml map, pm_arena *arena, pm_beam_material *material) {
     pm_yaml shares = pm_yaml_get(map, "g");
     double *g = NULL, sum = 0;

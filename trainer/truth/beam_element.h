@@ -31,8 +31,8 @@ typedef struct pm_beam_element_response {
 void pm_beam_element_init(pm_beam_element *element, const double *x);
 
 // Computes the response at the corners' positions q [PM_BEAM_CORNERS][3], m, after a step of h s
-// from the internal variables before [PM_BEAM_POINTS], and writes the new ones to
-// after [PM_BEAM_POINTS]. Returns false if the element is turned inside out at a point.
+// from the internal variables before [PM_BEAM_POINTS], and writes the new ones to after
+// [PM_BEAM_POINTS]. Returns false if the element is turned inside out at a point.
 bool pm_beam_element_respond(const pm_beam_element *element, const pm_beam_material *material,
                              double h, const double *q, const pm_beam_memory *before,
                              pm_beam_memory *after, pm_beam_element_response *response);

@@ -204,7 +204,7 @@ static bool add_contact(pm_beam *beam, bool exact, iteration_totals *sum) {
 }
 
 // Assembles the residual (loads plus contact forces minus element forces) and the matrix at
-// beam->q, with the exact stiffness of contact or its positive semi-definite fraction.
+// beam->q, with the exact stiffness of contact or its positive semi-definite part.
 static bool assemble(pm_beam *beam, double h, const double *f, bool exact, iteration_totals *sum) {
     const size_t size = 3 * (size_t)beam->mesh->nnode * sizeof *f;
     *sum = (iteration_totals){0};

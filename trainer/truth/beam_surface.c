@@ -74,7 +74,7 @@ static line_weights weigh_line(double u, int count) {
     return l;
 }
 
-// scale/2 times the square of what u lies beyond an edge, and its derivatives by u.
+// Computes scale/2 times the square of the distance of u beyond an edge, and its derivatives by u.
 static void bend(double u, int count, double scale, double result[3]) {
     const double beyond = u - fmin(fmax(u, 0), count);
     result[0] = scale * beyond * beyond / 2;

@@ -71,9 +71,8 @@ pm_status pm_truth_load(pm_truth **truth, const char *path);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
 // Solves an ODE: writes trajectory `trajectory` to z [ntime][nz], starting from a state drawn from
-// its own stream of random numbers, and the same trajectory at twice the tolerance to
-// check [ntime][nz]. The difference tells how far the solution is converged. PM_ENUMERIC,
-// PM_ENOMEM.
+// its own stream of random numbers, and the same trajectory at twice the tolerance to check
+// [ntime][nz]. The difference tells how far the solution is converged. PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_truth_run(const pm_truth *truth, int trajectory, double *z, double *check);
 
 // The largest |z - check| of any component, relative to the root mean square of the component.
