@@ -28,7 +28,7 @@ static pm_status read_arguments(reduce_arguments *a, int argc, char **argv, bool
     const pm_options options = {
         .usage = "portmet-train reduce CONFIG --data FIELDS -o DIR [options]",
         .summary =
-            "Finds the modes in trajectory a body moves, and writes its fields as trajectories of "
+            "Finds the modes in which a body moves, and writes its fields as trajectories of "
             "their\n"
             "amplitudes: a dataset for `fit` and `evaluate`. `reconstruct` turns amplitudes into\n"
             "fields again.",
