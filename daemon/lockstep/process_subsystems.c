@@ -47,7 +47,7 @@ static pm_status open_port(pm_process_subsystems *group, pm_arena *arena, const 
     const pm_end own = pm_subsystem_end(subsystem, position);
     const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
     const int neighbour = scene->port[port_id].subsystem[other];
-    port->boundary_input = pm_subsystem_is_load(subsystem, position);
+    port->boundary_input = pm_subsystem_has_boundary_input(subsystem, position);
     if (port->boundary_input) {
         return PM_OK;
     }

@@ -9,7 +9,7 @@
 
 #define PM_MAX_STAGES 16
 
-// One step of length h from the state z, where f is the right-hand side of DESIGN.md (1):
+// One step of length h from the state z, where f is the right-hand side of README.md, equation (1):
 //     k_i = f(z + h sum_j a[i][j] k_j),      z' = z + h sum_i b[i] k_i.
 // The members `discrete` and `multirate` mark methods that use the coefficients differently.
 typedef struct pm_integrator {

@@ -332,8 +332,8 @@ static void put_sample(const pm_recording *r, const pm_sample *s) {
     int next = 0;
     put_one(r, &next, s->time);
     put_one(r, &next, (double)s->step);
-    put_one(r, &next, s->world_energy + total(scene->nsubsystem, s->energy));
-    put_one(r, &next, s->world_entropy + total(scene->nsubsystem, s->entropy));
+    put_one(r, &next, s->outside_energy + total(scene->nsubsystem, s->energy));
+    put_one(r, &next, s->outside_entropy + total(scene->nsubsystem, s->entropy));
     put_one(r, &next, s->energy_residual);
     put_one(r, &next, s->entropy_residual);
     for (int i = 0; i < scene->nsubsystem; ++i) {

@@ -41,7 +41,7 @@ typedef struct pm_sample {
     double *error; // [nsubsystem] largest estimate of a substep's error, relative; 0: not estimated
     // Filled in by the ledger: the step's worst, and what loads have given to the world so far.
     double energy_residual, entropy_residual;
-    double world_energy, world_entropy; // J, J/K
+    double outside_energy, outside_entropy; // J, J/K
 } pm_sample;
 
 pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene);

@@ -1,4 +1,5 @@
-// Boxes in which nothing closes.
+// Boxes in which no pair closes: the bound of model/contact_bound.h as a graph, and a search for
+// the largest box in which it holds.
 #include "sim/contact_broadphase.h"
 
 #include <math.h>
@@ -6,11 +7,12 @@
 
 #include "model/contact_bound.h"
 
-#define SAFETY 0.9   // of the largest box
-#define ENOUGH 1.001 // of a value in terms of its spread: rounding of the box itself is far less
-#define LONGEST 1e6  // s
-#define MOST_TRIES 8 // until one is found
-#define ASIDE 0.05   // of the fastest of a group: how fast at least a box takes all of it to be
+#define SAFETY 0.9   // fraction of the largest box that is taken
+#define ENOUGH 1.001 // least opening / spread: the rounding of the box itself is far less than this
+#define LONGEST 1e6  // s, duration of a box
+#define MOST_TRIES 8 // to find a box
+// Every component is taken to move at least at this fraction of the fastest one of its group.
+#define ASIDE 0.05
 
 static pm_status open_program(pm_contact_broadphase *b, const pm_part *part) {
     pm_graph *g = NULL;
@@ -40,7 +42,7 @@ pm_status pm_contact_broadphase_open(pm_contact_broadphase *b, pm_arena *arena,
     b->unconstrained = pm_arena_array(arena, (size_t)b->nz, sizeof *b->unconstrained);
     b->width = pm_arena_array(arena, (size_t)b->nz, sizeof *b->width);
     return b->unconstrained == NULL || b->width == NULL
-               ? pm_fail(PM_ENOMEM, "out of memory for a bounding test")
+               ? pm_fail(PM_ENOMEM, "out of memory for the broad phase of contact")
                : open_program(b, part);
 }
 
@@ -55,6 +57,7 @@ void pm_contact_broadphase_forget(pm_contact_broadphase *b) {
 
 // --- enclosing ---
 
+// Tells whether the covector (NULL: zero) vanishes in all unconstrained components.
 static bool is_flat(const pm_contact_broadphase *b, const double *covector) {
     for (int c = 0; covector != NULL && c < b->nz; ++c) {
         if (b->unconstrained[c] && covector[c] != 0) {
@@ -64,7 +67,7 @@ static bool is_flat(const pm_contact_broadphase *b, const double *covector) {
     return true;
 }
 
-// The box's width for each second that it is to last.
+// Sets the width of the box for each second that it is to last.
 static void fill_width(pm_contact_broadphase *b, const double *rate) {
     for (int i = 0; i < b->layout->ngroup; ++i) {
         const pm_group *group = &b->layout->group[i];
@@ -78,7 +81,7 @@ static void fill_width(pm_contact_broadphase *b, const double *rate) {
     }
 }
 
-// The least that a value is in terms of its spread, in a box for this duration; 0 if one is closed.
+// Returns the least opening / spread in a box for this duration; 0 if a pair is closed.
 static double least_ratio(pm_contact_broadphase *b, double duration) {
     double least = INFINITY;
     for (int c = 0; c < b->nz; ++c) {
@@ -108,7 +111,7 @@ void pm_contact_broadphase_enclose(pm_contact_broadphase *b, const double *z, co
             b->duration = duration;
             break;
         }
-        duration = fmin(duration * SAFETY * ratio, LONGEST); // exact but for what is not linear
+        duration = fmin(duration * SAFETY * ratio, LONGEST); // exact where openings are linear
     }
     for (int c = 0; c < b->nz; ++c) {
         b->width[c] *= duration;

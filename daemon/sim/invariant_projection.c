@@ -1,17 +1,17 @@
-// Projection onto the energy and entropy that were booked.
+// Newton's method in the two directions dE and dS, in the metric of the step.
 #include "sim/invariant_projection.h"
 
 #include <float.h>
 #include <math.h>
 #include <stddef.h>
 
-// In units of DBL_EPSILON times what was summed: a residual of rounding alone.
+// A residual below this many units of DBL_EPSILON times the gross value is rounding alone.
 #define ROUNDING 4
-// Squared sine of the angle between the two gradients below which they are one.
+// Squared sine of the angle between the two gradients below which they count as parallel.
 #define SMALLEST_ANGLE 1e-12
 
-void pm_invariant_projection_start(pm_invariant_projection *balance, double E, double S) {
-    *balance = (pm_invariant_projection){E, fabs(E), S, fabs(S)};
+void pm_invariant_projection_start(pm_invariant_projection *projection, double E, double S) {
+    *projection = (pm_invariant_projection){E, fabs(E), S, fabs(S)};
 }
 
 static void add(double *sum, double *gross, double weight, int n, const double *covector,
@@ -25,22 +25,22 @@ static void add(double *sum, double *gross, double weight, int n, const double *
     *gross += weight * magnitude;
 }
 
-void pm_invariant_projection_book(pm_invariant_projection *balance, bool first, double weight,
+void pm_invariant_projection_book(pm_invariant_projection *projection, bool first, double weight,
                                   int n, const double *dE, const double *dS, const double *k) {
     if (first) {
-        pm_invariant_projection_start(balance, balance->energy, balance->entropy);
+        pm_invariant_projection_start(projection, projection->energy, projection->entropy);
     }
-    add(&balance->energy, &balance->energy_gross, weight, n, dE, k);
-    add(&balance->entropy, &balance->entropy_gross, weight, n, dS, k);
+    add(&projection->energy, &projection->energy_gross, weight, n, dE, k);
+    add(&projection->entropy, &projection->entropy_gross, weight, n, dS, k);
 }
 
-// What is lacking, 0 where it is rounding.
-static double error_weights(double wanted, double is, double gross) {
-    const double lacking = wanted - is;
-    return fabs(lacking) > ROUNDING * DBL_EPSILON * gross ? lacking : 0;
+// Returns the difference to the booked value, or 0 where it is rounding.
+static double missing(double wanted, double is, double gross) {
+    const double difference = wanted - is;
+    return fabs(difference) > ROUNDING * DBL_EPSILON * gross ? difference : 0;
 }
 
-// Squares of how far the group moved.
+// Returns the squared distance that a group has moved.
 static double moved(const pm_group *group, const double *from, const double *to) {
     double sum = 0;
     for (int c = group->first; c < group->first + group->size; ++c) {
@@ -49,7 +49,7 @@ static double moved(const pm_group *group, const double *from, const double *to)
     return sum;
 }
 
-// Products of the gradients in the metric of the step.
+// Inner products of the gradients in the metric of the step.
 typedef struct products {
     double EE, ES, SS;
 } products;
@@ -70,10 +70,11 @@ static products products_of(const pm_layout *layout, const double *start, const 
     return sum;
 }
 
-// The move along dE and dS, each times the metric: how much of each. False: none that is short.
+// Finds the move along dE and dS, each times the metric, that changes energy and entropy by the
+// given amounts. False if there is none as short as the step itself.
 static bool solve(const products *p, double energy, double entropy, double *along_E,
                   double *along_S) {
-    // What is left of dE where the entropy is not to change.
+    // The part of dE along which the entropy does not change.
     const double slope = p->SS > 0 ? p->ES / p->SS : 0;
     const double free = p->EE - slope * p->ES;
     if (!(free > SMALLEST_ANGLE * p->EE)) {
@@ -86,18 +87,18 @@ static bool solve(const products *p, double energy, double entropy, double *alon
     return square <= 1;
 }
 
-bool pm_invariant_projection_move(pm_invariant_projection *balance, const pm_layout *layout,
+bool pm_invariant_projection_move(pm_invariant_projection *projection, const pm_layout *layout,
                                   const double *start, double E, double S, const double *dE,
                                   const double *dS, double *z) {
-    const double energy = error_weights(balance->energy, E, balance->energy_gross);
-    const double entropy = error_weights(balance->entropy, S, balance->entropy_gross);
+    const double energy = missing(projection->energy, E, projection->energy_gross);
+    const double entropy = missing(projection->entropy, S, projection->entropy_gross);
     if (dE == NULL || (energy == 0 && entropy == 0)) {
         return false;
     }
     const products p = products_of(layout, start, z, dE, dS);
     double along_E = 0, along_S = 0;
     if (!solve(&p, energy, entropy, &along_E, &along_S)) {
-        pm_invariant_projection_start(balance, E, S);
+        pm_invariant_projection_start(projection, E, S);
         return false;
     }
     for (int i = 0; i < layout->ngroup; ++i) {

@@ -1,4 +1,4 @@
-// Residuals of both laws, step by step.
+// The residuals of both laws, step by step, and the totals.
 #include "sim/ledger.h"
 
 #include <math.h>
@@ -6,24 +6,25 @@
 
 #include "model/port.h"
 
-// Of the step's largest exchange. Less than this may be nothing but the rounding of what cancels: a
-// rate that the projections take away altogether has a gross flux of rounding too, and no sign.
+// A gross flux below this fraction of the step's largest may be the rounding of what cancels: where
+// the projections of README.md, equation (2) remove a whole rate, its gross flux is rounding and
+// has no sign.
 #define SMALLEST_SHARE 1e-12
-// W and W/K: one Boltzmann constant per second, for systems in which all is such rounding.
+// W and W/K: one Boltzmann constant per second, for systems in which every flux is such rounding.
 #define SMALLEST_FLUX 1.380649e-23
 
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system) {
     *ledger = (pm_ledger){.system = system};
 }
 
-// What one balance of a step came to, relative to its gross flux.
-typedef struct balance {
+// The residuals of one port or bulk term over a step, relative to its gross flux.
+typedef struct residual {
     double energy, entropy;
     bool hard; // holds by construction: a violation is an error
     const char *name;
-} balance;
+} residual;
 
-// The largest gross fluxes of a step, of a port or subsystem.
+// The largest gross fluxes of a step over all ports and bulk terms, in W and W/K.
 typedef struct turnover {
     double energy, entropy;
 } turnover;
@@ -47,11 +48,11 @@ static double relative(double value, double gross, double largest) {
     return gross > fmax(SMALLEST_SHARE * largest, SMALLEST_FLUX) ? value / gross : 0;
 }
 
-static balance balance_of_port(const pm_ledger *ledger, const pm_sample *sample, turnover t,
-                               int i) {
+static residual residual_of_port(const pm_ledger *ledger, const pm_sample *sample, turnover t,
+                                 int i) {
     const pm_flux *a = &sample->flux[i][0], *b = &sample->flux[i][1];
     const pm_port_model *model = &ledger->system->port[i];
-    return (balance){
+    return (residual){
         relative(fabs(a->energy + b->energy), fmax(a->energy_gross, b->energy_gross), t.energy),
         relative(a->entropy + b->entropy, fmax(a->entropy_gross, b->entropy_gross), t.entropy),
         model->law->conservative && model->spec.form == PM_HARD,
@@ -59,10 +60,10 @@ static balance balance_of_port(const pm_ledger *ledger, const pm_sample *sample,
     };
 }
 
-static balance balance_of_bulk(const pm_ledger *ledger, const pm_sample *sample, turnover t,
-                               int i) {
+static residual residual_of_bulk(const pm_ledger *ledger, const pm_sample *sample, turnover t,
+                                 int i) {
     const double *gross = &sample->bulk_gross[2 * i];
-    return (balance){
+    return (residual){
         relative(fabs(sample->bulk_energy[i]), gross[0], t.energy),
         relative(sample->bulk_entropy[i], gross[1], t.entropy),
         ledger->system->part[i].spec.form == PM_HARD,
@@ -70,8 +71,8 @@ static balance balance_of_bulk(const pm_ledger *ledger, const pm_sample *sample,
     };
 }
 
-// Books one balance; true if it is beyond the tolerances.
-static bool book_balance(pm_ledger *ledger, pm_sample *sample, const balance *b) {
+// Books one residual; true if it is beyond the scene's tolerances.
+static bool book_residual(pm_ledger *ledger, pm_sample *sample, const residual *b) {
     sample->energy_residual = fmax(sample->energy_residual, b->energy);
     sample->entropy_residual = fmin(sample->entropy_residual, b->entropy);
     if (b->energy > ledger->worst_energy) {
@@ -88,7 +89,7 @@ static bool book_balance(pm_ledger *ledger, pm_sample *sample, const balance *b)
     return b->energy > scene->energy_tolerance || b->entropy < -scene->entropy_tolerance;
 }
 
-static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const balance *b) {
+static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const residual *b) {
     return pm_fail(PM_ELAW,
                    "step %ld, %s: energy residual %.3g (allowed %.3g), entropy residual %.3g "
                    "(allowed %.3g) in a component that keeps both laws by construction",
@@ -96,24 +97,24 @@ static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const ba
                    b->entropy, -ledger->system->scene->entropy_tolerance);
 }
 
-// What flowed out through loads during the step.
-static void book_world(pm_ledger *ledger, pm_sample *sample) {
+// Books what left to the outside during the step, at the ends of ports with a boundary input.
+static void book_outside(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
     for (int i = 0; i < scene->nport; ++i) {
         for (int end = 0; end < 2; ++end) {
             if (scene->port[i].boundary_input[end] >= 0) {
-                ledger->world_energy += scene->dt * sample->flux[i][end].energy;
-                ledger->world_entropy += scene->dt * sample->flux[i][end].entropy;
+                ledger->outside_energy += scene->dt * sample->flux[i][end].energy;
+                ledger->outside_entropy += scene->dt * sample->flux[i][end].entropy;
             }
         }
     }
-    sample->world_energy = ledger->world_energy;
-    sample->world_entropy = ledger->world_entropy;
+    sample->outside_energy = ledger->outside_energy;
+    sample->outside_entropy = ledger->outside_entropy;
 }
 
 static void book_totals(pm_ledger *ledger, pm_sample *sample) {
-    book_world(ledger, sample);
-    double energy = ledger->world_energy, entropy = ledger->world_entropy;
+    book_outside(ledger, sample);
+    double energy = ledger->outside_energy, entropy = ledger->outside_entropy;
     for (int i = 0; i < ledger->system->scene->nsubsystem; ++i) {
         energy += sample->energy[i];
         entropy += sample->entropy[i];
@@ -130,14 +131,15 @@ static void book_totals(pm_ledger *ledger, pm_sample *sample) {
     ledger->steps = sample->step;
 }
 
-// No part violates a law, yet the step is so long that what was booked is not what came about.
+// Catches a step so long that the booked fluxes are not what the state did, although no component
+// violates a law.
 static pm_status check_drift(const pm_ledger *ledger) {
     const pm_scene *scene = ledger->system->scene;
     if (!(ledger->energy_drift > scene->largest_drift)) {
         return PM_OK;
     }
     return pm_fail(PM_ENUMERIC,
-                   "step %ld: the total energy has strayed by %.3g J, and the scene's guard allows "
+                   "step %ld: the total energy has drifted by %.3g J, and the scene's guard allows "
                    "%.3g: try a smaller dt, more substeps, or an integrator that is balanced",
                    ledger->steps, ledger->energy_drift, scene->largest_drift);
 }
@@ -150,9 +152,9 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     bool violated = false;
     pm_status status = PM_OK;
     for (int i = 0; i < scene->nport + scene->nsubsystem; ++i) {
-        const balance b = i < scene->nport ? balance_of_port(ledger, sample, t, i)
-                                           : balance_of_bulk(ledger, sample, t, i - scene->nport);
-        if (book_balance(ledger, sample, &b)) {
+        const residual b = i < scene->nport ? residual_of_port(ledger, sample, t, i)
+                                            : residual_of_bulk(ledger, sample, t, i - scene->nport);
+        if (book_residual(ledger, sample, &b)) {
             violated = true;
             if (b.hard && status == PM_OK) {
                 status = fail(ledger, sample, &b);
@@ -163,9 +165,9 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     return status == PM_OK ? check_drift(ledger) : status;
 }
 
-// --- memory ---
+// --- checkpoint ---
 
-// The name of a port or subsystem as a number: its place among both; -1: none.
+// Returns the number of a port or subsystem, counting ports first, by its name; -1: none.
 static double place_of(const pm_scene *scene, const char *name) {
     for (int i = 0; i < scene->nport; ++i) {
         if (scene->port[i].name == name) {
@@ -197,8 +199,8 @@ void pm_ledger_save(const pm_ledger *ledger, double *memory) {
         ledger->first_entropy,
         ledger->entropy,
         ledger->energy_drift,
-        ledger->world_energy,
-        ledger->world_entropy,
+        ledger->outside_energy,
+        ledger->outside_entropy,
         ledger->worst_energy,
         ledger->worst_entropy,
         (double)ledger->worst_energy_step,
@@ -221,8 +223,8 @@ void pm_ledger_restore(pm_ledger *ledger, const double *memory) {
         .first_entropy = memory[3],
         .entropy = memory[4],
         .energy_drift = memory[5],
-        .world_energy = memory[6],
-        .world_entropy = memory[7],
+        .outside_energy = memory[6],
+        .outside_entropy = memory[7],
         .worst_energy = memory[8],
         .worst_entropy = memory[9],
         .worst_energy_step = (long)memory[10],

@@ -1,9 +1,9 @@
-// The graphs of a part's exposure and bulk term.
+// Building and running the graphs of a subsystem's exposure and bulk term.
 #include "sim/local_dynamics.h"
 
-#include "sim/port_instance.h"
+#include "sim/program_input.h"
 
-// By how much dE rises per unit of rate, where a port's prediction asks for it.
+// Builds d dE/d rate over a substep h, for the components where a port's prediction needs it.
 static pm_status build_response(pm_graph *g, pm_arena *arena, const pm_system *system, int id,
                                 double h, pm_node dE, pm_node z, pm_node *result) {
     const pm_part *part = &system->part[id];
@@ -19,7 +19,7 @@ static pm_status build_response(pm_graph *g, pm_arena *arena, const pm_system *s
 
 #define OUTPUTS 5
 
-// Those of the outputs that are not PM_NO_NODE are computed; *value[i] receives where they are.
+// Opens the program of the wanted outputs that are not PM_NO_NODE, and notes where they are.
 static pm_status open_exposure(pm_local_dynamics *t, pm_graph *g, pm_node z, pm_node from,
                                const pm_node wanted[OUTPUTS]) {
     const double **const value[OUTPUTS] = {&t->E, &t->S, &t->dE, &t->dS, &t->response};
@@ -87,32 +87,33 @@ pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm
     const pm_part *part = &system->part[subsystem_id];
     t->nz = part->layout.nz;
     PM_TRY(build_exposure(t, arena, system, subsystem_id, integrator, h));
-    PM_TRY(pm_contact_broadphase_open(&t->bounding, arena, part));
+    PM_TRY(pm_contact_broadphase_open(&t->broadphase, arena, part));
     return open_bulk(t, part);
 }
 
 void pm_local_dynamics_close(pm_local_dynamics *t) {
     pm_program_close(t->exposure);
     pm_program_close(t->bulk);
-    pm_contact_broadphase_close(&t->bounding);
+    pm_contact_broadphase_close(&t->broadphase);
 }
 
 void pm_local_dynamics_forget(pm_local_dynamics *t) {
     t->exposure_known = t->bulk_known = false;
 }
 
-// Whether a step from `from` (NULL: none) to z is in the box.
+// Tells whether z and `from` (NULL: not needed) both lie in the box.
 static bool is_bounded(const pm_local_dynamics *t, const double *z, const double *from) {
     const double *centre = t->exposure_z;
-    return pm_contact_broadphase_holds(&t->bounding, centre, z) &&
-           (from == NULL || pm_contact_broadphase_holds(&t->bounding, centre, from));
+    return pm_contact_broadphase_holds(&t->broadphase, centre, z) &&
+           (from == NULL || pm_contact_broadphase_holds(&t->broadphase, centre, from));
 }
 
-// What was evaluated is that of a box if both ends are in it.
+// Puts a box around the state just evaluated. It counts only if the start of the step lies in it
+// too, since discrete gradients depend on both.
 static void enclose(pm_local_dynamics *t, const double *rate) {
-    pm_contact_broadphase_enclose(&t->bounding, t->exposure_z, t->dE, rate);
+    pm_contact_broadphase_enclose(&t->broadphase, t->exposure_z, t->dE, rate);
     if (!is_bounded(t, t->exposure_z, t->exposure_from)) {
-        t->bounding.enclosed = false;
+        t->broadphase.enclosed = false;
     }
 }
 
@@ -135,7 +136,7 @@ pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, cons
 
 pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z,
                                          const double *from) {
-    pm_contact_broadphase_forget(&t->bounding);
+    pm_contact_broadphase_forget(&t->broadphase);
     const pm_exposure exposure = pm_local_dynamics_expose(t, z, from, NULL);
     if (exposure == PM_EXPOSURE_SAME) {
         enclose(t, NULL);
@@ -155,7 +156,7 @@ bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z) {
     return renewed;
 }
 
-// --- memory ---
+// --- checkpoint ---
 
 #define INPUTS 3 // z, dE, dS
 
@@ -163,20 +164,20 @@ int pm_local_dynamics_checkpoint_size(const pm_local_dynamics *t) {
     return 1 + INPUTS * t->nz;
 }
 
-void pm_local_dynamics_save(const pm_local_dynamics *t, double *memory) {
+void pm_local_dynamics_save(const pm_local_dynamics *t, double *checkpoint) {
     const double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
-    *memory++ = t->bulk_known;
+    *checkpoint++ = t->bulk_known;
     for (int i = 0; i < INPUTS * t->nz; ++i) {
         const double *from = input[i / t->nz];
-        memory[i] = from == NULL ? 0 : from[i % t->nz];
+        checkpoint[i] = from == NULL ? 0 : from[i % t->nz];
     }
 }
 
-void pm_local_dynamics_restore(pm_local_dynamics *t, const double *memory) {
+void pm_local_dynamics_restore(pm_local_dynamics *t, const double *checkpoint) {
     double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
-    t->bulk_known = *memory++ != 0;
+    t->bulk_known = *checkpoint++ != 0;
     for (int i = 0; i < INPUTS && t->bulk_known; ++i) {
-        pm_renew(input[i], memory + (ptrdiff_t)i * t->nz, t->nz);
+        pm_renew(input[i], checkpoint + (ptrdiff_t)i * t->nz, t->nz);
     }
     if (t->bulk_known) {
         pm_program_run(t->bulk, 1);

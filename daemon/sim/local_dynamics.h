@@ -1,7 +1,10 @@
-// What a part computes by itself, as two graphs: energy, entropy and their derivatives at a state
-// (exposure), and its bulk term. A graph whose inputs have the bits of the time before is not run
-// again, nor is an exposure that is known without (contact_broadphase.h). Used by subsystem.c and
-// multirate.c.
+// The terms of a subsystem that do not involve its ports, as two graphs: the exposure evaluates E, S
+// and their derivatives dE, dS at a state, and the bulk term evaluates L dE + M dS (README.md,
+// equation (1)). A graph is not run again while its inputs keep their bits. Nor is the exposure run
+// where a box around an earlier state shows that nothing can have changed (contact_broadphase.h).
+//
+// Life cycle: zero-initialise; open; then at each stage expose and evaluate_bulk; close. Only the
+// files of subsystem.h and multirate.c use it.
 #ifndef PM_SIM_LOCAL_DYNAMICS_H
 #define PM_SIM_LOCAL_DYNAMICS_H
 
@@ -12,46 +15,50 @@
 
 typedef struct pm_local_dynamics {
     int nz;
-    pm_program *exposure;               // z -> E, S, dE, dS
-    double *exposure_z, *exposure_from; // state; start of the step if discrete, else NULL
-    // [1], [1], [nz], [nz], [nz]; NULL: identically zero.
+    pm_program
+        *exposure;      // z (and for a discrete integrator the start of the step) -> the five below
+    double *exposure_z; // [nz]
+    double *exposure_from; // [nz] start of the step; NULL unless the integrator is discrete
+    // Results of the exposure: [1], [1], [nz], [nz], [nz]. NULL: identically zero. `response` is
+    // d dE/d rate, where a port's prediction needs it (model/prediction.h).
     const double *E, *S, *dE, *dS, *response;
-    pm_program *bulk; // z, dE, dS -> rate; NULL if nothing acts inside
-    double *bulk_z, *bulk_dE, *bulk_dS;
-    const double *bulk_rate;         // [nz]
-    bool exposure_known, bulk_known; // what the programs hold belongs to their inputs
-    pm_contact_broadphase bounding;  // around exposure_z
+    pm_program *bulk;                   // z, dE, dS -> rate; NULL: there is no bulk term
+    double *bulk_z, *bulk_dE, *bulk_dS; // [nz]
+    const double *bulk_rate;            // [nz] in units of z per second
+    bool exposure_known, bulk_known;    // the results belong to the inputs
+    pm_contact_broadphase broadphase;   // a box around exposure_z
 } pm_local_dynamics;
 
 typedef enum pm_exposure {
-    PM_EXPOSURE_SAME,     // of the same state
-    PM_EXPOSURE_BOUNDED,  // of another state, at which nothing is different
-    PM_EXPOSURE_EVALUATED // anew
+    PM_EXPOSURE_SAME,     // the results are those of the same state
+    PM_EXPOSURE_BOUNDED,  // the results are those of another state in the same box, and equal
+    PM_EXPOSURE_EVALUATED // the graph was run
 } pm_exposure;
 
-// Builds the graphs of a subsystem under an integrator with steps of h. Memory for building from
-// the arena. PM_ENOMEM. Zero-initialise before.
+// Builds the graphs of subsystem number `subsystem_id` for an integrator with substeps of h (s).
+// Memory for building comes from the arena. PM_ENOMEM.
 pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
                                  int subsystem_id, const pm_integrator *integrator, double h);
 void pm_local_dynamics_close(pm_local_dynamics *t);
 
-// What the graphs hold is of no use any more.
+// Marks the results as unknown, so that the next evaluation runs the graphs.
 void pm_local_dynamics_forget(pm_local_dynamics *t);
 
-// Energy, entropy and derivatives at z, or, if discrete, between `from` and z. `rate` [nz]: about
-// how z moves; NULL: not known.
+// Evaluates E, S and their derivatives at z [nz]; for a discrete integrator the discrete gradients
+// between `from` [nz] and z. `rate` [nz] tells about how z moves; NULL: not known.
 pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, const double *from,
                                      const double *rate);
-// The same at the end of a step, after which nothing depends on where it was evaluated before.
+// Does the same at the end of a step. What follows depends only on z then, not on the states at
+// which the graph was run before, so that a restored run goes on with the same bits.
 pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z, const double *from);
-// The bulk rate at z with the dE and dS exposed last, in bulk_rate. There must be a bulk term. True
-// if that was not known.
+// Evaluates the bulk term, which must exist, at z with the dE and dS of the last exposure. Returns
+// whether the graph was run.
 bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z);
 
-// What the bulk term was evaluated with, so that another's knows it too: how many numbers, and
-// these. Restoring evaluates it.
+// Saves and restores the inputs of the bulk term as `checkpoint` [_checkpoint_size] numbers, so
+// that the next stage knows what has not changed. Restoring runs the graph.
 int pm_local_dynamics_checkpoint_size(const pm_local_dynamics *t);
-void pm_local_dynamics_save(const pm_local_dynamics *t, double *memory);
-void pm_local_dynamics_restore(pm_local_dynamics *t, const double *memory);
+void pm_local_dynamics_save(const pm_local_dynamics *t, double *checkpoint);
+void pm_local_dynamics_restore(pm_local_dynamics *t, const double *checkpoint);
 
 #endif

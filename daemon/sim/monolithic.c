@@ -1,4 +1,5 @@
-// All subsystems in one loop. Every port exchanges before any stage advances.
+// All subsystems in one loop. In every round all of them expose before any is coupled, and all are
+// coupled before any advances.
 #include "sim/monolithic.h"
 
 #include <stdlib.h>
@@ -9,148 +10,147 @@ struct pm_monolithic {
     const pm_system *system;
     int count;
     pm_subsystem **subsystem; // [count]
-    // [nport][end]: which port of that end's subsystem it is
-    int (*position)[2];
+    int (*position)[2];       // [nport][end] which port of the subsystem at that end it is
     pm_sample *sample;
-    pm_step_controller pace;
+    pm_step_controller controller;
 };
 
-// What both subsystems of a port would evaluate, the first one does.
-static pm_status share_ports(const pm_monolithic *a) {
-    for (int i = 0; i < a->system->scene->nport; ++i) {
-        const int *end = a->system->scene->port[i].subsystem;
+// Lets the first subsystem of each port evaluate its law for both.
+static pm_status share_ports(const pm_monolithic *m) {
+    for (int i = 0; i < m->system->scene->nport; ++i) {
+        const int *end = m->system->scene->port[i].subsystem;
         if (end[0] < 0 || end[1] < 0) {
             continue;
         }
         const int first = end[0] < end[1] ? 0 : 1;
-        PM_TRY(pm_subsystem_share(a->subsystem[end[first]], a->position[i][first],
-                                  a->subsystem[end[1 - first]], a->position[i][1 - first]));
+        PM_TRY(pm_subsystem_share(m->subsystem[end[first]], m->position[i][first],
+                                  m->subsystem[end[1 - first]], m->position[i][1 - first]));
     }
     return PM_OK;
 }
 
-static pm_status open_all(pm_monolithic *a) {
-    const pm_scene *scene = a->system->scene;
-    a->subsystem = calloc((size_t)scene->nsubsystem, sizeof *a->subsystem);
-    a->position = calloc((size_t)scene->nport + 1, sizeof *a->position);
-    if (a->subsystem == NULL || a->position == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for an assembly");
+static pm_status open_all(pm_monolithic *m) {
+    const pm_scene *scene = m->system->scene;
+    m->subsystem = calloc((size_t)scene->nsubsystem, sizeof *m->subsystem);
+    m->position = calloc((size_t)scene->nport + 1, sizeof *m->position);
+    if (m->subsystem == NULL || m->position == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a monolithic run");
     }
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY(pm_subsystem_open(&a->subsystem[i], a->system, i));
-        a->count = i + 1;
-        for (int j = 0; j < pm_subsystem_nport(a->subsystem[i]); ++j) {
-            const int port = pm_subsystem_port_id(a->subsystem[i], j);
-            a->position[port][pm_subsystem_end(a->subsystem[i], j)] = j;
+        PM_TRY(pm_subsystem_open(&m->subsystem[i], m->system, i));
+        m->count = i + 1;
+        for (int j = 0; j < pm_subsystem_nport(m->subsystem[i]); ++j) {
+            const int port = pm_subsystem_port_id(m->subsystem[i], j);
+            m->position[port][pm_subsystem_end(m->subsystem[i], j)] = j;
         }
     }
-    PM_TRY(share_ports(a));
-    PM_TRY(pm_step_controller_init(&a->pace, scene));
-    return pm_sample_new(&a->sample, scene);
+    PM_TRY(share_ports(m));
+    PM_TRY(pm_step_controller_init(&m->controller, scene));
+    return pm_sample_new(&m->sample, scene);
 }
 
-pm_status pm_monolithic_open(pm_monolithic **assembly, const pm_system *system) {
-    pm_monolithic *a = calloc(1, sizeof *a);
-    if (a == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for an assembly");
+pm_status pm_monolithic_open(pm_monolithic **monolithic, const pm_system *system) {
+    pm_monolithic *m = calloc(1, sizeof *m);
+    if (m == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a monolithic run");
     }
-    a->system = system;
-    const pm_status status = open_all(a);
+    m->system = system;
+    const pm_status status = open_all(m);
     if (status != PM_OK) {
-        pm_monolithic_close(a);
+        pm_monolithic_close(m);
         return status;
     }
-    *assembly = a;
+    *monolithic = m;
     return PM_OK;
 }
 
-void pm_monolithic_close(pm_monolithic *assembly) {
-    if (assembly != NULL) {
-        for (int i = 0; i < assembly->count; ++i) {
-            pm_subsystem_close(assembly->subsystem[i]);
+void pm_monolithic_close(pm_monolithic *monolithic) {
+    if (monolithic != NULL) {
+        for (int i = 0; i < monolithic->count; ++i) {
+            pm_subsystem_close(monolithic->subsystem[i]);
         }
-        free(assembly->subsystem);
-        free(assembly->position);
-        pm_sample_free(assembly->sample);
-        free(assembly);
+        free(monolithic->subsystem);
+        free(monolithic->position);
+        pm_sample_free(monolithic->sample);
+        free(monolithic);
     }
 }
 
-static void fill_sample(pm_monolithic *a) {
-    for (int i = 0; i < a->count; ++i) {
-        pm_subsystem_fill_sample(a->subsystem[i], a->sample);
+static void fill_sample(pm_monolithic *m) {
+    for (int i = 0; i < m->count; ++i) {
+        pm_subsystem_fill_sample(m->subsystem[i], m->sample);
     }
 }
 
-void pm_monolithic_set_boundary_input(pm_monolithic *assembly,
+void pm_monolithic_set_boundary_input(pm_monolithic *monolithic,
                                       const pm_boundary_input *boundary_input) {
-    for (int i = 0; i < assembly->count; ++i) {
-        pm_subsystem_set_boundary_input(assembly->subsystem[i], boundary_input);
+    for (int i = 0; i < monolithic->count; ++i) {
+        pm_subsystem_set_boundary_input(monolithic->subsystem[i], boundary_input);
     }
 }
 
-static void set_pace(pm_monolithic *a) {
-    for (int i = 0; i < a->count; ++i) {
-        pm_subsystem_set_substeps(a->subsystem[i], a->pace.substeps);
+static void set_substeps(pm_monolithic *m) {
+    for (int i = 0; i < m->count; ++i) {
+        pm_subsystem_set_substeps(m->subsystem[i], m->controller.substeps);
     }
 }
 
-void pm_monolithic_set_state(pm_monolithic *assembly, const double *z) {
-    // Assemblies open with an integrator that is known.
-    (void)pm_step_controller_init(&assembly->pace, assembly->system->scene);
-    set_pace(assembly);
-    for (int i = 0; i < assembly->count; ++i) {
-        pm_subsystem_set_state(assembly->subsystem[i],
-                               z + assembly->system->scene->subsystem[i].first);
+void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
+    // This cannot fail, since it succeeded when the object was opened.
+    (void)pm_step_controller_init(&monolithic->controller, monolithic->system->scene);
+    set_substeps(monolithic);
+    for (int i = 0; i < monolithic->count; ++i) {
+        pm_subsystem_set_state(monolithic->subsystem[i],
+                               z + monolithic->system->scene->subsystem[i].first);
     }
-    assembly->sample->step = 0;
-    assembly->sample->time = 0;
-    fill_sample(assembly);
+    monolithic->sample->step = 0;
+    monolithic->sample->time = 0;
+    fill_sample(monolithic);
 }
 
-static void couple_ports(pm_monolithic *a, int subsystem_id) {
-    pm_subsystem *s = a->subsystem[subsystem_id];
+static void couple_ports(pm_monolithic *m, int subsystem_id) {
+    pm_subsystem *s = m->subsystem[subsystem_id];
     for (int j = 0; j < pm_subsystem_nport(s); ++j) {
         const int port = pm_subsystem_port_id(s, j);
         const pm_end other = pm_subsystem_end(s, j) == PM_END_A ? PM_END_B : PM_END_A;
-        const int neighbour = a->system->scene->port[port].subsystem[other];
+        const int neighbour = m->system->scene->port[port].subsystem[other];
         pm_subsystem_couple(
             s, j,
             neighbour < 0 ? NULL
-                          : pm_subsystem_values(a->subsystem[neighbour], a->position[port][other]));
+                          : pm_subsystem_values(m->subsystem[neighbour], m->position[port][other]));
     }
 }
 
-pm_status pm_monolithic_step(pm_monolithic *assembly) {
-    pm_monolithic *a = assembly;
-    const int rounds = a->count > 0 ? pm_subsystem_rounds(a->subsystem[0]) : 0;
+pm_status pm_monolithic_step(pm_monolithic *monolithic) {
+    pm_monolithic *m = monolithic;
+    const int rounds = m->count > 0 ? pm_subsystem_rounds(m->subsystem[0]) : 0;
     for (int round = 0; round < rounds; ++round) {
-        for (int i = 0; i < a->count; ++i) {
-            pm_subsystem_expose(a->subsystem[i]);
+        for (int i = 0; i < m->count; ++i) {
+            pm_subsystem_expose(m->subsystem[i]);
         }
-        for (int i = 0; i < a->count; ++i) {
-            pm_subsystem_bulk(a->subsystem[i]);
-            couple_ports(a, i);
+        for (int i = 0; i < m->count; ++i) {
+            pm_subsystem_bulk(m->subsystem[i]);
+            couple_ports(m, i);
         }
-        for (int i = 0; i < a->count; ++i) {
-            pm_subsystem_advance(a->subsystem[i]);
+        for (int i = 0; i < m->count; ++i) {
+            pm_subsystem_advance(m->subsystem[i]);
         }
     }
-    for (int i = 0; i < a->count; ++i) {
-        PM_TRY(pm_subsystem_end_step(a->subsystem[i]));
+    for (int i = 0; i < m->count; ++i) {
+        PM_TRY(pm_subsystem_end_step(m->subsystem[i]));
     }
-    ++a->sample->step;
-    a->sample->time = pm_scene_time(a->system->scene, 0, a->sample->step);
-    fill_sample(a);
-    pm_step_controller_note(&a->pace, a->sample);
-    set_pace(a);
+    ++m->sample->step;
+    m->sample->time = pm_scene_time(m->system->scene, 0, m->sample->step);
+    fill_sample(m);
+    pm_step_controller_note(&m->controller, m->sample);
+    set_substeps(m);
     return PM_OK;
 }
 
-int pm_monolithic_substeps(const pm_monolithic *assembly) {
-    return assembly->pace.substeps;
+int pm_monolithic_substeps(const pm_monolithic *monolithic) {
+    return monolithic->controller.substeps;
 }
 
-const pm_sample *pm_monolithic_sample(const pm_monolithic *assembly) {
-    return assembly->sample;
+const pm_sample *pm_monolithic_sample(const pm_monolithic *monolithic) {
+    return monolithic->sample;
 }

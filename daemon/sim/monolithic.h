@@ -1,5 +1,8 @@
-// All subsystems of a scene stepped in one process by a plain loop: what the distributed run must
-// reproduce bit by bit, and what evaluation uses.
+// All subsystems of a scene, stepped in one process by a plain loop: what `--in-process` runs and
+// what evaluation uses. A run over several processes must reproduce it bit by bit.
+//
+// Life cycle: open; set_boundary_input if the scene has any; set_state; step, and read the sample
+// after each step; close.
 #ifndef PM_SIM_MONOLITHIC_H
 #define PM_SIM_MONOLITHIC_H
 
@@ -7,19 +10,23 @@
 
 typedef struct pm_monolithic pm_monolithic;
 
-pm_status pm_monolithic_open(pm_monolithic **assembly, const pm_system *system);
-void pm_monolithic_close(pm_monolithic *assembly);
+// Opens all subsystems of the system, which is borrowed. The caller closes. Fails as
+// pm_subsystem_open and pm_step_controller_init do.
+pm_status pm_monolithic_open(pm_monolithic **monolithic, const pm_system *system);
+void pm_monolithic_close(pm_monolithic *monolithic); // NULL is allowed
 
-// As pm_subsystem_set_boundary_input.
-void pm_monolithic_set_boundary_input(pm_monolithic *assembly,
+// Sets the source of the boundary inputs of all subsystems. It is borrowed.
+void pm_monolithic_set_boundary_input(pm_monolithic *monolithic,
                                       const pm_boundary_input *boundary_input);
 
-// Starts from the concatenated state z [scene->nz], at step 0.
-void pm_monolithic_set_state(pm_monolithic *assembly, const double *z);
+// Starts a run at step 0 from the concatenated state z [scene->nz].
+void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z);
 
-// One step; the sample of the state reached (valid until the next call). PM_ENUMERIC.
-pm_status pm_monolithic_step(pm_monolithic *assembly);
-int pm_monolithic_substeps(const pm_monolithic *assembly); // of the next step
-const pm_sample *pm_monolithic_sample(const pm_monolithic *assembly);
+// Takes one step and updates the sample. Fails as pm_subsystem_end_step does.
+pm_status pm_monolithic_step(pm_monolithic *monolithic);
+// Returns the number of substeps of the next step.
+int pm_monolithic_substeps(const pm_monolithic *monolithic);
+// Returns the sample of the state reached. It is owned by the object and changes with every step.
+const pm_sample *pm_monolithic_sample(const pm_monolithic *monolithic);
 
 #endif

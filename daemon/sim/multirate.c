@@ -1,14 +1,16 @@
-// The inner steps of multirate integrators.
+// Substeps of rk4 between two exchanges.
 #include "sim/multirate.h"
 
 #include <string.h>
+
+#include "sim/flux.h"
 
 pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
                             const pm_integrator *exchange) {
     const pm_integrator *own = pm_integrator_find("rk4");
     double *memory = pm_arena_array(arena, (size_t)(3 + own->nstage) * (size_t)nz, sizeof *memory);
     if (memory == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the steps of a part");
+        return pm_fail(PM_ENOMEM, "out of memory for the substeps of a subsystem");
     }
     *m = (pm_multirate){.nz = nz,
                         .steps = steps,
@@ -20,7 +22,7 @@ pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
     return PM_OK;
 }
 
-// The ports' part of the rate over an interval.
+// Sets the contribution of the ports over an interval: its start and its slope.
 static void set_forcing(pm_multirate *m, int interval, const double *k) {
     const pm_integrator *rk = m->exchange;
     memset(m->forcing, 0, 2 * (size_t)m->nz * sizeof *m->forcing);
@@ -34,17 +36,17 @@ static void set_forcing(pm_multirate *m, int interval, const double *k) {
     }
 }
 
-// Books the bulk term at the present exposure.
+// Books the bulk term at the last exposure.
 static void book(const pm_multirate *m, const pm_local_dynamics *t, double weight, double duration,
                  const pm_multirate_books *books) {
     pm_flux_book(books->bulk, weight, m->nz, t->dE, t->dS, t->bulk_rate);
-    if (books->balance != NULL) {
-        pm_invariant_projection_book(books->balance, false, duration, m->nz, t->dE, t->dS,
+    if (books->projection != NULL) {
+        pm_invariant_projection_book(books->projection, false, duration, m->nz, t->dE, t->dS,
                                      t->bulk_rate);
     }
 }
 
-// k = bulk term at m->z + what the ports give at `fraction` of the interval.
+// k = bulk term at m->z + contribution of the ports at `fraction` of the interval.
 static void evaluate(pm_multirate *m, pm_local_dynamics *t, double fraction, double weight,
                      double duration, const pm_multirate_books *books, double *k) {
     int renewed = 0;
@@ -75,17 +77,17 @@ static void combine(const pm_multirate *m, int n, double h, const double *weight
     }
 }
 
-void pm_multirate_advance(pm_multirate *m, pm_local_dynamics *terms, int interval, double h,
+void pm_multirate_advance(pm_multirate *m, pm_local_dynamics *dynamics, int interval, double h,
                           double weight, const double *k, const pm_multirate_books *books,
                           double *z) {
     const pm_integrator *rk = m->own;
-    const double part = m->exchange->width[interval] / m->steps; // of the exchange step
+    const double part = m->exchange->width[interval] / m->steps; // fraction of the exchange step
     set_forcing(m, interval, k);
     for (int n = 0; n < m->steps; ++n) {
         for (int i = 0; i < rk->nstage; ++i) {
             combine(m, i, part * h, rk->a[i], z, m->z);
             const double fraction = (n + pm_integrator_time(rk, i)) / m->steps;
-            evaluate(m, terms, fraction, weight * part * rk->b[i], h * part * rk->b[i], books,
+            evaluate(m, dynamics, fraction, weight * part * rk->b[i], h * part * rk->b[i], books,
                      m->k + (ptrdiff_t)i * m->nz);
         }
         combine(m, rk->nstage, part * h, rk->b, z, z);

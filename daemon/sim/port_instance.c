@@ -1,20 +1,11 @@
-// One end of a port: the graph of its law.
+// One end of a port: the graph of its law, evaluated stage by stage.
 #include "sim/port_instance.h"
 
 #include <assert.h>
-#include <math.h>
-#include <string.h>
 
 #include "model/prediction.h"
-
-bool pm_renew(double *to, const double *from, int n) {
-    const size_t size = (size_t)n * sizeof *to;
-    if (to == NULL || from == NULL || memcmp(to, from, size) == 0) {
-        return false;
-    }
-    memcpy(to, from, size);
-    return true;
-}
+#include "sim/flux.h"
+#include "sim/program_input.h"
 
 static double value_at(const double *covector, int i) {
     return covector == NULL ? 0 : covector[i];
@@ -41,18 +32,15 @@ static double *value_of(pm_program *program, pm_node x) {
     return x == PM_NO_NODE ? NULL : pm_program_value(program, x);
 }
 
-double *pm_input_of(pm_program *program, pm_node x) {
-    return x == PM_NO_NODE || !pm_program_depends(program, x) ? NULL : value_of(program, x);
-}
-
-// The law's graph: inputs, and what it makes of them at one or both ends.
+// The nodes of the law's graph: its inputs, the irreversible rates of the prediction, and at one or
+// both ends the rate and the co-energy at which the law is evaluated.
 typedef struct law_graph {
     pm_port_nodes input[2];
     pm_node last, next;
     pm_node rate[2], e[2];
 } law_graph;
 
-// The rate at `end`; index 0 of rate and e is the subsystem's end, 1 the other one.
+// Builds the rate at `end`. Index 0 of rate and e is the subsystem's end, index 1 the other one.
 static void build_rate(pm_graph *g, const pm_port_model *model, law_graph *law, int index,
                        pm_end end) {
     pm_port_nodes ends[2] = {law->input[0], law->input[1]};
@@ -67,7 +55,7 @@ static void build_law(pm_graph *g, const pm_system *system, const pm_port_instan
     for (int i = 0; i < 2; ++i) {
         const int ny = model->layout[i].nz;
         const bool entropy = pm_system_end_has_entropy(system, j->port_id, i);
-        // What is prescribed does not respond.
+        // A boundary input is prescribed: its co-energy does not respond to the rate.
         const bool responds = discrete && (j->boundary_input == NULL || i == (int)j->end);
         law->input[i] = (pm_port_nodes){pm_input(g, true, 1, ny), pm_input(g, true, 1, ny),
                                         entropy ? pm_input(g, true, 1, ny) : PM_NO_NODE,
@@ -123,12 +111,12 @@ pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_s
     *j = (pm_port_instance){.port_id = port_id,
                             .end = end,
                             .component = port->component[end],
-                            .world_component = port->component[other],
+                            .outside_component = port->component[other],
                             .nboth = port->layout[0].nz + port->layout[1].nz};
     PM_TRY(open_end(&j->own, arena, port, port->layout[end].nz, integrator->discrete));
     if (port->boundary_input[other] >= 0) {
         j->boundary_input = &system->scene->boundary_input[port->boundary_input[other]];
-        PM_TRY(open_end(&j->world, arena, port, port->layout[other].nz, false));
+        PM_TRY(open_end(&j->outside, arena, port, port->layout[other].nz, false));
     }
     return open_law(j, system, integrator->discrete);
 }
@@ -167,32 +155,17 @@ void pm_port_instance_expose(pm_port_instance *j, const double *z, const double 
 const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const double *prescribed) {
     const double *value = prescribed + j->boundary_input->first;
     const int nz = j->boundary_input->layout.nz;
-    for (int c = 0; c < j->world.ny; ++c) {
-        const int at = j->world_component[c];
-        j->world.y[c] = value[at];
-        j->world.e[c] = value[nz + at];
-        j->world.eta[c] = value[2 * nz + at];
+    for (int c = 0; c < j->outside.ny; ++c) {
+        const int at = j->outside_component[c];
+        j->outside.y[c] = value[at];
+        j->outside.e[c] = value[nz + at];
+        j->outside.eta[c] = value[2 * nz + at];
     }
-    return &j->world.shown;
+    return &j->outside.shown;
 }
 
-void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const double *eta,
-                  const double *rate) {
-    pm_flux sum = {0};
-    for (int i = 0; i < n; ++i) {
-        const double power = value_at(e, i) * rate[i], production = value_at(eta, i) * rate[i];
-        sum.energy += weight * power;
-        sum.entropy += weight * production;
-        sum.energy_gross += weight * fabs(power);
-        sum.entropy_gross += weight * fabs(production);
-    }
-    flux->energy += sum.energy;
-    flux->entropy += sum.entropy;
-    flux->energy_gross += sum.energy_gross;
-    flux->entropy_gross += sum.entropy_gross;
-}
-
-// The prediction starts from nothing in the first stage, then from what it found in the last one.
+// The prediction starts from zero in the first stage of a substep, later from the result of the
+// stage before. True if that changed a bit.
 static bool renew_last(pm_port_instance *j, bool first) {
     if (!first) {
         return pm_renew(j->last, j->next, j->nboth);
@@ -205,7 +178,7 @@ static bool renew_last(pm_port_instance *j, bool first) {
     return renewed;
 }
 
-// True if any of them has changed.
+// Copies what both ends show to the inputs of the law. True if that changed a bit.
 static bool renew_inputs(pm_port_instance *j, const pm_port_values *other, bool first) {
     bool renewed = renew_last(j, first);
     for (int i = 0; i < 2; ++i) {
@@ -248,12 +221,12 @@ bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, b
     }
     book(&j->booking, weight, &j->own, law->law_e[index], law->rate[index]);
     if (j->boundary_input != NULL && j->rate[1] != NULL) {
-        book(&j->world_booking, weight, &j->world, j->law_e[1], j->rate[1]);
+        book(&j->outside_booking, weight, &j->outside, j->law_e[1], j->rate[1]);
     }
     return law->renewed;
 }
 
-// --- memory ---
+// --- checkpoint ---
 
 #define INPUTS 4 // y, e, eta, response at each end
 
@@ -261,7 +234,7 @@ int pm_port_instance_checkpoint_size(const pm_port_instance *j) {
     return j->program == NULL ? 0 : 1 + (INPUTS + 1) * j->nboth;
 }
 
-// The law's inputs [INPUTS * 2 + 1], and how long each is; NULL where it has none.
+// Lists the inputs of the law [INPUTS * 2 + 1], NULL where it has none, and the length of each.
 static void list_inputs(const pm_port_instance *j, double **input, int *count) {
     for (int i = 0; i < 2; ++i) {
         const pm_port_instance_end *end = &j->input[i];
@@ -275,31 +248,31 @@ static void list_inputs(const pm_port_instance *j, double **input, int *count) {
     *count = j->nboth;
 }
 
-void pm_port_instance_save(const pm_port_instance *j, double *memory) {
+void pm_port_instance_save(const pm_port_instance *j, double *checkpoint) {
     double *input[2 * INPUTS + 1];
     int count[2 * INPUTS + 1];
     if (j->program == NULL) {
         return;
     }
     list_inputs(j, input, count);
-    *memory++ = j->known;
-    for (int i = 0; i < 2 * INPUTS + 1; memory += count[i++]) {
+    *checkpoint++ = j->known;
+    for (int i = 0; i < 2 * INPUTS + 1; checkpoint += count[i++]) {
         for (int k = 0; k < count[i]; ++k) {
-            memory[k] = value_at(input[i], k);
+            checkpoint[k] = value_at(input[i], k);
         }
     }
 }
 
-void pm_port_instance_restore(pm_port_instance *j, const double *memory) {
+void pm_port_instance_restore(pm_port_instance *j, const double *checkpoint) {
     double *input[2 * INPUTS + 1];
     int count[2 * INPUTS + 1];
-    j->known = j->program != NULL && *memory++ != 0;
+    j->known = j->program != NULL && *checkpoint++ != 0;
     if (!j->known) {
         return;
     }
     list_inputs(j, input, count);
-    for (int i = 0; i < 2 * INPUTS + 1; memory += count[i++]) {
-        pm_renew(input[i], memory, count[i]);
+    for (int i = 0; i < 2 * INPUTS + 1; checkpoint += count[i++]) {
+        pm_renew(input[i], checkpoint, count[i]);
     }
     pm_program_run(j->program, 1);
 }

@@ -1,6 +1,10 @@
-// One port as one of its subsystems sees it: what this end shows, what the port law makes of it and
-// of the other end's values, and what flows in. Where the other end is a load, the joint stands in
-// for the world there too. Used by subsystem.c alone; pm_port_values travels.
+// One port as one of its two subsystems sees it. It holds what this end shows, evaluates the port's
+// law (README.md, equation (3), or another law of model/laws) on the values of both ends, and books
+// what flows in. Where the other end is a boundary input, it also books the flux into the outside.
+//
+// Life cycle: zero-initialise; open; perhaps share; then in every stage expose, prescribe if there
+// is a boundary input, and couple; close. Only the files of subsystem.h use it. pm_port_values is
+// what travels between processes.
 #ifndef PM_SIM_PORT_INSTANCE_H
 #define PM_SIM_PORT_INSTANCE_H
 
@@ -10,14 +14,17 @@
 #include "scene/recording.h"
 #include "scene/system.h"
 
-// What one end of a port shows at a stage. Arrays of ny numbers.
+// What one end of a port shows at a stage. Each array has ny numbers and is borrowed.
 typedef struct pm_port_values {
     int ny;
-    const double *y, *e, *eta; // state, dE/dy, dS/dy; eta is all zero without entropy
-    const double *response; // slope of e per unit of rate; NULL unless the integrator is discrete
+    const double *y;   // exposed components of the state
+    const double *e;   // dE/dy
+    const double *eta; // dS/dy; all zero without entropy
+    // d e/d rate, by which a discrete integrator predicts e at the end of the step; else NULL.
+    const double *response;
 } pm_port_values;
 
-// The same with room to write to.
+// The same four arrays as memory that this module writes.
 typedef struct pm_port_instance_end {
     int ny;
     double *y, *e, *eta, *response;
@@ -25,70 +32,62 @@ typedef struct pm_port_instance_end {
 } pm_port_instance_end;
 
 typedef struct pm_port_instance {
-    int port_id;
-    pm_end end;
-    const int *component; // [own.ny] position in z of what is exposed
+    int port_id;          // position of the port in the scene
+    pm_end end;           // which end of it this is
+    const int *component; // [own.ny] position in z of each exposed component
     pm_port_instance_end own;
-    // The other end, if it is a load.
-    const pm_scene_boundary_input *boundary_input; // NULL: it is a subsystem
-    const int *world_component;
-    pm_port_instance_end world;
+    const pm_scene_boundary_input *boundary_input; // at the other end; NULL: it is a subsystem
+    const int *outside_component;                  // [outside.ny] likewise, of the boundary input
+    pm_port_instance_end outside;
 
-    // The port law's graph, and where its numbers go in and out. NULL where a law needs none.
-    pm_program *program;
-    pm_port_instance_end input[2]; // NULL: the rates do not depend on it
-    const double *rate[2];  // [ny] into the subsystem, into the other end if it is evaluated here
-    const double *law_e[2]; // [ny] predicted co-energies the law was evaluated at; NULL: e itself
-    // [nboth] irreversible rate of the iteration before, and of this one; NULL if not predicted.
+    pm_program *program;           // the law's graph; NULL: the law has no effect here
+    pm_port_instance_end input[2]; // inputs of the graph by end; NULL: the rates ignore them
+    const double *rate[2];         // [ny] into the subsystem; into the other end if evaluated here
+    const double *law_e[2]; // [ny] predicted co-energies at which the law is taken; NULL: e itself
+    // [nboth] irreversible rates of both ends, by which the law predicts co-energies: the result of
+    // the iteration before, and of this one. NULL without prediction.
     double *last;
     const double *next;
     int nboth;
-    bool known;   // the rates belong to the inputs
-    bool renewed; // they were evaluated when last coupled
-    bool shared;  // the other end's rate is evaluated here too
-    const struct pm_port_instance
-        *peer;                      // that evaluates the law for this end; NULL: it is done here
-    pm_flux booking, world_booking; // over the step under way
+    bool known;                          // the rates belong to the inputs
+    bool renewed;                        // the last coupling ran the graph
+    bool shared;                         // this instance evaluates the other end's rate too
+    const struct pm_port_instance *peer; // the instance that evaluates for this one; NULL: itself
+    pm_flux booking, outside_booking;    // over the step under way
 } pm_port_instance;
 
-// Builds the law's graph; memory from the arena. PM_ENOMEM. Zero-initialise before.
+// Builds the law's graph for one end of port number `port_id`. Memory comes from the arena; the
+// caller closes. PM_ENOMEM.
 pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_system *system,
                                 const pm_integrator *integrator, int port_id, pm_end end);
 void pm_port_instance_close(pm_port_instance *j);
 
-// Lets `here` evaluate the law for both ends, for a port whose subsystems step together. In every
-// round `here` is coupled before `there`. PM_ENOMEM.
+// Lets `here` evaluate the law for both ends of a port whose subsystems step together. In every
+// round `here` must be coupled before `there`. Does nothing for laws without a common graph.
+// PM_ENOMEM.
 pm_status pm_port_instance_share(pm_port_instance *here, pm_port_instance *there,
                                  const pm_system *system, const pm_integrator *integrator);
 
-// What the subsystem's z, dE, dS and response show here; dE, dS and response may be NULL: zero.
+// Writes what this end shows from the subsystem's z, dE, dS and response, all [nz]. The last three
+// may be NULL: zero.
 void pm_port_instance_expose(pm_port_instance *j, const double *z, const double *dE,
                              const double *dS, const double *response);
 
-// What the world shows at its end, from the values of all loads.
+// Writes what the boundary input shows at the other end, from the values of all boundary inputs
+// [scene->nprescribed], and returns it.
 const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const double *prescribed);
 
-// Adds the law's rate to k [nz], and the fluxes, weighted, to the bookings. `first`: no stage of
-// this substep came before. False: nothing was evaluated, as the law has nothing here, or all that
-// it depends on has the bits of the time before.
+// Adds the law's rate to k [nz], in units of z per second, and its fluxes, times `weight`, to the
+// bookings. `other` is what the other end shows; `first` marks the first stage of a substep.
+// Returns whether the graph was run: it is not where the law has no effect, or while no bit of its
+// inputs has changed.
 bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, bool first,
                              double weight, double *k);
 
-// What the law was evaluated with, so that another joint knows it too: how many numbers, and these.
-// Restoring evaluates it.
+// Saves and restores the law's inputs as `checkpoint` [_checkpoint_size] numbers, so that the next
+// stage knows what has not changed. Restoring runs the graph.
 int pm_port_instance_checkpoint_size(const pm_port_instance *j);
-void pm_port_instance_save(const pm_port_instance *j, double *memory);
-void pm_port_instance_restore(pm_port_instance *j, const double *memory);
-
-// Where an input of a program is written; NULL if no output depends on it, or for PM_NO_NODE: then
-// it need not be looked at.
-double *pm_input_of(pm_program *program, pm_node x);
-
-// Copies; true if that changed a bit. to or from may be NULL: nothing to do.
-bool pm_renew(double *to, const double *from, int n);
-
-// Adds a term's power and entropy production. e or eta may be NULL: zero.
-void pm_flux_book(pm_flux *flux, double weight, int n, const double *e, const double *eta,
-                  const double *rate);
+void pm_port_instance_save(const pm_port_instance *j, double *checkpoint);
+void pm_port_instance_restore(pm_port_instance *j, const double *checkpoint);
 
 #endif

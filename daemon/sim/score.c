@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-// Of a group's root mean square: what rounding leaves of a snapshot that is zero.
+// A snapshot below this fraction of its group's root mean square is zero but for rounding.
 #define NOTHING 1e-9
 
 void pm_score_add(const pm_columns *columns, int group, const double *predicted,
@@ -24,7 +24,7 @@ double pm_score_of(const pm_score_sums *sums) {
     return sqrt(sums->error) / (sums->norm > 0 ? sqrt(sums->norm) : 1);
 }
 
-// Of one group over the rows [first, last).
+// Sums up one group over the rows [first, last).
 static pm_score_sums sums_of(const pm_columns *columns, int group, int ncolumn, int first, int last,
                              const double *predicted, const double *truth) {
     pm_score_sums sums = {0};
@@ -50,7 +50,7 @@ void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *p
     }
 }
 
-// Ascending; NaN, the score of a failed rollout, counts as the largest.
+// Orders ascending; NaN, the score of a failed rollout, counts as the largest.
 static int compare(const void *left, const void *right) {
     const double a = *(const double *)left, b = *(const double *)right;
     if (isnan(a) || isnan(b)) {
@@ -59,7 +59,7 @@ static int compare(const void *left, const void *right) {
     return (a > b) - (a < b);
 }
 
-// The value below which the fraction p of n sorted values lies.
+// Returns the value below which the fraction p of n sorted values lies.
 static double quantile(int n, const double *value, double p) {
     const double position = p * (n - 1);
     const int i = (int)position;

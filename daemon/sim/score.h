@@ -1,32 +1,35 @@
-// Errors of a predicted trajectory against a true one, in the dataset's own columns, per group of
-// columns (groups of the same name in several subsystems are pooled).
+// Relative errors of a predicted trajectory against a true one, in the columns of the dataset. Each
+// group of columns has its own score; groups of the same name in several subsystems share one.
 #ifndef PM_SIM_SCORE_H
 #define PM_SIM_SCORE_H
 
 #include "scene/columns.h"
 
-// Relative L2 error of each group over a whole trajectory, ||predicted - true|| / ||true||, and of
-// each snapshot. predicted, truth: [ntime][ncolumn]; trajectory: [ngroup]; snapshot:
-// [ntime][ngroup] or NULL. A group that is identically zero in truth scores the absolute norm; one
-// that is zero, or 1e-9 of that, in a snapshot alone is measured by its root mean square over the
-// trajectory.
+// Computes the relative L2 error ||predicted - truth|| / ||truth|| of each group, over the whole
+// trajectory and for each snapshot. predicted, truth: [ntime][ncolumn]; trajectory: [ngroup];
+// snapshot: [ntime][ngroup] or NULL. A group that is zero throughout the truth scores the absolute
+// norm. A group that is zero in one snapshot only, or less than 1e-9 of its root mean square over
+// the trajectory, is divided by that root mean square there.
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
               const double *truth, double *trajectory, double *snapshot);
 
-// The same snapshot by snapshot: the sums of one group, which begin at zero. predicted, truth:
-// [ncolumn].
+// The same score of one group, summed up snapshot by snapshot. The sums start at zero;
+// pm_score_add adds one snapshot, predicted and truth [ncolumn], and pm_score_of returns the score.
 typedef struct pm_score_sums {
-    double error, norm; // of the squares of predicted - true, and of true
+    double error; // of (predicted - truth)^2
+    double norm;  // of truth^2
 } pm_score_sums;
 void pm_score_add(const pm_columns *columns, int group, const double *predicted,
                   const double *truth, pm_score_sums *sums);
 double pm_score_of(const pm_score_sums *sums);
 
-// Whiskers, quartiles and median of n > 0 values, by linear interpolation; sorts them in place, NaN
-// last. Whiskers are the furthest values within 1.5 interquartile ranges of the box.
+// The numbers of a box plot. The whiskers `low` and `high` are the extreme values within 1.5
+// interquartile ranges of the box.
 typedef struct pm_box {
     double low, first_quartile, median, third_quartile, high, mean;
 } pm_box;
+// Computes them for n > 0 values, with quartiles by linear interpolation. Sorts the values in
+// place; NaN, the score of a failed rollout, counts as the largest.
 pm_box pm_box_of(int n, double *value);
 
 #endif

@@ -1,26 +1,26 @@
-// The number of substeps after each step.
+// A predictive controller of the number of substeps.
 #include "sim/step_controller.h"
 
 #include <math.h>
 
-// Of the tolerance that is aimed at, so that few steps exceed it.
+// The fraction of the tolerance that is aimed at, so that few steps exceed it.
 #define AIM 0.5
-// At most so many times more or fewer substeps than in the step before.
+// The number of substeps rises and falls by at most these factors from one step to the next.
 #define MOST_RISE 8.0
 #define MOST_FALL 2.0
 
-// Neither fewer than the scene has nor more than there may be.
+// Rounds up, to no fewer than the scene's and no more than the most possible.
 static int whole(const pm_scene *scene, double substeps) {
     return (int)fmin(fmax(ceil(substeps), scene->substeps), PM_MOST_SUBSTEPS);
 }
 
-pm_status pm_step_controller_init(pm_step_controller *pace, const pm_scene *scene) {
+pm_status pm_step_controller_init(pm_step_controller *controller, const pm_scene *scene) {
     const bool chosen = scene->tolerance > 0;
-    *pace = (pm_step_controller){.scene = scene,
-                                 .integrator = pm_integrator_find(scene->integrator),
-                                 .substeps = chosen ? whole(scene, MOST_RISE * scene->substeps)
-                                                    : scene->substeps};
-    if (chosen && pace->integrator->embedded == 0) {
+    *controller = (pm_step_controller){
+        .scene = scene,
+        .integrator = pm_integrator_find(scene->integrator),
+        .substeps = chosen ? whole(scene, MOST_RISE * scene->substeps) : scene->substeps};
+    if (chosen && controller->integrator->embedded == 0) {
         return pm_fail(
             PM_ECONFIG,
             "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",
@@ -34,8 +34,8 @@ pm_status pm_step_controller_init(pm_step_controller *pace, const pm_scene *scen
                : PM_OK;
 }
 
-void pm_step_controller_note(pm_step_controller *pace, const pm_sample *sample) {
-    const pm_scene *scene = pace->scene;
+void pm_step_controller_note(pm_step_controller *controller, const pm_sample *sample) {
+    const pm_scene *scene = controller->scene;
     if (!(scene->tolerance > 0) || sample->step == 0) {
         return;
     }
@@ -43,11 +43,12 @@ void pm_step_controller_note(pm_step_controller *pace, const pm_sample *sample) 
     for (int i = 0; i < scene->nsubsystem; ++i) {
         error = fmax(error, sample->error[i]);
     }
-    // As the error changed over this step, so it will over the next.
-    const double trend = pace->expected > 0 ? fmax(error / pace->expected, 1) : 1;
-    const double order = pace->integrator->embedded + 1;
+    // The error is expected to change over the next step as it did over this one.
+    const double trend = controller->expected > 0 ? fmax(error / controller->expected, 1) : 1;
+    const double order = controller->integrator->embedded + 1;
     const double factor = pow(error * trend / (AIM * scene->tolerance), 1 / order);
-    const int next = whole(scene, pace->substeps * fmin(fmax(factor, 1 / MOST_FALL), MOST_RISE));
-    pace->expected = error * pow((double)pace->substeps / next, order);
-    pace->substeps = next;
+    const int next =
+        whole(scene, controller->substeps * fmin(fmax(factor, 1 / MOST_FALL), MOST_RISE));
+    controller->expected = error * pow((double)controller->substeps / next, order);
+    controller->substeps = next;
 }

@@ -1,30 +1,31 @@
-// An adaptive step: how many substeps all parts take in a step, chosen after each step from the
-// parts' estimates of its error, as the scene's `tolerance` asks. A step that turns out too coarse
-// is not taken back: it tells about the next one, and so does the way the error has gone up or down
-// (a predictive controller: Gustafsson, ACM Trans. Math. Softw. 20 (1994) 496). What is chosen is a
-// function of the reported errors alone, so that a coordinator and a single process choose alike.
+// The adaptive step: how many substeps all subsystems take in a step. The number is chosen after
+// each step from the subsystems' estimates of its error, as the scene's `tolerance` asks. A step
+// that turns out too coarse is not repeated: it informs the choice for the next one, and so does
+// the trend of the error (a predictive controller: Gustafsson, ACM Trans. Math. Softw. 20 (1994)
+// 496). The choice is a function of the reported errors alone, so that a coordinator and a single
+// process choose alike. Without a tolerance the scene's `substeps` stay.
 #ifndef PM_SIM_STEP_CONTROLLER_H
 #define PM_SIM_STEP_CONTROLLER_H
 
 #include "scene/integrator.h"
 #include "scene/recording.h"
 
-#define PM_MOST_SUBSTEPS 4096
+#define PM_MOST_SUBSTEPS 4096 // per step
 
 typedef struct pm_step_controller {
     const pm_scene *scene;
     const pm_integrator *integrator;
     int substeps;    // of the next step
-    double expected; // error of the last step, had it been taken in `substeps`; 0: none before
+    double expected; // predicted error of the last step, had it had `substeps`; 0: no step before
 } pm_step_controller;
 
-// The scene's substeps are the fewest, below which the method may not be stable; they stay where it
-// names no tolerance. The first step, of whose error nothing is known, has several times as many.
-// PM_ECONFIG: the integrator has no estimate of its error, or the scene's substeps are more than
-// PM_MOST_SUBSTEPS.
-pm_status pm_step_controller_init(pm_step_controller *pace, const pm_scene *scene);
+// Starts a run. The scene's substeps are the fewest that may be chosen, since with fewer the method
+// may be unstable. The first step takes several times as many, since nothing is known of its error.
+// PM_ECONFIG: the integrator does not estimate its error, or the scene's substeps exceed
+// PM_MOST_SUBSTEPS. `scene` is borrowed.
+pm_status pm_step_controller_init(pm_step_controller *controller, const pm_scene *scene);
 
-// After a step.
-void pm_step_controller_note(pm_step_controller *pace, const pm_sample *sample);
+// Chooses `substeps` for the next step from the errors in the sample of the last one.
+void pm_step_controller_note(pm_step_controller *controller, const pm_sample *sample);
 
 #endif

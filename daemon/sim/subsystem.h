@@ -1,15 +1,19 @@
-// One subsystem in time: its state, the graphs of one stage, and what it books. No I/O: whoever
-// drives it (body_assembly.h in one process, net/lockstep in many) carries the neighbours' values.
+// One subsystem in time. It owns the state z, the graphs that evaluate one stage of the integrator,
+// and the fluxes booked during a step. It does no input or output: its driver (monolithic.h in one
+// process, lockstep/ in several) carries the values of the ports from neighbour to neighbour.
 //
-// A step is `substeps` x stages rounds. A round is
-//     pm_subsystem_expose   stage state -> dE, dS and the values every port shows
-//     pm_subsystem_bulk     L dE + M dS, while the neighbours' values travel
-//     pm_subsystem_couple   once per port, in order of ports: the port law's term, and its fluxes
-//                           (at a load the values of the world take the place of a neighbour's)
-//     pm_subsystem_advance  the Runge-Kutta combination; ends the substep after its last stage
-// The order of sums is fixed, so the same calls give the same bits in one process or in many. A
-// graph whose inputs have the bits of the time before is not run again: a subsystem at rest costs
-// next to nothing. (Weights must not change between two pm_subsystem_set_state.)
+// Life cycle: open; set_boundary_input if the scene has any; set_state; then steps; close. A step
+// consists of pm_subsystem_rounds rounds, one for each stage of each substep:
+//     pm_subsystem_expose   evaluates dE and dS at the stage's state, and what every port shows
+//     pm_subsystem_bulk     evaluates L dE + M dS while the neighbours' values travel
+//     pm_subsystem_couple   once per port, in the order of ports: adds the port's term and books
+//                           its fluxes
+//     pm_subsystem_advance  combines the stages so far; after the last one the substep ends
+// and then pm_subsystem_end_step. Together they integrate README.md, equation (1).
+//
+// The order of sums is fixed, so that the same calls give the same bits in one process and in many.
+// A graph is not run again while its inputs keep their bits, so that a subsystem at rest costs next
+// to nothing. The weights must therefore not change between two calls of pm_subsystem_set_state.
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 
@@ -17,68 +21,77 @@
 
 typedef struct pm_subsystem pm_subsystem;
 
-// Builds the graphs of subsystem `subsystem_id` and starts it at its initial state (zero if the
-// scene has none; pm_subsystem_set_state). `system` must outlive it. PM_ECONFIG, PM_ENOMEM.
+// Builds the graphs of the scene's subsystem number `subsystem_id` and starts it at the initial
+// state of the scene, or at zero. `system` is borrowed and must outlive it; the caller closes.
+// PM_ECONFIG: the integrator cannot serve this subsystem. PM_ENOMEM.
 pm_status pm_subsystem_open(pm_subsystem **subsystem, const pm_system *system, int subsystem_id);
 void pm_subsystem_close(pm_subsystem *subsystem); // NULL is allowed
 
-// Its ports, in the scene's order: how many, and for each the scene's port and which end it is.
+// Returns the number of ports of this subsystem. The arguments `port` below count from 0 to this
+// number, in the scene's order of ports.
 int pm_subsystem_nport(const pm_subsystem *s);
+// Returns the position of a port in the scene, and which end of it this subsystem is.
 int pm_subsystem_port_id(const pm_subsystem *s, int port);
 pm_end pm_subsystem_end(const pm_subsystem *s, int port);
+// Tells whether the other end of the port is a boundary input.
+bool pm_subsystem_has_boundary_input(const pm_subsystem *s, int port);
 
-bool pm_subsystem_is_load(const pm_subsystem *s, int port); // the other end is the world
-
-// For two subsystems that step together: the law of the port between them, `port` of one and
-// `peer_port` of the other, is evaluated once for both, by `s`, which in every round is coupled
-// first. Neither is stepped once the other is closed. PM_ENOMEM.
+// Lets `s` evaluate the law of a port for both ends, for two subsystems that step together. The
+// port is number `port` of s and number `peer_port` of peer. In every round s must be coupled
+// before peer, and neither may step once the other is closed. PM_ENOMEM.
 pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port);
 
-int pm_subsystem_rounds(const pm_subsystem *s); // of the present step
+// Returns the rounds of the present step, and the most that a step can have.
+int pm_subsystem_rounds(const pm_subsystem *s);
 int pm_subsystem_most_rounds(const pm_subsystem *s);
-// Between two steps: how many substeps the next one has (step_controller.h).
+// Sets the number of substeps of the next step (step_controller.h). To be called between two steps.
 void pm_subsystem_set_substeps(pm_subsystem *s, int substeps);
 
-// What the world prescribes, in a scene with loads; it must outlive the subsystem. A run that is
-// not over when it ends fails (pm_subsystem_end_step).
+// Sets the source of the scene's boundary inputs, which is borrowed and must outlive the subsystem.
 void pm_subsystem_set_boundary_input(pm_subsystem *s, const pm_boundary_input *boundary_input);
 
-// Sets z [nz] at step 0 and zeroes what was booked.
+// Sets z [nz] at step 0, evaluates E and S there and clears all that was booked.
 void pm_subsystem_set_state(pm_subsystem *s, const double *z);
-const double *pm_subsystem_state(const pm_subsystem *s); // after the last full substep
+// Returns z [nz] after the last full substep. Owned by the subsystem.
+const double *pm_subsystem_state(const pm_subsystem *s);
 
 void pm_subsystem_expose(pm_subsystem *s);
+// Returns what a port shows since the last pm_subsystem_expose. Owned by the subsystem.
 const pm_port_values *pm_subsystem_values(const pm_subsystem *s, int port);
 void pm_subsystem_bulk(pm_subsystem *s);
-// `neighbour`: NULL at a load.
+// `neighbour` is what the other end shows at this stage. NULL where the other end is a boundary
+// input, whose values at the time of the stage are taken instead.
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour);
 void pm_subsystem_advance(pm_subsystem *s);
 
-// After the last round of a step: checks that the new state is finite (PM_ENUMERIC: subsystem,
-// component, value) and the load reached so far (PM_EDATA), evaluates E and S there (this is also
-// the next step's first exposure), and closes the step's books. On failure the state stays at the
-// last good step's.
+// Ends a step after its last round: evaluates E and S at the new state, which is also the first
+// exposure of the next step, and closes the books of the step. PM_ENUMERIC: the state or a
+// potential is not finite, or the state is further outside the training range than the scene's
+// guard allows. PM_EDATA: the dataset behind a boundary input is over. On failure the state is that
+// of the last successful step.
 pm_status pm_subsystem_end_step(pm_subsystem *s);
 
-// What the last step left, to be copied into a pm_sample.
+// What the last step left in the books. Counts run from the start of the run.
 typedef struct pm_books {
-    double energy, entropy; // at the state
-    pm_flux bulk;           // its own terms
-    long evaluated, skipped;
-    long outside; // steps that ended outside the region the weights were trained on
-    double error; // largest estimate of a substep's error (step_controller.h); 0: not estimated
+    double energy, entropy;  // J, J/K at the state
+    pm_flux bulk;            // of the bulk term L dE + M dS
+    long evaluated, skipped; // graphs that were run, and those that did not have to be
+    long outside;            // steps that ended outside the training range of the weights
+    double error; // largest estimate of a substep's relative error (step_controller.h); 0: none
     int nflux;
-    const pm_flux *flux; // [nflux]: into this subsystem by port, then into the world by load
+    // [nflux] into this subsystem, port by port; then, for each port with a boundary input, into
+    // the outside. Owned by the subsystem.
+    const pm_flux *flux;
 } pm_books;
 pm_books pm_subsystem_books(const pm_subsystem *s);
 
-// What it must remember to go on from the end of a step with the same bits: how many numbers, and
-// these. Restoring is allowed at any time.
-int pm_subsystem_checkpoint_size(const pm_subsystem *s);
-void pm_subsystem_save(const pm_subsystem *s, double *memory);
-void pm_subsystem_restore(pm_subsystem *s, const double *memory);
-
-// E and S at the present state, before any step. Same as books after a step.
+// Copies the state, the books and the fluxes into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
+
+// Saves and restores all that the subsystem needs to go on from the end of a step with the same
+// bits, as `checkpoint` [pm_subsystem_checkpoint_size] numbers. Restoring is allowed at any time.
+int pm_subsystem_checkpoint_size(const pm_subsystem *s);
+void pm_subsystem_save(const pm_subsystem *s, double *checkpoint);
+void pm_subsystem_restore(pm_subsystem *s, const double *checkpoint);
 
 #endif

@@ -117,8 +117,8 @@ static void close(boundary_inputs *l) {
 static void book(boundary_inputs *l) {
     pm_sample sample = *pm_monolithic_sample(l->assembly);
     require(l, pm_ledger_book(&l->ledger, &sample));
-    random_system_check(&l->w, "the sample's random_system", sample.world_energy,
-                        l->ledger.world_energy, 0);
+    random_system_check(&l->w, "the sample's random_system", sample.outside_energy,
+                        l->ledger.outside_energy, 0);
 }
 
 static void run(boundary_inputs *l) {
@@ -167,7 +167,7 @@ static void energy_with_the_worlds_is_kept(void **state) {
             open(&l, seed, "rk4", 0.02 / (1 << i), 1 << i);
             run(&l);
             drift[i] = l.ledger.energy - l.ledger.first_energy;
-            given = l.ledger.world_energy;
+            given = l.ledger.outside_energy;
             memcpy(z[i], pm_monolithic_sample(l.assembly)->z, sizeof z[i]);
             close(&l);
         }
@@ -335,7 +335,8 @@ static void a_run_ends_with_what_it_follows(void **state) {
     open(&l, 1, "rk4", 0.02, 1);
     run(&l);
     assert_int_equal(pm_monolithic_step(l.assembly), PM_EDATA);
-    assert_non_null(strstr(pm_error(), "subsystem a: what its load follows ends after 8 steps"));
+    assert_non_null(
+        strstr(pm_error(), "subsystem a: the trajectory of its boundary input ends after 8 steps"));
     close(&l);
 }
 

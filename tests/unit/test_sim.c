@@ -282,7 +282,7 @@ static void a_guard_ends_what_strays(void **state) {
         assert_int_equal(pm_sample_new(&sample, w.scene), PM_OK);
         w.scene->largest_drift = i == 0 ? 2 : 1.9; // J; the total goes from 0 to 2
         assert_int_equal(book(&w, &ledger, none, nothing, sample), i == 0 ? PM_OK : PM_ENUMERIC);
-        assert_true(i == 0 || strstr(pm_error(), "step 1: the total energy has strayed by 2 J"));
+        assert_true(i == 0 || strstr(pm_error(), "step 1: the total energy has drifted by 2 J"));
         pm_sample_free(sample);
     }
     random_system_close(&w);

@@ -1,0 +1,17 @@
+// Inputs of a program that remember their bits, so that a graph is not run again while none of its
+// inputs has changed.
+#ifndef PM_SIM_PROGRAM_INPUT_H
+#define PM_SIM_PROGRAM_INPUT_H
+
+#include <stdbool.h>
+
+#include "graph/program.h"
+
+// Returns where the node's input is written, owned by the program. NULL for PM_NO_NODE, or if no
+// output depends on it: then nothing needs to be written.
+double *pm_input_of(pm_program *program, pm_node x);
+
+// Copies n numbers and returns whether that changed a bit. Does nothing if either array is NULL.
+bool pm_renew(double *to, const double *from, int n);
+
+#endif

@@ -1,0 +1,66 @@
+// The parts of one subsystem, for the files that implement subsystem.h and for them only:
+//     subsystem.c             opens it and tells what it is
+//     subsystem_stage.c       evaluates and combines the stages of the integrator
+//     subsystem_step.c        starts a run, ends a step and keeps the books
+//     subsystem_checkpoint.c  saves and restores it
+// Each of them calls only those below it: the first and the last call the step, the step the stage.
+#ifndef PM_SIM_SUBSYSTEM_PARTS_H
+#define PM_SIM_SUBSYSTEM_PARTS_H
+
+#include <string.h>
+
+#include "model/training_range.h"
+#include "sim/invariant_projection.h"
+#include "sim/local_dynamics.h"
+#include "sim/multirate.h"
+#include "sim/subsystem.h"
+
+struct pm_subsystem {
+    const pm_system *system;         // borrowed
+    const pm_scene_subsystem *scene; // its entry in the scene
+    int id, nz;
+    const pm_integrator *integrator;
+    int substeps; // of the present step
+    double h;     // s, length of a substep
+    pm_arena arena;
+
+    double *z;       // [nz] after the last substep
+    double *stage_z; // [nz] at the present stage
+    double *safe_z;  // [nz] after the last successful step
+    double *at_z;    // [nz] where operators and port laws are evaluated
+    double *k;       // [nstage][nz] rates of the stages
+    double *error;   // [nz] difference to the embedded method over a substep
+    double *size;    // [ngroup] largest length that each group has had
+    int stage, substep;
+    bool exposed;                            // dE and dS belong to stage_z
+    const pm_boundary_input *boundary_input; // borrowed; NULL: the scene has none
+    double *prescribed; // [scene->nprescribed] values of all boundary inputs at the stage
+    long step;          // steps completed
+    pm_invariant_projection projection, safe_projection; // now, and after the last successful step
+
+    pm_local_dynamics dynamics;
+    pm_training_range range;
+    pm_multirate multirate; // only if the integrator is multirate
+
+    int nport;
+    pm_port_instance *port;  // [nport]
+    pm_books books, booking; // of the last step, and of the one under way
+    pm_flux *flux;           // [nflux] of books
+};
+
+// Marks dE and dS as those of stage_z, counts the exposure, and writes what the ports show.
+void pm_subsystem_show(pm_subsystem *s, pm_exposure exposure);
+
+// Copies n numbers; nothing if either array is NULL.
+static inline void pm_subsystem_copy(double *to, const double *from, int n) {
+    if (to != NULL && from != NULL) {
+        memcpy(to, from, (size_t)n * sizeof *to);
+    }
+}
+
+// Returns S or a component of dS, which are NULL for a subsystem without entropy: then 0.
+static inline double pm_subsystem_value_at(const double *covector, int i) {
+    return covector == NULL ? 0 : covector[i];
+}
+
+#endif

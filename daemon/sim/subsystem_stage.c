@@ -1,0 +1,173 @@
+// The stages of one subsystem: three kinds of graph (exposure, bulk, one per port) around the state
+// of a Runge-Kutta method.
+#include <assert.h>
+#include <math.h>
+
+#include "sim/flux.h"
+#include "sim/subsystem_parts.h"
+
+// Newton's steps to the booked energy and entropy. The first one leaves the square of the method's
+// error.
+#define MOST_MOVES 3
+
+// --- one round ---
+
+void pm_subsystem_show(pm_subsystem *s, pm_exposure exposure) {
+    s->exposed = true;
+    s->booking.evaluated += exposure == PM_EXPOSURE_EVALUATED;
+    s->booking.skipped += exposure != PM_EXPOSURE_EVALUATED;
+    // A multirate integrator exposes within its own substeps too, where the ports do not see it, so
+    // that the same exposure does not mean the same values at the ports.
+    if (exposure == PM_EXPOSURE_SAME && !s->integrator->multirate) {
+        return;
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        s->at_z[c] = s->integrator->discrete ? 0.5 * (s->z[c] + s->stage_z[c]) : s->stage_z[c];
+    }
+    for (int i = 0; i < s->nport; ++i) {
+        pm_port_instance_expose(&s->port[i], s->at_z, s->dynamics.dE, s->dynamics.dS,
+                                s->dynamics.response);
+    }
+}
+
+void pm_subsystem_expose(pm_subsystem *s) {
+    if (!s->exposed) {
+        // The rate of the stage before tells about how the state moves. The first stage of a step
+        // was exposed when the step before ended.
+        const int before = (s->stage == 0 ? s->integrator->nstage : s->stage) - 1;
+        const double *rate = s->k + (ptrdiff_t)before * s->nz;
+        pm_subsystem_show(s, pm_local_dynamics_expose(&s->dynamics, s->stage_z, s->z, rate));
+    }
+}
+
+// Returns the weight of the present stage in the mean over a step.
+static double stage_weight(const pm_subsystem *s) {
+    return s->integrator->b[s->stage] / s->substeps;
+}
+
+void pm_subsystem_bulk(pm_subsystem *s) {
+    double *k = s->k + (ptrdiff_t)s->stage * s->nz;
+    if (s->dynamics.bulk == NULL || s->integrator->multirate) {
+        memset(k, 0, (size_t)s->nz * sizeof *k);
+        s->booking.skipped += !s->integrator->multirate;
+        return;
+    }
+    const bool renewed = pm_local_dynamics_evaluate_bulk(&s->dynamics, s->at_z);
+    memcpy(k, s->dynamics.bulk_rate, (size_t)s->nz * sizeof *k);
+    pm_flux_book(&s->booking.bulk, stage_weight(s), s->nz, s->dynamics.dE, s->dynamics.dS, k);
+    s->booking.evaluated += renewed;
+    s->booking.skipped += !renewed;
+}
+
+// Returns what the boundary input shows at its end of a port, at the time of the stage.
+static const pm_port_values *prescribe(pm_subsystem *s, pm_port_instance *j) {
+    assert(s->boundary_input != NULL);
+    const double fraction =
+        (s->substep + pm_integrator_time(s->integrator, s->stage)) / s->substeps;
+    pm_boundary_input_at(s->boundary_input, s->step, fraction, s->prescribed);
+    return pm_port_instance_prescribe(j, s->prescribed);
+}
+
+void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour) {
+    pm_port_instance *j = &s->port[port];
+    const pm_port_values *other = j->boundary_input != NULL ? prescribe(s, j) : neighbour;
+    const bool done = pm_port_instance_couple(j, other, s->stage == 0, stage_weight(s),
+                                              s->k + (ptrdiff_t)s->stage * s->nz);
+    s->booking.evaluated += done;
+    s->booking.skipped += !done;
+}
+
+// to = z + h sum_i weight_i k_i over the first n stages.
+static void combine(const pm_subsystem *s, int n, const double *weight, double *to) {
+    for (int c = 0; c < s->nz; ++c) {
+        double sum = 0;
+        for (int i = 0; i < n; ++i) {
+            sum += weight[i] * s->k[(ptrdiff_t)i * s->nz + c];
+        }
+        to[c] = s->z[c] + s->h * sum;
+    }
+}
+
+static double length_of(const pm_group *group, const double *z) {
+    double square = 0;
+    for (int c = group->first; c < group->first + group->size; ++c) {
+        square += z[c] * z[c];
+    }
+    return sqrt(square);
+}
+
+// Estimates the error of the substep, group by group, relative to the largest length that the group
+// has had, and keeps the largest.
+static void estimate_error(pm_subsystem *s) {
+    const pm_layout *layout = &s->scene->layout;
+    for (int c = 0; c < s->nz; ++c) {
+        s->error[c] = 0;
+        for (int i = 0; i < s->integrator->nstage; ++i) {
+            s->error[c] += s->h * s->integrator->error_weights[i] * s->k[(ptrdiff_t)i * s->nz + c];
+        }
+    }
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        s->size[i] = fmax(s->size[i], length_of(group, s->z));
+        const double error = length_of(group, s->error);
+        s->booking.error = fmax(s->booking.error, s->size[i] > 0 ? error / s->size[i] : 0);
+    }
+}
+
+// Books the energy and entropy that the rate of the present stage moves.
+static void book_projection(pm_subsystem *s) {
+    pm_invariant_projection_book(&s->projection, s->stage == 0, s->h * s->integrator->b[s->stage],
+                                 s->nz, s->dynamics.dE, s->dynamics.dS,
+                                 s->k + (ptrdiff_t)s->stage * s->nz);
+}
+
+// Moves the new state to where it has the booked energy and entropy. Its last exposure also serves
+// the next stage.
+static void project(pm_subsystem *s) {
+    for (int i = 0; i < MOST_MOVES; ++i) {
+        pm_subsystem_expose(s);
+        if (!pm_invariant_projection_move(&s->projection, &s->scene->layout, s->z, s->dynamics.E[0],
+                                          pm_subsystem_value_at(s->dynamics.S, 0), s->dynamics.dE,
+                                          s->dynamics.dS, s->stage_z)) {
+            return;
+        }
+        s->exposed = false;
+    }
+}
+
+// Computes the state at the next stage, or after the last one the state after the substep.
+static void reach_next_stage(pm_subsystem *s) {
+    const pm_integrator *rk = s->integrator;
+    if (rk->multirate) {
+        const pm_multirate_books books = {&s->booking.bulk, &s->booking.evaluated,
+                                          &s->booking.skipped,
+                                          rk->balanced ? &s->projection : NULL};
+        pm_multirate_advance(&s->multirate, &s->dynamics, s->stage, s->h, 1.0 / s->substeps, s->k,
+                             &books, s->stage_z);
+    } else if (s->stage + 1 < rk->nstage) {
+        combine(s, s->stage + 1, rk->a[s->stage + 1], s->stage_z);
+    } else {
+        combine(s, rk->nstage, rk->b, s->stage_z);
+    }
+}
+
+void pm_subsystem_advance(pm_subsystem *s) {
+    const pm_integrator *rk = s->integrator;
+    if (rk->balanced) {
+        book_projection(s);
+    }
+    reach_next_stage(s);
+    s->exposed = false;
+    if (++s->stage < rk->nstage) {
+        return;
+    }
+    if (s->system->scene->tolerance > 0) {
+        estimate_error(s);
+    }
+    if (rk->balanced) {
+        project(s);
+    }
+    pm_subsystem_copy(s->z, s->stage_z, s->nz);
+    s->stage = 0;
+    ++s->substep;
+}

@@ -1,0 +1,165 @@
+// The steps of one subsystem: where a run starts, what is checked at the end of a step, and the
+// books.
+#include <assert.h>
+#include <math.h>
+
+#include "sim/subsystem_parts.h"
+
+// --- the books ---
+
+// Clears the books of the step under way, but for the counts, which run on.
+static void clear_booking(pm_subsystem *s) {
+    const pm_books *b = &s->booking;
+    s->booking =
+        (pm_books){.evaluated = b->evaluated, .skipped = b->skipped, .outside = b->outside};
+    for (int i = 0; i < s->nport; ++i) {
+        s->port[i].booking = s->port[i].outside_booking = (pm_flux){0};
+    }
+}
+
+// Moves the books of the step under way to those of the last step, with E and S at its end.
+static void close_books(pm_subsystem *s) {
+    s->books = s->booking;
+    s->books.energy = s->dynamics.E[0];
+    s->books.entropy = pm_subsystem_value_at(s->dynamics.S, 0);
+    s->books.flux = s->flux;
+    s->books.nflux = s->nport;
+    for (int i = 0; i < s->nport; ++i) {
+        s->flux[i] = s->port[i].booking;
+        if (s->port[i].boundary_input != NULL) {
+            s->flux[s->books.nflux++] = s->port[i].outside_booking;
+        }
+    }
+    clear_booking(s);
+}
+
+void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
+    memmove(s->z, z, (size_t)s->nz * sizeof *z);
+    pm_subsystem_copy(s->stage_z, s->z, s->nz);
+    pm_subsystem_copy(s->safe_z, s->z, s->nz);
+    s->stage = s->substep = 0;
+    s->step = 0;
+    memset(s->size, 0, PM_MAX_GROUPS * sizeof *s->size);
+    pm_local_dynamics_forget(&s->dynamics);
+    for (int i = 0; i < s->nport; ++i) {
+        s->port[i].known = false;
+    }
+    pm_subsystem_show(s, pm_local_dynamics_expose_end(&s->dynamics, s->stage_z, s->z));
+    s->booking = (pm_books){0};
+    clear_booking(s);
+    pm_invariant_projection_start(&s->projection, s->dynamics.E[0],
+                                  pm_subsystem_value_at(s->dynamics.S, 0));
+    s->safe_projection = s->projection;
+    close_books(s);
+}
+
+// --- the end of a step ---
+
+static pm_status check_finite(const pm_subsystem *s) {
+    const pm_layout *layout = &s->scene->layout;
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        for (int c = 0; c < group->size; ++c) {
+            if (!isfinite(s->z[group->first + c])) {
+                return pm_fail(PM_ENUMERIC,
+                               "subsystem %s: %s[%d] became %g: the step is too long for this "
+                               "state, or the state left what the weights were trained on; try a "
+                               "smaller dt or more substeps",
+                               s->scene->name, group->name, c, s->z[group->first + c]);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_potentials(const pm_subsystem *s) {
+    if (isfinite(s->dynamics.E[0]) && isfinite(pm_subsystem_value_at(s->dynamics.S, 0))) {
+        return PM_OK;
+    }
+    return pm_fail(PM_ENUMERIC,
+                   "subsystem %s: energy %g, entropy %g: the state left what the weights were "
+                   "trained on",
+                   s->scene->name, s->dynamics.E[0], pm_subsystem_value_at(s->dynamics.S, 0));
+}
+
+// Counts the states outside the training range of the weights, and fails where one is further
+// outside than the scene's guard allows.
+static pm_status check_training_range(pm_subsystem *s) {
+    const pm_departure d = pm_training_range_departure(s->range, s->z);
+    s->booking.outside += d.group != NULL;
+    if (!(d.widths > s->system->scene->largest_departure)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_ENUMERIC,
+                   "subsystem %s: step %ld: %s%s%s = %.4g %s, and its weights were trained on %.4g "
+                   "to %.4g: train on a wider range, or widen the scene's guard",
+                   s->scene->name, s->step + 1, d.group->size > 1 ? "|" : "", d.group->name,
+                   d.group->size > 1 ? "|" : "", d.value, d.group->unit, d.low, d.high);
+}
+
+static pm_status check_boundary_input(const pm_subsystem *s) {
+    if (s->boundary_input == NULL || s->step < s->boundary_input->end) {
+        return PM_OK;
+    }
+    return pm_fail(
+        PM_EDATA,
+        "subsystem %s: the trajectory of its boundary input ends after %ld steps: take fewer "
+        "steps, or a longer trajectory",
+        s->scene->name, s->boundary_input->end);
+}
+
+pm_status pm_subsystem_end_step(pm_subsystem *s) {
+    assert(s->stage == 0 && s->substep == s->substeps);
+    s->substep = 0;
+    pm_status status = check_finite(s);
+    if (status == PM_OK) {
+        pm_subsystem_show(s, pm_local_dynamics_expose_end(&s->dynamics, s->stage_z, s->z));
+        status = check_potentials(s);
+    }
+    if (status == PM_OK) {
+        status = check_boundary_input(s);
+    }
+    if (status == PM_OK) {
+        status = check_training_range(s);
+    }
+    if (status != PM_OK) {
+        pm_subsystem_copy(s->z, s->safe_z, s->nz);
+        pm_subsystem_copy(s->stage_z, s->z, s->nz);
+        s->projection = s->safe_projection;
+        s->exposed = false;
+        return status;
+    }
+    pm_subsystem_copy(s->safe_z, s->z, s->nz);
+    s->safe_projection = s->projection;
+    ++s->step;
+    close_books(s);
+    return PM_OK;
+}
+
+pm_books pm_subsystem_books(const pm_subsystem *s) {
+    return s->books;
+}
+
+void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
+    const pm_books *books = &s->books;
+    const int i = s->id;
+    pm_subsystem_copy(sample->z + s->scene->first, s->z, s->nz);
+    sample->energy[i] = books->energy;
+    sample->entropy[i] = books->entropy;
+    sample->bulk_energy[i] = books->bulk.energy;
+    sample->bulk_entropy[i] = books->bulk.entropy;
+    sample->bulk_gross[2 * i] = books->bulk.energy_gross;
+    sample->bulk_gross[2 * i + 1] = books->bulk.entropy_gross;
+    sample->evaluated[i] = books->evaluated;
+    sample->skipped[i] = books->skipped;
+    sample->outside[i] = books->outside;
+    sample->error[i] = books->error;
+    int world = s->nport;
+    for (int k = 0; k < s->nport; ++k) {
+        const pm_port_instance *j = &s->port[k];
+        sample->flux[j->port_id][j->end] = books->flux[k];
+        if (j->boundary_input != NULL) {
+            sample->flux[j->port_id][1 - j->end] = books->flux[world++];
+        }
+    }
+}
