@@ -45,15 +45,18 @@ static void tell_hold(void *context, long step) {
     }
 }
 
-static pm_status save(void *context, double *memory) {
+static void put_record(void *context, pm_record *record) {
     const pm_observer *observer = context;
-    pm_report_save(observer->report, memory);
+    pm_report_record(observer->report, record);
+}
+
+static pm_status flush(void *context) {
+    const pm_observer *observer = context;
     return observer->recording == NULL ? PM_OK : pm_recording_flush(observer->recording);
 }
 
-static pm_status restore(void *context, long step, const double *memory) {
+static pm_status resume(void *context, long step) {
     pm_observer *observer = context;
-    pm_report_restore(observer->report, memory);
     return observer->options->record == NULL
                ? PM_OK
                : pm_recording_reopen(&observer->recording, observer->options->record,
@@ -72,9 +75,9 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
                      .step = observe,
                      .pause = tell_pause,
                      .hold = tell_hold,
-                     .nmemory = pm_report_checkpoint_size(observer->report),
-                     .save = save,
-                     .restore = restore},
+                     .record = put_record,
+                     .flush = flush,
+                     .resume = resume},
     };
 }
 

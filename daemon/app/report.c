@@ -114,52 +114,33 @@ long pm_report_steps(const pm_report *report) {
 
 // --- memory ---
 
-#define COUNTS 4 // steps, states compared, terms evaluated and skipped
+static void put_sums(pm_record *record, const char *name, energy_entropy *sums) {
+    pm_record_put(record, name, &sums->energy, 1);
+    pm_record_put(record, name, &sums->entropy, 1);
+}
 
-static size_t score_size(const pm_report *report) {
+void pm_report_record(pm_report *report, pm_record *record) {
     const pm_setup *setup = report->setup;
-    return setup->reference == NULL ? 0 : 2 * (size_t)setup->columns.ngroup;
-}
-
-int pm_report_checkpoint_size(const pm_report *report) {
-    const pm_scene *scene = report->setup->scene;
-    return COUNTS + 3 * scene->nsubsystem + 4 * scene->nport + (int)score_size(report);
-}
-
-void pm_report_save(const pm_report *report, double *memory) {
-    const pm_scene *scene = report->setup->scene;
-    const size_t nbulk = 2 * (size_t)scene->nsubsystem, nflux = 4 * (size_t)scene->nport;
-    *memory++ = (double)report->steps;
-    *memory++ = report->ncompared;
-    *memory++ = (double)report->evaluated;
-    *memory++ = (double)report->skipped;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        *memory++ = (double)report->outside[i];
+    pm_record_put_long(record, "steps", &report->steps);
+    pm_record_put_int(record, "compared", &report->ncompared);
+    pm_record_put_long(record, "evaluated", &report->evaluated);
+    pm_record_put_long(record, "skipped", &report->skipped);
+    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
+        pm_record_put_long(record, "outside", &report->outside[i]);
+        put_sums(record, "bulk", &report->bulk[i]);
     }
-    memcpy(memory, report->bulk, nbulk * sizeof *memory);
-    memcpy(memory + nbulk, report->flux, nflux * sizeof *memory);
-    if (report->score != NULL) {
-        memcpy(memory + nbulk + nflux, report->score, score_size(report) * sizeof *memory);
+    for (int i = 0; i < setup->scene->nport; ++i) {
+        put_sums(record, "flux a", &report->flux[i][0]);
+        put_sums(record, "flux b", &report->flux[i][1]);
     }
-}
-
-void pm_report_restore(pm_report *report, const double *memory) {
-    const pm_scene *scene = report->setup->scene;
-    const size_t nbulk = 2 * (size_t)scene->nsubsystem, nflux = 4 * (size_t)scene->nport;
-    report->steps = report->timed_from = (long)memory[0];
-    report->ncompared = (int)memory[1];
-    report->evaluated = (long)memory[2];
-    report->skipped = (long)memory[3];
-    memory += COUNTS;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        report->outside[i] = (long)*memory++;
+    for (int g = 0; report->score != NULL && g < setup->columns.ngroup; ++g) {
+        pm_record_put(record, "error", &report->score[g].error, 1);
+        pm_record_put(record, "norm", &report->score[g].norm, 1);
     }
-    memcpy(report->bulk, memory, nbulk * sizeof *memory);
-    memcpy(report->flux, memory + nbulk, nflux * sizeof *memory);
-    if (report->score != NULL) {
-        memcpy(report->score, memory + nbulk + nflux, score_size(report) * sizeof *memory);
+    if (pm_record_restores(record)) {
+        report->timed_from = report->steps;
+        report->first = report->last = pm_clock();
     }
-    report->first = report->last = pm_clock();
 }
 
 // --- tables ---

@@ -3,6 +3,7 @@
 #define PM_APP_REPORT_H
 
 #include "app/setup.h"
+#include "base/record.h"
 #include "scene/recording.h"
 #include "sim/ledger.h"
 
@@ -17,10 +18,8 @@ void pm_report_add(pm_report *report, const pm_sample *sample);
 
 long pm_report_steps(const pm_report *report); // taken in, besides the initial state
 
-// What it must remember to go on after a sample: how many numbers, and these.
-int pm_report_checkpoint_size(const pm_report *report);
-void pm_report_save(const pm_report *report, double *memory);
-void pm_report_restore(pm_report *report, const double *memory);
+// Puts all that the report needs to go on after a sample.
+void pm_report_record(pm_report *report, pm_record *record);
 
 // Prints the tables to standard output. `how` names the transport; `seconds` is the wall time from
 // the program's start.

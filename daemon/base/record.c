@@ -1,9 +1,6 @@
 // A record is a cursor over an array of numbers.
 #include "base/record.h"
 
-#include <stddef.h>
-#include <string.h>
-
 #include "base/digest.h"
 
 pm_record pm_record_count(const char *kind) {
@@ -23,15 +20,17 @@ pm_record pm_record_restore(const char *kind, const double *number) {
 }
 
 void pm_record_put(pm_record *record, const char *name, double *value, int count) {
-    const size_t size = (size_t)count * sizeof *value;
     record->layout = pm_digest_integer(pm_digest_text(record->layout, name), count);
     record->count += count;
-    if (record->to != NULL && count > 0) {
-        memcpy(record->to, value, size);
-        record->to += count;
+    if (record->to != NULL) {
+        for (int i = 0; i < count; ++i) {
+            *record->to++ = value == NULL ? 0 : value[i];
+        }
     }
-    if (record->from != NULL && count > 0) {
-        memcpy(value, record->from, size);
+    if (record->from != NULL) {
+        for (int i = 0; i < count && value != NULL; ++i) {
+            value[i] = record->from[i];
+        }
         record->from += count;
     }
 }

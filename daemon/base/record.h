@@ -10,6 +10,7 @@
 #define PM_BASE_RECORD_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 typedef struct pm_record {
@@ -26,7 +27,13 @@ pm_record pm_record_count(const char *kind);
 pm_record pm_record_save(const char *kind, double *number);
 pm_record pm_record_restore(const char *kind, const double *number);
 
-// Puts value [count] under a name: counts, saves or restores it. Cannot fail and allocates nothing.
+// Whether the record restores: its numbers then have their new values after they are put.
+static inline bool pm_record_restores(const pm_record *record) {
+    return record->from != NULL;
+}
+
+// Puts value [count] under a name: counts, saves or restores it. A NULL value counts as zeros and
+// is not restored. Cannot fail and allocates nothing.
 void pm_record_put(pm_record *record, const char *name, double *value, int count);
 // Puts one whole number; exact up to 2^53 in magnitude.
 void pm_record_put_long(pm_record *record, const char *name, long *value);

@@ -11,12 +11,24 @@ int64_t pm_checkpoint_ring_interval(const pm_scene *scene) {
     return scene->checkpoint > least ? scene->checkpoint : least;
 }
 
+// Lists the numbers of a checkpoint, the step first.
+static void list(pm_record *record, long *step, pm_process_subsystems *group) {
+    pm_record_put_long(record, "step", step);
+    pm_process_subsystems_record(group, record);
+}
+
+// Saves the group's state after `step` steps to a checkpoint [size].
+static void save_state(double *checkpoint, long step, pm_process_subsystems *group) {
+    pm_record record = pm_record_save("node", checkpoint);
+    list(&record, &step, group);
+}
+
 static double *newer(const pm_checkpoint_ring *h) {
     return h->memory + h->size;
 }
 
 pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *history, pm_arena *arena, const char *path,
-                                  const pm_system *system, const pm_process_subsystems *group) {
+                                  const pm_system *system, pm_process_subsystems *group) {
     pm_checkpoint_ring *h = history;
     h->path = path;
     if (path == NULL) {
@@ -24,19 +36,22 @@ pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *history, pm_arena *arena, 
     }
     h->digest = system->digest;
     h->interval = pm_checkpoint_ring_interval(system->scene);
-    h->size = 1 + pm_process_subsystems_checkpoint_size(group);
+    long start = 0;
+    pm_record record = pm_record_count("node");
+    list(&record, &start, group);
+    h->layout = record.layout;
+    h->size = record.count;
     h->memory = pm_arena_array(arena, 2 * (size_t)h->size, sizeof *h->memory);
     if (h->memory == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", path);
     }
     h->memory[0] = -1;
-    newer(h)[0] = 0;
-    pm_process_subsystems_save(group, newer(h) + 1);
+    save_state(newer(h), start, group);
     return PM_OK;
 }
 
 static pm_snapshot_key key_of(const pm_checkpoint_ring *h) {
-    return (pm_snapshot_key){.digest = h->digest, .count = 2 * h->size};
+    return (pm_snapshot_key){.digest = h->digest, .layout = h->layout, .count = 2 * h->size};
 }
 
 static pm_status save(const pm_checkpoint_ring *h, int64_t session) {
@@ -74,14 +89,13 @@ pm_status pm_checkpoint_ring_begin(pm_checkpoint_ring *history, int64_t session)
 }
 
 pm_status pm_checkpoint_ring_note(pm_checkpoint_ring *history, int64_t session, int64_t step,
-                                  const pm_process_subsystems *group) {
+                                  pm_process_subsystems *group) {
     const pm_checkpoint_ring *h = history;
     if (h->path == NULL || step % h->interval != 0 || step == 0) {
         return PM_OK;
     }
     memcpy(h->memory, newer(h), (size_t)h->size * sizeof *h->memory);
-    newer(h)[0] = (double)step;
-    pm_process_subsystems_save(group, newer(h) + 1);
+    save_state(newer(h), (long)step, group);
     return save(h, session);
 }
 
@@ -98,6 +112,8 @@ int64_t pm_checkpoint_ring_go_back(pm_checkpoint_ring *history, int64_t step,
         memcpy(newer(h), h->memory, (size_t)h->size * sizeof *h->memory);
         h->memory[0] = -1;
     }
-    pm_process_subsystems_restore(group, newer(h) + 1);
-    return (int64_t)newer(h)[0];
+    long found = 0;
+    pm_record record = pm_record_restore("node", newer(h));
+    list(&record, &found, group);
+    return found;
 }

@@ -13,7 +13,8 @@ typedef struct pm_checkpoint_ring {
     const char *path; // NULL: nothing is kept
     uint64_t digest;
     int64_t interval; // steps
-    int size;         // numbers of a checkpoint: its step, then the group's
+    uint64_t layout;  // of the numbers of a checkpoint (base/record.h)
+    int size;         // number of these: the step, then the group's
     double *memory;   // [2][size], the older first; step -1: none
 } pm_checkpoint_ring;
 
@@ -22,7 +23,7 @@ int64_t pm_checkpoint_ring_interval(const pm_scene *scene);
 
 // Begins with the group's present state, as of step 0; memory from the arena. PM_ENOMEM.
 pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *history, pm_arena *arena, const char *path,
-                                  const pm_system *system, const pm_process_subsystems *group);
+                                  const pm_system *system, pm_process_subsystems *group);
 
 // Whether the file is one of this session. PM_EFILE.
 pm_status pm_checkpoint_ring_knows(const pm_checkpoint_ring *history, int64_t session, bool *known);
@@ -33,7 +34,7 @@ pm_status pm_checkpoint_ring_begin(pm_checkpoint_ring *history, int64_t session)
 
 // `step` steps are complete: keeps the group's state if it is time to. PM_EFILE.
 pm_status pm_checkpoint_ring_note(pm_checkpoint_ring *history, int64_t session, int64_t step,
-                                  const pm_process_subsystems *group);
+                                  pm_process_subsystems *group);
 
 // Brings the group back to the newest checkpoint of at most `step` steps, and forgets later ones.
 // Returns its step; -1: there is none, and the group is as it was.

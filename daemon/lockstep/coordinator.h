@@ -4,11 +4,12 @@
 #define PM_LOCKSTEP_COORDINATOR_H
 
 #include "lockstep/endpoint.h"
+#include "lockstep/gate.h"
 #include "lockstep/lockstep_coordinator.h"
 #include "lockstep/remote_process.h"
 #include "lockstep/report_window.h"
-#include "lockstep/gate.h"
 #include "sim/step_controller.h"
+#include "store/snapshot.h"
 
 typedef enum pm_coordinator_phase {
     PM_COORDINATOR_RUNNING,
@@ -47,8 +48,8 @@ struct pm_lockstep_coordinator {
     pm_step_controller pace;
     const char *checkpoint; // NULL: none
     int64_t interval;       // steps between two
-    int nmemory;
-    double *memory; // [nmemory] steps completed, then the ledger's, then the observer's
+    pm_snapshot_key checkpoint_key;
+    double *memory; // [checkpoint_key.count] steps completed, then the ledger's and the observer's
     char ledger_channel[PM_CHANNEL_SIZE];
     double ledger_at; // s, when the next one may be published
 };

@@ -3,16 +3,39 @@
 #include "lockstep/coordinator.h"
 #include "store/snapshot.h"
 
+// Lists the numbers of the checkpoint, the steps completed first.
+static void list(pm_lockstep_coordinator *c, pm_record *record, long *completed) {
+    pm_record_put_long(record, "completed", completed);
+    pm_ledger_record(&c->ledger, record);
+    if (c->observer.record != NULL) {
+        c->observer.record(c->observer.context, record);
+    }
+}
+
 static pm_status save(const pm_lockstep_coordinator *c) {
-    const pm_snapshot_key key = {.digest = c->endpoint.system->digest, .count = c->nmemory};
-    return pm_snapshot_save(c->checkpoint, &key, c->endpoint.session, c->memory);
+    return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session, c->memory);
+}
+
+// Allocates the numbers of the checkpoint, which say that no step is complete.
+static pm_status allocate(pm_lockstep_coordinator *c) {
+    long completed = -1;
+    pm_record record = pm_record_count("coordinator");
+    list(c, &record, &completed);
+    c->checkpoint_key = (pm_snapshot_key){c->endpoint.system->digest, record.layout, record.count};
+    c->memory = pm_arena_array(&c->arena, (size_t)record.count, sizeof *c->memory);
+    if (c->memory == NULL) {
+        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
+    }
+    c->memory[0] = (double)completed;
+    return PM_OK;
 }
 
 pm_status pm_coordinator_remember(pm_lockstep_coordinator *c) {
-    c->memory[0] = (double)c->completed;
-    pm_ledger_save(&c->ledger, c->memory + 1);
-    if (c->observer.nmemory > 0) {
-        PM_TRY(c->observer.save(c->observer.context, c->memory + 1 + PM_LEDGER_MEMORY));
+    long completed = (long)c->completed;
+    pm_record record = pm_record_save("coordinator", c->memory);
+    list(c, &record, &completed);
+    if (c->observer.flush != NULL) {
+        PM_TRY(c->observer.flush(c->observer.context));
     }
     return save(c);
 }
@@ -24,18 +47,13 @@ pm_status pm_coordinator_recall(pm_lockstep_coordinator *c, int64_t wanted) {
     if (c->checkpoint == NULL) {
         return PM_OK;
     }
-    c->nmemory = 1 + PM_LEDGER_MEMORY + c->observer.nmemory;
-    c->memory = pm_arena_array(&c->arena, (size_t)c->nmemory, sizeof *c->memory);
-    if (c->memory == NULL) {
-        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
-    }
-    c->memory[0] = -1;
+    PM_TRY(allocate(c));
     PM_TRY(pm_snapshot_session(c->checkpoint, c->endpoint.system->digest, &session, &found));
     if (!found || (wanted > 0 && wanted != session)) {
         return save(c);
     }
-    const pm_snapshot_key key = {.digest = c->endpoint.system->digest, .count = c->nmemory};
-    PM_TRY(pm_snapshot_load(c->checkpoint, &key, &c->endpoint.session, c->memory, &found));
+    PM_TRY(pm_snapshot_load(c->checkpoint, &c->checkpoint_key, &c->endpoint.session, c->memory,
+                            &found));
     if (c->memory[0] < -1 || c->memory[0] > (double)c->endpoint.steps) {
         return pm_fail(PM_EFILE, "%s: a snapshot of step %g, the run has %lld", c->checkpoint,
                        c->memory[0], (long long)c->endpoint.steps);
@@ -44,10 +62,10 @@ pm_status pm_coordinator_recall(pm_lockstep_coordinator *c, int64_t wanted) {
     if (c->completed < 0) {
         return PM_OK;
     }
-    pm_ledger_restore(&c->ledger, c->memory + 1);
+    long completed = 0;
+    pm_record record = pm_record_restore("coordinator", c->memory);
+    list(c, &record, &completed);
     c->granted = pm_coordinator_limit(c, c->completed);
     c->tick_wanted = true;
-    return c->observer.nmemory == 0 ? PM_OK
-                                    : c->observer.restore(c->observer.context, (long)c->completed,
-                                                          c->memory + 1 + PM_LEDGER_MEMORY);
+    return c->observer.resume == NULL ? PM_OK : c->observer.resume(c->observer.context, completed);
 }

@@ -21,6 +21,7 @@
 
 #include <stdbool.h>
 
+#include "base/record.h"
 #include "sim/ledger.h"
 #include "transport/drops.h"
 #include "transport/transport.h"
@@ -38,11 +39,14 @@ typedef struct pm_lockstep_observer {
     // The run is held by the gate after `step`, and every process waits. Called once for each hold.
     // May be NULL.
     void (*hold)(void *context, long step);
-    // For checkpoints: memory [nmemory] is what it must remember after the last step it was called
-    // for; restoring makes it go on after `step`. Not called if nmemory is 0.
-    int nmemory;
-    pm_status (*save)(void *context, double *memory);
-    pm_status (*restore)(void *context, long step, const double *memory);
+    // Puts the numbers that the observer needs to go on after the last step that it was called for.
+    // May be NULL.
+    void (*record)(void *context, pm_record *record);
+    // Makes sure that what the observer has written will survive the process, before a checkpoint
+    // is written. May be NULL.
+    pm_status (*flush)(void *context);
+    // Makes the observer go on after `step`, when its numbers have been restored. May be NULL.
+    pm_status (*resume)(void *context, long step);
 } pm_lockstep_observer;
 
 typedef struct pm_lockstep_coordinator_options {

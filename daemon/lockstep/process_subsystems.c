@@ -247,24 +247,8 @@ int pm_process_subsystems_rounds(const pm_process_subsystems *group) {
 
 // --- memory ---
 
-int pm_process_subsystems_checkpoint_size(const pm_process_subsystems *group) {
-    int count = 0;
+void pm_process_subsystems_record(pm_process_subsystems *group, pm_record *record) {
     for (int i = 0; i < group->count; ++i) {
-        count += pm_subsystem_checkpoint_size(group->part[i].subsystem);
-    }
-    return count;
-}
-
-void pm_process_subsystems_save(const pm_process_subsystems *group, double *memory) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_save(group->part[i].subsystem, memory);
-        memory += pm_subsystem_checkpoint_size(group->part[i].subsystem);
-    }
-}
-
-void pm_process_subsystems_restore(pm_process_subsystems *group, const double *memory) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_restore(group->part[i].subsystem, memory);
-        memory += pm_subsystem_checkpoint_size(group->part[i].subsystem);
+        pm_subsystem_record(group->part[i].subsystem, record);
     }
 }

@@ -61,9 +61,7 @@ int pm_process_subsystems_rounds(const pm_process_subsystems *group);
 void pm_process_subsystems_advance(pm_process_subsystems *group);
 pm_status pm_process_subsystems_end_step(pm_process_subsystems *group);
 
-// As pm_subsystem_checkpoint_size and its companions, for all of them.
-int pm_process_subsystems_checkpoint_size(const pm_process_subsystems *group);
-void pm_process_subsystems_save(const pm_process_subsystems *group, double *memory);
-void pm_process_subsystems_restore(pm_process_subsystems *group, const double *memory);
+// Puts all that the subsystems need to go on from the end of a step with the same bits.
+void pm_process_subsystems_record(pm_process_subsystems *group, pm_record *record);
 
 #endif

@@ -190,48 +190,30 @@ static const char *name_at(const pm_scene *scene, double place) {
     return i < scene->nport ? scene->port[i].name : scene->subsystem[i - scene->nport].name;
 }
 
-void pm_ledger_save(const pm_ledger *ledger, double *memory) {
-    const pm_scene *scene = ledger->system->scene;
-    const double number[PM_LEDGER_MEMORY] = {
-        (double)ledger->steps,
-        ledger->first_energy,
-        ledger->energy,
-        ledger->first_entropy,
-        ledger->entropy,
-        ledger->energy_drift,
-        ledger->outside_energy,
-        ledger->outside_entropy,
-        ledger->worst_energy,
-        ledger->worst_entropy,
-        (double)ledger->worst_energy_step,
-        (double)ledger->worst_entropy_step,
-        place_of(scene, ledger->worst_energy_at),
-        place_of(scene, ledger->worst_entropy_at),
-        ledger->worst_entropy_fall,
-        (double)ledger->violations,
-    };
-    memcpy(memory, number, sizeof number);
+// Puts the name of a port or subsystem as its number.
+static void put_name(pm_record *record, const char *what, const pm_scene *scene,
+                     const char **name) {
+    double place = place_of(scene, *name);
+    pm_record_put(record, what, &place, 1);
+    *name = name_at(scene, place);
 }
 
-void pm_ledger_restore(pm_ledger *ledger, const double *memory) {
-    const pm_scene *scene = ledger->system->scene;
-    *ledger = (pm_ledger){
-        .system = ledger->system,
-        .steps = (long)memory[0],
-        .first_energy = memory[1],
-        .energy = memory[2],
-        .first_entropy = memory[3],
-        .entropy = memory[4],
-        .energy_drift = memory[5],
-        .outside_energy = memory[6],
-        .outside_entropy = memory[7],
-        .worst_energy = memory[8],
-        .worst_entropy = memory[9],
-        .worst_energy_step = (long)memory[10],
-        .worst_entropy_step = (long)memory[11],
-        .worst_energy_at = name_at(scene, memory[12]),
-        .worst_entropy_at = name_at(scene, memory[13]),
-        .worst_entropy_fall = memory[14],
-        .violations = (long)memory[15],
-    };
+void pm_ledger_record(pm_ledger *l, pm_record *record) {
+    const pm_scene *scene = l->system->scene;
+    pm_record_put_long(record, "steps", &l->steps);
+    pm_record_put(record, "first energy", &l->first_energy, 1);
+    pm_record_put(record, "energy", &l->energy, 1);
+    pm_record_put(record, "first entropy", &l->first_entropy, 1);
+    pm_record_put(record, "entropy", &l->entropy, 1);
+    pm_record_put(record, "energy drift", &l->energy_drift, 1);
+    pm_record_put(record, "outside energy", &l->outside_energy, 1);
+    pm_record_put(record, "outside entropy", &l->outside_entropy, 1);
+    pm_record_put(record, "worst energy", &l->worst_energy, 1);
+    pm_record_put(record, "worst entropy", &l->worst_entropy, 1);
+    pm_record_put_long(record, "worst energy step", &l->worst_energy_step);
+    pm_record_put_long(record, "worst entropy step", &l->worst_entropy_step);
+    put_name(record, "worst energy at", scene, &l->worst_energy_at);
+    put_name(record, "worst entropy at", scene, &l->worst_entropy_at);
+    pm_record_put(record, "worst entropy fall", &l->worst_entropy_fall, 1);
+    pm_record_put_long(record, "violations", &l->violations);
 }

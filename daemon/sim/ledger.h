@@ -14,6 +14,7 @@
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 
+#include "base/record.h"
 #include "scene/recording.h"
 #include "scene/system.h"
 
@@ -39,9 +40,7 @@ void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 // drifted further than the scene's guard allows.
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 
-// Saves and restores the ledger as PM_LEDGER_MEMORY numbers, so that a run goes on after a step.
-#define PM_LEDGER_MEMORY 16
-void pm_ledger_save(const pm_ledger *ledger, double *memory);
-void pm_ledger_restore(pm_ledger *ledger, const double *memory);
+// Puts all that the ledger needs to go on after a step.
+void pm_ledger_record(pm_ledger *ledger, pm_record *record);
 
 #endif

@@ -158,28 +158,12 @@ bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z) {
 
 // --- checkpoint ---
 
-#define INPUTS 3 // z, dE, dS
-
-int pm_local_dynamics_checkpoint_size(const pm_local_dynamics *t) {
-    return 1 + INPUTS * t->nz;
-}
-
-void pm_local_dynamics_save(const pm_local_dynamics *t, double *checkpoint) {
-    const double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
-    *checkpoint++ = t->bulk_known;
-    for (int i = 0; i < INPUTS * t->nz; ++i) {
-        const double *from = input[i / t->nz];
-        checkpoint[i] = from == NULL ? 0 : from[i % t->nz];
-    }
-}
-
-void pm_local_dynamics_restore(pm_local_dynamics *t, const double *checkpoint) {
-    double *const input[INPUTS] = {t->bulk_z, t->bulk_dE, t->bulk_dS};
-    t->bulk_known = *checkpoint++ != 0;
-    for (int i = 0; i < INPUTS && t->bulk_known; ++i) {
-        pm_renew(input[i], checkpoint + (ptrdiff_t)i * t->nz, t->nz);
-    }
-    if (t->bulk_known) {
+void pm_local_dynamics_record(pm_local_dynamics *t, pm_record *record) {
+    pm_record_put_bool(record, "bulk known", &t->bulk_known);
+    pm_record_put(record, "bulk z", t->bulk_z, t->nz);
+    pm_record_put(record, "bulk dE", t->bulk_dE, t->nz);
+    pm_record_put(record, "bulk dS", t->bulk_dS, t->nz);
+    if (pm_record_restores(record) && t->bulk_known) {
         pm_program_run(t->bulk, 1);
     }
 }

@@ -1,5 +1,5 @@
-// The terms of a subsystem that do not involve its ports, as two graphs: the exposure evaluates E, S
-// and their derivatives dE, dS at a state, and the bulk term evaluates L dE + M dS (README.md,
+// The terms of a subsystem that do not involve its ports, as two graphs: the exposure evaluates E,
+// S and their derivatives dE, dS at a state, and the bulk term evaluates L dE + M dS (README.md,
 // equation (1)). A graph is not run again while its inputs keep their bits. Nor is the exposure run
 // where a box around an earlier state shows that nothing can have changed (contact_broadphase.h).
 //
@@ -8,6 +8,7 @@
 #ifndef PM_SIM_LOCAL_DYNAMICS_H
 #define PM_SIM_LOCAL_DYNAMICS_H
 
+#include "base/record.h"
 #include "graph/program.h"
 #include "scene/integrator.h"
 #include "scene/system.h"
@@ -55,10 +56,8 @@ pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z, 
 // whether the graph was run.
 bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z);
 
-// Saves and restores the inputs of the bulk term as `checkpoint` [_checkpoint_size] numbers, so
-// that the next stage knows what has not changed. Restoring runs the graph.
-int pm_local_dynamics_checkpoint_size(const pm_local_dynamics *t);
-void pm_local_dynamics_save(const pm_local_dynamics *t, double *checkpoint);
-void pm_local_dynamics_restore(pm_local_dynamics *t, const double *checkpoint);
+// Puts the inputs of the bulk term, so that after restoring the next stage knows what has not
+// changed. Restoring runs the graph.
+void pm_local_dynamics_record(pm_local_dynamics *t, pm_record *record);
 
 #endif

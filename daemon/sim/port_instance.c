@@ -228,51 +228,20 @@ bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, b
 
 // --- checkpoint ---
 
-#define INPUTS 4 // y, e, eta, response at each end
-
-int pm_port_instance_checkpoint_size(const pm_port_instance *j) {
-    return j->program == NULL ? 0 : 1 + (INPUTS + 1) * j->nboth;
-}
-
-// Lists the inputs of the law [INPUTS * 2 + 1], NULL where it has none, and the length of each.
-static void list_inputs(const pm_port_instance *j, double **input, int *count) {
-    for (int i = 0; i < 2; ++i) {
-        const pm_port_instance_end *end = &j->input[i];
-        double *const of_end[INPUTS] = {end->y, end->e, end->eta, end->response};
-        for (int k = 0; k < INPUTS; ++k) {
-            *input++ = of_end[k];
-            *count++ = end->ny;
-        }
-    }
-    *input = j->last;
-    *count = j->nboth;
-}
-
-void pm_port_instance_save(const pm_port_instance *j, double *checkpoint) {
-    double *input[2 * INPUTS + 1];
-    int count[2 * INPUTS + 1];
+void pm_port_instance_record(pm_port_instance *j, pm_record *record) {
     if (j->program == NULL) {
         return;
     }
-    list_inputs(j, input, count);
-    *checkpoint++ = j->known;
-    for (int i = 0; i < 2 * INPUTS + 1; checkpoint += count[i++]) {
-        for (int k = 0; k < count[i]; ++k) {
-            checkpoint[k] = value_at(input[i], k);
-        }
+    pm_record_put_bool(record, "known", &j->known);
+    for (int i = 0; i < 2; ++i) {
+        const pm_port_instance_end *end = &j->input[i];
+        pm_record_put(record, "y", end->y, end->ny);
+        pm_record_put(record, "e", end->e, end->ny);
+        pm_record_put(record, "eta", end->eta, end->ny);
+        pm_record_put(record, "response", end->response, end->ny);
     }
-}
-
-void pm_port_instance_restore(pm_port_instance *j, const double *checkpoint) {
-    double *input[2 * INPUTS + 1];
-    int count[2 * INPUTS + 1];
-    j->known = j->program != NULL && *checkpoint++ != 0;
-    if (!j->known) {
-        return;
+    pm_record_put(record, "last", j->last, j->nboth);
+    if (pm_record_restores(record) && j->known) {
+        pm_program_run(j->program, 1);
     }
-    list_inputs(j, input, count);
-    for (int i = 0; i < 2 * INPUTS + 1; checkpoint += count[i++]) {
-        pm_renew(input[i], checkpoint, count[i]);
-    }
-    pm_program_run(j->program, 1);
 }

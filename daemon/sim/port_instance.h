@@ -8,6 +8,7 @@
 #ifndef PM_SIM_PORT_INSTANCE_H
 #define PM_SIM_PORT_INSTANCE_H
 
+#include "base/record.h"
 #include "graph/program.h"
 #include "scene/boundary_input.h"
 #include "scene/integrator.h"
@@ -84,10 +85,8 @@ const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const doub
 bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, bool first,
                              double weight, double *k);
 
-// Saves and restores the law's inputs as `checkpoint` [_checkpoint_size] numbers, so that the next
-// stage knows what has not changed. Restoring runs the graph.
-int pm_port_instance_checkpoint_size(const pm_port_instance *j);
-void pm_port_instance_save(const pm_port_instance *j, double *checkpoint);
-void pm_port_instance_restore(pm_port_instance *j, const double *checkpoint);
+// Puts the inputs of the law, so that after restoring the next stage knows what has not changed.
+// Restoring runs the graph.
+void pm_port_instance_record(pm_port_instance *j, pm_record *record);
 
 #endif

@@ -17,6 +17,7 @@
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 
+#include "base/record.h"
 #include "sim/port_instance.h"
 
 typedef struct pm_subsystem pm_subsystem;
@@ -88,10 +89,8 @@ pm_books pm_subsystem_books(const pm_subsystem *s);
 // Copies the state, the books and the fluxes into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 
-// Saves and restores all that the subsystem needs to go on from the end of a step with the same
-// bits, as `checkpoint` [pm_subsystem_checkpoint_size] numbers. Restoring is allowed at any time.
-int pm_subsystem_checkpoint_size(const pm_subsystem *s);
-void pm_subsystem_save(const pm_subsystem *s, double *checkpoint);
-void pm_subsystem_restore(pm_subsystem *s, const double *checkpoint);
+// Puts all that the subsystem needs to go on from the end of a step with the same bits. Restoring
+// is allowed at any time.
+void pm_subsystem_record(pm_subsystem *s, pm_record *record);
 
 #endif

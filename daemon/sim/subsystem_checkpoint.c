@@ -1,73 +1,48 @@
-// What one subsystem needs to go on from the end of a step with the same bits, as a row of numbers:
-// the step and the counts; the booked fluxes; the projection; the last inputs of the bulk term and
-// of the port laws, from which the first step knows what has not changed; and the state.
+// What one subsystem needs to go on from the end of a step with the same bits: the state; the step
+// and the counts; the booked fluxes; the projection; and the last inputs of the bulk term and of
+// the port laws, from which the first step knows what has not changed.
 #include "sim/subsystem_parts.h"
 
-#define COUNTS 4     // steps; graphs evaluated and skipped; steps outside the training range
-#define FLUX 4       // numbers of a pm_flux
-#define PROJECTION 4 // numbers of a pm_invariant_projection
-
-int pm_subsystem_checkpoint_size(const pm_subsystem *s) {
-    int count = COUNTS + FLUX * (1 + s->books.nflux) + PROJECTION +
-                pm_local_dynamics_checkpoint_size(&s->dynamics) + s->nz;
-    for (int i = 0; i < s->nport; ++i) {
-        count += pm_port_instance_checkpoint_size(&s->port[i]);
-    }
-    return count;
+static void put_flux(pm_record *record, const char *name, pm_flux *flux) {
+    pm_record_put(record, name, &flux->energy, 1);
+    pm_record_put(record, name, &flux->entropy, 1);
+    pm_record_put(record, name, &flux->energy_gross, 1);
+    pm_record_put(record, name, &flux->entropy_gross, 1);
 }
 
-static double *put_flux(const pm_flux *flux, double *checkpoint) {
-    const double number[FLUX] = {flux->energy, flux->entropy, flux->energy_gross,
-                                 flux->entropy_gross};
-    memcpy(checkpoint, number, sizeof number);
-    return checkpoint + FLUX;
-}
-
-static const double *get_flux(pm_flux *flux, const double *checkpoint) {
-    *flux = (pm_flux){checkpoint[0], checkpoint[1], checkpoint[2], checkpoint[3]};
-    return checkpoint + FLUX;
-}
-
-void pm_subsystem_save(const pm_subsystem *s, double *checkpoint) {
-    *checkpoint++ = (double)s->step;
-    *checkpoint++ = (double)s->books.evaluated;
-    *checkpoint++ = (double)s->books.skipped;
-    *checkpoint++ = (double)s->books.outside;
-    checkpoint = put_flux(&s->books.bulk, checkpoint);
+static void put_books(pm_record *record, pm_subsystem *s) {
+    pm_record_put_long(record, "evaluated", &s->books.evaluated);
+    pm_record_put_long(record, "skipped", &s->books.skipped);
+    pm_record_put_long(record, "outside", &s->books.outside);
+    put_flux(record, "bulk", &s->books.bulk);
     for (int i = 0; i < s->books.nflux; ++i) {
-        checkpoint = put_flux(&s->flux[i], checkpoint);
+        put_flux(record, "flux", &s->flux[i]);
     }
-    *checkpoint++ = s->projection.energy;
-    *checkpoint++ = s->projection.energy_gross;
-    *checkpoint++ = s->projection.entropy;
-    *checkpoint++ = s->projection.entropy_gross;
-    pm_local_dynamics_save(&s->dynamics, checkpoint);
-    checkpoint += pm_local_dynamics_checkpoint_size(&s->dynamics);
-    for (int i = 0; i < s->nport; ++i) {
-        pm_port_instance_save(&s->port[i], checkpoint);
-        checkpoint += pm_port_instance_checkpoint_size(&s->port[i]);
-    }
-    pm_subsystem_copy(checkpoint, s->z, s->nz);
 }
 
-void pm_subsystem_restore(pm_subsystem *s, const double *checkpoint) {
-    const double *count = checkpoint;
-    pm_subsystem_set_state(s, checkpoint + pm_subsystem_checkpoint_size(s) - s->nz);
-    s->step = (long)count[0];
-    s->booking.evaluated = s->books.evaluated = (long)count[1];
-    s->booking.skipped = s->books.skipped = (long)count[2];
-    s->booking.outside = s->books.outside = (long)count[3];
-    checkpoint = get_flux(&s->books.bulk, checkpoint + COUNTS);
-    for (int i = 0; i < s->books.nflux; ++i) {
-        checkpoint = get_flux(&s->flux[i], checkpoint);
+static void put_projection(pm_record *record, pm_invariant_projection *projection) {
+    pm_record_put(record, "projected energy", &projection->energy, 1);
+    pm_record_put(record, "projected energy, gross", &projection->energy_gross, 1);
+    pm_record_put(record, "projected entropy", &projection->entropy, 1);
+    pm_record_put(record, "projected entropy, gross", &projection->entropy_gross, 1);
+}
+
+void pm_subsystem_record(pm_subsystem *s, pm_record *record) {
+    pm_record_put(record, "z", s->z, s->nz);
+    if (pm_record_restores(record)) {
+        pm_subsystem_set_state(s, s->z); // starts anew; the numbers below replace what it counts
     }
-    s->projection = s->safe_projection =
-        (pm_invariant_projection){checkpoint[0], checkpoint[1], checkpoint[2], checkpoint[3]};
-    checkpoint += PROJECTION;
-    pm_local_dynamics_restore(&s->dynamics, checkpoint);
-    checkpoint += pm_local_dynamics_checkpoint_size(&s->dynamics);
+    pm_record_put_long(record, "step", &s->step);
+    put_books(record, s);
+    put_projection(record, &s->projection);
+    pm_local_dynamics_record(&s->dynamics, record);
     for (int i = 0; i < s->nport; ++i) {
-        pm_port_instance_restore(&s->port[i], checkpoint);
-        checkpoint += pm_port_instance_checkpoint_size(&s->port[i]);
+        pm_port_instance_record(&s->port[i], record);
+    }
+    if (pm_record_restores(record)) {
+        s->booking.evaluated = s->books.evaluated;
+        s->booking.skipped = s->books.skipped;
+        s->booking.outside = s->books.outside;
+        s->safe_projection = s->projection;
     }
 }

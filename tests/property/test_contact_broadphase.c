@@ -421,10 +421,13 @@ static void returns_count_alike(void **state) {
             }
             for (int i = 0; i < 2; ++i) {
                 double memory[MEMORY];
-                assert_in_range(pm_subsystem_checkpoint_size(s[0][i]), 1, MEMORY);
-                pm_subsystem_save(s[0][i], memory);
+                pm_record counted = pm_record_count("test"), saved = pm_record_save("test", memory);
+                pm_record restored = pm_record_restore("test", memory);
+                pm_subsystem_record(s[0][i], &counted);
+                assert_in_range(counted.count, 1, MEMORY);
+                pm_subsystem_record(s[0][i], &saved);
                 require(pm_subsystem_open(&s[1][i], r.system, i));
-                pm_subsystem_restore(s[1][i], memory);
+                pm_subsystem_record(s[1][i], &restored);
             }
             for (int who = 0; who < 2; ++who) {
                 for (int round = 0; round < pm_subsystem_rounds(s[who][0]); ++round) {

@@ -190,10 +190,13 @@ static void check_return(const char *integrator, bool still) {
     for (int step = 0; step < STEPS; ++step) {
         for (int i = 0; i < COUNT; ++i) {
             double memory[MEMORY];
-            assert_in_range(pm_subsystem_checkpoint_size(kept[i]), 1, MEMORY);
-            pm_subsystem_save(kept[i], memory);
+            pm_record counted = pm_record_count("test"), saved = pm_record_save("test", memory);
+            pm_record restored = pm_record_restore("test", memory);
+            pm_subsystem_record(kept[i], &counted);
+            assert_in_range(counted.count, 1, MEMORY);
+            pm_subsystem_record(kept[i], &saved);
             assert_int_equal(pm_subsystem_open(&returned[i], w.system, i), PM_OK);
-            pm_subsystem_restore(returned[i], memory);
+            pm_subsystem_record(returned[i], &restored);
         }
         step_all(kept);
         step_all(returned);

@@ -44,17 +44,15 @@ static pm_status compare(void *context, const pm_sample *sample) {
     return PM_OK;
 }
 
-// How far the plain loop had come when the coordinator wrote its checkpoint.
-static pm_status save(void *context, double *memory) {
-    const cluster *c = context;
-    memory[0] = (double)c->steps_seen;
-    return PM_OK;
+// Remembers how far the plain loop had come when the coordinator wrote its checkpoint.
+static void put_steps(void *context, pm_record *record) {
+    cluster *c = context;
+    pm_record_put_long(record, "steps seen", &c->steps_seen);
 }
 
-static pm_status restore(void *context, long step, const double *memory) {
+static pm_status resume(void *context, long step) {
     cluster *c = context;
-    assert_int_equal(step + 1, (long)memory[0]);
-    c->steps_seen = step + 1;
+    assert_int_equal(step + 1, c->steps_seen);
     pm_monolithic_set_state(c->assembly, c->f.z);
     for (long i = 0; i < step; ++i) {
         assert_int_equal(pm_monolithic_step(c->assembly), PM_OK);
@@ -87,7 +85,12 @@ static void add_coordinator(cluster *c) {
         .steps = c->steps,
         .session = c->session,
         .want_state = true,
-        .observer = {c, compare, tell_pause, tell_hold, 1, save, restore},
+        .observer = {.context = c,
+                     .step = compare,
+                     .pause = tell_pause,
+                     .hold = tell_hold,
+                     .record = put_steps,
+                     .resume = resume},
         .gate = c->gate,
         .checkpoint = checkpoint_of(c, c->count),
     };
