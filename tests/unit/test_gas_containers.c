@@ -148,7 +148,7 @@ static void wrong_initial_states(void **state) {
     static const struct {
         const char *initial, *words;
     } cases[] = {
-        {"{position: [0.3, 3.1], momentum: [-1, 1], entropy: [1, 2]}", "both within (0, 3)"},
+        {"{position: [0.3, 3.1], momentum: [-1, 1], entropy: [1, 2]}", "both numbers in (0, 3) m"},
         {"{position: [0.3, 1], momentum: [1, -1], entropy: [1, 2]}", "expected [lowest, highest]"},
         {"{position: [0.3, 1], momentum: 1, entropy: [1, 2]}", "expected 2 numbers"},
         {"{position: [0.3, 1], momentum: [-1, 1]}", "entropy"},

@@ -30,6 +30,16 @@ found=$(includes daemon | grep -E ':(trainer|truth)/')
 [ -z "$found" ] || fail "daemon/ includes the trainer: $found"
 found=$(includes trainer | grep -E ':(transport|lockstep|app)/')
 [ -z "$found" ] || fail "trainer/ includes transport, lockstep or app: $found"
+# The folders of trainer/ but truth, in their order; each may include those before it.
+later="evaluate body modal learn command"
+for folder in $later; do
+    later=${later#"$folder"}
+    later=${later# }
+    found=$(includes "trainer/$folder" | grep -E ":($(echo "$later none" | tr ' ' '|'))/")
+    [ -z "$found" ] || fail "trainer/$folder includes a later folder: $found"
+done
+found=$(includes trainer | grep -vE '^trainer/(command|truth)/' | grep ':truth/')
+[ -z "$found" ] || fail "only trainer/command may include trainer/truth: $found"
 # Reference physics that shares code with the model cannot reveal its mistakes.
 found=$(includes trainer/truth | grep -E ':(graph|model|scene|sim|transport|lockstep|app)/|:store/' |
     grep -vE ':store/(dataset|field|yaml)\.h')

@@ -76,11 +76,11 @@ with_beam ''
 succeed "stored and dissipated differ from the work by" truth "$beam" -o "$folder/beam.h5" --trajectories 0:2
 grep -q ">beam.h5:/hexahedra<" "$folder/beam.xdmf" || fail "no XDMF beside the field"
 with_beam 's/0.49\]/0.7]/'
-expect 3 "in all below 1" truth "$beam" -o "$new"
+expect 3 "with a sum below 1" truth "$beam" -o "$new"
 with_beam 's/4, 1, 1/4, 1.5, 1/'
 expect 3 "elements along x, y, z" truth "$beam" -o "$new"
 with_beam 's/substeps: 2/contact: 1.0/; s/4, 1, 1\]/4, 1, 1]\n  substeps: 2/'
-expect 3 "contact: expected beams beside it" truth "$beam" -o "$new"
+expect 3 'contact: expected `beams` beside it' truth "$beam" -o "$new"
 with_beam 's/hold: .*/hold: [0.8, 0.2]/'
 expect 3 "hold: expected [lowest, highest]" truth "$beam" -o "$new"
 with_beam 's/  patches:/  rows: {force: 1.0, positions: 2, ramp: 1.0}/; /Drawn/,/tilt/!{/:.*\[0\./{/material/!d}}; /force: \[/d; /length/d; /width/d; /tilt: /d'
@@ -111,7 +111,7 @@ expect 5 "there is no trajectory 2, only 2" picture "$lower" --trajectory 2 -o "
 expect 2 '--time "soon": expected a number' picture "$lower" --time soon -o "$folder/new.png"
 expect 2 'expected a whole number' picture "$lower" --trajectory 0.5 -o "$folder/new.png"
 expect 5 "/z" picture configs/reference/double_pendulum.h5 -o "$folder/new.png"
-expect 2 "script takes this name" picture "$lower" -o "$folder/new.gp"
+expect 2 "script of the picture has this name" picture "$lower" -o "$folder/new.gp"
 expect 4 "/nowhere/new.gp" picture "$lower" -o /nowhere/new.png
 with_beams 's/+y, -x, +z/+y, +x, +z/'
 expect 3 "right-handed" truth "$beam" -o "$new"

@@ -213,7 +213,7 @@ pm_status pm_body_assembly_check(const pm_body_assembly *a, const pm_field *cons
             fabs(d->dt - first->dt) > TIME_TOLERANCE * first->dt) {
             return pm_fail(PM_EDATA,
                            "the field of %s has %d trajectories of %d states, %g s apart, that of "
-                           "%s %d of %d, %g s",
+                           "%s has %d of %d, %g s apart",
                            a->body[i].name, d->ntrajectory, d->ntime, d->dt, a->body[0].name,
                            first->ntrajectory, first->ntime, first->dt);
         }

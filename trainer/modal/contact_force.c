@@ -17,7 +17,7 @@ static pm_status find_single_end(const pm_body_assembly *a, const pm_contact_int
             return PM_OK;
         }
     }
-    return pm_fail(PM_EDATA, "neither %s nor %s has forces of contact with the other alone",
+    return pm_fail(PM_EDATA, "neither %s nor %s has contact forces, and those with the other body alone",
                    a->body[m->body[0]].name, a->body[m->body[1]].name);
 }
 
@@ -65,7 +65,7 @@ pm_status pm_contact_force_open(pm_contact_force *force, const pm_body_assembly 
     }
     force->effort = pm_arena_array(arena, PM_CONTACT_GROUPS * (size_t)most, sizeof *force->effort);
     if (force->openings == NULL || force->effort == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for forces of contact");
+        return pm_fail(PM_ENOMEM, "out of memory for contact forces");
     }
     for (int i = 0; i < a->ninterface; ++i) {
         const pm_contact_interface *m = &a->interface[i];

@@ -128,7 +128,7 @@ static pm_status read_mesh(pm_yaml block, pm_arena *arena, pm_beam_system *syste
     }
     for (const char *const *key = several; *key != NULL; ++key) {
         if (pm_yaml_exists(pm_yaml_get(block, *key))) {
-            return pm_yaml_fail(pm_yaml_get(block, *key), "expected beams beside it");
+            return pm_yaml_fail(pm_yaml_get(block, *key), "expected `beams` beside it");
         }
     }
     return pm_beam_mesh_make(&system->mesh, count, size, arena);
@@ -150,7 +150,7 @@ static pm_status read_branches(pm_yaml map, pm_arena *arena, pm_beam_material *m
         material->g[i] = g[i];
         sum += g[i];
         if (!(g[i] >= 0 && sum < 1 && material->tau[i] > 0)) {
-            return pm_yaml_fail(shares, "expected shares >= 0, in all below 1, and tau > 0");
+            return pm_yaml_fail(shares, "expected shares >= 0 with a sum below 1, and tau > 0");
         }
     }
     return PM_OK;
@@ -214,7 +214,7 @@ pm_status pm_beam_config_read(pm_yaml block, pm_arena *arena, pm_beam_system *sy
     PM_TRY(pm_yaml_int(substeps, 1, 1000, &system->substeps));
     if (pm_yaml_exists(rows)) {
         return pm_yaml_exists(pm_yaml_get(block, "patches"))
-                   ? pm_yaml_fail(rows, "expected either rows or patches")
+                   ? pm_yaml_fail(rows, "expected either `rows` or `patches`, found both")
                    : read_rows(rows, system);
     }
     PM_TRY(pm_yaml_require(block, "patches", &patches));

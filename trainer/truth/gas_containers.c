@@ -97,7 +97,7 @@ static pm_status read_initial(pm_yaml block, pm_arena *arena, gas_containers *ga
     return gas->position[0] > 0 && gas->position[1] < end
                ? PM_OK
                : pm_yaml_fail(pm_yaml_get(initial, "position"),
-                              "expected both within (0, %g), where the wall can be", end);
+                              "expected both numbers in (0, %g) m, where the wall can be", end);
 }
 
 static pm_status read_system(pm_yaml block, pm_arena *arena, gas_containers *gas) {
