@@ -1,0 +1,162 @@
+// Command lines: what options and positional arguments mean, and how mistakes are described.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+// cmocka needs the above.
+#include <cmocka.h>
+
+#include "base/options.h"
+
+typedef struct given {
+    const char *output, *data, *positional[3];
+    bool quiet, helped;
+} given;
+
+// Reads up to 7 words before a NULL as the command "save" with positional arguments "SCENE NAME".
+static pm_status read_words(given *g, const char *const *word, int least, int most) {
+    union {
+        const char *word[9];
+        char *argv[9]; // options are read only, though argv is not const
+    } line = {.word = {"save"}};
+    int argc = 1;
+    *g = (given){0};
+    for (; word[argc - 1] != NULL; ++argc) {
+        line.word[argc] = word[argc - 1];
+    }
+    const pm_option table[] = {
+        {"--output", "-o", "FILE", NULL, &g->output, true, "write FILE"},
+        {"--data", NULL, "FILE", NULL, &g->data, false, "read FILE"},
+        {"--quiet", "-q", NULL, &g->quiet, NULL, false, "print errors only"},
+    };
+    const pm_options options = {
+        .usage = "test save SCENE NAME -o FILE",
+        .summary = "Saves.",
+        .positional_name = "SCENE NAME",
+        .positional = g->positional,
+        .least = least,
+        .most = most,
+        .count = sizeof table / sizeof table[0],
+        .option = table,
+    };
+    return pm_options_read(&options, argc, line.argv, &g->helped);
+}
+
+#define WORDS(...) ((const char *const[]){__VA_ARGS__, NULL})
+
+static void options_stand_anywhere(void **state) {
+    (void)state;
+    const char *const *const lines[] = {
+        WORDS("a", "b", "--output", "x", "-q"),
+        WORDS("-q", "--output=x", "a", "b"),
+        WORDS("a", "-o", "x", "b", "--quiet"),
+        WORDS("-o", "x", "-q", "--", "a", "b"),
+    };
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; ++i) {
+        given g;
+        assert_int_equal(read_words(&g, lines[i], 0, 0), PM_OK);
+        assert_string_equal(g.output, "x");
+        assert_string_equal(g.positional[0], "a");
+        assert_string_equal(g.positional[1], "b");
+        assert_true(g.quiet && g.data == NULL && !g.helped);
+    }
+    given g;
+    assert_int_equal(read_words(&g, WORDS("-o", "x", "--", "-a", "--data"), 0, 0), PM_OK);
+    assert_string_equal(g.positional[1], "--data");
+    assert_int_equal(read_words(&g, WORDS("-o", "-x", "a", "b", "--data="), 0, 0), PM_OK);
+    assert_true(strcmp(g.output, "-x") == 0 && strcmp(g.data, "") == 0);
+}
+
+static void mistakes_are_named(void **state) {
+    (void)state;
+    const struct {
+        const char *const *word;
+        int least, most;
+        const char *error;
+    } cases[] = {
+        {WORDS("-o", "x", "a"), 0, 0,
+         "save: expected SCENE NAME, found 1 argument (NAME is missing)"},
+        {WORDS("-o", "x"), 1, 3, "found 0 arguments (SCENE is missing)"},
+        {WORDS("-o", "x", "a", "b", "c"), 0, 0, "found 3 arguments (unexpected \"c\")"},
+        {WORDS("a", "b"), 0, 0, "--output FILE is missing"},
+        {WORDS("a", "b", "-o"), 0, 0, "-o needs a value (FILE)"},
+        {WORDS("a", "b", "--quiet=yes"), 0, 0, "--quiet takes no value"},
+        {WORDS("a", "b", "--out", "x"), 0, 0, "unknown option \"--out\""},
+        {WORDS("a", "b", "-x"), 0, 0, "unknown option \"-x\""},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
+        given g;
+        assert_int_equal(read_words(&g, cases[i].word, cases[i].least, cases[i].most), PM_EUSAGE);
+        if (strstr(pm_error(), cases[i].error) == NULL) {
+            fail_msg("found \"%s\", expected \"%s\"", pm_error(), cases[i].error);
+        }
+    }
+    given g;
+    assert_int_equal(read_words(&g, WORDS("-o", "x", "a", "b", "c"), 1, 3), PM_OK);
+    assert_string_equal(g.positional[2], "c");
+    assert_int_equal(read_words(&g, WORDS("-o", "x", "a"), 1, 3), PM_OK);
+}
+
+static void help_needs_nothing_else(void **state) {
+    (void)state;
+    given g;
+    assert_int_equal(read_words(&g, WORDS("--wrong", "--help"), 0, 0), PM_OK);
+    assert_true(g.helped);
+}
+
+static void ranges_count_from_zero(void **state) {
+    (void)state;
+    static const struct {
+        const char *text;
+        int first, end; // end 0: refused
+    } cases[] = {
+        {NULL, 0, 8}, {":", 0, 8},   {"3", 3, 4},   {"2:5", 2, 5},  {"6:", 6, 8}, {":2", 0, 2},
+        {"8", 0, 0},  {"5:2", 0, 0}, {"0:9", 0, 0}, {"-1:2", 0, 0}, {"", 0, 0},   {"1:2x", 0, 0},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
+        int first = 0, end = 0;
+        const pm_status status = pm_options_range(cases[i].text, 8, &first, &end);
+        assert_int_equal(status, cases[i].end == 0 ? PM_EUSAGE : PM_OK);
+        assert_true(first == cases[i].first && end == cases[i].end);
+    }
+    int which[8], count = 0;
+    assert_int_equal(pm_options_list("6:,0,2:4", 8, which, &count), PM_OK);
+    assert_int_equal(count, 5);
+    assert_memory_equal(which, ((int[]){6, 7, 0, 2, 3}), 5 * sizeof *which);
+    assert_int_equal(pm_options_list("1,0:3", 8, which, &count), PM_EUSAGE);
+    assert_int_equal(pm_options_list("1,,2", 8, which, &count), PM_EUSAGE);
+}
+
+static void numbers_are_checked(void **state) {
+    (void)state;
+    int64_t count = 7;
+    double number[3] = {7, 7, 7};
+    int n = 0;
+    assert_int_equal(pm_options_count("--steps", "12", 12, &count), PM_OK);
+    assert_int_equal(count, 12);
+    static const char *const no_count[] = {"13", "0", "-1", "1.5", "", "x", "99999999999999999999"};
+    for (size_t i = 0; i < sizeof no_count / sizeof no_count[0]; ++i) {
+        assert_int_equal(pm_options_count("--steps", no_count[i], 12, &count), PM_EUSAGE);
+    }
+    assert_int_equal(count, 12);
+    assert_int_equal(pm_options_positive("--time", "1e-3", number), PM_OK);
+    assert_true(number[0] == 1e-3);
+    static const char *const no_number[] = {"0", "-1", "inf", "nan", "", "1s", "1,2"};
+    for (size_t i = 0; i < sizeof no_number / sizeof no_number[0]; ++i) {
+        assert_int_equal(pm_options_positive("--time", no_number[i], number), PM_EUSAGE);
+    }
+    assert_int_equal(pm_options_positives("--times", "1,2.5,3", 3, number, &n), PM_OK);
+    assert_true(n == 3 && number[1] == 2.5);
+    assert_int_equal(pm_options_positives("--times", "1,2,3,4", 3, number, &n), PM_EUSAGE);
+    assert_int_equal(pm_options_positives("--times", "1,", 3, number, &n), PM_EUSAGE);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(options_stand_anywhere),  cmocka_unit_test(mistakes_are_named),
+        cmocka_unit_test(help_needs_nothing_else), cmocka_unit_test(ranges_count_from_zero),
+        cmocka_unit_test(numbers_are_checked),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
