@@ -13,6 +13,7 @@ static const pm_subcommand commands[] = {
     {"nodes", "write fields of a body as nodal values", pm_command_nodes},
     {"reconstruct", "turn modes or nodal values into fields of the body", pm_command_reconstruct},
     {"contact", "find where bodies face each other", pm_command_contact},
+    {"propose", "write a training file for a scene and its data", pm_command_propose},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
     {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},
@@ -23,8 +24,9 @@ static const pm_subcommands program = {
     .about =
         "Makes the weights of learned thermodynamic subsystems: simulates ground truth, prepares\n"
         "data, trains models, and scores their rollouts.",
-    .codes = "0 success, 2 command line, 3 configuration, 4 file, 5 data, 6 weights,\n"
-             "9 numerics, 10 a law violated, 11 memory, 12 interrupted.",
+    .codes =
+        "0 success, 2 command line, 3 configuration, 4 file, 5 data, 6 weights,\n"
+        "9 numerics, 10 a law violated, 11 memory, 12 interrupted, 13 the trained model is unfit.",
     .count = sizeof commands / sizeof *commands,
     .command = commands,
 };

@@ -6,11 +6,18 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "model/thermal.h"
+
 // Spread of the initial values: biases put the kinks of the hidden layers where the data are.
 // Output weights start at zero, so that training first finds what the skip alone can do; with
 // hidden layers that interfere from the start, second-order training was seen to crawl.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
+// Of a potential's hidden layers that nothing runs beside: at zero it would drive nothing.
+#define OUTPUT_SPREAD 0.3
+// Half the curvature that an energy starts with, in its unit and in normalised features: most
+// energies have a minimum.
+#define CURVATURE_START 0.5
 
 #define MAX_SQUARED 4096 // features, each of which a quadratic skip multiplies with each
 
@@ -48,12 +55,27 @@ static pm_status declare_layer(const declaration *d, int layer, int nin, int nou
     return declare(d, name, 1, nout, true, BIAS_SPREAD, NULL);
 }
 
+// An energy, the first output, starts with a minimum.
+static void start_convex(const pm_network_spec *spec, pm_param_entry *quadratic) {
+    int n = 0;
+    while (n * n < quadratic->rows) {
+        ++n;
+    }
+    for (int i = 0; i < n && spec->scaled; ++i) {
+        quadratic->value[(ptrdiff_t)(i * n + i) * quadratic->cols] = CURVATURE_START;
+    }
+}
+
 pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                              const double *start, pm_params *params, const char *prefix) {
     const declaration d = {params, prefix};
+    const double spread = spec->spread > 0 ? spec->spread : SKIP_SPREAD;
     parameter_name full;
+    if (spec->nthermal > 0) {
+        return pm_thermal_declare(spec, symbols, params, prefix);
+    }
     if (spec->nfeature == 0) {
-        return declare(&d, "constant", 1, nout, true, SKIP_SPREAD, start);
+        return declare(&d, "constant", 1, nout, true, spread, start);
     }
     int nfeature = 0;
     PM_TRY(pm_spec_locate(spec->at,
@@ -71,14 +93,16 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
         width = spec->hidden[i];
     }
     if (spec->nhidden > 0) {
-        PM_TRY(declare(&d, "output.weight", width, nout, true, 0, NULL));
+        const double out = spec->skip == PM_SKIP_NONE ? OUTPUT_SPREAD / sqrt(width) : 0;
+        PM_TRY(declare(&d, "output.weight", width, nout, true, out, NULL));
     }
-    PM_TRY(declare(&d, "output.bias", 1, nout, true, 0, start));
+    PM_TRY(declare(&d, "output.bias", 1, nout, true, spec->scaled ? 0 : spec->spread, start));
     if (spec->skip != PM_SKIP_NONE) {
-        PM_TRY(declare(&d, "linear", nfeature, nout, true, SKIP_SPREAD, NULL));
+        PM_TRY(declare(&d, "linear", nfeature, nout, true, spread, NULL));
     }
     if (spec->skip == PM_SKIP_QUADRATIC) {
-        PM_TRY(declare(&d, "quadratic", nfeature * nfeature, nout, true, SKIP_SPREAD, NULL));
+        PM_TRY(declare(&d, "quadratic", nfeature * nfeature, nout, true, spread, NULL));
+        start_convex(spec, pm_params_find(params, join(full, prefix, "quadratic")));
     }
     return PM_OK;
 }
@@ -170,6 +194,9 @@ static pm_node build_from_rest(pm_graph *g, const pm_network_spec *spec, pm_node
 pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
                               const pm_params *params, const char *prefix) {
     assert(!spec->zero_at_origin || nout == 1);
+    if (spec->nthermal > 0) {
+        return pm_thermal_build_from(g, spec, features, params, prefix);
+    }
     return spec->zero_at_origin ? build_from_rest(g, spec, features, params, prefix)
                                 : build_layers(g, spec, features, nout, params, prefix);
 }

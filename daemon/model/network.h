@@ -31,8 +31,12 @@ typedef enum pm_normaliser_kind {
     PM_NORMALISE_SCALE,    // "<prefix>.scale": per component the root mean square pooled over the
                            // expression's components, all divided by their own root mean square
     PM_NORMALISE_ALONG,    // "<prefix>.along": per expression the root mean square of the length
-    PM_NORMALISE_PATTERNS  // "<prefix>.patterns" [size][columns]: of one expression the leading
+    PM_NORMALISE_PATTERNS, // "<prefix>.patterns" [size][columns]: of one expression the leading
                            // patterns (proper orthogonal decomposition), entries of rms 1
+    PM_NORMALISE_FRICTION, // as PM_NORMALISE_SCALE, of an irreversible operator
+    PM_NORMALISE_RATE,     // as PM_NORMALISE_SCALE, of rates themselves
+    PM_NORMALISE_UNIT      // "<prefix>.unit" [1][1]: a typical energy of the part; the expressions
+                           // are the entropies of a thermal energy, or none
 } pm_normaliser_kind;
 
 // One set of such constants: expressions over `symbols` whose statistics they are.
@@ -42,6 +46,8 @@ typedef struct pm_normaliser {
     int count;
     const char *const *expression;
     const pm_symbols *symbols;
+    int nheats; // of an irreversible operator: these groups take up heat (dissipation.h)
+    const char *const *heats;
 } pm_normaliser;
 
 // Called for every set of a component, in order of declaration.

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "model/dissipation.h"
 #include "model/mesh/message.h"
 #include "model/mesh/nodal.h"
 
@@ -60,6 +61,21 @@ static bool is_given(const pm_operator_spec *spec, const char *name) {
     return false;
 }
 
+// Components of all groups that take up heat.
+static int count_heats(const pm_operator_spec *spec, const pm_site *site) {
+    int count = 0;
+    for (int i = 0; i < site->ngroup; ++i) {
+        const bool heated = is_listed(spec->nheats, spec->heats, site->group[i].name);
+        count += heated ? site->group[i].size : 0;
+    }
+    return count;
+}
+
+// The only entropy that takes up heat moves by what the others lose: no process of its own is left.
+static bool is_idle(const pm_operator_spec *spec, const pm_site *site, const char *name) {
+    return is_listed(spec->nheats, spec->heats, name) && count_heats(spec, site) == 1;
+}
+
 static support support_of(const pm_operator_spec *spec, const pm_site *site) {
     support s = {0};
     for (int i = 0; i < site->ngroup; ++i) {
@@ -67,9 +83,10 @@ static support support_of(const pm_operator_spec *spec, const pm_site *site) {
         const bool learned =
             spec->learned && (is_listed(spec->nacts, spec->acts_on, group->name) ||
                               is_listed(spec->nagainst, spec->against, group->name));
-        if (learned || is_given(spec, group->name)) {
+        const bool heated = is_listed(spec->nheats, spec->heats, group->name);
+        if (learned || heated || is_given(spec, group->name)) {
             s.group[s.ngroup] = group;
-            s.learned[s.ngroup] = learned;
+            s.learned[s.ngroup] = learned && !is_idle(spec, site, group->name);
             s.first[s.ngroup++] = s.n;
             s.n += group->size;
         }
@@ -95,7 +112,8 @@ static int listed_rows(const pm_operator_spec *spec, const support *s, int count
                        const char *const *list) {
     int rows = 0;
     for (int i = 0; i < s->ngroup; ++i) {
-        rows += is_listed(count, list, s->group[i]->name) ? frame_rows(spec, s->group[i]->size) : 0;
+        const bool counts = s->learned[i] && is_listed(count, list, s->group[i]->name);
+        rows += counts ? frame_rows(spec, s->group[i]->size) : 0;
     }
     return rows;
 }
@@ -132,6 +150,27 @@ static bool is_other_end(const pm_operator_spec *spec, const char *name) {
     return true;
 }
 
+static pm_status check_heats(const pm_operator *op, const pm_site *site) {
+    const pm_operator_spec *spec = op->spec;
+    if (spec->nheats == 0) {
+        return PM_OK;
+    }
+    if (op->form != PM_HARD || spec->network.message != NULL) {
+        return pm_fail(PM_ECONFIG, "%s: heats belongs to form: hard, not on a mesh", op->prefix);
+    }
+    const support s = support_of(spec, site);
+    for (int i = 0; i < s.ngroup; ++i) {
+        if (s.learned[i]) {
+            return count_heats(spec, site) <= PM_MAX_HEATS
+                       ? PM_OK
+                       : pm_fail(PM_ECONFIG, "%s: at most %d components can take up heat",
+                                 op->prefix, PM_MAX_HEATS);
+        }
+    }
+    return pm_fail(PM_ECONFIG, "%s: a single entropy has nothing to exchange heat with",
+                   op->prefix);
+}
+
 static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     const pm_operator_spec *spec = op->spec;
     const support s = support_of(spec, site);
@@ -141,6 +180,13 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
                            op->prefix, spec->acts_on[i]);
         }
     }
+    for (int i = 0; i < spec->nheats; ++i) {
+        if (position(&s, spec->heats[i]) == s.ngroup) {
+            return pm_fail(PM_ECONFIG, "%s: heats names \"%s\", which is not a group here",
+                           op->prefix, spec->heats[i]);
+        }
+    }
+    PM_TRY(check_heats(op, site));
     for (int i = 0; i < spec->nagainst; ++i) {
         const int at = position(&s, spec->against[i]);
         if (at == s.ngroup || !is_other_end(spec, spec->against[i])) {
@@ -223,6 +269,15 @@ static const char *join(operator_name buffer, const char *prefix, const char *na
     return buffer;
 }
 
+// How the heat of each process is shared among entropies.
+static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
+    const int nheat = count_heats(op->spec, site);
+    operator_name name;
+    return nheat < 2 ? PM_OK
+                     : pm_params_add(params, join(name, op->prefix, "split"), op->spec->rank,
+                                     nheat - 1, true, 0, 0);
+}
+
 static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const support *s,
                                 pm_params *params) {
     operator_name name;
@@ -236,6 +291,9 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
                                                     op->prefix, rows, cols, MAX_ENTRIES));
     }
     const int nout = rows * cols;
+    if (op->spec->nheats > 0) {
+        PM_TRY(declare_split(op, site, params));
+    }
     if (network->message != NULL) {
         return pm_message_declare_nodes(network, &site->symbols, nout, params, name);
     }
@@ -248,6 +306,7 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     }
     for (int i = 0; i < nout; ++i) {
         start[i] = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
+        start[i] = op->spec->nheats > 0 ? 0 : start[i]; // drawn, with the network's spread
     }
     const pm_status status = pm_network_declare(network, &site->symbols, nout, start, params, name);
     free(start);
@@ -284,11 +343,21 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
     for (int i = 0; i < s.ngroup; ++i) {
         group[i] = s.group[i]->name;
     }
-    const pm_normaliser scale = {PM_NORMALISE_SCALE, op->prefix, s.ngroup, group, &site->symbols};
+    const pm_normaliser scale = {.kind = op->kind == PM_REVERSIBLE ? PM_NORMALISE_SCALE
+                                                                   : PM_NORMALISE_FRICTION,
+                                 .prefix = op->prefix,
+                                 .count = s.ngroup,
+                                 .expression = group,
+                                 .symbols = &site->symbols,
+                                 .nheats = spec->nheats,
+                                 .heats = spec->heats};
     PM_TRY(visit(context, &scale));
     if (spec->nalong > 0) {
-        const pm_normaliser along = {PM_NORMALISE_ALONG, op->prefix, spec->nalong, spec->along,
-                                     &site->symbols};
+        const pm_normaliser along = {.kind = PM_NORMALISE_ALONG,
+                                     .prefix = op->prefix,
+                                     .count = spec->nalong,
+                                     .expression = spec->along,
+                                     .symbols = &site->symbols};
         PM_TRY(visit(context, &along));
     }
     operator_name name;
@@ -297,9 +366,11 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
                                 visit, context);
     }
     if (spec->learned && spec->network.nfeature > 0) {
-        const pm_normaliser features = {PM_NORMALISE_FEATURES, join(name, op->prefix, "matrix"),
-                                        spec->network.nfeature, spec->network.feature,
-                                        &site->symbols};
+        const pm_normaliser features = {.kind = PM_NORMALISE_FEATURES,
+                                        .prefix = join(name, op->prefix, "matrix"),
+                                        .count = spec->network.nfeature,
+                                        .expression = spec->network.feature,
+                                        .symbols = &site->symbols};
         PM_TRY(visit(context, &features));
     }
     return PM_OK;
@@ -373,14 +444,16 @@ static pm_node to_frame(const construction *c, pm_node scaled) {
     return pm_concat(c->g, count, part);
 }
 
-// U^T: rows of the frame -> components of the support; zero in groups that are only given.
+// U^T: rows of the frame -> components of the support, line by line; zero in groups that are only
+// given.
 static pm_node from_frame(const construction *c, pm_node rows) {
+    const int lines = pm_graph_shape(c->g, rows).rows;
     pm_node part[2 * PM_MAX_GROUPS];
     int first = 0;
     for (int i = 0; i < c->support.ngroup; ++i) {
         const int size = c->support.group[i]->size;
         if (!c->support.learned[i]) {
-            part[i] = pm_constant(c->g, 0, 1, size);
+            part[i] = pm_constant(c->g, 0, lines, size);
             continue;
         }
         const int nrow = frame_rows(c->op->spec, size);
@@ -510,6 +583,30 @@ static pm_node apply_projected(const construction *c, pm_node d, pm_node normal)
     return rate;
 }
 
+// The rate of an operator with `heats` (dissipation.h).
+static pm_node apply_dissipation(const construction *c, const pm_params *params, pm_node d,
+                                 pm_node normal) {
+    pm_graph *g = c->g;
+    const pm_operator_spec *spec = c->op->spec;
+    const pm_node rows = from_frame(c, pm_transpose(g, c->matrix));
+    const pm_shape shape = {true, 1, c->support.n};
+    pm_dissipation dissipation = {
+        .driving = pm_broadcast_to(g, d, shape),
+        .normal = pm_broadcast_to(g, normal, shape),
+        .factor = pm_mul(g, rows, c->scale),
+        .split = count_heats(spec, c->site) > 1
+                     ? pm_network_param(g, params, c->op->prefix, "split")
+                     : PM_NO_NODE,
+    };
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        const bool heated = is_listed(spec->nheats, spec->heats, c->support.group[i]->name);
+        for (int k = 0; k < c->support.group[i]->size && heated; ++k) {
+            dissipation.heat[dissipation.nheat++] = c->support.first[i] + k;
+        }
+    }
+    return pm_dissipation_build(g, &dissipation);
+}
+
 // [1][site->n] -> [1][support.n] and back.
 static pm_node restrict_to(const construction *c, pm_node x) {
     pm_node part[2 * PM_MAX_GROUPS];
@@ -558,7 +655,8 @@ pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *sit
     c.matrix = build_matrix(g, op, site, &c.support, params);
     const pm_node d = restrict_to(&c, driving);
     const pm_node n = normal == PM_NO_NODE ? PM_NO_NODE : restrict_to(&c, normal);
-    pm_node rate = build_rate(&c, d, n, degeneracy);
+    const bool heats = op->spec->nheats > 0 && c.matrix != PM_NO_NODE && n != PM_NO_NODE;
+    pm_node rate = heats ? apply_dissipation(&c, params, d, n) : build_rate(&c, d, n, degeneracy);
     if (op->kind == PM_IRREVERSIBLE && n != PM_NO_NODE) {
         rate = pm_add_or(g, rate, apply_given_irreversible(&c, d, n));
     }

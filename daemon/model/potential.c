@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "model/mesh/message.h"
+#include "model/thermal.h"
 
 // Square of the smallest change of normalised features that a discrete slope is corrected for.
 #define SMALLEST_CHANGE 1e-12
@@ -18,14 +19,36 @@ static const char *prefix_of(term_prefix buffer, const char *prefix, int term) {
 
 static pm_status declare_term(const pm_network_spec *term, const pm_symbols *symbols,
                               pm_params *params, const char *prefix) {
-    return term->message != NULL ? pm_message_declare_sum(term, symbols, params, prefix)
-                                 : pm_network_declare(term, symbols, 1, NULL, params, prefix);
+    if (term->message != NULL) {
+        return pm_message_declare_sum(term, symbols, params, prefix);
+    }
+    PM_TRY(pm_network_declare(term, symbols, 1, NULL, params, prefix));
+    char unit[sizeof(term_prefix) + 8];
+    snprintf(unit, sizeof unit, "%s.unit", prefix);
+    return term->scaled ? pm_params_add(params, unit, 1, 1, false, 0, 1) : PM_OK;
+}
+
+// A network's output in the unit of energy, where it carries one. (A thermal one has it inside.)
+static pm_node scale_term(pm_graph *g, const pm_network_spec *term, const pm_params *params,
+                          const char *prefix, pm_node out) {
+    return term->scaled && term->nthermal == 0
+               ? pm_mul(g, out, pm_network_param(g, params, prefix, "unit"))
+               : out;
+}
+
+// The output in its unit from the values of the features.
+static pm_node build_from(pm_graph *g, const pm_network_spec *term, pm_node features,
+                          const pm_params *params, const char *prefix) {
+    return scale_term(g, term, params, prefix,
+                      pm_network_build_from(g, term, features, 1, params, prefix));
 }
 
 static pm_node build_term(pm_graph *g, const pm_network_spec *term, const pm_symbols *symbols,
                           const pm_params *params, const char *prefix) {
-    return term->message != NULL ? pm_message_build_sum(g, term, symbols, params, prefix)
-                                 : pm_network_build(g, term, symbols, 1, params, prefix);
+    return term->message != NULL
+               ? pm_message_build_sum(g, term, symbols, params, prefix)
+               : scale_term(g, term, params, prefix,
+                            pm_network_build(g, term, symbols, 1, params, prefix));
 }
 
 bool pm_potential_exists(const pm_potential_spec *spec) {
@@ -109,18 +132,20 @@ static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_
 static pm_node discrete_slope(pm_graph *g, const pm_network_spec *network, pm_node before,
                               pm_node after, const pm_params *params, const char *prefix) {
     const pm_node mean = pm_scale(g, pm_add(g, before, after), 0.5);
-    const pm_node at_mean = pm_network_build_from(g, network, mean, 1, params, prefix);
+    const pm_node at_mean = build_from(g, network, mean, params, prefix);
     pm_node slope;
     pm_gradient(g, at_mean, PM_NO_NODE, 1, &mean, &slope);
-    const bool linear = network->nhidden == 0 && network->skip != PM_SKIP_QUADRATIC;
+    const bool linear =
+        network->nhidden == 0 && network->nthermal == 0 && network->skip != PM_SKIP_QUADRATIC;
     if (slope == PM_NO_NODE || linear) {
         return slope;
     }
-    const pm_node scale = pm_network_param(g, params, prefix, "deviation");
+    const pm_node scale = network->nthermal > 0 ? pm_thermal_deviation(g, network, params, prefix)
+                                                : pm_network_param(g, params, prefix, "deviation");
     const pm_node change = pm_sub(g, after, before);
     const pm_node scaled = pm_div(g, change, scale);
-    const pm_node rise = pm_sub(g, pm_network_build_from(g, network, after, 1, params, prefix),
-                                pm_network_build_from(g, network, before, 1, params, prefix));
+    const pm_node rise = pm_sub(g, build_from(g, network, after, params, prefix),
+                                build_from(g, network, before, params, prefix));
     const pm_node missing = pm_sub(g, rise, pm_dot(g, slope, change));
     const pm_node square = pm_offset(g, pm_dot(g, scaled, scaled), SMALLEST_CHANGE);
     return pm_add(g, slope, pm_mul(g, pm_div(g, missing, square), pm_div(g, scaled, scale)));
@@ -156,10 +181,22 @@ pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *sy
         if (spec->term[i].message != NULL) {
             PM_TRY(pm_message_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
                                     context));
+        } else if (spec->term[i].nthermal > 0) {
+            PM_TRY(pm_thermal_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
+                                    context));
         } else if (spec->term[i].nfeature > 0) {
-            const pm_normaliser n = {PM_NORMALISE_FEATURES, prefix_of(term, prefix, i),
-                                     spec->term[i].nfeature, spec->term[i].feature, symbols};
+            const pm_normaliser n = {.kind = PM_NORMALISE_FEATURES,
+                                     .prefix = prefix_of(term, prefix, i),
+                                     .count = spec->term[i].nfeature,
+                                     .expression = spec->term[i].feature,
+                                     .symbols = symbols};
             PM_TRY(visit(context, &n));
+        }
+        if (spec->term[i].scaled && spec->term[i].nthermal == 0) {
+            const pm_normaliser unit = {.kind = PM_NORMALISE_UNIT,
+                                        .prefix = prefix_of(term, prefix, i),
+                                        .symbols = symbols};
+            PM_TRY(visit(context, &unit));
         }
     }
     return PM_OK;

@@ -15,6 +15,9 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     for (int i = 0; i < M->nacts; ++i) {
         acts = acts || strcmp(M->acts_on[i], name) == 0;
     }
+    for (int i = 0; i < M->nheats; ++i) {
+        acts = acts || strcmp(M->heats[i], name) == 0;
+    }
     for (int i = 0; i < M->ngiven; ++i) {
         acts = acts || strcmp(M->given[i].row, name) == 0 || strcmp(M->given[i].col, name) == 0;
     }

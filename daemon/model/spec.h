@@ -15,6 +15,9 @@
 #define PM_MAX_GROUPS 16
 #define PM_MAX_FEATURES 32
 #define PM_MAX_DERIVED 16
+#define PM_MAX_EXPONENTIALS 8
+#define PM_DEFAULT_EXPONENTIALS 2
+#define PM_DEFAULT_TEMPERATURE 300.0 // K
 
 // A named group of components that belong together: a vector (position, momentum) or a scalar.
 typedef struct pm_group {
@@ -115,6 +118,12 @@ typedef struct pm_network_spec {
     pm_skip skip;
     bool zero_at_origin; // less its tangent at features of 0, where it is 0 and flat then: of
                          // energies
+    int nthermal;        // the last features are entropies, in which the energy rises and is convex
+                         // whatever the weights (thermal.h); 0: an energy without this property
+    int exponentials;    // of a thermal energy
+    double temperature;  // K, where the training of a thermal energy starts
+    bool scaled;         // an energy that carries its unit as the parameter ".unit"
+    double spread;       // of the values training starts from; 0: as usual. Not kept in weights
     const char *at;      // its features
 } pm_network_spec;
 
@@ -166,7 +175,9 @@ typedef struct pm_operator_spec {
     const char *const *against;
     int nalong;
     const char *const *along;
-    int rank; // irreversible operators; columns of the factor G
+    int rank;                 // irreversible operators; columns of the factor G
+    int nheats;               // irreversible hard operators: the groups that take up the heat
+    const char *const *heats; // (dissipation.h); none: a projection in the metric of all groups
     const char *at;
 } pm_operator_spec;
 

@@ -45,12 +45,19 @@ pm_status pm_unstructured_rate_visit(const pm_network_spec *spec, const pm_site 
     if (spec->message != NULL) {
         return pm_message_visit_fields(spec, &site->symbols, fields, prefix, visit, context);
     }
-    const pm_normaliser scale = {PM_NORMALISE_SCALE, prefix, site->ngroup, group, &site->symbols};
+    const pm_normaliser scale = {.kind = PM_NORMALISE_RATE,
+                                 .prefix = prefix,
+                                 .count = site->ngroup,
+                                 .expression = group,
+                                 .symbols = &site->symbols};
     PM_TRY(visit(context, &scale));
     if (spec->nfeature == 0) {
         return PM_OK;
     }
-    const pm_normaliser features = {PM_NORMALISE_FEATURES, prefix, spec->nfeature, spec->feature,
-                                    &site->symbols};
+    const pm_normaliser features = {.kind = PM_NORMALISE_FEATURES,
+                                    .prefix = prefix,
+                                    .count = spec->nfeature,
+                                    .expression = spec->feature,
+                                    .symbols = &site->symbols};
     return visit(context, &features);
 }

@@ -76,16 +76,53 @@ static pm_status read_formula(pm_yaml text, const reader *r, pm_formula *formula
     return pm_yaml_text(text, r->arena, &formula->text);
 }
 
+// Of a thermal energy: its entropies come after the other features.
+static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *term) {
+    const pm_yaml thermal = pm_yaml_get(item, "thermal"), scaled = pm_yaml_get(item, "scaled");
+    const pm_yaml count = pm_yaml_get(item, "exponentials"),
+                  start = pm_yaml_get(item, "temperature");
+    if (pm_yaml_exists(scaled)) {
+        PM_TRY(pm_yaml_bool(scaled, &term->scaled));
+    }
+    if (!pm_yaml_exists(thermal)) {
+        const pm_yaml other = pm_yaml_exists(count) ? count : start;
+        return pm_yaml_exists(other) ? pm_yaml_fail(other, "only a thermal energy has this")
+                                     : PM_OK;
+    }
+    if (term->message != NULL) {
+        return pm_yaml_fail(thermal, "a network of nodes cannot be thermal");
+    }
+    const char *const *entropy;
+    PM_TRY(pm_model_read_names(item, "thermal", arena, &term->nthermal, &entropy));
+    if (term->nthermal < 1 || term->nthermal + term->nfeature > PM_MAX_FEATURES) {
+        return pm_yaml_fail(thermal, "expected 1 to %d entropies",
+                            PM_MAX_FEATURES - term->nfeature);
+    }
+    term->exponentials = PM_DEFAULT_EXPONENTIALS;
+    term->temperature = PM_DEFAULT_TEMPERATURE;
+    term->scaled = true;
+    if (pm_yaml_exists(count)) {
+        PM_TRY(pm_yaml_int(count, 1, PM_MAX_EXPONENTIALS, &term->exponentials));
+    }
+    if (pm_yaml_exists(start)) {
+        PM_TRY(pm_yaml_double(start, 1e-300, 1e300, &term->temperature));
+    }
+    return pm_spec_append_features(term, term->nthermal, entropy, arena);
+}
+
 // A network; with "zero_at_origin" one that is at rest where its features are zero.
 static pm_status read_term(pm_yaml item, const reader *r, pm_network_spec *term) {
-    static const char *const keys[] = {PM_NETWORK_KEYS, "zero_at_origin", NULL};
+    static const char *const keys[] = {PM_NETWORK_KEYS, "zero_at_origin", "thermal", "exponentials",
+                                       "temperature",   "scaled",         NULL};
     const pm_yaml zero_at_origin = pm_yaml_get(item, "zero_at_origin");
     PM_TRY(pm_yaml_allow(item, keys));
     PM_TRY(pm_network_read(item, r->mesh, r->arena, term));
+    PM_TRY(read_thermal(item, r->arena, term));
     if (pm_yaml_exists(zero_at_origin)) {
         PM_TRY(pm_yaml_bool(zero_at_origin, &term->zero_at_origin));
     }
-    const bool able = term->nfeature > 0 && term->message == NULL && term->skip != PM_SKIP_NONE;
+    const bool able = term->nfeature > 0 && term->nthermal == 0 && term->message == NULL &&
+                      term->skip != PM_SKIP_NONE;
     return able || !term->zero_at_origin
                ? PM_OK
                : pm_yaml_fail(zero_at_origin,
@@ -162,8 +199,8 @@ static pm_status read_learned(pm_yaml block, const reader *r, bool reversible,
                               pm_operator_spec *op) {
     static const char *const reversible_keys[] = {"acts_on", "against", "along", PM_NETWORK_KEYS,
                                                   NULL};
-    static const char *const irreversible_keys[] = {"acts_on", "along", "rank", PM_NETWORK_KEYS,
-                                                    NULL};
+    static const char *const irreversible_keys[] = {"acts_on", "along",         "rank",
+                                                    "heats",   PM_NETWORK_KEYS, NULL};
     pm_yaml acts;
     PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
     PM_TRY(pm_yaml_require(block, "acts_on", &acts));
@@ -173,6 +210,7 @@ static pm_status read_learned(pm_yaml block, const reader *r, bool reversible,
     }
     PM_TRY(pm_model_read_names(block, "against", r->arena, &op->nagainst, &op->against));
     PM_TRY(pm_model_read_names(block, "along", r->arena, &op->nalong, &op->along));
+    PM_TRY(pm_model_read_names(block, "heats", r->arena, &op->nheats, &op->heats));
     op->rank = reversible ? 0 : 1;
     const pm_yaml rank = pm_yaml_get(block, "rank");
     if (pm_yaml_exists(rank)) {
@@ -430,6 +468,20 @@ static void write_constants(FILE *file, const pm_constants *constants) {
     }
 }
 
+static void write_term(FILE *file, const pm_network_spec *term) {
+    pm_network_spec others = *term;
+    others.nfeature -= term->nthermal;
+    pm_network_write(file, &others);
+    if (term->nthermal > 0) {
+        fputs(", ", file);
+        pm_model_write_names(file, "thermal", term->nthermal, term->feature + others.nfeature);
+        fprintf(file, ", exponentials: %d, temperature: ", term->exponentials);
+        pm_model_write_number(file, term->temperature);
+    } else if (term->scaled) {
+        fputs(", scaled: true", file);
+    }
+}
+
 static void write_potential(FILE *file, const char *key, const pm_potential_spec *potential) {
     if (!pm_potential_exists(potential)) {
         return;
@@ -449,8 +501,14 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
     }
     for (int i = 0; i < potential->nterm; ++i) {
         fputs("  - {", file);
-        pm_network_write(file, &potential->term[i]);
+        write_term(file, &potential->term[i]);
         fputs("}\n", file);
+    }
+}
+
+static void write_heats(FILE *file, const pm_operator_spec *op) {
+    if (op->nheats > 0) {
+        pm_model_write_names(file, "heats", op->nheats, op->heats);
     }
 }
 
@@ -488,6 +546,8 @@ static void write_operator(FILE *file, const char *key, bool reversible,
         pm_model_write_names(file, "along", op->nalong, op->along);
         if (!reversible) {
             fprintf(file, ", rank: %d", op->rank);
+            fputs(op->nheats > 0 ? ", " : "", file);
+            write_heats(file, op);
         }
         fputs(", ", file);
         pm_network_write(file, &op->network);

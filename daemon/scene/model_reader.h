@@ -19,6 +19,11 @@
 //                                 # {nodes: [u], width: 8, passes: 1, patterns: 16, hidden: [48]}
 //                                 # and in a rate driven_by: other.dE.f, within: 0.05
 //
+// An energy may be `{features: [x, p], thermal: [s], hidden: [8], exponentials: 2, temperature:
+// 300.0}`: it rises with the entropies s and is convex in them (model/thermal.h); and a network of
+// an energy `scaled: true`, with a unit of its own. A learned irreversible operator with `heats:
+// [s]` gives what it dissipates to these entropies (model/dissipation.h).
+//
 // Networks: features and hidden are empty unless given, activation tanh (or softplus, silu, exp),
 // skip none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
 // groups "a.q", co-energies "a.dE.s" (model/spec.h); its learned L may act on groups of one end

@@ -197,6 +197,24 @@ pm_status pm_network_read(pm_yaml block, const pm_mesh *mesh, pm_arena *arena,
     return PM_OK;
 }
 
+pm_status pm_spec_append_features(pm_network_spec *network, int count, const char *const *name,
+                                  pm_arena *arena) {
+    const int before = network->nfeature;
+    const char **all = pm_arena_array(arena, (size_t)(before + count), sizeof *all);
+    if (all == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    for (int i = 0; i < before; ++i) {
+        all[i] = network->feature[i];
+    }
+    for (int i = 0; i < count; ++i) {
+        all[before + i] = name[i];
+    }
+    network->feature = all;
+    network->nfeature = before + count;
+    return PM_OK;
+}
+
 static void write_message(FILE *file, const pm_message_spec *m) {
     fprintf(file, ", width: %d, passes: %d, patterns: %d, within: ", m->width, m->passes,
             m->patterns);

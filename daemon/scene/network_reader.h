@@ -19,6 +19,10 @@ pm_status pm_network_read(pm_yaml block, const pm_mesh *mesh, pm_arena *arena,
 // Within braces that the caller writes.
 void pm_network_write(FILE *file, const pm_network_spec *network);
 
+// Appends names to a network's features. PM_ENOMEM.
+pm_status pm_spec_append_features(pm_network_spec *network, int count, const char *const *name,
+                                  pm_arena *arena);
+
 // *mesh is NULL where the block does not exist, and then nothing is written.
 pm_status pm_mesh_read(pm_yaml block, pm_arena *arena, const pm_mesh **mesh);
 void pm_mesh_write(FILE *file, const pm_mesh *mesh);

@@ -53,6 +53,17 @@ pm_status pm_system_check_coordinates(const pm_system *system);
 pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
                                   const char *path);
 
+// What the weights of a part remember of where they were trained: the digest of the names of its
+// columns (0: the scene maps none), and the groups that are measured from a neighbour, joined by
+// blanks, in the arena (NULL: out of memory).
+uint64_t pm_system_columns_digest(const pm_scene_subsystem *subsystem);
+const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_arena *arena);
+// Whether weights stand where they were trained: two parts have not exchanged theirs, and no group
+// has lost or gained relative_to. A part that stands among columns of other names is a part used
+// elsewhere, and nothing is wrong; nor where the file does not know. PM_EWEIGHTS. Part of
+// pm_system_load.
+pm_status pm_system_check_origin(pm_system *system);
+
 // Whether the scene takes the steps by which such weights were trained as hold for these alone: of
 // a network of nodes that says what happens `within` (spec.h) one of them, or less. Others say
 // rates, of which every integrator makes steps; and where a file does not say, nothing is wrong.

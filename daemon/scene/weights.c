@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -143,6 +144,24 @@ static pm_status write_params(pm_hdf5 *file, const pm_params *params, pm_arena *
     return PM_OK;
 }
 
+// What the weights were trained on, and as what.
+static pm_status write_origin(pm_hdf5 *file, const pm_provenance *p) {
+    if (p->trajectories != NULL && *p->trajectories != '\0') {
+        PM_TRY(pm_hdf5_write_text(file, "/", "trajectories", p->trajectories));
+    }
+    if (p->nseen > 0) {
+        const int count = p->nseen < PM_MOST_SEEN ? p->nseen : PM_MOST_SEEN;
+        PM_TRY(pm_hdf5_write_integers(file, "/", "seen", count, p->seen));
+    }
+    if (p->columns != 0) {
+        char text[32];
+        snprintf(text, sizeof text, "%016llx", (unsigned long long)p->columns);
+        PM_TRY(pm_hdf5_write_text(file, "/", "columns", text));
+        PM_TRY(pm_hdf5_write_text(file, "/", "relative", p->relative == NULL ? "" : p->relative));
+    }
+    return PM_OK;
+}
+
 static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_t digest) {
     char text[32], created[32];
     const time_t now = time(NULL);
@@ -160,6 +179,7 @@ static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_
         PM_TRY(pm_hdf5_write_text(file, "/", "integrator", p->integrator));
         PM_TRY(pm_hdf5_write_number(file, "/", "step", p->step));
     }
+    PM_TRY(write_origin(file, p));
     PM_TRY(pm_hdf5_write_integer(file, "/", "seed", p->seed));
     PM_TRY(pm_hdf5_write_number(file, "/", "loss", p->loss));
     return pm_hdf5_write_number(file, "/", "seconds", p->seconds);
@@ -291,10 +311,42 @@ static pm_status read_steps(const pm_hdf5 *file, const char *path, pm_arena *are
                : pm_fail(PM_EWEIGHTS, "%s: step is %g s, expected a time > 0", path, p->step);
 }
 
+// What the file knows of the data and of the state, which older ones do not.
+static pm_status read_origin(const pm_hdf5 *file, pm_arena *arena, pm_provenance *p) {
+    int count = 0;
+    const char **name;
+    PM_TRY(pm_hdf5_attributes(file, "/", arena, &count, &name));
+    for (int i = 0; i < count; ++i) {
+        if (strcmp(name[i], "seen") == 0) {
+            uint64_t *seen = pm_arena_array(arena, PM_MOST_SEEN, sizeof *seen);
+            if (seen == NULL) {
+                return pm_fail(PM_ENOMEM, "out of memory for the trajectories that weights saw");
+            }
+            p->seen = seen;
+            PM_TRY(pm_hdf5_read_integers(file, "/", "seen", PM_MOST_SEEN, seen, &p->nseen));
+        }
+    }
+    if (pm_hdf5_is_text(file, "/", "trajectories")) {
+        PM_TRY(pm_hdf5_read_text(file, "/", "trajectories", arena, &p->trajectories));
+    }
+    if (pm_hdf5_is_text(file, "/", "columns") && pm_hdf5_is_text(file, "/", "relative")) {
+        const char *text;
+        PM_TRY(pm_hdf5_read_text(file, "/", "columns", arena, &text));
+        PM_TRY(pm_hdf5_read_text(file, "/", "relative", arena, &p->relative));
+        p->columns = strtoull(text, NULL, 16);
+    }
+    return PM_OK;
+}
+
 // The digest read stands for the file; check_digest compares it with the content.
 static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena *arena,
                                  pm_provenance *p) {
-    *p = (pm_provenance){.path = pm_arena_strdup(arena, path), .coordinates = "", .integrator = ""};
+    *p = (pm_provenance){.path = pm_arena_strdup(arena, path),
+                         .coordinates = "",
+                         .integrator = "",
+                         .trajectories = "",
+                         .relative = ""};
+    PM_TRY(read_origin(file, arena, p));
     if (pm_hdf5_is_text(file, "/", "coordinates")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "coordinates", arena, &p->coordinates));
     }

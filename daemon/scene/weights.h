@@ -2,7 +2,9 @@
 //   attributes of /: format "portmet weights", version, kind (subsystem | port), model (YAML text),
 //     digest (over kind, layout, model text and values as read into double), command, seed,
 //     data (what they were trained on), loss, seconds (training time), created (UTC); where steps
-//     were fitted, integrator and step (s); and, where the numbers of a state mean nothing without
+//     were fitted, integrator and step (s); of the data the trajectories, and seen, a digest of
+//     each; of the state columns, a digest of their names, and relative, the groups measured from
+//     a neighbour; and, where the numbers of a state mean nothing without
 //     another file, coordinates (which)
 //   /layout (port: /layout_a, /layout_b): attributes names, units, sizes
 //   /parameters/<name>: [rows][cols] double (float32 is read too), attribute trained
@@ -17,6 +19,8 @@
 #include "model/part.h"
 #include "model/port.h"
 
+#define PM_MOST_SEEN 7000 // digests of trajectories; an attribute holds no more
+
 // Where weights come from. Text is the caller's on saving, in the arena on loading.
 typedef struct pm_provenance {
     const char *path;    // on loading: the file
@@ -29,6 +33,16 @@ typedef struct pm_provenance {
     // fitted and no steps), and the length of one of its steps.
     const char *integrator;
     double step; // s; 0 without integrator
+    // Which trajectories of the data they were trained on: as text, such as "0:4,5:9" ("" or, on
+    // saving, NULL: not known), and the digest of each (dataset.h), so that evaluations know them
+    // again in any file.
+    const char *trajectories;
+    int nseen; // at most PM_MOST_SEEN are kept
+    const uint64_t *seen;
+    // Of subsystems: the digest of the columns that were its state (0: not known), and the groups
+    // that were measured from a neighbour, joined by blanks (system.h).
+    uint64_t columns;
+    const char *relative;
     uint64_t seed;
     double loss;
     double seconds;  // training time

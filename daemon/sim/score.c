@@ -76,6 +76,7 @@ pm_box pm_box_of(int n, double *value) {
     const double reach = 1.5 * (box.third_quartile - box.first_quartile);
     box.low = box.first_quartile;
     box.high = box.third_quartile;
+    box.largest = value[n - 1];
     for (int i = 0; i < n; ++i) {
         box.mean += value[i] / n;
         if (value[i] < box.low && value[i] >= box.first_quartile - reach) {

@@ -26,7 +26,7 @@ double pm_score_of(const pm_score_sums *sums);
 // The numbers of a box plot. The whiskers `low` and `high` are the extreme values within 1.5
 // interquartile ranges of the box.
 typedef struct pm_box {
-    double low, first_quartile, median, third_quartile, high, mean;
+    double low, first_quartile, median, third_quartile, high, mean, largest;
 } pm_box;
 // Computes them for n > 0 values, with quartiles by linear interpolation. Sorts the values in
 // place; NaN, the score of a failed rollout, counts as the largest.

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/attempt.h"
+#include "base/digest.h"
 #include "store/hdf5_io.h"
 #include "store/names.h"
 #include "store/times.h"
@@ -325,4 +326,9 @@ done:
     pm_hdf5_close(file);
     pm_arena_free(&arena);
     return status;
+}
+
+uint64_t pm_dataset_digest(const pm_dataset *dataset, int trajectory) {
+    return pm_digest_doubles(PM_DIGEST_INIT, pm_dataset_state(dataset, trajectory, 0),
+                             (size_t)dataset->ntime * (size_t)dataset->ncolumn);
 }

@@ -14,6 +14,7 @@
 #define PM_STORE_DATASET_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "base/arena.h"
 #include "base/status.h"
@@ -58,6 +59,9 @@ void pm_dataset_free(pm_dataset *dataset); // NULL is allowed
 static inline double *pm_dataset_state(const pm_dataset *d, int i, int j) {
     return d->z + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;
 }
+
+// Returns a digest of one trajectory, by which it is recognised in any file.
+uint64_t pm_dataset_digest(const pm_dataset *dataset, int trajectory);
 
 // Returns the rate [ncolumn] of trajectory i at time j, where the dataset has rates.
 static inline double *pm_dataset_rate(const pm_dataset *d, int i, int j) {

@@ -116,7 +116,7 @@ static pm_status measure(pm_training *t, const pm_dataset *dataset, const char *
         goto done;
     }
     draw_weights(t, start);
-    PM_TRY_DONE(pm_normalization_of_system(t->system, &samples));
+    PM_TRY_DONE(pm_normalization_of_system(t->system, &samples, true));
     PM_TRY_DONE(bench_table_open(&table, csv));
     for (int i = 0; i < 3; ++i) {
         free(work);

@@ -33,7 +33,7 @@ static void normalise(random_system *w) {
     }
     const pm_samples samples = {
         .count = STATES, .unroll = 1, .nz = w->scene->nz, .z = z, .scale = scale};
-    assert_int_equal(pm_normalization_of_system(w->system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(w->system, &samples, true), PM_OK);
 }
 
 // The state after `steps` steps, as far as it is finite.

@@ -313,7 +313,7 @@ static void patterns_span_the_data(void **state) {
                                 .nboundary_input = NLOAD,
                                 .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = z};
-    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_OK);
     const pm_params *params = &b.w.system->part[0].params;
     const pm_param_entry *found = pm_params_find(params, "energy.0.field0.patterns");
     assert_true(found != NULL && found->rows == 3 * NNODE && found->cols == RANK);
@@ -350,7 +350,7 @@ static void small_states_count_as_large_ones_do(void **state) {
                                 .nboundary_input = NLOAD,
                                 .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = z};
-    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_OK);
     const pm_params *params = &b.w.system->part[0].params;
     const double *pattern = pm_params_find(params, "energy.0.field0.patterns")->value;
     assert_true(remainder_of(basis[1], pattern, 1) < 0.5 * remainder_of(basis[0], pattern, 1));
@@ -370,7 +370,7 @@ static void more_patterns_than_states_are_refused(void **state) {
                                 .nboundary_input = NLOAD,
                                 .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = b.z};
-    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_EDATA);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_EDATA);
     assert_non_null(strstr(pm_error(), "9 patterns cannot be found in 3 states"));
     random_system_close(&b.w);
 }

@@ -174,7 +174,7 @@ static void constants_are_the_statistics_of_the_data(void **state) {
     pm_samples samples;
     bench_open(&b);
     make(&b, &samples, PM_RESIDUAL_STEP, 1);
-    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_OK);
     double mean = 0, square = 0, length = 0, q2 = 0, s2 = 0;
     for (int i = 0; i < samples.count; ++i) {
         const double *z = samples.z + (ptrdiff_t)i * 6;
@@ -271,7 +271,7 @@ static void worlds_scale_as_what_they_load(void **state) {
     pm_samples samples;
     loaded_open(&b);
     make(&b, &samples, PM_RESIDUAL_STEP, 1);
-    assert_int_equal(pm_normalization_of_system(b.w.system, &samples), PM_OK);
+    assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_OK);
     double q2 = 0, s2 = 0, temperature = 0;
     for (int i = 0; i < samples.count; ++i) {
         const double *z = samples.z + (ptrdiff_t)i * pm_samples_width(&samples);

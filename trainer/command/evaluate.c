@@ -3,14 +3,17 @@
 
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "base/options.h"
 #include "base/progress.h"
-#include "command/options.h"
 #include "evaluate/evaluate.h"
 #include "evaluate/evaluate_plot.h"
 #include "evaluate/evaluate_report.h"
+#include "evaluate/seen.h"
+#include "evaluate/thermo.h"
 
 typedef struct arguments {
     const char *scene, *data, *weights, *trajectories, *trained, *record, *plot;
@@ -21,7 +24,7 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_option table[] = {
         {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to score against (HDF5)"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
-         "only trajectories A up to, not including, B"},
+         "only these trajectories; without, those that training did not see"},
         {"--trained", NULL, "A:B", NULL, &a->trained, false,
          "trajectories that training saw: their errors beside the others"},
         {"--weights", "-w", "DIR", NULL, &a->weights, false,
@@ -37,8 +40,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .summary =
             "Rolls a scene out from the first state of each trajectory and prints the relative L2\n"
             "error of each group of variables, per trajectory and per snapshot: whiskers (1.5\n"
-            "interquartile ranges), quartiles, median; and how well both laws were kept. Ends "
-            "with\n"
+            "interquartile ranges), quartiles, median; the errors of the entropy produced, of the\n"
+            "power through each port and of what each part holds; and how well both laws were\n"
+            "kept. Weights know the trajectories that they were trained on. Ends with\n"
             "exit code 10 if a component that keeps a law by construction violates it.",
         .positional_name = "SCENE",
         .positional = &a->scene,
@@ -52,22 +56,97 @@ static void show_progress(void *context, int rollout) {
     pm_progress_update(context, rollout, NULL);
 }
 
-static pm_status run(pm_evaluation **evaluation, const char *trajectories, const pm_system *system,
-                     const pm_dataset *truth, const volatile sig_atomic_t *stop) {
-    int first = 0, end = 0;
-    PM_TRY(pm_options_range(trajectories, truth->ntrajectory, &first, &end));
+// What is evaluated: all of these belong to the command.
+typedef struct job {
+    pm_scene *scene;
+    pm_system *system;
+    pm_dataset *truth;
+    bool *seen; // [ntrajectory] by training
+    int nseen;  // how many; -1: the weights do not know
+    int *which; // [ntrajectory] work space
+    pm_evaluation *evaluation, *trained;
+    pm_thermo thermo;
+    const volatile sig_atomic_t *stop;
+} job;
+
+static pm_status run(pm_evaluation **evaluation, const job *j, int count) {
     const long processors = sysconf(_SC_NPROCESSORS_ONLN);
     pm_progress progress;
     const pm_evaluate_how how = {
         .threads = processors > 0 && processors < 16 ? (int)processors : 16,
-        .stop = stop,
+        .stop = j->stop,
         .progress = show_progress,
         .context = &progress,
     };
-    pm_progress_init(&progress, "evaluate", end - first);
-    const pm_status status = pm_evaluate(evaluation, system, truth, first, end, &how);
+    pm_progress_init(&progress, "evaluate", count);
+    const pm_status status =
+        pm_evaluate_list(evaluation, j->system, j->truth, count, j->which, &how);
     pm_progress_finish(&progress);
     return status;
+}
+
+// How many of the `count` trajectories in `which` training saw.
+static int count_seen(const job *j, int count) {
+    int n = 0;
+    for (int i = 0; i < count; ++i) {
+        n += j->seen[j->which[i]];
+    }
+    return n;
+}
+
+// The trajectories that the command line names; else those that training did not see, or all if it
+// saw all of them. Says which on standard output, unless that is for JSON.
+static pm_status choose(job *j, const arguments *a, int *count) {
+    PM_TRY(pm_options_list(a->trajectories, j->truth->ntrajectory, j->which, count));
+    const int seen = count_seen(j, *count);
+    const char *where = "the weights were trained or validated on";
+    if (a->trajectories == NULL && seen > 0 && seen < *count) {
+        *count = 0;
+        for (int i = 0; i < j->truth->ntrajectory; ++i) {
+            if (!j->seen[i]) {
+                j->which[(*count)++] = i;
+            }
+        }
+        if (!a->json) {
+            printf("%d trajectories that %s are left out; --trajectories names them\n", seen,
+                   where);
+        }
+    } else if (j->nseen >= 0 && !a->json) {
+        if (seen > 0) {
+            printf("%d of these %d trajectories are ones that %s: no test of them\n", seen, *count,
+                   where);
+        } else {
+            printf("unseen: the weights were trained on none of these %d trajectories\n", *count);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status prepare(job *j, const arguments *a) {
+    PM_TRY(pm_scene_load(&j->scene, a->scene));
+    PM_TRY(pm_system_load(&j->system, j->scene, a->weights));
+    PM_TRY(pm_dataset_load(&j->truth, a->data));
+    PM_TRY(pm_system_check_dataset(j->system, j->truth, a->data));
+    const size_t n = (size_t)j->truth->ntrajectory;
+    j->seen = calloc(n, sizeof *j->seen);
+    j->which = calloc(n, sizeof *j->which);
+    if (j->seen == NULL || j->which == NULL) {
+        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
+    }
+    j->nseen = pm_seen_mark(j->system, j->truth, j->seen);
+    return PM_OK;
+}
+
+static pm_status evaluate(job *j, const arguments *a) {
+    int count = 0;
+    PM_TRY(choose(j, a, &count));
+    PM_TRY(run(&j->evaluation, j, count));
+    PM_TRY(pm_thermo_make(&j->thermo, j->evaluation));
+    if (a->trained != NULL) {
+        PM_TRY(pm_options_list(a->trained, j->truth->ntrajectory, j->which, &count));
+        PM_TRY(run(&j->trained, j, count));
+    }
+    return PM_OK;
 }
 
 static pm_status record(const pm_evaluation *e, const arguments *a, const char *command) {
@@ -87,18 +166,18 @@ static pm_status record(const pm_evaluation *e, const arguments *a, const char *
     return pm_dataset_save(predicted, a->record);
 }
 
-static pm_status deliver(const pm_evaluation *e, const pm_evaluation *trained, const arguments *a,
-                         const char *command) {
+static pm_status deliver(const job *j, const arguments *a, const char *command) {
+    const pm_evaluation *e = j->evaluation;
     if (a->json) {
-        pm_evaluation_print_json(e, trained);
+        pm_evaluation_print_json(e, j->trained, &j->thermo, j->nseen < 0 ? NULL : j->seen);
     } else {
-        pm_evaluation_print(e, trained);
+        pm_evaluation_print(e, j->trained, &j->thermo);
     }
     if (a->record != NULL) {
         PM_TRY(record(e, a, command));
     }
     if (a->plot != NULL) {
-        PM_TRY(pm_evaluation_plot(e, trained, a->plot));
+        PM_TRY(pm_evaluation_plot(e, j->trained, a->plot));
     }
     const pm_rollout *violating = pm_evaluation_violation(e);
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
@@ -114,25 +193,21 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
-    pm_scene *scene = NULL;
-    pm_system *system = NULL;
-    pm_dataset *truth = NULL;
-    pm_evaluation *evaluation = NULL, *trained = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_scene_load(&scene, a.scene));
-    PM_TRY_DONE(pm_system_load(&system, scene, a.weights));
-    PM_TRY_DONE(pm_dataset_load(&truth, a.data));
-    PM_TRY_DONE(pm_system_check_dataset(system, truth, a.data));
-    PM_TRY_DONE(run(&evaluation, a.trajectories, system, truth, stop));
-    if (a.trained != NULL) {
-        PM_TRY_DONE(run(&trained, a.trained, system, truth, stop));
+    job j = {.stop = stop};
+    pm_status status = prepare(&j, &a);
+    if (status == PM_OK) {
+        status = evaluate(&j, &a);
     }
-    PM_TRY_DONE(deliver(evaluation, trained, &a, command));
-done:
-    pm_evaluation_free(trained);
-    pm_evaluation_free(evaluation);
-    pm_dataset_free(truth);
-    pm_system_free(system);
-    pm_scene_free(scene);
+    if (status == PM_OK) {
+        status = deliver(&j, &a, command);
+    }
+    pm_thermo_free(&j.thermo);
+    pm_evaluation_free(j.trained);
+    pm_evaluation_free(j.evaluation);
+    pm_dataset_free(j.truth);
+    pm_system_free(j.system);
+    pm_scene_free(j.scene);
+    free(j.seen);
+    free(j.which);
     return status;
 }

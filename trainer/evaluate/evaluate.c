@@ -13,6 +13,12 @@
 
 // Relative; dt comes as decimal text in one place and as a double in the other.
 #define DT_TOLERANCE 1e-9
+// Temperatures are differences of energies over so much entropy, relative to the larger of it and
+// SMALL_ENTROPY: errors of rounding and of curvature are then both about 1e-8.
+#define TEMPERATURE_STEP 1e-5
+#define SMALL_ENTROPY 1e-3 // J/K
+#define TEMPERATURES 10    // states of a trajectory at which they are taken, about
+#define MOST_ENTROPIES 16  // components of a group for which they are
 
 // --- one rollout ---
 
@@ -24,15 +30,76 @@ static void book(pm_rollout *rollout, const pm_monolithic *assembly) {
     }
 }
 
+// What the parts hold in one state: predicted (0) or true (1).
+static void keep_parts(const pm_evaluation *e, pm_rollout *rollout, int which, int j,
+                       const pm_sample *sample) {
+    const size_t n = (size_t)e->system->scene->nsubsystem;
+    const size_t at = ((size_t)which * (size_t)e->truth->ntime + (size_t)j) * n;
+    memcpy(rollout->part_energy + at, sample->energy, n * sizeof(double));
+    memcpy(rollout->part_entropy + at, sample->entropy, n * sizeof(double));
+}
+
+static double energy_of(pm_monolithic *assembly, const double *z, int subsystem) {
+    pm_monolithic_set_state(assembly, z);
+    return pm_monolithic_sample(assembly)->energy[subsystem];
+}
+
+// dE/ds by a central difference, of the components of entropies at the state z, which comes back as
+// it was.
+static void take_temperatures(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
+                              double *z) {
+    for (int i = 0; i < e->system->scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &e->system->scene->subsystem[i];
+        for (int c = 0; c < s->layout.nz; ++c) {
+            const pm_group *group = s->layout.group;
+            while (c >= group->first + group->size) {
+                ++group;
+            }
+            if (strcmp(group->unit, "J/K") != 0 || group->size > MOST_ENTROPIES) {
+                continue;
+            }
+            double *at = &z[s->first + c];
+            const double before = *at, step = TEMPERATURE_STEP * fmax(fabs(before), SMALL_ENTROPY);
+            *at = before + step;
+            double T = energy_of(assembly, z, i);
+            *at = before - step;
+            T = (T - energy_of(assembly, z, i)) / (2 * step);
+            *at = before;
+            const bool first = rollout->coldest == 0 && rollout->warmest == 0;
+            rollout->coldest = first ? T : fmin(rollout->coldest, T);
+            rollout->warmest = first ? T : fmax(rollout->warmest, T);
+        }
+    }
+}
+
+// What the model says of the true states. `z` [nz] is work space.
+static void look_at_truth(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
+                          double *z) {
+    const int ntime = e->truth->ntime, stride = ntime / TEMPERATURES + 1;
+    if (pm_system_without_energy(e->system) >= 0) {
+        return;
+    }
+    for (int j = 0; j < ntime; ++j) {
+        pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, j), z);
+        pm_monolithic_set_state(assembly, z);
+        keep_parts(e, rollout, 1, j, pm_monolithic_sample(assembly));
+        if (j % stride == 0) {
+            take_temperatures(e, rollout, assembly, z);
+        }
+    }
+}
+
 // The state just reached, beside what the scene does not predict, such as loads.
-static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index, const double *z) {
+static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index,
+                       const pm_sample *sample) {
     const int j = rollout->reached++;
     double *row = pm_dataset_state(e->predicted, index, j);
     memcpy(row, pm_dataset_state(e->truth, rollout->trajectory, j),
            (size_t)e->truth->ncolumn * sizeof *row);
-    pm_columns_to_row(&e->columns, z, row);
+    pm_columns_to_row(&e->columns, sample->z, row);
     rollout->energy[j] = rollout->ledger.energy;
     rollout->entropy[j] = rollout->ledger.entropy;
+    keep_parts(e, rollout, 0, j, sample);
 }
 
 // Steps to the next state of the dataset; false once the state is not finite.
@@ -72,13 +139,14 @@ static void roll(const pm_evaluation *e, pm_monolithic *assembly, pm_boundary_in
     pm_boundary_input_follow(boundary_input, e->truth, rollout->trajectory);
     pm_monolithic_set_boundary_input(assembly, boundary_input);
     const size_t row_size = (size_t)e->truth->ncolumn * sizeof *z;
+    look_at_truth(e, rollout, assembly, z);
     pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, 0), z);
     pm_monolithic_set_state(assembly, z);
     pm_ledger_init(&rollout->ledger, e->system);
     book(rollout, assembly);
-    keep_state(e, rollout, index, z);
+    keep_state(e, rollout, index, pm_monolithic_sample(assembly));
     while (rollout->reached < e->truth->ntime && advance(rollout, assembly, e->stride)) {
-        keep_state(e, rollout, index, pm_monolithic_sample(assembly)->z);
+        keep_state(e, rollout, index, pm_monolithic_sample(assembly));
     }
     for (int i = rollout->reached; i < e->truth->ntime; ++i) {
         memcpy(pm_dataset_state(e->predicted, index, i),
@@ -191,21 +259,25 @@ static pm_status find_stride(pm_evaluation *e) {
     return PM_OK;
 }
 
-static pm_status allocate(pm_evaluation *e, int first) {
+static pm_status allocate(pm_evaluation *e, const int *which) {
     const size_t ngroup = (size_t)e->columns.ngroup, ntime = (size_t)e->truth->ntime;
+    const size_t npart = (size_t)e->system->scene->nsubsystem;
     e->rollout = pm_arena_array(&e->arena, (size_t)e->count, sizeof *e->rollout);
     e->trajectory = pm_arena_array(&e->arena, ngroup, sizeof *e->trajectory);
     e->snapshot = pm_arena_array(&e->arena, ngroup, sizeof *e->snapshot);
     bool made = e->rollout != NULL && e->trajectory != NULL && e->snapshot != NULL;
     for (int i = 0; made && i < e->count; ++i) {
         pm_rollout *rollout = &e->rollout[i];
-        rollout->trajectory = first + i;
+        rollout->trajectory = which[i];
         rollout->error = pm_arena_array(&e->arena, ngroup, sizeof(double));
         rollout->snapshot = pm_arena_array(&e->arena, ntime * ngroup, sizeof(double));
         rollout->energy = pm_arena_array(&e->arena, ntime, sizeof(double));
         rollout->entropy = pm_arena_array(&e->arena, ntime, sizeof(double));
+        rollout->part_energy = pm_arena_array(&e->arena, 2 * ntime * npart, sizeof(double));
+        rollout->part_entropy = pm_arena_array(&e->arena, 2 * ntime * npart, sizeof(double));
         made = rollout->error != NULL && rollout->snapshot != NULL && rollout->energy != NULL &&
-               rollout->entropy != NULL;
+               rollout->entropy != NULL && rollout->part_energy != NULL &&
+               rollout->part_entropy != NULL;
     }
     if (!made) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
@@ -239,8 +311,9 @@ static pm_status fill_boxes(pm_evaluation *e) {
     return PM_OK;
 }
 
-pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,
-                      int first, int end, const pm_evaluate_how *how) {
+pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
+                           const pm_dataset *truth, int count, const int *which,
+                           const pm_evaluate_how *how) {
     if (truth->ntime < 2) {
         return pm_fail(PM_EDATA, "evaluate: a trajectory of %d states leaves nothing to predict",
                        truth->ntime);
@@ -249,17 +322,31 @@ pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const
     if (e == NULL) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
-    *e = (pm_evaluation){.system = system, .truth = truth, .count = end - first};
+    *e = (pm_evaluation){.system = system, .truth = truth, .count = count};
     pm_status status;
     PM_TRY_DONE(find_stride(e));
     PM_TRY_DONE(pm_columns_bind(&e->columns, system->scene, truth, &e->arena));
-    PM_TRY_DONE(allocate(e, first));
+    PM_TRY_DONE(allocate(e, which));
     PM_TRY_DONE(run_pool(e, how));
     PM_TRY_DONE(fill_boxes(e));
     *evaluation = e;
     e = NULL;
 done:
     pm_evaluation_free(e);
+    return status;
+}
+
+pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,
+                      int first, int end, const pm_evaluate_how *how) {
+    int *which = malloc((size_t)(end - first) * sizeof *which);
+    if (which == NULL) {
+        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
+    }
+    for (int i = first; i < end; ++i) {
+        which[i - first] = i;
+    }
+    const pm_status status = pm_evaluate_list(evaluation, system, truth, end - first, which, how);
+    free(which);
     return status;
 }
 

@@ -20,6 +20,12 @@ typedef struct pm_rollout {
     double *snapshot; // [ntime][ngroup] per state; infinite from `reached` on
     double *energy;   // [ntime] J, total per state, 0 from `reached` on; zero if not defined
     double *entropy;  // [ntime] J/K, likewise
+    // Energy J and entropy J/K of each part, as the model has them, of the states predicted and of
+    // the true ones: [2][ntime][nsubsystem] each. Zero where not reached or not defined.
+    double *part_energy, *part_entropy;
+    // K, dE/ds of each component of an entropy (unit J/K) at some of the true states: the lowest
+    // and the highest; both 0 if there is none.
+    double coldest, warmest;
     pm_ledger ledger;
     char violation[256];     // what the ledger says of a hard component that violates a law, or ""
     double seconds_per_step; // of the scene
@@ -54,6 +60,10 @@ typedef struct pm_evaluate_how {
 // a result, not a failure. The caller frees; system and dataset must outlive it.
 pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,
                       int first, int end, const pm_evaluate_how *how);
+// The same of the `count` trajectories in `which`.
+pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
+                           const pm_dataset *truth, int count, const int *which,
+                           const pm_evaluate_how *how);
 void pm_evaluation_free(pm_evaluation *evaluation); // NULL is allowed
 
 // The first violation that a hard component should have made impossible; NULL: none.

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 // What is worst over all rollouts.
 typedef struct summary {
@@ -78,6 +79,40 @@ static void print_laws(const pm_evaluation *e, const summary *s) {
            "total entropy changes by", s->entropy_change, s->entropy_fall);
 }
 
+static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
+    if (thermo->count == 0) {
+        return;
+    }
+    printf(
+        "\nRelative error, %%                    median      mean   largest      bias   typical\n");
+    for (int i = 0; i < thermo->count; ++i) {
+        const pm_thermo_row *r = &thermo->row[i];
+        const bool production = strcmp(r->kind, "production") == 0;
+        const char *unit = strcmp(r->kind, "power") == 0    ? "W"
+                           : strcmp(r->kind, "energy") == 0 ? "J"
+                                                            : "J/K";
+        printf("  %-11s %-16s %9.3g %9.3g %9.3g ", production ? "production" : r->kind,
+               production ? "of entropy" : r->name, 100 * r->median, 100 * r->mean,
+               100 * r->largest);
+        if (production) {
+            printf("%+9.3g", 100 * r->bias);
+        } else {
+            printf("%9s", "");
+        }
+        printf(" %9.3g %s\n", r->typical, unit);
+    }
+    printf("  Truth is what the model makes of the true states%s.\n",
+           thermo->given ? "; their entropies are given"
+                         : ", entropies included, which are learned");
+    if (thermo->warmest != 0) {
+        printf("  Temperatures at true states: %.6g to %.6g K%s\n", thermo->coldest,
+               thermo->warmest, thermo->coldest > 0 ? "" : ": NOT POSITIVE");
+    }
+    if (e->system->scene->nboundary_input > 0) {
+        printf("  What loads exchange is no part of the production here.\n");
+    }
+}
+
 static void print_failures(const pm_evaluation *e) {
     const int failures = pm_evaluation_failures(e);
     if (failures > 0) {
@@ -104,8 +139,13 @@ static bool is_zero(const pm_evaluation *e, int group) {
 }
 
 static void print_errors(const pm_evaluation *e, const char *title) {
-    printf("%s %d to %d, %d states %g s apart\n\n", title, e->rollout[0].trajectory,
-           e->rollout[e->count - 1].trajectory, e->truth->ntime, e->truth->dt);
+    const int first = e->rollout[0].trajectory, last = e->rollout[e->count - 1].trajectory;
+    if (last - first == e->count - 1) {
+        printf("%s %d to %d, ", title, first, last);
+    } else {
+        printf("%s: %d between %d and %d, ", title, e->count, first, last);
+    }
+    printf("%d states %g s apart\n\n", e->truth->ntime, e->truth->dt);
     printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
            "quartile", "whisker", "mean");
     for (int g = 0; g < e->columns.ngroup; ++g) {
@@ -123,13 +163,15 @@ static void print_errors(const pm_evaluation *e, const char *title) {
     print_failures(e);
 }
 
-void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained) {
+void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained,
+                         const pm_thermo *thermo) {
     const summary s = summarise(e);
     printf("%s: ", e->system->scene->name);
     print_errors(e, "trajectories");
     if (trained != NULL) {
         print_errors(trained, "\nTrajectories that training saw:");
     }
+    print_thermo(e, thermo);
     print_laws(e, &s);
     const pm_scene *scene = e->system->scene;
     printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator);
@@ -174,7 +216,8 @@ static void json_box(const char *name, const pm_box *b, const char *after) {
     json_number("median", b->median, ", ");
     json_number("third_quartile", b->third_quartile, ", ");
     json_number("high", b->high, ", ");
-    json_number("mean", b->mean, "}");
+    json_number("mean", b->mean, ", ");
+    json_number("max", b->largest, "}");
     printf("%s", after);
 }
 
@@ -206,11 +249,33 @@ static void json_laws(const pm_evaluation *e, const summary *s) {
     json_number("entropy_fall", s->entropy_fall, "},\n");
 }
 
-static void json_rollouts(const pm_evaluation *e) {
+static void json_thermo(const pm_thermo *thermo) {
+    printf("  \"thermodynamics\": {\"entropy_given\": %s, ", thermo->given ? "true" : "false");
+    json_number("coldest", thermo->coldest, ", ");
+    json_number("warmest", thermo->warmest, ", \"quantities\": [");
+    for (int i = 0; i < thermo->count; ++i) {
+        const pm_thermo_row *r = &thermo->row[i];
+        printf("%s\n    {\"kind\": \"%s\", \"name\": ", i > 0 ? "," : "", r->kind);
+        json_text(r->name);
+        printf(", ");
+        json_number("median", r->median, ", ");
+        json_number("mean", r->mean, ", ");
+        json_number("max", r->largest, ", ");
+        json_number("bias", r->bias, ", ");
+        json_number("typical", r->typical, "}");
+    }
+    printf("]},\n");
+}
+
+static void json_rollouts(const pm_evaluation *e, const bool *seen) {
     printf("  \"rollouts\": [\n");
     for (int i = 0; i < e->count; ++i) {
         const pm_rollout *r = &e->rollout[i];
-        printf("    {\"trajectory\": %d, \"states\": %d, \"error\": {", r->trajectory, r->reached);
+        printf("    {\"trajectory\": %d, \"seen\": %s, \"states\": %d, \"error\": {", r->trajectory,
+               seen == NULL          ? "null"
+               : seen[r->trajectory] ? "true"
+                                     : "false",
+               r->reached);
         for (int g = 0; g < e->columns.ngroup; ++g) {
             json_number(e->columns.group_name[g], r->error[g],
                         g + 1 < e->columns.ngroup ? ", " : "}, ");
@@ -220,7 +285,8 @@ static void json_rollouts(const pm_evaluation *e) {
     printf("  ]\n");
 }
 
-void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *trained) {
+void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *trained,
+                              const pm_thermo *thermo, const bool *seen) {
     const summary s = summarise(e);
     printf("{\n  \"scene\": ");
     json_text(e->system->scene->name);
@@ -233,6 +299,7 @@ void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *train
         json_groups(trained, "trained_groups");
     }
     json_laws(e, &s);
-    json_rollouts(e);
+    json_thermo(thermo);
+    json_rollouts(e, seen);
     printf("}\n");
 }

@@ -8,17 +8,20 @@
 
 #include "base/linalg.h"
 #include "graph/program.h"
+#include "learn/magnitudes.h"
 #include "learn/step_graph.h"
 #include "model/training_range.h"
 
 #define MAX_SETS 256
-// A feature that never varies gets deviation 1.
+// A feature that varies by less than this part of its mean never varies: it gets deviation 1.
 #define SMALLEST_DEVIATION 1e-12
 
 // Numbers in the windows that statistics are taken from at most; of more, some are taken.
 #define MOST_NUMBERS 100000000
 // What is small counts as if it were this large, relative to what is typical.
 #define SMALLEST_SNAPSHOT 0.1
+// Differences of temperature that drive heat, relative to the temperature.
+#define TYPICAL_WARMTH 0.05
 
 // One set of constants: where its values go, and the node that gives the data.
 typedef struct set {
@@ -28,11 +31,16 @@ typedef struct set {
     int count;                 // expressions
     int size[PM_MAX_FEATURES]; // components of each
     int twin[PM_MAX_FEATURES]; // of a scale: the group of the same name at the other end, or -1
+    pm_group_magnitude magnitude[PM_MAX_FEATURES]; // of a scale, where they are known, else 0
+    bool heated[PM_MAX_FEATURES];                  // of a scale: takes up heat
 } set;
 
 typedef struct collection {
     pm_graph *g;
     pm_params *params; // of the component being visited
+    int part, port;    // which it is, or -1
+    const pm_magnitudes *magnitudes;
+    bool plain; // scales follow the size of states alone
     int count;
     set set[MAX_SETS];
 } collection;
@@ -55,19 +63,68 @@ static int find_twin(const pm_normaliser *n, int own) {
     return -1;
 }
 
+// A network of a part's energy, or of its boundary term's; an entropy is smaller by a temperature.
+static void fix_unit(const collection *c, const pm_normaliser *n) {
+    const bool boundary = c->part < 0;
+    const int part =
+        boundary ? c->magnitudes->scene->port[c->port].subsystem[n->prefix[0] == 'b'] : c->part;
+    const bool entropy = strncmp(n->prefix + (boundary ? 2 : 0), "entropy", 7) == 0;
+    const double energy = part < 0 || c->plain ? 1 : c->magnitudes->energy[part];
+    *entry_of(c, n->prefix, "unit")->value = entropy ? energy / PM_DEFAULT_TEMPERATURE : energy;
+}
+
+static bool is_scale(pm_normaliser_kind kind) {
+    return kind == PM_NORMALISE_SCALE || kind == PM_NORMALISE_FRICTION || kind == PM_NORMALISE_RATE;
+}
+
+// Of a group of a part, of either end of a port, or of the own end of a boundary term, which the
+// prefix of its parameters names.
+static bool find_magnitude(const collection *c, const pm_normaliser *n, const char *name,
+                           pm_group_magnitude *result) {
+    if (c->part >= 0) {
+        return pm_magnitudes_of_part(c->magnitudes, c->part, name, result);
+    }
+    char full[PM_MAX_NAME];
+    const bool own = strncmp(name, "own.", 4) == 0;
+    snprintf(full, sizeof full, "%c.%s", own ? n->prefix[0] : name[0], name + (own ? 4 : 2));
+    return pm_magnitudes_of_port(c->magnitudes, c->port, full, result);
+}
+
+// What the world shows is as large as what the other end shows under the same name.
+static void look_up_magnitudes(const collection *c, const pm_normaliser *n, set *s) {
+    for (int i = 0; i < n->count; ++i) {
+        const char *name[2] = {n->expression[i], s->twin[i] < 0 ? NULL : n->expression[s->twin[i]]};
+        bool found = false;
+        for (int k = 0; k < 2 && name[k] != NULL && !found; ++k) {
+            found = find_magnitude(c, n, name[k], &s->magnitude[i]);
+        }
+        for (int k = 0; k < n->nheats; ++k) {
+            s->heated[i] = s->heated[i] || strcmp(n->heats[k], n->expression[i]) == 0;
+        }
+    }
+}
+
 static pm_status collect(void *context, const pm_normaliser *n) {
     collection *c = context;
     if (c->count == MAX_SETS) {
         return pm_fail(PM_ECONFIG, "more than %d networks and operators", MAX_SETS);
     }
-    static const char *const name[] = {"deviation", "scale", "along", "patterns"};
+    static const char *const name[] = {"deviation", "scale", "along", "patterns",
+                                       "scale",     "scale", "unit"};
+    if (n->kind == PM_NORMALISE_UNIT) {
+        fix_unit(c, n);
+        return PM_OK;
+    }
     set *s = &c->set[c->count++];
     *s = (set){.kind = n->kind, .count = n->count};
     s->mean = n->kind == PM_NORMALISE_FEATURES ? entry_of(c, n->prefix, "mean") : NULL;
     s->deviation = entry_of(c, n->prefix, name[n->kind]);
     for (int i = 0; i < n->count; ++i) {
         PM_TRY(pm_feature_size(n->expression[i], n->symbols, &s->size[i]));
-        s->twin[i] = n->kind == PM_NORMALISE_SCALE ? find_twin(n, i) : -1;
+        s->twin[i] = is_scale(n->kind) ? find_twin(n, i) : -1;
+    }
+    if (is_scale(n->kind) && !c->plain) {
+        look_up_magnitudes(c, n, s);
     }
     const pm_node node = pm_features_build(c->g, n->count, n->expression, n->symbols);
     s->node = pm_broadcast_to(c->g, node, (pm_shape){true, 1, pm_graph_shape(c->g, node).cols});
@@ -87,7 +144,7 @@ static void fix_features(const set *s, const double *value, int count, int cols)
             square += difference * difference / count;
         }
         s->mean->value[c] = mean;
-        s->deviation->value[c] = sqrt(square) > SMALLEST_DEVIATION ? sqrt(square) : 1;
+        s->deviation->value[c] = sqrt(square) > SMALLEST_DEVIATION * fabs(mean) ? sqrt(square) : 1;
     }
 }
 
@@ -120,6 +177,38 @@ static void fix_scale(const set *s, const double *value, int count, int cols) {
     }
     for (int c = 0; c < cols; ++c) {
         s->deviation->value[c] /= sqrt(square);
+    }
+}
+
+// The scales of an operator, such that entries of size 1 of its matrix give rates as large as the
+// data's: with the frequency w of the groups, L_ij dE_j = k_i k_j E/x_j is w x_i for k = x
+// sqrt(w/E). Friction likewise; of irreversible operators in the metric of all groups the driving
+// dS is smaller by a temperature. Conduction of k^2 W/K moves entropy by k^2 dT/T.
+static void fix_scale_by_rates(const set *s) {
+    double frequency = 0, known = 0;
+    bool heats = false;
+    for (int k = 0; k < s->count; ++k) {
+        const pm_group_magnitude *m = &s->magnitude[k];
+        heats = heats || s->heated[k];
+        if (m->deviation > 0 && !s->heated[k]) {
+            frequency += m->rate / m->deviation;
+            ++known;
+        }
+    }
+    frequency = known > 0 && frequency > 0 ? frequency / known : 1;
+    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+        const pm_group_magnitude *m = &s->magnitude[k];
+        double scale = m->deviation * sqrt(frequency / m->energy);
+        if (s->kind == PM_NORMALISE_RATE) {
+            scale = m->rate;
+        } else if (s->heated[k]) {
+            scale = sqrt(m->rate / TYPICAL_WARMTH);
+        } else if (s->kind == PM_NORMALISE_FRICTION && !heats) {
+            scale *= sqrt(PM_DEFAULT_TEMPERATURE);
+        }
+        for (int c = first; c < first + s->size[k]; ++c) {
+            s->deviation->value[c] = scale > 0 && isfinite(scale) ? scale : 1;
+        }
     }
 }
 
@@ -189,13 +278,27 @@ static pm_status fix_patterns(const set *s, const double *value, int count, int 
     return status;
 }
 
-static pm_status fix(const set *s, const double *value, int count, int cols) {
-    static void (*const rule[])(const set *, const double *, int, int) = {fix_features, fix_scale,
-                                                                          fix_along};
-    if (s->kind == PM_NORMALISE_PATTERNS) {
+static pm_status fix(const set *s, bool by_rates, const double *value, int count, int cols) {
+    switch (s->kind) {
+    case PM_NORMALISE_PATTERNS:
         return fix_patterns(s, value, count, cols);
+    case PM_NORMALISE_FEATURES:
+        fix_features(s, value, count, cols);
+        return PM_OK;
+    case PM_NORMALISE_ALONG:
+        fix_along(s, value, count, cols);
+        return PM_OK;
+    case PM_NORMALISE_SCALE:
+    case PM_NORMALISE_FRICTION:
+    case PM_NORMALISE_RATE:
+    case PM_NORMALISE_UNIT:
+        break;
     }
-    rule[s->kind](s, value, count, cols);
+    if (by_rates && s->magnitude[0].deviation > 0) {
+        fix_scale_by_rates(s);
+    } else {
+        fix_scale(s, value, count, cols);
+    }
     return PM_OK;
 }
 
@@ -206,6 +309,8 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
     const pm_scene *scene = system->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         c->params = &system->part[i].params;
+        c->part = i;
+        c->port = -1;
         if (system->scene->subsystem[i].model != NULL) {
             continue; // known, and stepped as it stands
         }
@@ -216,6 +321,8 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
         pm_port_nodes end[2];
         pm_build_port_nodes(c->g, system, i, state, prescribed, end);
         c->params = &system->port[i].params;
+        c->part = -1;
+        c->port = i;
         if (system->scene->port[i].model != NULL) {
             continue;
         }
@@ -254,14 +361,15 @@ static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *sa
     pm_program_run(program, count);
     pm_status status = PM_OK;
     for (int i = 0; i < c->count && status == PM_OK; ++i) {
-        status = fix(&c->set[i], pm_program_value(program, output[i]), count,
+        status = fix(&c->set[i], !c->plain, pm_program_value(program, output[i]), count,
                      pm_graph_shape(c->g, output[i]).cols);
     }
     pm_program_close(program);
     return status;
 }
 
-static pm_status one_pass(pm_system *system, const pm_samples *samples) {
+static pm_status one_pass(pm_system *system, const pm_samples *samples,
+                          const pm_magnitudes *magnitudes, bool plain) {
     const int count = system->scene->nsubsystem;
     pm_graph *g = NULL;
     collection *c = calloc(1, sizeof *c);
@@ -273,6 +381,8 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples) {
     }
     PM_TRY_DONE(pm_graph_open(&g));
     c->g = g;
+    c->magnitudes = magnitudes;
+    c->plain = plain;
     const pm_node window = pm_input(g, true, 1, pm_samples_width(samples));
     for (int i = 0; i < count; ++i) {
         const pm_scene_subsystem *s = &system->scene->subsystem[i];
@@ -304,9 +414,15 @@ static pm_status find_regions(pm_system *system, const pm_samples *samples) {
     return PM_OK;
 }
 
-pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples) {
+pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain) {
+    pm_magnitudes magnitudes = {.scene = system->scene};
     PM_TRY(find_regions(system, samples));
+    PM_TRY(plain ? PM_OK : pm_magnitudes_find(&magnitudes, system, samples));
     // The first pass normalises what co-energies are made of, the second features of co-energies.
-    PM_TRY(one_pass(system, samples));
-    return one_pass(system, samples);
+    pm_status status = one_pass(system, samples, &magnitudes, plain);
+    if (status == PM_OK) {
+        status = one_pass(system, samples, &magnitudes, plain);
+    }
+    pm_magnitudes_free(&magnitudes);
+    return status;
 }

@@ -8,7 +8,8 @@
 #include "scene/system.h"
 
 // Sets the constants of every part and port of the system. Features of co-energies are normalised
-// with the weights as they are. PM_ENOMEM.
-pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples);
+// with the weights as they are. `plain`: scales of operators follow the size of states alone, not
+// that of rates and energies, so that they depend on units. PM_ENOMEM.
+pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain);
 
 #endif

@@ -6,7 +6,14 @@
 #include <string.h>
 
 #include "base/digest.h"
+#include "learn/defaults.h"
+#include "learn/stages.h"
 #include "scene/model_reader.h"
+
+// Starts to choose from, and what each gets at first.
+#define DEFAULT_TRIES 8
+#define DEFAULT_TRY_ITERATIONS 10
+#define MOST_WEIGHTS_OF_STARTS 3000
 
 #define LOSS_KEYS "residual", "integrator", "substeps", "unroll", "degeneracy", "robust", "scale"
 
@@ -77,6 +84,7 @@ static pm_status read_part(pm_training *t, pm_yaml root, pm_yaml mapping, int id
     PM_TRY(find_model(root, mapping, scene->name, &t->arena, &model));
     part->layout = scene->layout;
     PM_TRY(pm_part_spec_read(model, (pm_yaml){0}, &t->arena, &part->spec));
+    PM_TRY(t->plain ? PM_OK : pm_default_part(&part->spec, &part->layout, &t->arena));
     const pm_status status = pm_part_declare(part);
     return name_component(status, scene->name);
 }
@@ -97,6 +105,7 @@ static pm_status read_port(pm_training *t, pm_yaml root, pm_yaml mapping, int id
         return pm_yaml_fail(model, "law %s, but port %s of the scene %s has law %s", port->spec.law,
                             scene->name, t->scene->path, scene->law);
     }
+    PM_TRY(t->plain ? PM_OK : pm_default_port(&port->spec, t->system, id, &t->arena));
     PM_TRY(name_component(pm_port_declare(port), scene->name));
     return name_component(pm_spec_locate(port->spec.at, pm_params_check_given(&port->params)),
                           scene->name);
@@ -296,7 +305,16 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
         PM_TRY(pm_yaml_allow(loss, loss_keys));
         PM_TRY(read_loss(loss, t, &common.loss, &common.unroll));
     }
-    pm_yaml stages;
+    pm_yaml stages = pm_yaml_get(root, "stages");
+    if (!t->plain && (!pm_yaml_exists(stages) || pm_yaml_is_text(stages, "auto"))) {
+        if (common.loss.integrator->multirate) {
+            return pm_yaml_fail(root,
+                                "integrator %s steps, but does not train: name another in loss",
+                                common.loss.integrator->name);
+        }
+        pm_stages_auto(t, &common);
+        return PM_OK;
+    }
     PM_TRY(pm_yaml_require(root, "stages", &stages));
     const int count = pm_yaml_count(stages);
     if (!pm_yaml_is_list(stages) || count < 1 || count > PM_MAX_TRAINING_STAGES) {
@@ -310,10 +328,32 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
     return PM_OK;
 }
 
+// How many starts to choose from: by default several, where a short fit of each is affordable.
+static pm_status read_start(pm_training *t, pm_yaml block) {
+    static const char *const keys[] = {"tries", "iterations", NULL};
+    size_t weights = 0;
+    for (int i = 0; i < pm_system_components(t->system); ++i) {
+        weights += pm_params_trained(pm_system_params(t->system, i));
+    }
+    t->tries = t->plain || weights > MOST_WEIGHTS_OF_STARTS ? 1 : DEFAULT_TRIES;
+    t->try_iterations = DEFAULT_TRY_ITERATIONS;
+    if (!pm_yaml_exists(block)) {
+        return PM_OK;
+    }
+    pm_yaml value;
+    PM_TRY(pm_yaml_allow(block, keys));
+    if (pm_yaml_exists(value = pm_yaml_get(block, "tries"))) {
+        PM_TRY(pm_yaml_int(value, 1, 1000, &t->tries));
+    }
+    return pm_yaml_exists(value = pm_yaml_get(block, "iterations"))
+               ? pm_yaml_int(value, 1, 10000, &t->try_iterations)
+               : PM_OK;
+}
+
 // --- the file ---
 
 static pm_status read_data(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"file", "trajectories", NULL};
+    static const char *const keys[] = {"file", "trajectories", "validation", NULL};
     const pm_yaml data = pm_yaml_get(root, "data");
     if (!pm_yaml_exists(data)) {
         return PM_OK;
@@ -335,7 +375,31 @@ static pm_status read_data(pm_training *t, pm_yaml root) {
             return no_memory();
         }
     }
+    if (pm_yaml_exists(value = pm_yaml_get(data, "validation"))) {
+        PM_TRY(pm_yaml_text(value, &t->arena, &t->validation));
+        t->validation_at = pm_yaml_where(value, &t->arena);
+        if (t->validation_at == NULL) {
+            return no_memory();
+        }
+    }
     return PM_OK;
+}
+
+static uint32_t digest_stage(const pm_training *t, const pm_stage *s) {
+    const double number[] = {s->schedule.first_rate, s->schedule.last_rate, s->schedule.beta2,
+                             s->loss.degeneracy, s->loss.robust};
+    const int integer[] = {s->schedule.batch, s->schedule.memory, s->unroll, s->loss.substeps,
+                           (int)s->loss.residual};
+    uint64_t digest = pm_digest_text(PM_DIGEST_INIT, s->optimiser->name);
+    digest = pm_digest_text(digest, s->loss.integrator->name);
+    if (s->loss.scale != NULL) {
+        digest = pm_digest_doubles(digest, s->loss.scale, (size_t)t->scene->nz);
+    }
+    digest = pm_digest_doubles(digest, number, sizeof number / sizeof *number);
+    for (size_t k = 0; k < sizeof integer / sizeof *integer; ++k) {
+        digest = pm_digest_integer(digest, integer[k]);
+    }
+    return (uint32_t)(digest ^ (digest >> 32));
 }
 
 static pm_status make_digest(pm_training *t) {
@@ -350,21 +414,7 @@ static pm_status make_digest(pm_training *t) {
         digest = pm_digest_text(digest, text == NULL ? "" : text);
     }
     for (int i = 0; i < t->nstage; ++i) {
-        const pm_stage *s = &t->stage[i];
-        const double number[] = {s->schedule.first_rate, s->schedule.last_rate, s->schedule.beta2,
-                                 s->loss.degeneracy, s->loss.robust};
-        const int integer[] = {s->schedule.iterations, s->schedule.batch,
-                               s->schedule.memory,     s->unroll,
-                               s->loss.substeps,       (int)s->loss.residual};
-        digest = pm_digest_text(digest, s->optimiser->name);
-        digest = pm_digest_text(digest, s->loss.integrator->name);
-        if (s->loss.scale != NULL) {
-            digest = pm_digest_doubles(digest, s->loss.scale, (size_t)t->scene->nz);
-        }
-        digest = pm_digest_doubles(digest, number, sizeof number / sizeof *number);
-        for (size_t k = 0; k < sizeof integer / sizeof *integer; ++k) {
-            digest = pm_digest_integer(digest, integer[k]);
-        }
+        t->stage_digest[i] = digest_stage(t, &t->stage[i]);
     }
     t->digest = digest;
     return PM_OK;
@@ -381,9 +431,11 @@ static pm_status load_scene(pm_training *t, pm_yaml at, const char *path) {
 }
 
 static pm_status read_all(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"scene", "data", "seed",     "models", "subsystems",
-                                       "ports", "loss", "symmetry", "stages", NULL};
+    static const char *const keys[] = {"scene",      "data",     "seed",  "models",
+                                       "subsystems", "ports",    "loss",  "symmetry",
+                                       "stages",     "defaults", "start", NULL};
     static const char *const sections[] = {"any", "square", NULL};
+    static const char *const defaults[] = {"physical", "plain", NULL};
     PM_TRY(pm_yaml_allow(root, keys));
     pm_yaml value;
     const char *scene = NULL;
@@ -405,10 +457,16 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
         PM_TRY(pm_yaml_choice(value, sections, &section));
         t->square = section == 1;
     }
+    if (pm_yaml_exists(value = pm_yaml_get(root, "defaults"))) {
+        int choice = 0;
+        PM_TRY(pm_yaml_choice(value, defaults, &choice));
+        t->plain = choice == 1;
+    }
     PM_TRY(read_data(t, root));
     PM_TRY(read_models(t, root));
     PM_TRY(pm_system_check_loads(t->system));
     PM_TRY(read_stages(t, root));
+    PM_TRY(read_start(t, pm_yaml_get(root, "start")));
     return make_digest(t);
 }
 

@@ -25,11 +25,18 @@ typedef struct pm_training {
     const char *data, *data_at; // dataset, or NULL: only from the command line; and its place,
                                 // "file:line:column", for errors found later
     const char *trajectories, *trajectories_at; // "A:B", or NULL: all
+    const char *validation, *validation_at;     // a list, "none", or NULL: as learn/split.h says
     uint64_t seed;
     bool square; // samples have symmetric images (learn/symmetry.h)
+    bool plain;  // models are as they are written (learn/defaults.h)
+    int tries,
+        try_iterations; // starts to choose from, and iterations of each at first (learn/start.h)
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];
-    uint64_t digest; // of everything that decides the result but the data
+    uint64_t digest; // of everything that decides the result but the data and the stages
+    // Of each stage, without its number of iterations: a stage may become longer when a training is
+    // taken up again. 32 bits, so that a double holds it.
+    uint32_t stage_digest[PM_MAX_TRAINING_STAGES];
 } pm_training;
 
 // Reads and checks a training file and declares the models. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The

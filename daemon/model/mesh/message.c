@@ -536,7 +536,11 @@ static pm_status visit_patterns(const pm_symbols *symbols, int which, const char
                                 const char *prefix, pm_normaliser_visit *visit, void *context) {
     parameter_name full;
     snprintf(full, sizeof full, "%s.field%d", prefix, which);
-    const pm_normaliser patterns = {PM_NORMALISE_PATTERNS, full, 1, name, symbols};
+    const pm_normaliser patterns = {.kind = PM_NORMALISE_PATTERNS,
+                                    .prefix = full,
+                                    .count = 1,
+                                    .expression = name,
+                                    .symbols = symbols};
     return visit(context, &patterns);
 }
 
@@ -550,7 +554,11 @@ static pm_status visit_inputs(const pm_network_spec *spec, const pm_symbols *sym
     if (spec->message->driver != NULL) {
         name[count++] = spec->message->driver;
     }
-    const pm_normaliser along = {PM_NORMALISE_ALONG, prefix, count, name, symbols};
+    const pm_normaliser along = {.kind = PM_NORMALISE_ALONG,
+                                 .prefix = prefix,
+                                 .count = count,
+                                 .expression = name,
+                                 .symbols = symbols};
     return visit(context, &along);
 }
 
@@ -567,7 +575,11 @@ pm_status pm_message_visit_fields(const pm_network_spec *spec, const pm_symbols 
                                   void *context) {
     parameter_name full;
     snprintf(full, sizeof full, "%s.out", prefix);
-    const pm_normaliser along = {PM_NORMALISE_ALONG, full, out.count, out.name, symbols};
+    const pm_normaliser along = {.kind = PM_NORMALISE_ALONG,
+                                 .prefix = full,
+                                 .count = out.count,
+                                 .expression = out.name,
+                                 .symbols = symbols};
     PM_TRY(visit_inputs(spec, symbols, prefix, visit, context));
     PM_TRY(visit(context, &along));
     for (int k = 0; k < out.count && spec->message->patterns > 0; ++k) {

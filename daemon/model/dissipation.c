@@ -1,0 +1,96 @@
+// Processes as columns of a factor: what each moves, heats and dissipates.
+#include "model/dissipation.h"
+
+// Keeps the roots differentiable where a temperature would be zero.
+#define SMALLEST_SQUARE 1e-200
+
+// The entropies' columns of x [rows][n], side by side.
+static pm_node heats_of(pm_graph *g, const pm_dissipation *d, pm_node x) {
+    pm_node part[PM_MAX_HEATS];
+    for (int k = 0; k < d->nheat; ++k) {
+        part[k] = pm_slice(g, x, d->heat[k], 1);
+    }
+    return pm_concat(g, d->nheat, part);
+}
+
+// The other columns of x [rows][n], with zeros in the entropies' places.
+static pm_node others_of(pm_graph *g, const pm_dissipation *d, pm_node x) {
+    const pm_shape shape = pm_graph_shape(g, x);
+    pm_node part[2 * PM_MAX_HEATS + 1];
+    int count = 0, at = 0;
+    for (int k = 0; k < d->nheat; ++k) {
+        if (d->heat[k] > at) {
+            part[count++] = pm_slice(g, x, at, d->heat[k] - at);
+        }
+        part[count++] = pm_constant(g, 0, shape.rows, 1);
+        at = d->heat[k] + 1;
+    }
+    if (at < shape.cols) {
+        part[count++] = pm_slice(g, x, at, shape.cols - at);
+    }
+    return pm_concat(g, count, part);
+}
+
+// x [1][nheat] in the entropies' places of n columns.
+static pm_node place_heats(pm_graph *g, const pm_dissipation *d, pm_node x, int n) {
+    pm_node sum = PM_NO_NODE;
+    for (int k = 0; k < d->nheat; ++k) {
+        sum = pm_add_or(g, sum, pm_place(g, pm_slice(g, x, k, 1), d->heat[k], n));
+    }
+    return sum;
+}
+
+static pm_node positive(pm_graph *g, pm_node x) {
+    return pm_sqrt(g, pm_offset(g, pm_square(g, x), SMALLEST_SQUARE));
+}
+
+// lambda [rank][nheat]: positive numbers whose rows sum to 1.
+static pm_node build_shares(pm_graph *g, const pm_dissipation *d, int rank) {
+    if (d->split == PM_NO_NODE) {
+        return pm_constant(g, 1.0 / d->nheat, rank, d->nheat);
+    }
+    const pm_node part[2] = {pm_constant(g, 1, rank, 1), pm_exp(g, d->split)};
+    const pm_node weight = pm_concat(g, 2, part);
+    const pm_node one = pm_constant(g, 1, rank, d->nheat);
+    return pm_div(g, weight, pm_dot(g, weight, one));
+}
+
+// Takes the rounding of the energy balance away from the heat.
+static pm_node balance(pm_graph *g, const pm_dissipation *d, pm_node rate, pm_node heat_normal) {
+    const pm_node excess = pm_scale(g, pm_dot(g, rate, d->normal), 1.0 / d->nheat);
+    const int n = pm_graph_shape(g, rate).cols;
+    return pm_sub(g, rate, place_heats(g, d, pm_div(g, excess, heat_normal), n));
+}
+
+pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
+    const pm_node dh = heats_of(g, d, d->driving), nh = heats_of(g, d, d->normal);
+    const pm_node coldness = pm_div(g, dh, nh); // 1/T [1][nheat]
+    const pm_shape shape = pm_graph_shape(g, d->factor);
+    const int rank = shape.rows, n = shape.cols;
+    const pm_node share = build_shares(g, d, rank);
+    const pm_node theta = pm_matmul(g, coldness, false, share, true); // [1][rank]
+    const pm_node u = others_of(g, d, d->factor);
+    pm_node power = pm_matmul(g, d->normal, false, u, true); // F [1][rank]
+    pm_node drive = pm_matmul(g, d->driving, false, u, true);
+    pm_node root = PM_NO_NODE, h = PM_NO_NODE;
+    if (d->nheat > 1) { // with one entropy heat has nowhere to go
+        h = heats_of(g, d, d->factor);
+        const pm_node rest = pm_offset(g, pm_scale(g, share, -1), 1); // 1 - lambda
+        const pm_node mean =
+            pm_scale(g, pm_matmul(g, pm_div(g, nh, dh), false, rest, true), 1.0 / (d->nheat - 1));
+        root = pm_sqrt(g, positive(g, mean)); // sqrt(m) [1][rank]
+        power = pm_add(g, power, pm_mul(g, root, pm_matmul(g, dh, false, h, true)));
+        drive = pm_add(g, drive,
+                       pm_mul(g, root, pm_matmul(g, pm_mul(g, dh, coldness), false, h, true)));
+    }
+    const pm_node size = positive(g, theta);
+    const pm_node flow = pm_div(g, pm_sub(g, drive, pm_mul(g, power, theta)), size);
+    pm_node heat =
+        pm_scale(g, pm_div(g, pm_matmul(g, pm_mul(g, flow, power), false, share, false), nh), -1);
+    if (h != PM_NO_NODE) {
+        const pm_node carried = pm_matmul(g, pm_mul(g, flow, root), false, h, false);
+        heat = pm_add(g, heat, pm_mul(g, carried, coldness));
+    }
+    const pm_node moved = pm_matmul(g, flow, false, u, false);
+    return balance(g, d, pm_add(g, moved, place_heats(g, d, heat, n)), nh);
+}

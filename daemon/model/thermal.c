@@ -1,0 +1,116 @@
+// The exponentials of rising linear forms in entropies, and the network that says how large they
+// are.
+#include "model/thermal.h"
+
+#include <math.h>
+#include <stdio.h>
+
+// Where exponents of normalised entropies start: temperatures vary by some per cent over most data.
+// Each further exponential starts three times as steep.
+#define FIRST_EXPONENT 0.05
+#define NEXT_EXPONENT 3.0
+#define EXPONENT_SPREAD 0.3
+
+typedef char thermal_name[160];
+
+static const char *join(thermal_name buffer, const char *prefix, const char *name) {
+    snprintf(buffer, sizeof(thermal_name), "%s.%s", prefix, name);
+    return buffer;
+}
+
+// The network of what is not an entropy; without features a constant.
+static pm_network_spec body_of(const pm_network_spec *spec) {
+    pm_network_spec body = *spec;
+    body.nfeature = spec->nfeature - spec->nthermal;
+    body.nthermal = 0;
+    return body;
+}
+
+pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symbols,
+                             pm_params *params, const char *prefix) {
+    const pm_network_spec body = body_of(spec);
+    thermal_name name;
+    int n = 0;
+    PM_TRY(pm_spec_locate(
+        spec->at, pm_features_size(spec->nthermal, spec->feature + body.nfeature, symbols, &n)));
+    PM_TRY(pm_params_add(params, join(name, prefix, "mean"), 1, n, false, 0, 0));
+    PM_TRY(pm_params_add(params, join(name, prefix, "deviation"), 1, n, false, 0, 1));
+    PM_TRY(pm_params_add(params, join(name, prefix, "unit"), 1, 1, false, 0, 1));
+    double start[1 + PM_MAX_EXPONENTIALS] = {0};
+    for (int i = 0; i < spec->exponentials; ++i) {
+        start[1 + i] = -log(spec->exponentials);
+    }
+    PM_TRY(pm_network_declare(&body, symbols, 1 + spec->exponentials, start, params,
+                              join(name, prefix, "body")));
+    PM_TRY(pm_params_add(params, join(name, prefix, "exponent"), n, spec->exponentials, true,
+                         EXPONENT_SPREAD, log(FIRST_EXPONENT)));
+    double *exponent = pm_params_find(params, name)->value;
+    for (int i = 0; i < n * spec->exponentials; ++i) {
+        exponent[i] = log(FIRST_EXPONENT) + i % spec->exponentials * log(NEXT_EXPONENT);
+    }
+    return PM_OK;
+}
+
+pm_node pm_thermal_deviation(pm_graph *g, const pm_network_spec *spec, const pm_params *params,
+                             const char *prefix) {
+    const pm_node own = pm_network_param(g, params, prefix, "deviation");
+    thermal_name name;
+    if (spec->nfeature == spec->nthermal) {
+        return own;
+    }
+    const pm_node part[2] = {pm_network_param(g, params, join(name, prefix, "body"), "deviation"),
+                             own};
+    return pm_concat(g, 2, part);
+}
+
+pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features,
+                              const pm_params *params, const char *prefix) {
+    const pm_network_spec body = body_of(spec);
+    const int count = spec->exponentials;
+    thermal_name name;
+    join(name, prefix, "body");
+    const pm_node exponent =
+        pm_exp(g, pm_network_param(g, params, prefix, "exponent")); // b [n][count]
+    const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
+    const int n = pm_graph_shape(g, exponent).rows;
+    const int nx = pm_graph_shape(g, features).cols - n;
+    const pm_node out = body.nfeature == 0
+                            ? pm_network_param(g, params, name, "constant")
+                            : pm_network_build_from(g, &body, pm_slice(g, features, 0, nx),
+                                                    1 + count, params, name);
+    const pm_node s = pm_div(
+        g, pm_sub(g, pm_slice(g, features, nx, n), pm_network_param(g, params, prefix, "mean")),
+        deviation);
+    const pm_node rise = pm_offset(g, pm_exp(g, pm_matmul(g, s, false, exponent, false)), -1);
+    const pm_node inverse = pm_div(g, pm_constant(g, 1.0 / n, 1, n), deviation);
+    const pm_node height = pm_div(g, pm_exp(g, pm_slice(g, out, 1, count)),
+                                  pm_matmul(g, inverse, false, exponent, false));
+    const pm_node heat = pm_scale(g, pm_dot(g, height, rise), spec->temperature);
+    return pm_add(g, heat,
+                  pm_mul(g, pm_slice(g, out, 0, 1), pm_network_param(g, params, prefix, "unit")));
+}
+
+pm_status pm_thermal_visit(const pm_network_spec *spec, const pm_symbols *symbols,
+                           const char *prefix, pm_normaliser_visit *visit, void *context) {
+    const int nx = spec->nfeature - spec->nthermal;
+    const char *const *entropy = spec->feature + nx;
+    thermal_name name;
+    const pm_normaliser own = {.kind = PM_NORMALISE_FEATURES,
+                               .prefix = prefix,
+                               .count = spec->nthermal,
+                               .expression = entropy,
+                               .symbols = symbols};
+    const pm_normaliser body = {.kind = PM_NORMALISE_FEATURES,
+                                .prefix = join(name, prefix, "body"),
+                                .count = nx,
+                                .expression = spec->feature,
+                                .symbols = symbols};
+    const pm_normaliser unit = {.kind = PM_NORMALISE_UNIT,
+                                .prefix = prefix,
+                                .count = spec->nthermal,
+                                .expression = entropy,
+                                .symbols = symbols};
+    PM_TRY(visit(context, &own));
+    PM_TRY(nx > 0 ? visit(context, &body) : PM_OK);
+    return visit(context, &unit);
+}

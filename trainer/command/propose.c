@@ -1,0 +1,62 @@
+// portmet-train propose: writes a training file for a scene and its data.
+#include "command/commands.h"
+
+#include <string.h>
+
+#include "base/options.h"
+#include "propose/propose_files.h"
+
+typedef struct arguments {
+    const char *scene, *data, *output, *form;
+} arguments;
+
+static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+    const pm_option table[] = {
+        {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to look at (HDF5)"},
+        {"--output", "-o", "FILE", NULL, &a->output, true, "training file to write (YAML)"},
+        {"--form", NULL, "FORM", NULL, &a->form, false,
+         "hard (both laws hold; the default), soft, or free (a black box)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train propose SCENE --data FILE -o TRAINING [--form FORM]",
+        .summary =
+            "Writes a training file for the parts and ports of SCENE that need weights, with "
+            "comments\n"
+            "that say why: from units (two variables whose product is J s are conjugate, J/K is "
+            "an\n"
+            "entropy), from ports, and from a look at the data (what moves with what, what is\n"
+            "conserved, how fast). It is a beginning: change it as you know better. For the forms "
+            "soft\n"
+            "and free a scene with ports of law exchange is written beside it.",
+        .positional_name = "SCENE",
+        .positional = &a->scene,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    return pm_options_read(&options, argc, argv, helped);
+}
+
+static pm_status read_form(const char *text, pm_form *form) {
+    static const char *const names[] = {"hard", "soft", "free"};
+    for (int i = 0; i < 3; ++i) {
+        if (text == NULL || strcmp(text, names[i]) == 0) {
+            *form = text == NULL ? PM_HARD : (pm_form)i;
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EUSAGE, "--form: expected hard, soft or free, found \"%.40s\"", text);
+}
+
+pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop; // nothing here takes long
+    arguments a;
+    memset(&a, 0, sizeof a);
+    bool helped = false;
+    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    pm_form form = PM_HARD;
+    PM_TRY(read_form(a.form, &form));
+    return pm_propose_files(a.scene, a.data, form, a.output);
+}

@@ -1,0 +1,228 @@
+// Rewriting models as they were read.
+#include "learn/defaults.h"
+
+#include <string.h>
+
+// Learned constants and skips start from normal numbers of this size: entries of operators in units
+// that make 1 a typical rate (learn/magnitudes.h), and departures of an energy from its first
+// minimum.
+#define OPERATOR_SPREAD 0.3
+#define ENERGY_SPREAD 0.1
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+}
+
+static bool is_listed(int count, const char *const *list, const char *name) {
+    for (int i = 0; i < count; ++i) {
+        if (strcmp(list[i], name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Whether the entropy is known to be this group, or a sum with it: given, or a formula that is a
+// name.
+static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
+    if (entropy->nterm > 0) {
+        return false;
+    }
+    bool found = false;
+    for (int i = 0; i < entropy->ngiven; ++i) {
+        const double c = entropy->given_coefficient == NULL ? 1 : entropy->given_coefficient[i];
+        found = found || (strcmp(entropy->given[i], group) == 0 && c > 0);
+    }
+    for (int i = 0; i < entropy->nformula; ++i) {
+        found = found || strcmp(entropy->formula[i].text, group) == 0;
+    }
+    return found;
+}
+
+// --- energies ---
+
+// Moves the entropies among a term's features to the end, as those in which it is thermal.
+static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *entropy,
+                              pm_arena *arena) {
+    const char **feature = pm_arena_array(arena, (size_t)term->nfeature + 1, sizeof *feature);
+    if (feature == NULL) {
+        return no_memory();
+    }
+    int count = 0;
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int i = 0; i < term->nfeature; ++i) {
+            if (is_entropy(entropy, term->feature[i]) == (pass == 1)) {
+                feature[count++] = term->feature[i];
+                term->nthermal += pass;
+            }
+        }
+    }
+    term->feature = feature;
+    if (term->nthermal > 0) {
+        term->exponentials = PM_DEFAULT_EXPONENTIALS;
+        term->temperature = PM_DEFAULT_TEMPERATURE;
+    }
+    return PM_OK;
+}
+
+// Thermal terms in which this entropy is one of the features.
+static int count_thermal(const pm_potential_spec *energy, const char *group) {
+    int count = 0;
+    for (int i = 0; i < energy->nterm; ++i) {
+        const pm_network_spec *term = &energy->term[i];
+        const int others = term->nfeature - term->nthermal;
+        count += is_listed(term->nthermal, term->feature + others, group);
+    }
+    return count;
+}
+
+// A linear form of an entropy in the energy says where its temperature starts: beside it that of
+// the thermal terms would not be the whole. Removes it.
+static pm_status absorb_given(pm_potential_spec *energy, pm_network_spec *term, pm_arena *arena) {
+    const char **given = pm_arena_array(arena, (size_t)energy->ngiven + 1, sizeof *given);
+    double *kept = pm_arena_array(arena, (size_t)energy->ngiven + 1, sizeof *kept);
+    if (given == NULL || kept == NULL) {
+        return no_memory();
+    }
+    int count = 0;
+    for (int i = 0; i < energy->ngiven; ++i) {
+        const double c = energy->given_coefficient == NULL ? 1 : energy->given_coefficient[i];
+        const int terms = count_thermal(energy, energy->given[i]);
+        for (int k = 0; k < energy->nterm && terms > 0 && c > 0; ++k) {
+            const int others = term[k].nfeature - term[k].nthermal;
+            if (is_listed(term[k].nthermal, term[k].feature + others, energy->given[i])) {
+                term[k].temperature = c / terms;
+            }
+        }
+        if (terms == 0 || c <= 0) {
+            given[count] = energy->given[i];
+            kept[count++] = c;
+        }
+    }
+    energy->given = given;
+    energy->given_coefficient = kept;
+    energy->ngiven = count;
+    return PM_OK;
+}
+
+static pm_status default_energy(pm_part_spec *spec, pm_arena *arena) {
+    pm_potential_spec *energy = &spec->energy;
+    pm_network_spec *term = pm_arena_array(arena, (size_t)energy->nterm + 1, sizeof *term);
+    if (term == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < energy->nterm; ++i) {
+        term[i] = energy->term[i];
+        if (term[i].message != NULL) {
+            continue;
+        }
+        term[i].scaled = true;
+        term[i].spread = ENERGY_SPREAD;
+        if (term[i].nthermal == 0 && !term[i].zero_at_origin) {
+            PM_TRY(make_thermal(&term[i], &spec->entropy, arena));
+        }
+    }
+    energy->term = term;
+    return absorb_given(energy, term, arena);
+}
+
+static pm_status scale_terms(pm_potential_spec *potential, pm_arena *arena) {
+    pm_network_spec *term = pm_arena_array(arena, (size_t)potential->nterm + 1, sizeof *term);
+    if (term == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < potential->nterm; ++i) {
+        term[i] = potential->term[i];
+        term[i].scaled = term[i].message == NULL;
+        term[i].spread = term[i].message == NULL ? ENERGY_SPREAD : 0;
+    }
+    potential->term = term;
+    return PM_OK;
+}
+
+// --- operators ---
+
+static void default_spread(pm_operator_spec *op) {
+    if (op->learned && op->network.message == NULL) {
+        op->network.spread = OPERATOR_SPREAD;
+    }
+}
+
+// Whether a learned operator with these heats has something to act on.
+static bool can_heat(const pm_operator_spec *op, pm_form form, int components, int count,
+                     const char *const *heats) {
+    bool other = components > 1;
+    for (int i = 0; i < op->nacts; ++i) {
+        other = other || !is_listed(count, heats, op->acts_on[i]);
+    }
+    return op->learned && op->network.message == NULL && op->nheats == 0 && form == PM_HARD &&
+           count > 0 && other;
+}
+
+pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena *arena) {
+    const char **heats = pm_arena_array(arena, PM_MAX_GROUPS, sizeof *heats);
+    if (heats == NULL) {
+        return no_memory();
+    }
+    int count = 0, components = 0;
+    for (int i = 0; i < layout->ngroup; ++i) {
+        if (is_entropy(&spec->entropy, layout->group[i].name)) {
+            heats[count++] = layout->group[i].name;
+            components += layout->group[i].size;
+        }
+    }
+    PM_TRY(default_energy(spec, arena));
+    PM_TRY(scale_terms(&spec->entropy, arena));
+    default_spread(&spec->reversible);
+    default_spread(&spec->irreversible);
+    if (can_heat(&spec->irreversible, spec->form, components, count, heats)) {
+        spec->irreversible.nheats = count;
+        spec->irreversible.heats = heats;
+    }
+    return PM_OK;
+}
+
+// Whether what an end of a port shows as `group` is an entropy: of its part, or of the world.
+static bool shows_entropy(const pm_system *system, int port, int end, const char *group) {
+    const pm_scene_port *scene = &system->scene->port[port];
+    if (scene->subsystem[end] >= 0) {
+        return is_entropy(&system->part[scene->subsystem[end]].spec.entropy, group);
+    }
+    const pm_scene_boundary_input *world =
+        &system->scene->boundary_input[scene->boundary_input[end]];
+    const pm_group *found = pm_layout_find(&world->layout, group);
+    const pm_scene_prescribed *dS =
+        found == NULL ? NULL : &world->value[2 * world->layout.nz + found->first];
+    return dS != NULL && world->entropy && (dS->column != NULL || dS->number > 0);
+}
+
+pm_status pm_default_port(pm_port_spec *spec, const pm_system *system, int port, pm_arena *arena) {
+    const pm_scene_port *scene = &system->scene->port[port];
+    const char **heats = pm_arena_array(arena, 2 * PM_MAX_GROUPS, sizeof *heats);
+    if (heats == NULL) {
+        return no_memory();
+    }
+    int count = 0, components = 0;
+    for (int end = 0; end < 2; ++end) {
+        for (int i = 0; i < scene->layout[end].ngroup; ++i) {
+            const pm_group *group = &scene->layout[end].group[i];
+            if (shows_entropy(system, port, end, group->name)) {
+                heats[count] = pm_arena_printf(arena, "%s%s", end == 0 ? "a." : "b.", group->name);
+                components += group->size;
+                if (heats[count++] == NULL) {
+                    return no_memory();
+                }
+            }
+        }
+    }
+    PM_TRY(scale_terms(&spec->energy, arena));
+    PM_TRY(scale_terms(&spec->entropy, arena));
+    default_spread(&spec->reversible);
+    default_spread(&spec->irreversible);
+    if (can_heat(&spec->irreversible, spec->form, components, count, heats) &&
+        strcmp(spec->law, "bracket") == 0) {
+        spec->irreversible.nheats = count;
+        spec->irreversible.heats = heats;
+    }
+    return PM_OK;
+}

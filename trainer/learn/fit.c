@@ -1,0 +1,329 @@
+// Training stage by stage: data, start, reports, and the stages themselves.
+#include "learn/fit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/digest.h"
+#include "base/options.h"
+#include "learn/normalization.h"
+#include "learn/start.h"
+#include "learn/symmetry.h"
+
+#define CHECKPOINT_INTERVAL 30.0 // s
+
+// --- reports from optimisers ---
+
+static bool is_over(pm_fit *f) {
+    const double limit = f->arguments->limit;
+    f->expired = limit > 0 && f->position[PM_FIT_SECONDS] + pm_clock() - f->saved > limit;
+    return f->expired;
+}
+
+static pm_status report(void *context, const pm_optimisation *o, double loss) {
+    pm_fit *f = context;
+    char detail[64];
+    snprintf(detail, sizeof detail, "loss %.3e", loss);
+    pm_progress_update(&f->progress, o->done, detail);
+    f->position[PM_FIT_DONE] = o->done;
+    f->position[PM_FIT_BATCHES] = o->batches;
+    f->position[PM_FIT_LOSS] = o->loss;
+    f->loss = loss;
+    if (o->batches == 0) {
+        double score = NAN;
+        const bool last = o->done >= o->schedule.iterations; // validated when the stage has ended
+        if (o->done % f->interval == 0 && !last) {
+            PM_TRY(pm_fit_validate(f, &score));
+        }
+        if (!last) {
+            pm_fit_write_curves(f, f->training->stage[f->stage].optimiser->name, loss, score);
+        }
+    }
+    if (*f->stop) {
+        PM_TRY(pm_fit_save(f, false));
+        return pm_fail(PM_EINTERRUPTED, "interrupted; go on with --resume");
+    }
+    if (is_over(f)) {
+        return pm_fail(PM_EINTERRUPTED, "the time for training is over");
+    }
+    return pm_clock() - f->saved > CHECKPOINT_INTERVAL ? pm_fit_save(f, false) : PM_OK;
+}
+
+// --- stages ---
+
+// Evaluates every sample, for the residuals.
+static pm_status evaluate_all(const pm_fit *f, pm_objective *objective) {
+    double *gradient = malloc(((size_t)f->size + 1) * sizeof *gradient);
+    if (gradient == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a gradient");
+    }
+    pm_objective_evaluate(objective, 0, NULL, gradient);
+    free(gradient);
+    return PM_OK;
+}
+
+static pm_status take_up(pm_fit *f, pm_objective *objective) {
+    pm_objective_set_weights(objective, f->theta);
+    PM_TRY(evaluate_all(f, objective));
+    if (f->position[PM_FIT_DONE] > 0 || f->position[PM_FIT_BATCHES] > 0) { // taken up again
+        pm_objective_set_robust_square(objective, f->position[PM_FIT_ROBUST]);
+    } else {
+        PM_TRY(pm_objective_rescale(objective, 0, NULL));
+        f->position[PM_FIT_ROBUST] = pm_objective_robust_square(objective);
+    }
+    return PM_OK;
+}
+
+static pm_status optimise(pm_fit *f, pm_objective *objective) {
+    const pm_stage *stage = &f->training->stage[f->stage];
+    PM_TRY(take_up(f, objective));
+    pm_optimisation o = {.objective = objective,
+                         .schedule = stage->schedule,
+                         .seed = f->training->seed + 1000 * (uint64_t)(f->stage + 1),
+                         .theta = f->theta,
+                         .moment = f->moment,
+                         .done = (int)f->position[PM_FIT_DONE],
+                         .batches = (int)f->position[PM_FIT_BATCHES],
+                         .loss = f->position[PM_FIT_LOSS],
+                         .report = report,
+                         .context = f};
+    char label[64];
+    snprintf(label, sizeof label, "stage %d/%d %s", f->stage + 1, f->training->nstage,
+             stage->optimiser->name);
+    pm_progress_init(&f->progress, label, stage->schedule.iterations);
+    const double started = pm_clock();
+    const pm_status status = stage->optimiser->run(&o);
+    pm_progress_finish(&f->progress);
+    PM_TRY(f->expired ? PM_OK : status);
+    double score = NAN, median = 0, mean = 0;
+    pm_objective_set_weights(objective, f->theta);
+    PM_TRY(pm_fit_validate(f, &score));
+    pm_fit_write_curves(f, stage->optimiser->name, f->loss, score);
+    PM_TRY(evaluate_all(f, objective));
+    PM_TRY(pm_objective_residuals(objective, &median, &mean));
+    printf("%-16s %8d iterations %8.1f s   loss %.3e", label, o.done, pm_clock() - started,
+           f->loss);
+    if (isfinite(score)) {
+        printf("   validation %.3g %% of persistence", 100 * score);
+    }
+    printf("   squared residual: median %.3e mean %.3e\n", median, mean);
+    fflush(stdout);
+    return PM_OK;
+}
+
+// With images of them, if the training file says so.
+static pm_status make_samples(pm_fit *f, pm_residual residual, int unroll, int input_order,
+                              pm_samples *samples) {
+    pm_symmetry *symmetry = NULL;
+    if (f->training->square) {
+        PM_TRY(pm_symmetry_make(&symmetry, f->training->system, unroll, input_order,
+                                &f->training->arena));
+    }
+    PM_TRY(pm_samples_make(samples, f->training->scene, f->dataset, 0, f->split.ntraining, residual,
+                           unroll, input_order));
+    samples->symmetry = symmetry;
+    return PM_OK;
+}
+
+static pm_status run_stage(pm_fit *f) {
+    const pm_stage *stage = &f->training->stage[f->stage];
+    pm_samples samples;
+    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, pm_loss_load_order(&stage->loss),
+                        &samples));
+    pm_samples_rescale(&samples, stage->loss.scale);
+    pm_objective *objective = NULL;
+    f->interval = pm_fit_interval(f, stage);
+    pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
+    if (status == PM_OK) {
+        status = optimise(f, objective);
+    }
+    pm_objective_close(objective);
+    pm_samples_free(&samples);
+    return status;
+}
+
+// The checkpoint of the last stage stays, so that a longer one can go on from it.
+static pm_status run_stages(pm_fit *f) {
+    for (f->stage = (int)f->position[PM_FIT_STAGE]; !f->expired; ++f->stage) {
+        PM_TRY(run_stage(f));
+        PM_TRY(pm_fit_save(f, false));
+        if (f->stage + 1 == f->training->nstage) {
+            break;
+        }
+        f->position[PM_FIT_STAGE] = f->stage + 1;
+        f->position[PM_FIT_DONE] = f->position[PM_FIT_BATCHES] = f->position[PM_FIT_LOSS] = 0;
+        memset(f->moment, 0, 2 * (size_t)f->size * sizeof *f->moment);
+    }
+    return PM_OK;
+}
+
+pm_status pm_fit_run(pm_fit *f) {
+    pm_status status = run_stages(f);
+    if (status == PM_ENUMERIC && f->position[PM_FIT_BEST] >= 0) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "%s", pm_error());
+        PM_TRY(pm_fit_save(f, false));
+        status = pm_fail(PM_ENUMERIC, "%s; the best weights before are in %s", reason,
+                         f->arguments->output);
+    }
+    pm_fit_set_weights(f, pm_fit_kept(f));
+    return status;
+}
+
+// --- data ---
+
+static pm_status load_dataset(pm_fit *f, const char *path) {
+    PM_TRY(pm_dataset_load(&f->dataset, path));
+    const double dt = f->training->scene->dt;
+    f->data = path;
+    if (f->dataset->dt < dt * (1 - 1e-9) || f->dataset->dt > dt * (1 + 1e-9)) {
+        return pm_fail(PM_EDATA, "%s: states are %g s apart, the scene %s steps by %g s", path,
+                       f->dataset->dt, f->training->scene->path, dt);
+    }
+    return PM_OK;
+}
+
+// The command line's word, or the training file's, whose errors have their place there.
+static pm_status split_data(pm_fit *f) {
+    const pm_fit_arguments *a = f->arguments;
+    const pm_training *t = f->training;
+    const char *used = a->trajectories != NULL ? a->trajectories : t->trajectories;
+    const char *kept = a->validation != NULL ? a->validation : t->validation;
+    const pm_status status =
+        pm_split_choose(&f->split, f->dataset->ntrajectory, used, kept, &f->arena);
+    const char *at = a->trajectories == NULL && t->trajectories_at != NULL ? t->trajectories_at
+                     : a->validation == NULL                               ? t->validation_at
+                                                                           : NULL;
+    return status != PM_EUSAGE || at == NULL ? status
+                                             : pm_fail(PM_ECONFIG, "%s: %s", at, pm_error());
+}
+
+static pm_status load_data(pm_fit *f) {
+    if (f->arguments->data != NULL) {
+        PM_TRY(load_dataset(f, f->arguments->data));
+    } else if (f->training->data != NULL) {
+        const pm_status status = load_dataset(f, f->training->data);
+        if (status != PM_OK) {
+            return pm_fail(status, "%s: %s", f->training->data_at, pm_error());
+        }
+    } else {
+        return pm_fail(PM_EUSAGE, "%s names no data: give --data FILE", f->arguments->config);
+    }
+    PM_TRY(split_data(f));
+    PM_TRY(pm_split_reorder(&f->split, f->dataset));
+    f->seen = pm_arena_array(&f->arena, (size_t)f->dataset->ntrajectory, sizeof *f->seen);
+    if (f->seen == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for digests of trajectories");
+    }
+    f->digest = f->training->digest;
+    for (int i = 0; i < f->dataset->ntrajectory; ++i) {
+        f->seen[i] = pm_dataset_digest(f->dataset, i);
+        f->digest = pm_digest_integer(f->digest, (int64_t)f->seen[i]);
+    }
+    f->digest = pm_digest_integer(f->digest, f->split.ntraining);
+    return PM_OK;
+}
+
+// --- start ---
+
+static size_t count_weights(const pm_system *system) {
+    size_t count = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        count += pm_params_trained(pm_system_params(system, i));
+    }
+    return count;
+}
+
+static pm_status search_start(pm_fit *f, const double *declared) {
+    pm_samples samples;
+    if (f->training->tries <= 1) {
+        return PM_OK;
+    }
+    pm_status status = make_samples(f, PM_RESIDUAL_DERIVATIVE, 1, 1, &samples);
+    if (status == PM_EDATA) {
+        return PM_OK; // trajectories too short for rates: the seed's own draw is the start
+    }
+    PM_TRY(status);
+    status = pm_start_search(f->training, &samples, declared, f->theta, f->stop);
+    pm_samples_free(&samples);
+    return status;
+}
+
+// Draws the weights and fixes the normalisation; theta holds the start.
+static pm_status initialise(pm_fit *f) {
+    pm_system *system = f->training->system;
+    double *declared = malloc(((size_t)f->size + 1) * sizeof *declared), *theta = declared;
+    if (declared == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for %d weights", f->size);
+    }
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        pm_params_gather(pm_system_params(system, i), theta);
+        theta += pm_params_trained(pm_system_params(system, i));
+    }
+    pm_start_draw(f->training, f->theta);
+    pm_samples samples;
+    pm_status status = make_samples(f, PM_RESIDUAL_STEP, 1, 1, &samples);
+    if (status == PM_OK) {
+        status = pm_normalization_of_system(system, &samples, f->training->plain);
+        pm_samples_free(&samples);
+    }
+    if (status == PM_OK && !f->arguments->resume) {
+        status = search_start(f, declared);
+    }
+    free(declared);
+    return status;
+}
+
+static pm_status allocate(pm_fit *f) {
+    f->size = (int)count_weights(f->training->system);
+    const size_t size = (size_t)f->size + 1;
+    f->checkpoint = pm_arena_printf(&f->arena, "%s/fit.checkpoint", f->arguments->output);
+    f->theta = pm_arena_array(&f->arena, size, sizeof *f->theta);
+    f->best = pm_arena_array(&f->arena, size, sizeof *f->best);
+    f->moment = pm_arena_array(&f->arena, 2 * size, sizeof *f->moment);
+    if (f->checkpoint == NULL || f->theta == NULL || f->best == NULL || f->moment == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for %d weights", f->size);
+    }
+    f->position[PM_FIT_BEST] = -1;
+    for (int i = 0; i < PM_MAX_TRAINING_STAGES; ++i) {
+        f->position[PM_FIT_DIGEST + i] = f->training->stage_digest[i];
+    }
+    return PM_OK;
+}
+
+static void print_head(const pm_fit *f) {
+    printf("%s: %d weights, trajectories %s of %d states", f->arguments->config, f->size,
+           f->split.training, f->dataset->ntime);
+    if (f->split.nvalidation > 0) {
+        printf("; validation on %s", f->split.validation);
+    } else {
+        printf("; no validation");
+    }
+    printf("\n");
+    fflush(stdout);
+}
+
+pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
+                      const volatile sig_atomic_t *stop) {
+    *f = (pm_fit){.arguments = arguments, .stop = stop};
+    PM_TRY(pm_training_load(&f->training, arguments->config));
+    PM_TRY(pm_fit_check_names(f->training->scene));
+    PM_TRY(load_data(f));
+    PM_TRY(pm_options_folder(arguments->output));
+    PM_TRY(allocate(f));
+    print_head(f);
+    f->saved = pm_clock();
+    PM_TRY(initialise(f));
+    PM_TRY(arguments->resume ? pm_fit_load(f) : PM_OK);
+    return pm_fit_open_curves(f);
+}
+
+void pm_fit_close(pm_fit *f) {
+    if (f->curves != NULL) {
+        fclose(f->curves);
+    }
+    pm_training_free(f->training);
+    pm_dataset_free(f->dataset);
+    pm_arena_free(&f->arena);
+}

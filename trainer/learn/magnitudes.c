@@ -1,0 +1,163 @@
+// Statistics of the states, and energies that fit given couplings to the rates seen.
+#include "learn/magnitudes.h"
+
+#include <math.h>
+#include <string.h>
+
+// Estimates of a part's energy, whose geometric mean counts.
+typedef struct estimate {
+    double sum;
+    int count;
+} estimate;
+
+static double pooled_deviation(const pm_samples *s, int first, int size) {
+    const size_t width = (size_t)pm_samples_width(s);
+    double square = 0;
+    for (int c = first; c < first + size; ++c) {
+        double mean = 0;
+        for (int i = 0; i < s->count; ++i) {
+            mean += s->z[(size_t)i * width + (size_t)c] / s->count;
+        }
+        for (int i = 0; i < s->count; ++i) {
+            const double difference = s->z[(size_t)i * width + (size_t)c] - mean;
+            square += difference * difference / ((double)s->count * size);
+        }
+    }
+    return sqrt(square);
+}
+
+static void find_states(pm_magnitudes *m, const pm_samples *s) {
+    const pm_scene *scene = m->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_layout *layout = &scene->subsystem[i].layout;
+        for (int k = 0; k < layout->ngroup; ++k) {
+            const int first = scene->subsystem[i].first + layout->group[k].first;
+            const double deviation = pooled_deviation(s, first, layout->group[k].size);
+            for (int c = first; c < first + layout->group[k].size; ++c) {
+                m->deviation[c] = deviation > 0 ? deviation : 1;
+                m->rate[c] = s->scale[c] / scene->dt;
+            }
+        }
+    }
+}
+
+bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
+                           pm_group_magnitude *result) {
+    const pm_scene_subsystem *subsystem = &m->scene->subsystem[part];
+    const pm_group *found = pm_layout_find(&subsystem->layout, group);
+    if (found == NULL) {
+        return false;
+    }
+    const int at = subsystem->first + found->first;
+    *result = (pm_group_magnitude){m->deviation[at], m->rate[at], m->energy[part]};
+    return true;
+}
+
+// The part whose group this is, and the group's name there; -1: none.
+static int part_of_end(const pm_scene_port *port, const char *name, const char **group) {
+    const int end = name[0] == 'b';
+    *group = name + 2;
+    return strlen(name) > 2 && name[1] == '.' ? port->subsystem[end] : -1;
+}
+
+bool pm_magnitudes_of_port(const pm_magnitudes *m, int port, const char *group,
+                           pm_group_magnitude *result) {
+    const char *name;
+    const int part = part_of_end(&m->scene->port[port], group, &name);
+    return part >= 0 && pm_magnitudes_of_part(m, part, name, result);
+}
+
+// --- energies ---
+
+// A rate that a coupling of strength c drives by the co-energy of another group: energy over the
+// latter's deviation, times c.
+static void add_estimate(estimate *e, const pm_group_magnitude *driven,
+                         const pm_group_magnitude *driving, double coefficient) {
+    const double energy = driven->rate * driving->deviation / fabs(coefficient);
+    if (energy > 0 && isfinite(energy)) {
+        e->sum += log(energy);
+        ++e->count;
+    }
+}
+
+static void estimate_part(const pm_magnitudes *m, const pm_system *system, int part, estimate *e) {
+    const pm_operator_spec *L = &system->part[part].spec.reversible;
+    for (int k = 0; k < L->ngiven; ++k) {
+        pm_group_magnitude row, col;
+        if (L->given[k].formula.text == NULL &&
+            pm_magnitudes_of_part(m, part, L->given[k].row, &row) &&
+            pm_magnitudes_of_part(m, part, L->given[k].col, &col)) {
+            add_estimate(&e[part], &row, &col, L->given[k].coefficient);
+            add_estimate(&e[part], &col, &row, L->given[k].coefficient);
+        }
+    }
+}
+
+static void estimate_port(const pm_magnitudes *m, const pm_system *system, int port, estimate *e) {
+    const pm_operator_spec *L = &system->port[port].spec.reversible;
+    const pm_scene_port *scene = &m->scene->port[port];
+    for (int k = 0; k < L->ngiven; ++k) {
+        pm_group_magnitude row, col;
+        const char *name;
+        if (L->given[k].formula.text == NULL &&
+            pm_magnitudes_of_port(m, port, L->given[k].row, &row) &&
+            pm_magnitudes_of_port(m, port, L->given[k].col, &col)) {
+            const int of_row = part_of_end(scene, L->given[k].row, &name);
+            const int of_col = part_of_end(scene, L->given[k].col, &name);
+            add_estimate(&e[of_col], &row, &col, L->given[k].coefficient);
+            add_estimate(&e[of_row], &col, &row, L->given[k].coefficient);
+        }
+    }
+}
+
+// What the entropies of a part's thermal energies hold: temperature times their deviation.
+static double heat_content(const pm_magnitudes *m, const pm_system *system, int part) {
+    const pm_potential_spec *energy = &system->part[part].spec.energy;
+    double content = 0;
+    for (int i = 0; i < energy->nterm; ++i) {
+        const pm_network_spec *term = &energy->term[i];
+        for (int k = term->nfeature - term->nthermal; k < term->nfeature; ++k) {
+            pm_group_magnitude of;
+            if (pm_magnitudes_of_part(m, part, term->feature[k], &of)) {
+                content += term->temperature * of.deviation;
+            }
+        }
+    }
+    return content;
+}
+
+static void find_energies(pm_magnitudes *m, const pm_system *system, estimate *e) {
+    for (int i = 0; i < m->scene->nsubsystem; ++i) {
+        m->energy[i] = 1;
+        estimate_part(m, system, i, e);
+    }
+    for (int i = 0; i < m->scene->nport; ++i) {
+        estimate_port(m, system, i, e);
+    }
+    for (int i = 0; i < m->scene->nsubsystem; ++i) {
+        const double content = heat_content(m, system, i);
+        m->energy[i] = e[i].count > 0 ? exp(e[i].sum / e[i].count) : content > 0 ? content : 1;
+    }
+}
+
+pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm_samples *samples) {
+    const pm_scene *scene = system->scene;
+    const size_t nz = (size_t)scene->nz, count = (size_t)scene->nsubsystem;
+    *m = (pm_magnitudes){.scene = scene};
+    m->deviation = pm_arena_array(&m->arena, nz, sizeof *m->deviation);
+    m->rate = pm_arena_array(&m->arena, nz, sizeof *m->rate);
+    m->energy = pm_arena_array(&m->arena, count, sizeof *m->energy);
+    estimate *e = pm_arena_array(&m->arena, count, sizeof *e);
+    if (m->deviation == NULL || m->rate == NULL || m->energy == NULL || e == NULL) {
+        pm_magnitudes_free(m);
+        return pm_fail(PM_ENOMEM, "out of memory for normalisation");
+    }
+    find_states(m, samples);
+    find_energies(m, system, e);
+    return PM_OK;
+}
+
+void pm_magnitudes_free(pm_magnitudes *m) {
+    pm_arena_free(&m->arena);
+    *m = (pm_magnitudes){0};
+}

@@ -1,0 +1,258 @@
+// Statistics of states and rates, and small regressions.
+#include "propose/look.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/linalg.h"
+
+#define MOST_STATES 6000 // that are looked at
+#define MARGIN 2         // states at either end, which differences need
+#define MOVES 1e-9       // of its size: a change over one step below which a variable is constant
+#define NEAR_ZERO 0.02   // of the deviation
+#define SAME 2e-3        // of |q||p|: what of q x p may change where it is conserved
+
+static void take_rate(const pm_look *look, int i, int j, double *rate) {
+    const pm_dataset *d = look->dataset;
+    const int nz = look->scene->nz;
+    if (d->zdot != NULL) {
+        pm_columns_to_state(&look->columns, pm_dataset_rate(d, i, j), rate);
+        return;
+    }
+    double *around = rate + nz; // work space behind it
+    memset(rate, 0, (size_t)nz * sizeof *rate);
+    static const double weight[5] = {1.0 / 12, -8.0 / 12, 0, 8.0 / 12, -1.0 / 12};
+    for (int k = -2; k <= 2; ++k) {
+        pm_columns_to_state(&look->columns, pm_dataset_state(d, i, j + k), around);
+        for (int c = 0; c < nz; ++c) {
+            rate[c] += weight[k + 2] * around[c] / d->dt;
+        }
+    }
+}
+
+// How fast rates change: the largest over components of rms(rate' - rate)/(dt rms(rate)).
+static void find_fastest(pm_look *look, const double *change) {
+    const int nz = look->scene->nz;
+    for (int c = 0; c < nz; ++c) {
+        double square = 0;
+        for (int k = 0; k < look->count; ++k) {
+            const double r = look->rate[(ptrdiff_t)k * nz + c];
+            square += r * r;
+        }
+        if (square > 0) {
+            look->fastest = fmax(look->fastest, sqrt(change[c] / square) / look->dataset->dt);
+        }
+    }
+}
+
+pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *dataset) {
+    const int nz = scene->nz, per = dataset->ntime - 2 * MARGIN - 1;
+    *look = (pm_look){.scene = scene, .dataset = dataset};
+    if (per < 1) {
+        return pm_fail(PM_EDATA, "trajectories of %d states are too short to look at",
+                       dataset->ntime);
+    }
+    look->samples = dataset->ntrajectory * dataset->ntime;
+    const long all = (long)dataset->ntrajectory * per, stride = all / MOST_STATES + 1;
+    const size_t count = (size_t)(all / stride + 1);
+    look->z = pm_arena_array(&look->arena, count * (size_t)nz, sizeof *look->z);
+    look->rate = pm_arena_array(&look->arena, count * (size_t)nz, sizeof *look->rate);
+    double *work = pm_arena_array(&look->arena, 5 * (size_t)nz, sizeof *work);
+    double *change = work == NULL ? NULL : work + 4 * nz;
+    pm_status status = pm_columns_bind(&look->columns, scene, dataset, &look->arena);
+    if (status == PM_OK && (look->z == NULL || look->rate == NULL || work == NULL)) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a look at the data");
+    }
+    for (long k = 0; k < all && status == PM_OK; k += stride) {
+        const int i = (int)(k / per), j = MARGIN + (int)(k % per);
+        const ptrdiff_t at = (ptrdiff_t)look->count++ * nz;
+        pm_columns_to_state(&look->columns, pm_dataset_state(dataset, i, j), look->z + at);
+        take_rate(look, i, j, work);
+        memcpy(look->rate + at, work, (size_t)nz * sizeof *work);
+        take_rate(look, i, j + 1, work);
+        for (int c = 0; c < nz; ++c) {
+            const double difference = work[c] - look->rate[at + c];
+            change[c] += difference * difference;
+        }
+    }
+    if (status == PM_OK) {
+        find_fastest(look, change);
+    } else {
+        pm_look_free(look);
+    }
+    return status;
+}
+
+void pm_look_free(pm_look *look) {
+    pm_arena_free(&look->arena);
+}
+
+pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
+    const pm_scene_subsystem *s = &look->scene->subsystem[subsystem];
+    pm_look_group g = {.group = &s->layout.group[group],
+                       .first = s->first + s->layout.group[group].first};
+    const int nz = look->scene->nz, size = g.group->size;
+    double square = 0, rate = 0, largest = 0, smallest = INFINITY;
+    for (int c = g.first; c < g.first + size; ++c) {
+        double mean = 0;
+        for (int k = 0; k < look->count; ++k) {
+            mean += look->z[(ptrdiff_t)k * nz + c] / look->count;
+        }
+        for (int k = 0; k < look->count; ++k) {
+            const double z = look->z[(ptrdiff_t)k * nz + c], r = look->rate[(ptrdiff_t)k * nz + c];
+            square += (z - mean) * (z - mean) / ((double)look->count * size);
+            rate += r * r / ((double)look->count * size);
+            largest = fmax(largest, fabs(z));
+        }
+    }
+    g.deviation = sqrt(square);
+    g.rate = sqrt(rate);
+    g.constant = !(g.rate * look->dataset->dt > MOVES * largest);
+    for (int k = 0; k < look->count; ++k) {
+        double length = 0;
+        for (int c = g.first; c < g.first + size; ++c) {
+            length = hypot(length, look->z[(ptrdiff_t)k * nz + c]);
+        }
+        smallest = fmin(smallest, length);
+    }
+    g.zero = smallest < NEAR_ZERO * g.deviation;
+    return g;
+}
+
+// --- regression ---
+
+// Means over the states looked at, of one component of the rates or of the states.
+static double mean_of(const pm_look *look, const double *values, int c) {
+    double sum = 0;
+    for (int k = 0; k < look->count; ++k) {
+        sum += values[(ptrdiff_t)k * look->scene->nz + c];
+    }
+    return sum / look->count;
+}
+
+// Sums of a least-squares problem of n unknowns.
+typedef struct sums {
+    int n;
+    double matrix[PM_LOOK_SOURCES * PM_LOOK_SOURCES], right[PM_LOOK_SOURCES], square;
+} sums;
+
+static void add_equation(sums *s, const double *x, double y) {
+    for (int a = 0; a < s->n; ++a) {
+        s->right[a] += x[a] * y;
+        for (int b = 0; b < s->n; ++b) {
+            s->matrix[a * s->n + b] += x[a] * x[b];
+        }
+    }
+    s->square += y * y;
+}
+
+// The part of the squares that the solution leaves; 1 if there is none.
+static double solve(sums *s, double *solution) {
+    for (int a = 0; a < s->n; ++a) {
+        s->matrix[a * s->n + a] = s->matrix[a * s->n + a] * (1 + 1e-10) + 1e-300;
+        solution[a] = s->right[a];
+    }
+    if (s->square == 0 || s->n == 0 || !pm_cholesky_solve(s->n, s->matrix, solution)) {
+        memset(solution, 0, sizeof(double) * (size_t)s->n);
+        return 1;
+    }
+    double explained = 0;
+    for (int a = 0; a < s->n; ++a) {
+        explained += solution[a] * s->right[a];
+    }
+    return fmax(1 - explained / s->square, 0);
+}
+
+// Powers of the sources' components c, centred, in units of their deviations.
+static void powers(const pm_look *look, int k, int c, int count, const pm_look_group *source,
+                   int degree, const double *mean, double *x) {
+    for (int a = 0; a < count; ++a) {
+        const double z = look->z[(ptrdiff_t)k * look->scene->nz + source[a].first + c];
+        const double unit = source[a].deviation > 0 ? source[a].deviation : 1;
+        for (int d = 0; d < degree; ++d) {
+            x[a * degree + d] = pow((z - mean[a]) / unit, d + 1);
+        }
+    }
+}
+
+static double explain(const pm_look *look, const pm_look_group *target, int count,
+                      const pm_look_group *source, int degree, double *solution) {
+    sums s = {.n = count * degree};
+    double x[PM_LOOK_SOURCES], mean[PM_LOOK_SOURCES], middle[PM_LOOK_SOURCES];
+    for (int c = 0; c < target->group->size; ++c) {
+        const double y = mean_of(look, look->rate, target->first + c);
+        memset(middle, 0, sizeof middle);
+        for (int a = 0; a < count; ++a) {
+            mean[a] = mean_of(look, look->z, source[a].first + c);
+        }
+        for (int k = 0; k < look->count; ++k) {
+            powers(look, k, c, count, source, degree, mean, x);
+            for (int a = 0; a < s.n; ++a) {
+                middle[a] += x[a] / look->count;
+            }
+        }
+        for (int k = 0; k < look->count; ++k) {
+            powers(look, k, c, count, source, degree, mean, x);
+            for (int a = 0; a < s.n; ++a) {
+                x[a] -= middle[a];
+            }
+            add_equation(&s, x, look->rate[(ptrdiff_t)k * look->scene->nz + target->first + c] - y);
+        }
+    }
+    return solve(&s, solution);
+}
+
+double pm_look_explain(const pm_look *look, const pm_look_group *target, int count,
+                       const pm_look_group *source, double *coefficient) {
+    const int n = count < PM_LOOK_SOURCES ? count : PM_LOOK_SOURCES;
+    const double rest = explain(look, target, n, source, 1, coefficient);
+    for (int a = 0; a < n; ++a) {
+        coefficient[a] /= source[a].deviation > 0 ? source[a].deviation : 1;
+    }
+    return rest;
+}
+
+double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, int count,
+                              const pm_look_group *source, int degree) {
+    double solution[PM_LOOK_SOURCES];
+    const int most = PM_LOOK_SOURCES / degree;
+    return explain(look, target, count < most ? count : most, source, degree, solution);
+}
+
+// --- rotation ---
+
+// q x p of one state, and what it would be if they were at right angles.
+static double moment(const pm_look *look, const double *row, const pm_look_group *q,
+                     const pm_look_group *p, double J[3]) {
+    double a[3] = {0}, b[3] = {0};
+    for (int c = 0; c < q->group->size; ++c) {
+        a[c] = row[look->columns.column[q->first + c]];
+        b[c] = row[look->columns.column[p->first + c]];
+    }
+    for (int c = 0; c < 3; ++c) {
+        J[c] += a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
+    }
+    return sqrt((a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) *
+                (b[0] * b[0] + b[1] * b[1] + b[2] * b[2]));
+}
+
+bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
+                            const pm_look_group *p) {
+    const pm_dataset *d = look->dataset;
+    double change = 0, size = 0;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        double first[3] = {0};
+        for (int j = 0; j < d->ntime; ++j) {
+            double J[3] = {0};
+            for (int k = 0; k < count; ++k) {
+                const double length = moment(look, pm_dataset_state(d, i, j), &q[k], &p[k], J);
+                size += length * length;
+            }
+            for (int c = 0; c < 3; ++c) {
+                first[c] = j == 0 ? J[c] : first[c];
+                change += (J[c] - first[c]) * (J[c] - first[c]);
+            }
+        }
+    }
+    return count > 0 && size > 0 && change < SAME * SAME * size;
+}

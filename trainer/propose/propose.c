@@ -1,0 +1,118 @@
+// Writing a training file.
+#include "propose/propose.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "propose/propose_draft.h"
+
+#define COARSE 0.6   // of a step times the fastest rate of change: of substeps in training,
+#define FINE 0.25    // and at its end
+#define RESOLVED 0.5 // of a step times the fastest rate of change, that one substep may have
+
+static void write_head(const pm_draft *d) {
+    FILE *f = d->file;
+    const pm_dataset *data = d->p->dataset;
+    static const char *const forms[] = {"hard: both laws hold by construction",
+                                        "soft: the degeneracies are a penalty",
+                                        "free: no structure at all, a baseline"};
+    fprintf(
+        f,
+        "# Proposed by portmet-train propose, from the units, the ports and %d trajectories of %d "
+        "states,\n# %g s apart. Form %s.\n",
+        data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
+    fprintf(f, "# The fastest variable changes its rate at %.3g per s: %.3g per step of %g s. ",
+            d->look.fastest, d->look.fastest * d->p->scene->dt, d->p->scene->dt);
+    const double wanted = ceil(d->look.fastest * d->p->scene->dt / RESOLVED);
+    fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", d->p->scene->integrator,
+            d->p->scene->substeps,
+            wanted <= d->p->scene->substeps
+                ? "that is enough"
+                : "MORE would be better, such that each has at most 0.5");
+    if (d->rotates) {
+        fprintf(f,
+                "# The sum of q x p is conserved: nothing depends on directions, and vectors enter "
+                "energies by their lengths.\n");
+    }
+    fprintf(f, "scene: %s\n", d->p->scene_path);
+    fprintf(f, "data: {file: %s}   # every fifth trajectory is kept back for validation\n",
+            d->p->data_path);
+    fprintf(f, "seed: 1\n\nmodels:\n");
+}
+
+// Substeps of a stage such that each turns the fastest variable by at most `turn`; no more than the
+// scene has, with which the weights are served.
+static int substeps_for(const pm_draft *d, double turn) {
+    const double wanted = ceil(d->look.fastest * d->p->scene->dt / turn);
+    const int most = d->p->scene->substeps;
+    return wanted < 1 ? 1 : wanted < most ? (int)wanted : most;
+}
+
+// Batches are several times what the weights need: data without noise need no more.
+static void write_stages(const pm_draft *d) {
+    FILE *f = d->file;
+    fprintf(
+        f, "# Several starts are tried on derivatives, which needs no steps; the best is fitted to "
+           "them further,\n# then to single steps, coarse and fine.\n"
+           "loss: {residual: step}\n"
+           "stages:\n"
+           "  - {optimiser: gauss_newton, iterations: 40, batch: 512, residual: derivative}\n");
+    fprintf(f, "  - {optimiser: gauss_newton, iterations: 60, batch: 1024, substeps: %d}\n",
+            substeps_for(d, COARSE));
+    fprintf(f, "  - {optimiser: gauss_newton, iterations: 40, batch: 3000, substeps: %d}\n",
+            substeps_for(d, FINE));
+}
+
+static void write_all(const pm_draft *d) {
+    const pm_scene *scene = d->p->scene;
+    write_head(d);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (scene->subsystem[i].model == NULL) {
+            pm_draft_part(d, &d->part[i]);
+        }
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        if (scene->port[i].model == NULL) {
+            pm_draft_port(d, i);
+        }
+    }
+    pm_draft_list l = {.file = d->file};
+    fprintf(d->file, "\nsubsystems: {");
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const char *name = scene->subsystem[i].name;
+        if (scene->subsystem[i].model == NULL) {
+            fprintf(d->file, "%s%s: %s", l.count++ > 0 ? ", " : "", name, name);
+        }
+    }
+    l.count = 0;
+    fprintf(d->file, "}\nports: {");
+    for (int i = 0; i < scene->nport; ++i) {
+        const char *name = scene->port[i].name;
+        if (scene->port[i].model == NULL) {
+            fprintf(d->file, "%s%s: %s", l.count++ > 0 ? ", " : "", name, name);
+        }
+    }
+    fprintf(d->file, "}\n\n");
+    write_stages(d);
+}
+
+pm_status pm_propose(const pm_proposal *p, const char *path) {
+    pm_draft d = {.p = p, .width = p->scene->nsubsystem > 2 ? 12 : 16};
+    PM_TRY(pm_look_make(&d.look, p->scene, p->dataset));
+    pm_status status = PM_OK;
+    d.part = pm_arena_array(&d.look.arena, (size_t)p->scene->nsubsystem, sizeof *d.part);
+    d.file = d.part == NULL ? NULL : fopen(path, "w");
+    if (d.file == NULL) {
+        status = d.part == NULL ? pm_fail(PM_ENOMEM, "out of memory for a proposal")
+                                : pm_fail(PM_EFILE, "%s: cannot be written", path);
+    } else {
+        pm_view_parts(&d.look, d.part);
+        d.rotates = pm_view_rotates(&d.look, d.part);
+        write_all(&d);
+        const bool failed = ferror(d.file) != 0;
+        status = fclose(d.file) == 0 && !failed ? PM_OK
+                                                : pm_fail(PM_EFILE, "%s: cannot be written", path);
+    }
+    pm_look_free(&d.look);
+    return status;
+}

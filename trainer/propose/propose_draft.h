@@ -1,0 +1,36 @@
+// A training file as it is being proposed, shared by the files that write its parts.
+#ifndef PM_TRAINER_PROPOSE_PROPOSE_DRAFT_H
+#define PM_TRAINER_PROPOSE_PROPOSE_DRAFT_H
+
+#include <stdio.h>
+
+#include "propose/propose.h"
+#include "propose/propose_view.h"
+
+typedef struct pm_draft {
+    FILE *file;
+    const pm_proposal *p;
+    pm_look look;
+    pm_part_view *part; // [nsubsystem]
+    bool rotates;       // nothing depends on directions
+    int width;          // of hidden layers
+} pm_draft;
+
+// The name of a part's group.
+const char *pm_draft_name(const pm_part_view *part, int group);
+// Whether friction, relaxation or leakage may act on it.
+bool pm_draft_may_lose(const pm_part_view *part, int group);
+
+// A list of names in brackets, of which it writes what opens it and the entries.
+typedef struct pm_draft_list {
+    FILE *file;
+    int count;
+} pm_draft_list;
+pm_draft_list pm_draft_open(FILE *file, const char *before);
+void pm_draft_add(pm_draft_list *list, const char *before, const char *name);
+
+// The block of a part, and of a port, under `models`.
+void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
+void pm_draft_port(const pm_draft *draft, int port);
+
+#endif

@@ -1,0 +1,72 @@
+// Loading what a proposal looks at, and writing paths that hold wherever the file stands.
+#include "propose/propose_files.h"
+
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/path.h"
+#include "propose/propose.h"
+#include "store/yaml.h"
+
+// Paths in a training file are relative to it: absolute ones hold everywhere. The caller frees.
+static char *absolute(const char *path) {
+    char *whole = realpath(path, NULL);
+    return whole != NULL ? whole : strdup(path);
+}
+
+static pm_status write_proposal(const char *scene_path, const char *data, pm_form form,
+                                const char *output) {
+    pm_scene *scene = NULL;
+    pm_dataset *dataset = NULL;
+    char *scene_name = NULL, *data_name = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_scene_load(&scene, scene_path));
+    PM_TRY_DONE(pm_dataset_load(&dataset, data));
+    scene_name = absolute(scene_path);
+    data_name = absolute(data);
+    if (scene_name == NULL || data_name == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a path");
+        goto done;
+    }
+    const pm_proposal proposal = {.scene = scene,
+                                  .dataset = dataset,
+                                  .scene_path = scene_name,
+                                  .data_path = data_name,
+                                  .form = form};
+    PM_TRY_DONE(pm_propose(&proposal, output));
+    printf("wrote %s\n", output);
+done:
+    free(scene_name);
+    free(data_name);
+    pm_dataset_free(dataset);
+    pm_scene_free(scene);
+    return status;
+}
+
+pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output) {
+    if (form == PM_HARD) {
+        return write_proposal(scene, data, form, output);
+    }
+    char exchange[PATH_MAX];
+    const int length =
+        snprintf(exchange, sizeof exchange, "%.*s_scene.yaml", (int)pm_path_stem(output), output);
+    if (length >= (int)sizeof exchange) {
+        return pm_fail(PM_EUSAGE, "%s: the path is too long", output);
+    }
+    PM_TRY(pm_propose_scene(scene, exchange));
+    printf("wrote %s\n", exchange);
+    return write_proposal(exchange, data, form, output);
+}
+
+bool pm_propose_is_scene(const char *path) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    if (pm_yaml_open(&document, path, &root) != PM_OK) {
+        return false; // whoever reads it says why
+    }
+    const bool scene = pm_yaml_exists(pm_yaml_get(root, "time"));
+    pm_yaml_close(document);
+    return scene;
+}

@@ -1,0 +1,265 @@
+// The models of parts in a proposal.
+#include "propose/propose_draft.h"
+
+const char *pm_draft_name(const pm_part_view *v, int g) {
+    return v->group[g].group->name;
+}
+
+static bool is_state(const pm_part_view *v, int g) {
+    return v->kind[g] != PM_VIEW_ENTROPY;
+}
+
+// --- lists ---
+
+typedef struct list {
+    FILE *file;
+    int count;
+} list;
+
+pm_draft_list pm_draft_open(FILE *file, const char *before) {
+    fprintf(file, "%s[", before);
+    return (pm_draft_list){.file = file};
+}
+
+void pm_draft_add(pm_draft_list *l, const char *before, const char *name) {
+    fprintf(l->file, "%s%s%s", l->count++ > 0 ? ", " : "", before, name);
+}
+
+static void add_quoted(pm_draft_list *l, const char *before, const char *name, const char *after) {
+    fprintf(l->file, "%s\"%s%s%s\"", l->count++ > 0 ? ", " : "", before, name, after);
+}
+
+// --- comments ---
+
+static void explain_part(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    for (int g = 0; g < v->count; ++g) {
+        const pm_group *group = v->group[g].group;
+        fprintf(f, "    # %s, %s: deviation %.3g, moves by %.3g per s", group->name,
+                *group->unit == '\0' ? "a number" : group->unit, v->group[g].deviation,
+                v->group[g].rate);
+        switch (v->kind[g]) {
+        case PM_VIEW_ENTROPY:
+            fprintf(f, "; its unit makes it an entropy");
+            break;
+        case PM_VIEW_HEAT:
+            fprintf(f, "; its unit makes it what heats up, as there is no entropy");
+            break;
+        case PM_VIEW_POSITION:
+            fprintf(f, "; with %s conjugate: the product of their units is J s",
+                    pm_draft_name(v, v->mate[g]));
+            fprintf(f, "%s",
+                    v->linear[g]  ? "; its rate is linear in momenta"
+                    : v->apart[g] ? "; its rate is a function of momenta alone"
+                                  : "");
+            break;
+        case PM_VIEW_SPIN:
+            fprintf(f,
+                    "; an angular momentum of three components: L is linear in it, as in L = m x");
+            break;
+        default:
+            break;
+        }
+        fprintf(f, "%s%s\n",
+                v->geometric[g] && v->kind[g] != PM_VIEW_POSITION
+                    ? "; moves as others carry it, without friction"
+                    : "",
+                v->group[g].constant ? "; CONSTANT in these data: nothing can be learned of it"
+                                     : "");
+    }
+}
+
+// --- energies ---
+
+static void add_entropies(pm_draft_list *l, const pm_part_view *v) {
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_ENTROPY) {
+            pm_draft_add(l, "", pm_draft_name(v, g));
+        }
+    }
+}
+
+// A group as a feature; a vector by its length, where nothing depends on directions.
+static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v, int g) {
+    if (d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0) {
+        add_quoted(l, v->group[g].zero ? "|" : "ln|", pm_draft_name(v, g), "|");
+    } else {
+        pm_draft_add(l, "", pm_draft_name(v, g));
+    }
+}
+
+// Layers for so many inputs: more than a function of one or two variables needs is slow to train.
+static const char *hidden_of(int inputs) {
+    return inputs == 1 ? "[8, 8]" : inputs <= 3 ? "[12, 12]" : "[16, 16]";
+}
+
+// What is known to stand alone in the energy; done [count] marks these groups.
+static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g]) {
+            continue;
+        }
+        const int p = v->mate[g];
+        done[p] = true;
+        if (v->linear[g]) {
+            fprintf(d->file, "      - {features: [\"|%s|^2\"], skip: linear}", pm_draft_name(v, p));
+            fprintf(d->file, "                  # kinetic, as velocities are linear in momenta\n");
+        } else {
+            fprintf(d->file, "      - {features: [%s], hidden: %s, skip: quadratic}\n",
+                    pm_draft_name(v, p), hidden_of(v->group[p].group->size));
+        }
+    }
+}
+
+static int count_rest(const pm_part_view *v, const bool *done) {
+    int count = 0;
+    for (int g = 0; g < v->count; ++g) {
+        count += is_state(v, g) && !done[g];
+    }
+    return count;
+}
+
+static void write_energy(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    bool done[PM_MAX_GROUPS] = {false};
+    fprintf(f, "    energy:\n");
+    write_apart(d, v, done);
+    const int rest = count_rest(v, done);
+    int inputs = 0;
+    if (rest > 0) {
+        pm_draft_list l = pm_draft_open(f, "      - {features: ");
+        for (int g = 0; g < v->count; ++g) {
+            if (is_state(v, g) && !done[g]) {
+                add_feature(d, &l, v, g);
+                inputs += d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size;
+            }
+        }
+        fprintf(f, "], hidden: %s, skip: quadratic}\n", hidden_of(inputs));
+    }
+    if (v->nentropy > 0) {
+        pm_draft_list l = pm_draft_open(f, "      - {features: ");
+        for (int g = 0; g < v->count; ++g) {
+            if (is_state(v, g) && !done[g]) {
+                add_feature(d, &l, v, g);
+            }
+        }
+        add_entropies(&l, v);
+        fprintf(f, rest > 0
+                       ? "], skip: quadratic}   # heat, and what it does to the zero_at_origin: "
+                         "temperatures are positive\n"
+                       : "]}   # heat: temperatures are positive by construction\n");
+    }
+}
+
+static bool has_heat(const pm_part_view *v) {
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_HEAT) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void write_entropy(const pm_draft *d, const pm_part_view *v) {
+    if (v->nentropy > 0) {
+        pm_draft_list l = pm_draft_open(d->file, "    entropy: {given: ");
+        add_entropies(&l, v);
+        fprintf(d->file, "]}\n");
+    } else if (has_heat(v)) {
+        pm_draft_list l = pm_draft_open(d->file, "    entropy:\n      - {features: ");
+        for (int g = 0; g < v->count; ++g) {
+            pm_draft_add(&l, "", pm_draft_name(v, g));
+        }
+        fprintf(d->file, "], hidden: [12], skip: quadratic}\n");
+    } else {
+        fprintf(d->file,
+                "    # No variable takes up heat: this part conserves its energy. If it should "
+                "not, the scene lacks an entropy.\n");
+    }
+}
+
+// --- operators of parts ---
+
+static void write_reversible(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    pm_draft_list given = {.file = f}, loose = {.file = f};
+    int others = 0;
+    const char *spin = NULL;
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_POSITION) {
+            fprintf(f, given.count > 0 ? ", " : "    reversible:\n      given: [");
+            fprintf(f, "[%s, %s, %.1f]", pm_draft_name(v, g), pm_draft_name(v, v->mate[g]),
+                    v->sign[g]);
+            ++given.count;
+        }
+        others += v->kind[g] == PM_VIEW_OTHER ? v->group[g].group->size : 0;
+        spin = v->kind[g] == PM_VIEW_SPIN ? pm_draft_name(v, g) : spin;
+    }
+    fprintf(f, given.count > 0 ? "]\n" : "");
+    if (others < 2 && spin == NULL) {
+        return;
+    }
+    fprintf(f, given.count > 0 ? "      learned: {acts_on: ["
+                               : "    reversible:\n      learned: {acts_on: [");
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_SPIN || (v->kind[g] == PM_VIEW_OTHER && others > 1)) {
+            pm_draft_add(&loose, "", pm_draft_name(v, g));
+        }
+    }
+    fprintf(f, "]");
+    if (spin != NULL) {
+        loose.count = 0;
+        fprintf(f, ", features: [");
+        for (int g = 0; g < v->count; ++g) {
+            if (v->kind[g] == PM_VIEW_SPIN) {
+                pm_draft_add(&loose, "", pm_draft_name(v, g));
+            }
+        }
+        fprintf(f, "], skip: linear");
+    }
+    fprintf(f, "}\n");
+}
+
+// Whether friction, relaxation or leakage may act on it.
+bool pm_draft_may_lose(const pm_part_view *v, int g) {
+    return v->kind[g] != PM_VIEW_ENTROPY && !v->geometric[g] && !v->group[g].constant;
+}
+
+static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
+    int n = 0;
+    for (int g = 0; g < v->count; ++g) {
+        n += pm_draft_may_lose(v, g) ? v->group[g].group->size : 0;
+    }
+    const int rank = n + (v->nentropy > 1 ? v->nentropy - 1 : 0);
+    if ((v->nentropy == 0 && !has_heat(v)) || rank == 0) {
+        return;
+    }
+    pm_draft_list l = pm_draft_open(d->file, "    irreversible: {learned: {acts_on: ");
+    for (int g = 0; g < v->count; ++g) {
+        if (pm_draft_may_lose(v, g)) {
+            pm_draft_add(&l, "", pm_draft_name(v, g));
+        }
+    }
+    add_entropies(&l, v);
+    fprintf(d->file, "], rank: %d}}", rank);
+    fprintf(d->file, "   # a constant for each process that dissipates\n");
+}
+
+void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    fprintf(f, "  %s:\n", d->p->scene->subsystem[v->subsystem].name);
+    explain_part(d, v);
+    if (d->p->form == PM_FREE) {
+        pm_draft_list l = pm_draft_open(f, "    form: free\n    rate: {features: ");
+        for (int g = 0; g < v->count; ++g) {
+            pm_draft_add(&l, "", pm_draft_name(v, g));
+        }
+        fprintf(f, "], hidden: [%d], skip: linear}\n", 2 * d->width);
+        return;
+    }
+    fprintf(f, "    form: %s\n", d->p->form == PM_HARD ? "hard" : "soft");
+    write_energy(d, v);
+    write_entropy(d, v);
+    write_reversible(d, v);
+    write_irreversible(d, v);
+}

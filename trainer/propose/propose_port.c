@@ -1,0 +1,156 @@
+// The models of ports in a proposal.
+#include <string.h>
+
+#include "propose/propose_draft.h"
+
+static void write_pairs(const pm_draft *d, int port) {
+    FILE *f = d->file;
+    const pm_scene_port *scene = &d->p->scene->port[port];
+    pm_port_view view;
+    pm_view_port(&d->look, d->part, port, &view);
+    int given = 0, loose = 0;
+    for (int i = 0; i < view.count; ++i) {
+        given += view.pair[i].coefficient != 0;
+        loose += view.pair[i].coefficient == 0;
+    }
+    if (view.count == 0) {
+        fprintf(f, "    # No variable of one end moves one of the other without loss.\n");
+        return;
+    }
+    const pm_part_view *a = &d->part[scene->subsystem[0]], *b = &d->part[scene->subsystem[1]];
+    fprintf(f, "    reversible:\n");
+    if (given > 0) {
+        fprintf(f,
+                "      # The data show that the momentum carries the other end's position along.\n"
+                "      given: [");
+        for (int i = 0, n = 0; i < view.count; ++i) {
+            const pm_pair_view *p = &view.pair[i];
+            if (p->coefficient != 0) {
+                fprintf(f, p->momentum_first ? "%s[a.%s, b.%s, %.1f]" : "%s[b.%s, a.%s, %.1f]",
+                        n++ > 0 ? ", " : "",
+                        p->momentum_first ? pm_draft_name(a, p->a) : pm_draft_name(b, p->b),
+                        p->momentum_first ? pm_draft_name(b, p->b) : pm_draft_name(a, p->a),
+                        p->coefficient);
+            }
+        }
+        fprintf(f, "]\n");
+        return; // what is left is what friction does
+    }
+    fprintf(f, "      # In these data rates of one end follow variables of the other; by how much "
+               "is learned.\n");
+    pm_draft_list l = pm_draft_open(f, "      learned: {acts_on: ");
+    for (int g = 0; g < a->count; ++g) {
+        bool named = false;
+        for (int i = 0; i < view.count; ++i) {
+            named = named || view.pair[i].a == g;
+        }
+        if (named) {
+            pm_draft_add(&l, "a.", pm_draft_name(a, g));
+        }
+    }
+    l = pm_draft_open(f, "], against: ");
+    for (int g = 0; g < b->count; ++g) {
+        bool named = false;
+        for (int i = 0; i < view.count; ++i) {
+            named = named || view.pair[i].b == g;
+        }
+        if (named) {
+            pm_draft_add(&l, "b.", pm_draft_name(b, g));
+        }
+    }
+    fprintf(f, "]}\n");
+}
+
+static const char *const ends[2] = {"a.", "b."};
+
+// Groups that an end exposes, or that the world shows.
+static const pm_layout *shown(const pm_draft *d, int port, int end) {
+    return &d->p->scene->port[port].layout[end];
+}
+
+static bool is_entropy_unit(const pm_group *group) {
+    const pm_unit entropy = pm_unit_parse("J/K"), unit = pm_unit_parse(group->unit);
+    return pm_unit_equal(&entropy, &unit);
+}
+
+// Whether a port's friction may act on what an end shows.
+static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *group) {
+    const int id = d->p->scene->port[port].subsystem[end];
+    for (int g = 0; id >= 0 && g < d->part[id].count; ++g) {
+        if (strcmp(pm_draft_name(&d->part[id], g), group->name) == 0) {
+            return pm_draft_may_lose(&d->part[id], g);
+        }
+    }
+    return !is_entropy_unit(group);
+}
+
+static void write_port_irreversible(const pm_draft *d, int port) {
+    FILE *f = d->file;
+    int lossy[2] = {0}, heats = 0;
+    for (int end = 0; end < 2; ++end) {
+        const pm_layout *layout = shown(d, port, end);
+        for (int g = 0; g < layout->ngroup; ++g) {
+            heats += is_entropy_unit(&layout->group[g]) ? layout->group[g].size : 0;
+            lossy[end] +=
+                port_may_lose(d, port, end, &layout->group[g]) ? layout->group[g].size : 0;
+        }
+    }
+    const int both = lossy[0] > lossy[1] ? lossy[0] : lossy[1];
+    const int rank = both + (heats > 1 ? heats - 1 : 0);
+    if (heats == 0 || rank == 0) {
+        fprintf(f, "    # No heat passes here: an entropy would have to be exposed.\n");
+        return;
+    }
+    pm_draft_list l = pm_draft_open(f, "    irreversible: {learned: {acts_on: ");
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int end = 0; end < 2; ++end) {
+            const pm_layout *layout = shown(d, port, end);
+            for (int g = 0; g < layout->ngroup; ++g) {
+                if (pass == 0 ? port_may_lose(d, port, end, &layout->group[g])
+                              : is_entropy_unit(&layout->group[g])) {
+                    pm_draft_add(&l, ends[end], layout->group[g].name);
+                }
+            }
+        }
+    }
+    fprintf(f, "], rank: %d", rank);
+    if (both == 0) {
+        l = pm_draft_open(f, ", features: ");
+        for (int end = 0; end < 2; ++end) {
+            const pm_layout *layout = shown(d, port, end);
+            for (int g = 0; g < layout->ngroup; ++g) {
+                if (is_entropy_unit(&layout->group[g])) {
+                    pm_draft_add(&l, ends[end], layout->group[g].name);
+                }
+            }
+        }
+        fprintf(f, "], skip: linear");
+    }
+    fprintf(f, "}}   # %s%s\n", both > 0 ? "friction between the ends" : "",
+            heats < 2  ? ""
+            : both > 0 ? ", and heat"
+                       : "heat, by a conductance that may vary");
+}
+
+static void write_exchange(const pm_draft *d, int port) {
+    static const char *const name[2] = {"own.", "other."};
+    pm_draft_list l = pm_draft_open(d->file, "    form: free\n    rate: {features: ");
+    for (int end = 0; end < 2; ++end) {
+        const pm_layout *layout = shown(d, port, end);
+        for (int g = 0; g < layout->ngroup; ++g) {
+            pm_draft_add(&l, name[end], layout->group[g].name);
+        }
+    }
+    fprintf(d->file, "], hidden: [%d], skip: linear}\n", 2 * d->width);
+}
+
+void pm_draft_port(const pm_draft *d, int port) {
+    fprintf(d->file, "  %s:\n    law: %s\n", d->p->scene->port[port].name,
+            d->p->form == PM_HARD ? "bracket" : "exchange");
+    if (d->p->form == PM_HARD) {
+        write_pairs(d, port);
+        write_port_irreversible(d, port);
+    } else {
+        write_exchange(d, port);
+    }
+}

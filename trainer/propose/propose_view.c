@@ -1,0 +1,298 @@
+// Reading units and regressions.
+#include "propose/propose_view.h"
+
+#include <math.h>
+#include <string.h>
+
+#define EXACT 1e-3      // of a rate's variance that may stay unexplained where it is linear
+#define DEGREE 8        // of polynomials that stand for any function
+#define TRACE 1e-4      // of it that a coupling must explain to be one
+#define CLEAR 0.05      // of it that may stay unexplained where a coefficient is read off
+#define NEAR_WHOLE 0.15 // how far that is from a whole number at most
+
+static bool is_nonentropy(const pm_part_view *v, int g) {
+    return v->kind[g] != PM_VIEW_ENTROPY && v->kind[g] != PM_VIEW_HEAT;
+}
+
+bool pm_view_exposes(const pm_scene *scene, int port, int end, const char *group) {
+    return pm_layout_find(&scene->port[port].layout[end], group) != NULL;
+}
+
+// --- sources of a rate ---
+
+typedef struct sources {
+    int count;
+    pm_look_group group[8];
+} sources;
+
+static void add_source(sources *s, const pm_look_group *g, const pm_look_group *target) {
+    for (int i = 0; i < s->count; ++i) {
+        if (s->group[i].first == g->first) {
+            return;
+        }
+    }
+    if (s->count < 8 && g->group->size == target->group->size && g->first != target->first) {
+        s->group[s->count++] = *g;
+    }
+}
+
+// Groups of the unit `unit` in this part and in those that share a port with it.
+static sources find_sources(const pm_look *look, const pm_part_view *parts, int part, int target,
+                            const pm_unit *unit) {
+    const pm_scene *scene = look->scene;
+    sources s = {0};
+    for (int pass = 0; pass < 2; ++pass) { // its own first
+        for (int i = 0; i < scene->nsubsystem; ++i) {
+            bool near = i == part && pass == 0;
+            for (int p = 0; p < scene->nport && pass == 1; ++p) {
+                const int *end = scene->port[p].subsystem;
+                near = near || (end[0] == part && end[1] == i) || (end[1] == part && end[0] == i);
+            }
+            for (int g = 0; g < parts[i].count && near; ++g) {
+                if (pm_unit_equal(&parts[i].unit[g], unit)) {
+                    add_source(&s, &parts[i].group[g], &parts[part].group[target]);
+                }
+            }
+        }
+    }
+    return s;
+}
+
+// --- parts ---
+
+// How well a group's rate is explained by its mate and the neighbours' groups of that unit.
+static double explain_by_mate(const pm_look *look, const pm_part_view *parts, int part, int g,
+                              int mate, double *own) {
+    double coefficient[8] = {0};
+    const sources s = find_sources(look, parts, part, g, &parts[part].unit[mate]);
+    const double rest = pm_look_explain(look, &parts[part].group[g], s.count, s.group, coefficient);
+    *own = coefficient[0];
+    return rest;
+}
+
+// Which of a pair is the position: the one whose rate its mate explains better.
+typedef struct pairing {
+    int position, momentum;
+    double rest, own; // unexplained; the mate's coefficient
+} pairing;
+
+static pairing try_pair(const pm_look *look, const pm_part_view *parts, int part, int a, int b) {
+    double of_a, of_b;
+    const double rest_a = explain_by_mate(look, parts, part, a, b, &of_a);
+    const double rest_b = explain_by_mate(look, parts, part, b, a, &of_b);
+    return rest_a <= rest_b ? (pairing){a, b, rest_a, of_a} : (pairing){b, a, rest_b, of_b};
+}
+
+static void name_pair(const pm_look *look, pm_part_view *parts, int part, const pairing *pair) {
+    pm_part_view *v = &parts[part];
+    const int position = pair->position, momentum = pair->momentum;
+    v->mate[position] = momentum;
+    v->mate[momentum] = position;
+    v->kind[position] = PM_VIEW_POSITION;
+    v->kind[momentum] = PM_VIEW_MOMENTUM;
+    v->sign[position] = pair->own < 0 ? -1 : 1;
+    v->linear[position] = pair->rest < EXACT;
+    const sources s = find_sources(look, parts, part, position, &v->unit[momentum]);
+    v->apart[position] = v->linear[position] ||
+                         pm_look_explain_powers(look, &v->group[position],
+                                                s.count < 2 ? s.count : 2, s.group, DEGREE) < EXACT;
+}
+
+static bool may_pair(const pm_part_view *v, int a, int b) {
+    const pm_unit action = pm_unit_parse("J s");
+    const pm_unit product = pm_unit_product(&v->unit[a], &v->unit[b]);
+    return v->mate[a] < 0 && v->mate[b] < 0 && is_nonentropy(v, a) && is_nonentropy(v, b) &&
+           v->group[a].group->size == v->group[b].group->size && pm_unit_equal(&product, &action);
+}
+
+// Of several that could be conjugate, those that explain each other best.
+static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
+    pm_part_view *v = &parts[part];
+    const pm_unit action = pm_unit_parse("J s");
+    bool found = true;
+    while (found) {
+        pairing best = {.rest = INFINITY};
+        found = false;
+        for (int a = 0; a < v->count; ++a) {
+            for (int b = a + 1; b < v->count; ++b) {
+                const pairing pair = may_pair(v, a, b) ? try_pair(look, parts, part, a, b)
+                                                       : (pairing){.rest = INFINITY};
+                if (pair.rest < best.rest) {
+                    best = pair;
+                    found = true;
+                }
+            }
+        }
+        if (found) {
+            name_pair(look, parts, part, &best);
+        }
+    }
+    for (int a = 0; a < v->count; ++a) {
+        if (v->mate[a] < 0 && v->group[a].group->size == 3 && pm_unit_equal(&v->unit[a], &action)) {
+            v->kind[a] = PM_VIEW_SPIN;
+        }
+    }
+}
+
+static bool is_length(const pm_unit *unit) {
+    bool only = unit->known;
+    for (int k = 0; k < PM_UNIT_BASES; ++k) {
+        only = only && (k == PM_UNIT_M || unit->power[k] == 0);
+    }
+    return only;
+}
+
+// Lengths, volumes and angles that move in proportion to something else have no friction.
+static void find_geometric(const pm_look *look, pm_part_view *parts, int part) {
+    pm_part_view *v = &parts[part];
+    for (int g = 0; g < v->count; ++g) {
+        if (!is_length(&v->unit[g])) {
+            continue;
+        }
+        v->geometric[g] = v->kind[g] == PM_VIEW_POSITION && v->linear[g];
+        for (int i = 0; i < look->scene->nsubsystem && v->mate[g] < 0; ++i) {
+            for (int k = 0; k < parts[i].count; ++k) {
+                double coefficient[8];
+                const sources s = find_sources(look, parts, part, g, &parts[i].unit[k]);
+                v->geometric[g] =
+                    v->geometric[g] ||
+                    (is_nonentropy(&parts[i], k) && !is_length(&parts[i].unit[k]) && s.count > 0 &&
+                     pm_look_explain(look, &v->group[g], s.count, s.group, coefficient) < EXACT);
+            }
+        }
+    }
+}
+
+static void begin_part(const pm_look *look, int subsystem, pm_part_view *v) {
+    const pm_unit entropy = pm_unit_parse("J/K"), energy = pm_unit_parse("J");
+    const pm_unit temperature = pm_unit_parse("K");
+    const pm_layout *layout = &look->scene->subsystem[subsystem].layout;
+    *v = (pm_part_view){.subsystem = subsystem, .count = layout->ngroup};
+    for (int g = 0; g < v->count; ++g) {
+        v->group[g] = pm_look_at(look, subsystem, g);
+        v->unit[g] = pm_unit_parse(layout->group[g].unit);
+        v->mate[g] = -1;
+        if (pm_unit_equal(&v->unit[g], &entropy)) {
+            v->kind[g] = PM_VIEW_ENTROPY;
+            v->nentropy += layout->group[g].size;
+        }
+    }
+    for (int g = 0; g < v->count && v->nentropy == 0; ++g) {
+        if (pm_unit_equal(&v->unit[g], &energy) || pm_unit_equal(&v->unit[g], &temperature)) {
+            v->kind[g] = PM_VIEW_HEAT;
+        }
+    }
+}
+
+void pm_view_parts(const pm_look *look, pm_part_view *view) {
+    const int n = look->scene->nsubsystem;
+    for (int i = 0; i < n; ++i) {
+        begin_part(look, i, &view[i]);
+    }
+    for (int i = 0; i < n; ++i) {
+        find_pairs(look, view, i);
+    }
+    for (int i = 0; i < n; ++i) {
+        find_geometric(look, view, i);
+    }
+}
+
+bool pm_view_rotates(const pm_look *look, const pm_part_view *parts) {
+    enum { MOST = 64 };
+    pm_look_group q[MOST], p[MOST];
+    int count = 0;
+    for (int i = 0; i < look->scene->nsubsystem; ++i) {
+        const pm_part_view *v = &parts[i];
+        for (int g = 0; g < v->count && count < MOST; ++g) {
+            const int size = v->group[g].group->size;
+            if (v->kind[g] == PM_VIEW_POSITION && (size == 2 || size == 3)) {
+                q[count] = v->group[g];
+                p[count++] = v->group[v->mate[g]];
+            }
+        }
+    }
+    return pm_look_keeps_rotation(look, count, q, p);
+}
+
+// --- ports ---
+
+// How much more of the rate of `target` is explained when `source` joins the target's own part, and
+// the coefficient of `source` and of the target's mate.
+static double gain(const pm_look *look, const pm_part_view *own, int target,
+                   const pm_look_group *source, double *coefficient, double *of_mate,
+                   double *rest) {
+    sources s = {0};
+    double value[8] = {0};
+    if (own->mate[target] >= 0) {
+        add_source(&s, &own->group[own->mate[target]], &own->group[target]);
+    }
+    for (int g = 0; g < own->count; ++g) {
+        if (s.count < 6) {
+            add_source(&s, &own->group[g], &own->group[target]);
+        }
+    }
+    const double without = pm_look_explain(look, &own->group[target], s.count, s.group, value);
+    const int before = s.count;
+    add_source(&s, source, &own->group[target]);
+    if (s.count == before) {
+        return 0;
+    }
+    *rest = pm_look_explain(look, &own->group[target], s.count, s.group, value);
+    *coefficient = value[s.count - 1];
+    *of_mate = value[0];
+    return without - *rest;
+}
+
+// A position that the neighbour's momentum carries along, as its own does, but for a whole number.
+static double whole_coefficient(const pm_look *look, const pm_part_view *carrier, int momentum,
+                                const pm_part_view *carried, int position) {
+    double other, mate, rest = 1, at_home;
+    const int home = carrier->mate[momentum];
+    if (carrier->kind[momentum] != PM_VIEW_MOMENTUM ||
+        carried->kind[position] != PM_VIEW_POSITION || home < 0 ||
+        gain(look, carried, position, &carrier->group[momentum], &other, &mate, &rest) < TRACE ||
+        rest > CLEAR) {
+        return 0;
+    }
+    // The carrier's own velocity per momentum; what else moves its position is of no account.
+    const pm_look_group *source = &carrier->group[momentum];
+    const double rest_home = pm_look_explain(look, &carrier->group[home], 1, source, &at_home);
+    const double c = at_home == 0 || rest_home > 0.5 ? 0 : -other / at_home * carrier->sign[home];
+    const double whole = round(c);
+    return fabs(c - whole) < NEAR_WHOLE && fabs(whole) == 1 ? whole : 0;
+}
+
+static void view_pair(const pm_look *look, const pm_part_view *a, int ga, const pm_part_view *b,
+                      int gb, pm_port_view *view) {
+    double c, mate, rest = 1;
+    if (pm_unit_equal(&a->unit[ga], &b->unit[gb])) {
+        return; // equal variables of two parts are coupled by friction, if at all
+    }
+    const double to_b = whole_coefficient(look, a, ga, b, gb);
+    const double to_a = whole_coefficient(look, b, gb, a, ga);
+    const bool of_a = gain(look, a, ga, &b->group[gb], &c, &mate, &rest) > TRACE;
+    const bool of_b = gain(look, b, gb, &a->group[ga], &c, &mate, &rest) > TRACE;
+    const bool comparable = a->group[ga].group->size == b->group[gb].group->size;
+    if (to_b != 0 || to_a != 0 || of_a || of_b || !comparable) {
+        view->pair[view->count++] = (pm_pair_view){
+            .a = ga, .b = gb, .momentum_first = to_b != 0, .coefficient = to_b != 0 ? to_b : to_a};
+    }
+}
+
+void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_port_view *view) {
+    const int *end = look->scene->port[port].subsystem;
+    view->count = 0;
+    if (end[0] < 0 || end[1] < 0) {
+        return;
+    }
+    const pm_part_view *a = &parts[end[0]], *b = &parts[end[1]];
+    for (int i = 0; i < a->count; ++i) {
+        for (int k = 0; k < b->count; ++k) {
+            if (is_nonentropy(a, i) && is_nonentropy(b, k) &&
+                pm_view_exposes(look->scene, port, 0, a->group[i].group->name) &&
+                pm_view_exposes(look->scene, port, 1, b->group[k].group->name)) {
+                view_pair(look, a, i, b, k, view);
+            }
+        }
+    }
+}
