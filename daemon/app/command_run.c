@@ -1,5 +1,5 @@
-// portmetd run: a whole scene with one command. Over LCM it launches the scene's processes and is
-// the coordinator itself; with --in-process all subsystems live in this thread.
+// portmetd run: runs a whole scene with one command. Over LCM it starts the scene's processes and
+// is itself the coordinator; with --in-process all subsystems live in this thread.
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,7 +31,7 @@ static pm_status launch_nodes(pm_launch *launch, pm_setup *setup, const pm_run_o
     return PM_OK;
 }
 
-// The coordinator's loop, with an eye on the children and on the stop flag until the first failure.
+// Runs the coordinator's loop, and watches the children and the stop flag until the first failure.
 static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch,
                          const volatile sig_atomic_t *stop) {
     pm_transport *transport = pm_lockstep_coordinator_transport(coordinator);
@@ -86,7 +86,7 @@ done:
 
 // --- in this thread ---
 
-// All subsystems are one process's, which shares a hub with the coordinator.
+// All subsystems belong to one process of the scene, which shares a hub with the coordinator.
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     const char *url = "memory://";
     const pm_lockstep_node_options node_options = {.z = setup->initial,

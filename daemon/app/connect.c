@@ -1,11 +1,11 @@
-// Transport and key of a scene, and what came from strangers.
+// The address, the channels, the key and the transport of a scene.
 #include "app/connect.h"
 
 #include <stdio.h>
 
 #include "transport/channel.h"
 
-// LCM's own group and port, on this host alone.
+// LCM's default group and port, on this host alone.
 #define DEFAULT_URL "udpm://239.255.76.67:7667?ttl=0"
 
 pm_status pm_connect_key(const pm_scene *scene, pm_key *key) {
@@ -32,7 +32,7 @@ static pm_status seal(pm_transport *transport, const pm_scene *scene) {
     return status;
 }
 
-// A message of a process has its longest channel in its reports.
+// The longest channel of a process is that of its reports.
 static pm_status check_channels(const pm_scene *scene) {
     for (int i = 0; i < scene->nprocess; ++i) {
         char channel[PM_CHANNEL_SIZE];
@@ -71,7 +71,8 @@ pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene) {
 }
 
 void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
-    // Not those that a best-effort network, or another run of the scene beside this one, makes.
+    // A best-effort network, or another run of the same scene, causes other drops; they do not
+    // count.
     static const pm_drop strange[] = {PM_DROP_DATAGRAM, PM_DROP_LENGTH, PM_DROP_TYPE,
                                       PM_DROP_COUNT,    PM_DROP_TEXT,   PM_DROP_NUMBER,
                                       PM_DROP_SEAL,     PM_DROP_REPLAY};

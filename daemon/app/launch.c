@@ -1,4 +1,4 @@
-// fork, exec, waitpid; one pm_child per process.
+// Starts, watches and reaps children, with one pm_child for each.
 #include "app/launch.h"
 
 #include <errno.h>
@@ -18,24 +18,25 @@
 
 #define TERM_GRACE 2.0        // s from SIGTERM to SIGKILL
 #define POLL_INTERVAL 2000000 // ns between two looks at the children
-#define LINE 1024             // bytes kept of a line
-#define HOLD 1.0              // s until a child's line is shown: an error ends it before that
-#define MAX_DEATHS 6          // of a child, in a row, without its getting on
-#define PAUSE 0.005           // s from a death to the new start, doubled by every death
+#define LINE 1024             // longest part of a line that is printed, in bytes
+#define HOLD \
+    1.0 // s until a child's line is printed; a line that is an error comes just before its end
+#define MAX_DEATHS 6 // of a child, in a row, without progress
+#define PAUSE 0.005  // s from a death to the new start; every death doubles it
 
 typedef struct pm_child {
     const char *name;
     const char *const *argv;
     pid_t pid;
     bool running;
-    int wait_status;      // of waitpid, once it has ended
-    FILE *output;         // its standard error: a file in memory
-    off_t size, shown;    // bytes of that, and of these printed
-    double grown;         // s, when it last wrote
-    const char *progress; // NULL: it is not started again
-    struct timespec seen; // when that file was written, as of the last death
-    int deaths;           // since
-    double back;          // s, when it is to be started again; 0: never
+    int wait_status;      // from waitpid, after the child has ended
+    FILE *output;         // its standard error, a file in memory
+    off_t size, shown;    // bytes of that file, and those already printed
+    double grown;         // s of pm_clock when the child last wrote
+    const char *progress; // file that shows its progress; NULL: the child is not started again
+    struct timespec seen; // time of that file at the last death
+    int deaths;           // since that file last changed
+    double back;          // s of pm_clock when the child starts again; 0: never
 } pm_child;
 
 struct pm_launch {
@@ -53,10 +54,10 @@ pm_status pm_launch_open(pm_launch **launch, int capacity) {
     return PM_OK;
 }
 
-// In the child, between fork and exec.
+// Runs in the child between fork and exec.
 static void become(pid_t parent, int output, char *const *argv) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
-    // The parent may have died before the line above.
+    // The parent may have died before the line above took effect.
     if (getppid() == parent && dup2(output, STDERR_FILENO) >= 0) {
         execv("/proc/self/exe", argv);
         dprintf(STDERR_FILENO, "cannot start %s: %s\n", argv[0], strerror(errno));
@@ -70,7 +71,7 @@ static pm_status start(pm_child *child) {
     child->back = 0;
     child->pid = fork();
     if (child->pid == 0) {
-        // exec does not write to argv; its prototype is older than const.
+        // exec does not write to argv, though its prototype lacks const.
         become(parent, output, (char *const *)child->argv);
     }
     child->running = child->pid > 0;
@@ -94,8 +95,8 @@ pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const
     return start(child);
 }
 
-// A signal killed the child: when does it come back?
-static void mourn(pm_child *child) {
+// Decides when a child that a signal has killed starts again.
+static void plan_restart(pm_child *child) {
     struct stat file = {0};
     (void)stat(child->progress, &file);
     const bool got_on =
@@ -115,7 +116,7 @@ static void look(pm_child *child) {
     if (child->running && waitpid(child->pid, &child->wait_status, WNOHANG) != 0) {
         child->running = false;
         if (WIFSIGNALED(child->wait_status) && child->progress != NULL) {
-            mourn(child);
+            plan_restart(child);
         }
     }
 }
@@ -126,7 +127,7 @@ static void print_line(const pm_child *child, const char *line) {
     }
 }
 
-// What is no error, whatever comes after it: shown at once.
+// Whether a line is a notice, which is never an error and is printed at once.
 static bool is_notice(const char *line) {
     static const char *const notices[] = {"portmetd: held after ", "portmetd: the run pauses ",
                                           "portmetd: the run goes on"};
@@ -138,8 +139,8 @@ static bool is_notice(const char *line) {
     return false;
 }
 
-// Prints what the child wrote a while ago, and its notices. Its place in the file is the child's
-// too: it stays.
+// Prints what the child wrote at least HOLD ago, and its notices. Reads with pread, because parent
+// and child share the position in the file.
 static void show_output(pm_child *child) {
     struct stat file;
     if (fstat(fileno(child->output), &file) != 0 || file.st_size == child->shown) {
@@ -167,7 +168,7 @@ static void show_output(pm_child *child) {
     }
 }
 
-// Prints the rest of what the child wrote but the last line, which `last` [LINE] receives.
+// Prints the rest of what the child wrote, except the last line, which it copies to last [LINE].
 static void collect_output(pm_child *child, char *last) {
     char line[LINE];
     last[0] = 0;
@@ -225,7 +226,7 @@ bool pm_launch_ended_well(const pm_launch *launch, int id) {
 }
 
 void pm_launch_signal(pm_launch *launch, int id, int signal_number) {
-    // A child that was not reaped keeps its process id, so no stranger is hit.
+    // A child that is not reaped keeps its process id, so the signal reaches no other process.
     if (launch->child[id].running) {
         kill(launch->child[id].pid, signal_number);
     }
@@ -240,7 +241,7 @@ static bool any_running(pm_launch *launch) {
     return running;
 }
 
-// True if all have ended within `seconds`.
+// Waits up to `seconds` for all children; returns whether all have ended.
 static bool wait_all(pm_launch *launch, double seconds) {
     const double deadline = pm_clock() + seconds;
     while (any_running(launch)) {
@@ -258,8 +259,8 @@ static void signal_all(pm_launch *launch, int signal_number) {
     }
 }
 
-// From now on whoever is dead stays dead.
-static void stop_reviving(pm_launch *launch) {
+// Starts no child again from now on.
+static void stop_restarting(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         launch->child[i].progress = NULL;
         launch->child[i].back = 0;
@@ -267,7 +268,7 @@ static void stop_reviving(pm_launch *launch) {
 }
 
 pm_status pm_launch_wait(pm_launch *launch, double grace) {
-    stop_reviving(launch);
+    stop_restarting(launch);
     const bool ended = wait_all(launch, grace);
     PM_TRY(pm_launch_watch(launch));
     for (int i = 0; i < launch->count && !ended; ++i) {
@@ -283,7 +284,7 @@ void pm_launch_close(pm_launch *launch) {
     if (launch == NULL) {
         return;
     }
-    stop_reviving(launch);
+    stop_restarting(launch);
     if (any_running(launch)) {
         signal_all(launch, SIGTERM);
         if (!wait_all(launch, TERM_GRACE)) {
@@ -293,7 +294,7 @@ void pm_launch_close(pm_launch *launch) {
     }
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        // Warnings of a child that ended well; of the others one error is enough.
+        // Of a child that succeeded, its last line is a warning; of the others one error is enough.
         if (child->wait_status == 0) {
             char last[LINE];
             collect_output(child, last);

@@ -1,7 +1,7 @@
-// Child processes of a run: started from this program's own file, watched, always ended and reaped,
-// by process id. What a child writes to standard error is kept until it has ended; the last line
-// becomes this process's error, so that a failure is told once. A child that a signal kills may be
-// started again.
+// The child processes of a run. Each executes this program's own file; it is watched, and in the
+// end always terminated and reaped by its process id. A child's standard error is kept until it has
+// ended, and its last line becomes this process's error, so that a failure is printed once. A child
+// that a signal kills may be started again.
 #ifndef PM_APP_LAUNCH_H
 #define PM_APP_LAUNCH_H
 
@@ -11,31 +11,34 @@
 
 typedef struct pm_launch pm_launch;
 
+// Makes room for `capacity` children. PM_ENOMEM. The caller closes it.
 pm_status pm_launch_open(pm_launch **launch, int capacity);
 
-// Starts this program with the NULL-terminated `argv`; `name` stands for it in errors. The child
-// gets SIGTERM when this process dies. `progress` (may be NULL) is a file that the child replaces
-// as it gets on: killed by a signal, it is started again after a short while, which is told on
-// standard error, unless it has died several times without getting on. All text must stay.
-// PM_ENOMEM.
+// Starts this program with the NULL-terminated `argv`; errors call the child `name`. The child gets
+// SIGTERM when this process dies. `progress` is a file that the child replaces as it makes
+// progress, or NULL. With it, a child that a signal kills is started again after a short while,
+// with a line on standard error, unless it has died several times without progress. All text must
+// outlive the child. PM_ENOMEM.
 pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const *argv,
                           const char *progress);
 
-// Without waiting: PM_OK as long as no child has failed; else the first failure, with the child's
-// own code if it ended with one (PM_ENET if a signal killed it).
+// Looks at the children without waiting. Returns PM_OK as long as none has failed; otherwise the
+// first failure, with the child's own exit code, or PM_ENET if a signal killed it.
 pm_status pm_launch_watch(pm_launch *launch);
 
-// As of the last watch: child `id`, in the order of starting, has ended for good, and with 0.
+// Whether child `id`, in the order of starting, had ended with exit code 0 at the last watch.
 bool pm_launch_ended_well(const pm_launch *launch, int id);
 
-// Sends a signal to child `id`, if it runs.
+// Sends a signal to child `id` if it runs.
 void pm_launch_signal(pm_launch *launch, int id, int signal_number);
 
-// Waits up to `grace` seconds for all children to end by themselves, none of which is started again
-// any more; then as _watch, and PM_ETIMEOUT if one still runs: it is left to _close.
+// Waits up to `grace` s for all children to end by themselves and starts none of them again.
+// Returns what pm_launch_watch does, or PM_ETIMEOUT if a child still runs, which pm_launch_close
+// then ends.
 pm_status pm_launch_wait(pm_launch *launch, double grace);
 
-// Ends what still runs with SIGTERM, then SIGKILL, and reaps it. NULL is allowed.
+// Ends the children that still run with SIGTERM, then with SIGKILL, and reaps them. NULL is
+// allowed.
 void pm_launch_close(pm_launch *launch);
 
 #endif

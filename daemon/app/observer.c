@@ -1,4 +1,4 @@
-// The samples' way from the coordinator to the terminal and to a file.
+// Passes samples from the coordinator to the terminal and to a file.
 #include "app/observer.h"
 
 #include <stddef.h>

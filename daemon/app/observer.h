@@ -1,4 +1,4 @@
-// What `run` and `coordinator` do with the samples of a run: progress, recording, tables.
+// Handles the samples of a run for `run` and `coordinator`: progress, recording and tables.
 #ifndef PM_APP_OBSERVER_H
 #define PM_APP_OBSERVER_H
 
@@ -6,32 +6,32 @@
 #include "base/progress.h"
 #include "lockstep/lockstep_coordinator.h"
 
-// Storage the caller owns.
+// The caller owns the storage.
 typedef struct pm_observer {
     const pm_run_options *options;
     const pm_scene *scene;
     pm_report *report;
-    pm_recording *recording; // NULL: nobody records, or there was no sample yet
+    pm_recording *recording; // NULL: no recording is wanted, or there was no sample yet
     pm_progress progress;
-    double started; // s, monotonic
+    double started; // s of pm_clock
 } pm_observer;
 
-// Checks that the recording, if one is wanted, can be made. The first sample makes it, so that a
-// run that never begins leaves an older file alone. `setup` and `options` must outlive it.
+// Checks that the recording can be made, if one is wanted. The first sample makes it, so that a run
+// that never begins leaves an older file alone. `setup` and `options` must outlive the observer.
 // PM_EFILE, PM_ENOMEM.
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options);
 
-// The coordinator's options that make it call this observer, which must stay where it is.
+// Returns options with which a coordinator calls this observer, whose address must not change.
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup);
 
-// After the run, whatever `status` it ended with: closes the recording and prints the tables of the
-// steps that were computed, unless --quiet. `how` names the transport. Returns `status`, or
-// PM_EFILE if that was PM_OK and the recording cannot be completed.
+// Closes the recording after a run that ended with `status`, and prints the tables of the steps
+// done, unless --quiet. `how` names the transport for the tables. Returns `status`, or PM_EFILE if
+// the run succeeded but the recording cannot be completed.
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
                              const char *how);
 
-// Releases what _finish did not. Allowed on a zeroed observer.
+// Releases the rest. Allowed on a zeroed observer.
 void pm_observer_close(pm_observer *observer);
 
 #endif

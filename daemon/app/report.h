@@ -1,4 +1,5 @@
-// What a run prints when it is over: mean fluxes, errors against the reference, both laws, speed.
+// The tables that a run prints at its end: mean fluxes, errors against the reference, the residuals
+// of both laws, and the speed.
 #ifndef PM_APP_REPORT_H
 #define PM_APP_REPORT_H
 
@@ -9,19 +10,19 @@
 
 typedef struct pm_report pm_report;
 
-// `setup` must outlive it. PM_ENOMEM.
+// Makes an empty report; `setup` must outlive it. PM_ENOMEM.
 pm_status pm_report_open(pm_report **report, const pm_setup *setup);
 void pm_report_close(pm_report *report); // NULL is allowed
 
-// Takes in one sample, step 0 first.
+// Adds one sample; step 0 comes first.
 void pm_report_add(pm_report *report, const pm_sample *sample);
 
-long pm_report_steps(const pm_report *report); // taken in, besides the initial state
+long pm_report_steps(const pm_report *report); // number of steps added, without the initial state
 
 // Puts all that the report needs to go on after a sample.
 void pm_report_record(pm_report *report, pm_record *record);
 
-// Prints the tables to standard output. `how` names the transport; `seconds` is the wall time from
+// Prints the tables on standard output. `how` names the transport; `seconds` is the wall time since
 // the program's start.
 void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,
                      double seconds);

@@ -1,4 +1,4 @@
-// Loading a scene with all that a run of it needs.
+// Loads a scene with all that a run of it needs.
 #include "app/setup.h"
 
 #include <errno.h>
@@ -10,10 +10,10 @@
 #include "base/digest.h"
 #include "transport/transport.h"
 
-// Relative difference of two time steps that are meant to be equal: rounding of decimal fractions.
+// Relative difference of two time steps that are meant to be equal; decimal fractions are rounded.
 #define TIME_TOLERANCE 1e-9
 
-// The first subsystem whose state to start from must come from the reference, or NULL.
+// Returns the first subsystem whose initial state must come from the reference, or NULL.
 static const pm_scene_subsystem *needs_reference(const pm_scene *scene) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         if (scene->subsystem[i].initial == NULL) {
@@ -82,7 +82,8 @@ pm_status pm_setup_load(pm_setup *setup, const pm_run_options *options, pm_purpo
     PM_TRY(pm_scene_load(&setup->scene, options->scene));
     const pm_scene *scene = setup->scene;
     PM_TRY(pm_system_load(&setup->system, scene, options->weights));
-    // After the digest is made: hosts may reach the network differently, and only one counts steps.
+    // This follows the digest, because hosts may have different URLs and only one of them counts
+    // steps.
     PM_TRY(pm_connect_check(setup->scene));
     PM_TRY(override(setup->scene, options));
     const pm_scene_subsystem *needs = needs_reference(scene);

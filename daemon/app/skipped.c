@@ -1,5 +1,6 @@
-// Finds operators that are absent, operators of the hard form that act on so few components that
-// their projection (model/operator.h) leaves nothing of them, and parts with a bounding test.
+// Finds three cases: operators that are absent; operators of the hard form that act on so few
+// components that their projection (model/operator.h) leaves nothing; and parts with a bounding
+// test.
 #include "app/skipped.h"
 
 #include <stdio.h>
@@ -10,11 +11,11 @@
 
 // --- operators that do nothing ---
 
-// One state, or what one end of a port exposes, as an operator sees it.
+// The state of a part, or what one end of a port exposes, as an operator sees it.
 typedef struct side {
-    const char *prefix; // of its groups in the operator
+    const char *prefix; // of the names of its groups in the operator
     const pm_layout *layout;
-    const pm_part *part; // whose potentials depend on these groups; NULL: a load
+    const pm_part *part; // the part whose potentials depend on these groups; NULL: a boundary input
 } side;
 
 static bool acts_on(const pm_operator_spec *spec, const char *group) {
@@ -36,8 +37,8 @@ static bool acts_on(const pm_operator_spec *spec, const char *group) {
     return false;
 }
 
-// The components an operator acts on. `constrained`: its normal, dS of a reversible and dE of an
-// irreversible one, has a part in them.
+// Counts the components on which an operator acts. `constrained` tells whether the covector that
+// the projection removes, dS of a reversible and dE of an irreversible operator, depends on them.
 static int count_components(const pm_operator_spec *spec, pm_operator_kind kind, int nside,
                             const side *sides, bool *constrained) {
     int count = 0;
@@ -62,7 +63,7 @@ static int count_components(const pm_operator_spec *spec, pm_operator_kind kind,
     return count;
 }
 
-// `what`: "reversible bulk".
+// Prints an operator that is absent or has no effect; `what` names it, such as "reversible bulk".
 static void print_operator(const char *owner, const char *what, const pm_operator_spec *spec,
                            pm_operator_kind kind, pm_form form, int nside, const side *sides) {
     if (!pm_operator_exists(spec)) {
@@ -71,7 +72,7 @@ static void print_operator(const char *owner, const char *what, const pm_operato
     }
     bool constrained;
     const int count = count_components(spec, kind, nside, sides, &constrained);
-    // The projection takes the direction of the normal; a skew matrix needs two more.
+    // The projection removes the direction of the covector; a skew matrix needs two more.
     if (form == PM_HARD && count - constrained < (kind == PM_REVERSIBLE ? 2 : 1)) {
         printf("  %s: %s: does nothing: it acts on %d component%s, and the projection leaves "
                "nothing of it\n",
@@ -81,8 +82,8 @@ static void print_operator(const char *owner, const char *what, const pm_operato
 
 // --- the list ---
 
-// What a box of open states spares (sim/contact_broadphase.h).
-static void print_clearance(const char *name, const pm_part *part) {
+// Prints whether a part has a bounding test (sim/contact_broadphase.h).
+static void print_bounding_test(const char *name, const pm_part *part) {
     pm_arena arena = {0};
     pm_contact_broadphase bounding = {0};
     if (pm_contact_broadphase_open(&bounding, &arena, part) != PM_OK) {
@@ -105,7 +106,7 @@ static void print_part(const char *name, const pm_part *part) {
     if (!pm_part_has_entropy(part)) {
         printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
     }
-    print_clearance(name, part);
+    print_bounding_test(name, part);
     const side state = {"", &part->layout, part};
     print_operator(name, "reversible bulk", &part->spec.reversible, PM_REVERSIBLE, part->spec.form,
                    1, &state);

@@ -1,4 +1,4 @@
-// Children with checkpoints.
+// Supervises children that keep checkpoints.
 #include "app/supervise.h"
 
 #include <fcntl.h>
@@ -16,9 +16,9 @@
 #include "store/snapshot.h"
 
 #define WATCH_INTERVAL 5000000 // ns between two looks at the children
-#define END_GRACE 1.0          // s for all to end by themselves after the first of them
-#define STOP_GRACE 5.0         // s likewise, for the coordinator that was told to stop
-#define LOCK_GRACE 3.0         // s for the processes of a run that was killed to be gone
+#define END_GRACE 1.0          // s for all children to end by themselves after the first of them
+#define STOP_GRACE 5.0         // s for the coordinator to end the run after it was told to stop
+#define LOCK_GRACE 3.0         // s for the processes of a killed run to disappear
 #define MAX_ARGUMENTS 24
 #define COORDINATOR 0 // the first child
 
@@ -37,7 +37,7 @@ static pm_status lock(int *folder, const char *path, const volatile sig_atomic_t
     return PM_OK;
 }
 
-// A number drawn anew, or of the run that is to go on, as text.
+// Chooses the session, as text: that of the checkpoints, or else a random one.
 static pm_status choose_session(pm_setup *setup, const char *checkpoint, const char **text) {
     int64_t session = 0;
     bool found;
@@ -106,12 +106,12 @@ static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_run_opti
     return PM_OK;
 }
 
-// Until the coordinator has ended, or one of the children has failed.
+// Watches the children until the coordinator has ended or one of them has failed.
 static pm_status watch(pm_launch *launch, const volatile sig_atomic_t *stop) {
     pm_status status = PM_OK;
     while (status == PM_OK && !pm_launch_ended_well(launch, COORDINATOR)) {
         if (*stop) {
-            // The coordinator ends all others, and prints what was done so far.
+            // The coordinator ends the other processes and prints the tables of the steps done.
             pm_launch_signal(launch, COORDINATOR, SIGTERM);
             (void)pm_launch_wait(launch, STOP_GRACE);
             return pm_fail(PM_EINTERRUPTED, "interrupted");
@@ -122,7 +122,7 @@ static pm_status watch(pm_launch *launch, const volatile sig_atomic_t *stop) {
     return status;
 }
 
-// When all are done, and none of the children can write any more.
+// Removes the checkpoints, after all children have ended.
 static void remove_checkpoints(pm_setup *setup, const pm_run_options *options) {
     for (int i = -1; i < setup->scene->nprocess; ++i) {
         const char *name = i < 0 ? NULL : setup->scene->process[i].name;
@@ -138,13 +138,13 @@ pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     int folder = -1;
     const char *checkpoint;
     pm_status status;
-    // Makes the folder, too.
+    // This makes the folder, too.
     PM_TRY_DONE(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
     PM_TRY_DONE(lock(&folder, options->checkpoint, options->stop));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
     PM_TRY_DONE(start_all(launch, setup, options));
     status = watch(launch, options->stop);
-    // Of several failures the coordinator's tells most. Once it has ended well, all is done.
+    // Among several failures the coordinator's says most. If it has succeeded, the run has.
     if (status != PM_EINTERRUPTED) {
         const pm_status end = pm_launch_wait(launch, END_GRACE);
         status = pm_launch_ended_well(launch, COORDINATOR) ? PM_OK : end;

@@ -1,18 +1,20 @@
-// A run whose every process may die and returns: the coordinator and the nodes are children, which
-// are started again from their checkpoints.
+// A run whose processes may all die and return. The coordinator and the nodes are children of this
+// process, which starts them again from their checkpoints.
 #ifndef PM_APP_SUPERVISE_H
 #define PM_APP_SUPERVISE_H
 
 #include "app/setup.h"
 
-// The arguments of a child in the run `session` (text that stays): a node, or with `process` NULL
-// the coordinator. Memory of the setup; NULL: there is none.
+// Returns the arguments of a child of the run `session`: the node `process`, or the coordinator if
+// `process` is NULL. Texts must outlive the child; the list lives in the setup's arena. NULL: out
+// of memory.
 const char *const *pm_supervise_arguments(pm_setup *setup, const pm_run_options *options,
                                           const char *session, const char *process);
 
-// Runs the scene, or goes on with the run whose checkpoints are there; these are removed when it
-// has ended well. The coordinator prints the tables. Returns its result; PM_EFILE: another run uses
-// the folder; PM_EINTERRUPTED; what pm_launch_watch returns.
+// Runs the scene, or goes on with the run whose checkpoints are in the folder, and removes the
+// checkpoints when the run has succeeded. The coordinator prints the tables. Returns the
+// coordinator's result; PM_EFILE: another run uses the folder; PM_EINTERRUPTED; what
+// pm_launch_watch returns.
 pm_status pm_supervise(pm_setup *setup, const pm_run_options *options);
 
 #endif
