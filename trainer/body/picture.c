@@ -185,7 +185,8 @@ pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
     if (script == NULL || bodies == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a picture");
     } else if (strcmp(script, path) == 0) {
-        status = pm_fail(PM_EUSAGE, "%s: the script of the picture has this name; choose another one", path);
+        status = pm_fail(PM_EUSAGE,
+                         "%s: the script of the picture has this name; choose another one", path);
     }
     for (int i = 0; i < picture->count; ++i) {
         together = together && picture->field[i]->placed;

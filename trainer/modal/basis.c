@@ -85,8 +85,8 @@ pm_status pm_basis_check(const pm_basis *basis, const char *text, const char *wh
     pm_basis_coordinates(basis, own);
     return text == NULL || *text == '\0' || strcmp(text, own) == 0
                ? PM_OK
-               : pm_fail(PM_EDATA, "%s: made with %.64s, but the basis given is %s", what,
-                         text, own);
+               : pm_fail(PM_EDATA, "%s: made with %.64s, but the basis given is %s", what, text,
+                         own);
 }
 
 // --- features ---

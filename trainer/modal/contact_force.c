@@ -17,7 +17,8 @@ static pm_status find_single_end(const pm_body_assembly *a, const pm_contact_int
             return PM_OK;
         }
     }
-    return pm_fail(PM_EDATA, "neither %s nor %s has contact forces, and those with the other body alone",
+    return pm_fail(PM_EDATA,
+                   "neither %s nor %s has contact forces, and those with the other body alone",
                    a->body[m->body[0]].name, a->body[m->body[1]].name);
 }
 
