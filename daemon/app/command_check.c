@@ -166,21 +166,21 @@ static void print_prescribed(const char *what, const pm_scene_prescribed *value,
     }
 }
 
-static bool is_used(const pm_scene *scene, int load_id) {
+static bool is_used(const pm_scene *scene, int input_id) {
     for (int i = 0; i < scene->nport; ++i) {
-        if (scene->port[i].boundary_input[0] == load_id ||
-            scene->port[i].boundary_input[1] == load_id) {
+        if (scene->port[i].boundary_input[0] == input_id ||
+            scene->port[i].boundary_input[1] == input_id) {
             return true;
         }
     }
     return false;
 }
 
-static void print_load(const pm_scene *scene, int load_id) {
+static void print_boundary_input(const pm_scene *scene, int input_id) {
     static const char *const what[] = {"value", "dE", "dS"};
-    const pm_scene_boundary_input *boundary_input = &scene->boundary_input[load_id];
-    printf("\nload %s: prescribed by the world, in numbers or columns of the reference%s\n",
-           boundary_input->name, is_used(scene, load_id) ? "" : "; no port ends at it");
+    const pm_scene_boundary_input *boundary_input = &scene->boundary_input[input_id];
+    printf("\nboundary input %s: numbers or columns of the reference%s\n", boundary_input->name,
+           is_used(scene, input_id) ? "" : "; no port ends at it");
     for (int g = 0; g < boundary_input->layout.ngroup; ++g) {
         const pm_group *group = &boundary_input->layout.group[g];
         printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
@@ -267,7 +267,7 @@ static pm_status describe(const pm_setup *setup) {
         print_subsystem(setup, i);
     }
     for (int i = 0; i < setup->scene->nboundary_input; ++i) {
-        print_load(setup->scene, i);
+        print_boundary_input(setup->scene, i);
     }
     for (int i = 0; i < setup->scene->nport; ++i) {
         print_port(setup, i);
@@ -291,9 +291,10 @@ static const pm_command command = {
     .arguments = "SCENE",
     .help =
         "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
-        "hold: time stepping, subsystems with their variables, units and dataset columns, loads,\n"
-        "ports, the provenance of the weights, what a run will not compute, and the LCM channels.\n"
-        "A scene without a state to start from is described too, though it cannot run.\n"
+        "hold: time stepping, subsystems with their variables, units and dataset columns, "
+        "boundary\n"
+        "inputs, ports, the provenance of the weights, what a run will not compute, and the LCM\n"
+        "channels. A scene without a state to start from is described too, though it cannot run.\n"
         "The first mistake ends it with one line and the exit code of its class.",
     .accepts = PM_OPTION_WEIGHTS,
     .execute = execute,

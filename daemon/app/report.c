@@ -221,7 +221,7 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     print_total("energy, J", ledger->first_energy, ledger->energy);
     print_total("entropy, J/K", ledger->first_entropy, ledger->entropy);
     if (scene->nboundary_input > 0) {
-        printf("  of these given to the world %.6e J, %.6e J/K\n", ledger->outside_energy,
+        printf("  of these given to the outside %.6e J, %.6e J/K\n", ledger->outside_energy,
                ledger->outside_entropy);
     }
     printf("\n%-18s %15s %15s   %s\n", "Worst residual", "relative", "tolerance", "where");

@@ -1,4 +1,4 @@
-// Columns as piecewise polynomials, by Newton's divided differences.
+// Columns become piecewise polynomials, by Newton's divided differences.
 #include "scene/boundary_input.h"
 
 #include <limits.h>
@@ -7,7 +7,8 @@
 #include "base/digest.h"
 #include "store/names.h"
 
-// `names`: of the dataset; NULL: there is none.
+// Finds the dataset column of one prescribed value; -1 for a number. `names` are those of the
+// dataset; NULL: there is none.
 static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scene_prescribed *value,
                              const pm_names *names, int *column) {
     if (value->column == NULL) {
@@ -15,14 +16,16 @@ static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scen
         return PM_OK;
     }
     if (names == NULL) {
-        return pm_fail(PM_ECONFIG,
-                       "%s: load %s follows the column \"%s\", but there is no `reference`",
-                       value->at, owner->name, value->column);
+        return pm_fail(
+            PM_ECONFIG,
+            "%s: boundary input %s follows the column \"%s\", but there is no `reference`",
+            value->at, owner->name, value->column);
     }
     *column = pm_names_find(names, value->column);
-    return *column >= 0 ? PM_OK
-                        : pm_fail(PM_EDATA, "%s: load %s: column \"%s\" is not in the dataset",
-                                  value->at, owner->name, value->column);
+    return *column >= 0
+               ? PM_OK
+               : pm_fail(PM_EDATA, "%s: boundary input %s: column \"%s\" is not in the dataset",
+                         value->at, owner->name, value->column);
 }
 
 static pm_status find_columns(pm_boundary_input *boundary_input, const pm_dataset *dataset,
@@ -50,7 +53,7 @@ static bool has_columns(const pm_boundary_input *boundary_input) {
     return false;
 }
 
-// Fills value [n] with the numbers.
+// Writes the prescribed numbers to value [n].
 static void take_numbers(const pm_boundary_input *boundary_input) {
     for (int i = 0; i < boundary_input->scene->nboundary_input; ++i) {
         const pm_scene_boundary_input *owner = &boundary_input->scene->boundary_input[i];
@@ -68,13 +71,13 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
     boundary_input->column = pm_arena_array(arena, n, sizeof *boundary_input->column);
     boundary_input->value = pm_arena_array(arena, n, sizeof *boundary_input->value);
     if (boundary_input->column == NULL || boundary_input->value == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for loads");
+        return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
     }
     PM_TRY(find_columns(boundary_input, dataset, arena));
     size_t intervals = 1;
     if (has_columns(boundary_input)) {
         if (dataset->ntime < 2) {
-            return pm_fail(PM_EDATA, "%s: a load cannot follow a trajectory of one state",
+            return pm_fail(PM_EDATA, "%s: a boundary input cannot follow a trajectory of one state",
                            scene->path);
         }
         intervals = (size_t)dataset->ntime - 1;
@@ -84,7 +87,7 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
     boundary_input->coefficient = pm_arena_array(arena, intervals * PM_BOUNDARY_INPUT_ORDER * n,
                                                  sizeof *boundary_input->coefficient);
     if (boundary_input->coefficient == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for loads");
+        return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
     }
     take_numbers(boundary_input);
     memcpy(boundary_input->coefficient, boundary_input->value, n * sizeof *boundary_input->value);
@@ -93,15 +96,15 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
 
 // --- polynomials ---
 
-// The polynomial through d[i] at x = i - origin, i < n <= PM_BOUNDARY_INPUT_ORDER, in powers of x.
-// Overwrites d with the divided differences.
+// Computes, in powers of x, the polynomial through d[i] at x = i - origin for i < n, where
+// n <= PM_BOUNDARY_INPUT_ORDER. Overwrites d with the divided differences.
 static void interpolate(int n, int origin, double *d, double power[PM_BOUNDARY_INPUT_ORDER]) {
     for (int level = 1; level < n; ++level) {
         for (int i = n - 1; i >= level; --i) {
             d[i] = (d[i] - d[i - 1]) / level;
         }
     }
-    // Newton's form, from the inside out: power = power * (x - x_i) + d_i.
+    // Evaluates Newton's form from the inside out: power = power * (x - x_i) + d_i.
     memset(power, 0, PM_BOUNDARY_INPUT_ORDER * sizeof *power);
     for (int i = n - 1; i >= 0; --i) {
         for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k > 0; --k) {
@@ -117,7 +120,7 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
     const int n = ntime < PM_BOUNDARY_INPUT_ORDER ? ntime : PM_BOUNDARY_INPUT_ORDER;
     take_numbers(boundary_input);
     for (int j = 0; j < ntime - 1; ++j) {
-        // The states before and after the interval, as many on either side as there are.
+        // Take the nearest states, as many before as after the interval where there are enough.
         int first = j + 1 - n / 2;
         first = first > ntime - n ? ntime - n : first;
         first = first < 0 ? 0 : first;

@@ -1,8 +1,11 @@
-// The loads of a scene over time. Numbers stay; dataset columns are followed along a trajectory,
-// and between its states by polynomials: from one state to the next, the one through the eight
-// nearest. For a sine of angular frequency w, states dt apart, that is off by 1.1e-3 (w dt)^8 of
-// its amplitude, and by twelve times as much at the ends, where all eight lie on one side; as
-// continuous as the integrators need, which never step across a state.
+// The values of a scene's boundary inputs over time. A constant stays. A dataset column is followed
+// along a trajectory: between two states it is the polynomial through the eight nearest states. For
+// a sine of angular frequency w and states dt apart, the error is 1.1e-3 (w dt)^8 of its amplitude,
+// and twelve times as much at both ends, where all eight states lie on one side. The interpolant is
+// continuous but not smooth at the states, which suffices: integrators never step across a state.
+//
+// Life cycle: zero-initialise; bind to a scene and a dataset; follow a trajectory; then ask for
+// values. All memory belongs to the arena given to bind.
 #ifndef PM_SCENE_BOUNDARY_INPUT_H
 #define PM_SCENE_BOUNDARY_INPUT_H
 
@@ -11,41 +14,40 @@
 #include "scene/scene.h"
 #include "store/dataset.h"
 
-// Coefficients of a polynomial.
-#define PM_BOUNDARY_INPUT_ORDER 8
+#define PM_BOUNDARY_INPUT_ORDER 8 // coefficients of a polynomial
 
-// Storage the caller owns; zero-initialise. Holds nothing if the scene has no loads.
 typedef struct pm_boundary_input {
-    int n;      // scene->nprescribed
-    int stride; // steps of the scene from one state to the next
-    long end;   // steps until the columns end; LONG_MAX: there are only numbers
-    // [intervals][PM_BOUNDARY_INPUT_ORDER][n], by powers of the time since the interval's beginning
-    // over its length.
+    int n;      // values of all boundary inputs, scene->nprescribed; 0: the scene has none
+    int stride; // steps of the scene from one state of the dataset to the next
+    long end;   // steps until the trajectory ends; LONG_MAX: there are only constants
+    // [intervals][PM_BOUNDARY_INPUT_ORDER][n] coefficients of the powers of x, which rises from 0
+    // to 1 over an interval.
     double *coefficient;
-    const pm_scene *scene;
-    int *column;   // [n] of the dataset; -1: a number
-    double *value; // [n] work space
+    const pm_scene *scene; // borrowed
+    int *column;           // [n] in the dataset; -1: a constant
+    double *value;         // [n] work space
 } pm_boundary_input;
 
-// Finds the columns, and takes memory from the arena. `stride` is the dataset's dt over the
-// scene's. If all are numbers, `dataset` may be NULL. PM_ECONFIG (no dataset), PM_EDATA (a column
-// it does not have, one state alone), PM_ENOMEM.
+// Finds the columns in the dataset and takes memory from the arena. `stride` is the dataset's dt
+// over the scene's. `dataset` may be NULL if all values are constants. PM_ECONFIG: a column, but no
+// dataset. PM_EDATA: the dataset lacks a column, or has one state only. PM_ENOMEM.
 pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_scene *scene,
                                  const pm_dataset *dataset, int stride, pm_arena *arena);
 
-// Follows this trajectory from its first state on. `dataset` is the one bound, or one of its shape.
+// Computes the polynomials of a trajectory, from its first state on. `dataset` is the one given to
+// bind, or one of its shape.
 void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_dataset *dataset,
                               int trajectory);
 
-// The polynomials of one interval: [PM_BOUNDARY_INPUT_ORDER][n].
+// Returns the polynomials of one interval, [PM_BOUNDARY_INPUT_ORDER][n]. Owned by the object.
 const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input, long interval);
 
-// value [n] within a step of the scene, at the fraction 0 to 1 of it. Beyond the end the last
-// polynomials go on.
+// Writes value [n] at the fraction 0 to 1 of a step of the scene, in the SI units of the groups.
+// Beyond the end of the trajectory the last polynomial continues.
 void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, double fraction,
                           double *value);
 
-// The digest with what is prescribed folded in.
+// Returns the digest with all prescribed values folded in.
 uint64_t pm_boundary_input_digest(const pm_boundary_input *boundary_input, uint64_t digest);
 
 #endif

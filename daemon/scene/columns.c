@@ -56,7 +56,7 @@ static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dat
     return PM_OK;
 }
 
-// Groups of one name share an index, in order of first appearance.
+// Returns the index of a group's name, in order of first appearance.
 static int group_index(pm_columns *c, const char *name) {
     int g = 0;
     while (g < c->ngroup && strcmp(c->group_name[g], name) != 0) {
@@ -92,7 +92,7 @@ static pm_status bind_group(pm_columns *c, const pm_scene *scene,
     return PM_OK;
 }
 
-// A chain of bases that does not end within nz links runs in a circle.
+// Refuses a chain of bases that does not end within nz links, since it is a cycle.
 static pm_status check_chains(const pm_columns *c, const pm_scene *scene,
                               const pm_dataset *dataset) {
     for (int i = 0; i < c->nz; ++i) {

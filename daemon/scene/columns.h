@@ -1,5 +1,5 @@
-// The map between a dataset's columns and a scene's states: which column is which component, and
-// positions measured from a neighbour (relative_to).
+// The map between the columns of a dataset and the states of a scene: which column holds which
+// component, and which groups are measured from another (relative_to in the scene).
 #ifndef PM_SCENE_COLUMNS_H
 #define PM_SCENE_COLUMNS_H
 
@@ -9,20 +9,21 @@
 typedef struct pm_columns {
     int nz;      // components of the scene's concatenated state
     int *column; // [nz] position in the dataset's row
-    int *base;   // [nz] component whose column value is added (relative_to), or -1
-    int *group;  // [nz] index into group_name: groups of the same name are pooled for scores
+    int *base;   // [nz] component whose column value is added (relative_to); -1: none
+    int *group;  // [nz] index into group_name; groups of one name share it, and so their score
     int ngroup;
-    const char **group_name;
+    const char **group_name; // [ngroup]
 } pm_columns;
 
-// Fails with PM_EDATA if a column the scene names is not in the dataset (the error lists what is),
-// PM_ECONFIG if the scene maps no columns, one column twice, or measures a group from one of
-// another size or, by whatever chain, from itself. The arrays live in the arena; names are the
-// scene's.
+// Finds the scene's columns in the dataset. The arrays lie in the arena; the names are borrowed
+// from the scene. PM_EDATA: the dataset lacks a column; the message lists what it has. PM_ECONFIG:
+// the scene maps no columns, maps one twice, or measures a group from one of another size or,
+// through others, from itself. PM_ENOMEM.
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
                           pm_arena *arena);
 
-// Dataset row -> concatenated state z [nz], and back; _to_row writes only the mapped columns.
+// Converts a row of the dataset to the concatenated state z [nz], and back. The latter writes only
+// the mapped columns of the row.
 void pm_columns_to_state(const pm_columns *columns, const double *row, double *z);
 void pm_columns_to_row(const pm_columns *columns, const double *z, double *row);
 

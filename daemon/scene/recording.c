@@ -1,5 +1,6 @@
-// Samples of a run and their HDF5 recording. Every quantity is a series of its own, with a buffer
-// that is written when a block is full or a second has passed, so that a step pays for a copy only.
+// Samples of a run and their HDF5 recording. Every quantity is a series of its own with a buffer.
+// The buffers are written when a block is full or a second has passed, so that a step costs one
+// copy.
 #include "scene/recording.h"
 
 #include <errno.h>
@@ -13,14 +14,14 @@
 #include "base/progress.h"
 #include "store/hdf5_io.h"
 
-#define BLOCK 256         // samples buffered, and per chunk in the file
-#define CHUNK 131072      // numbers of a chunk: fewer samples where states are large
-#define FLUSH_SECONDS 1.0 // what a killed run may lose
-#define MAX_NAMED 1000    // components that an attribute of at most 64 KiB names one by one
+#define BLOCK 256         // samples in a buffer and in a chunk of the file
+#define CHUNK 131072      // most numbers of a chunk: large states have fewer samples in it
+#define FLUSH_SECONDS 1.0 // of samples that a killed run may lose
+#define MAX_NAMED 1000    // components whose names fit into an attribute of 64 KiB
 
 // --- samples ---
 
-// The next `count` elements of 8-byte aligned memory.
+// Takes the next `count` elements of 8-byte aligned memory.
 static void *carve(char **memory, size_t count, size_t size) {
     void *piece = *memory;
     *memory += (count * size + 7) / 8 * 8;
@@ -58,22 +59,23 @@ void pm_sample_free(pm_sample *sample) {
 
 // --- the recording ---
 
-typedef struct column {
+// One series of the file.
+typedef struct series_column {
     const char *path, *unit; // unit NULL: none is written
     int width;               // 0: one number per sample
     pm_hdf5_series series;
     double *buffer; // [BLOCK][width or 1]
     int count;      // numbers per sample
-} column;
+} series_column;
 
 struct pm_recording {
     pm_arena arena;
     pm_hdf5 *file;
     const pm_scene *scene;
     int ncolumn;
-    column *column; // in the order in which put_sample fills them
-    int buffered;   // samples
-    double flushed; // s, pm_clock
+    series_column *column; // in the order in which put_sample fills them
+    int buffered;          // samples
+    double flushed;        // s, pm_clock
 };
 
 #define SCENE_COLUMNS 6
@@ -84,10 +86,10 @@ static pm_status fail_memory(void) {
     return pm_fail(PM_ENOMEM, "recording: out of memory");
 }
 
-// Lists the series /`folder`/`name`.
+// Adds the series /`folder`/`name` to the list.
 static pm_status add(pm_recording *r, const char *folder, const char *name, int width,
                      const char *unit) {
-    column *c = &r->column[r->ncolumn++];
+    series_column *c = &r->column[r->ncolumn++];
     c->path = pm_arena_printf(&r->arena, "%s/%s", folder, name);
     c->unit = unit;
     c->width = width;
@@ -96,8 +98,8 @@ static pm_status add(pm_recording *r, const char *folder, const char *name, int 
     return c->path == NULL || c->buffer == NULL ? fail_memory() : PM_OK;
 }
 
-// Names and units of the components of z: "s", or "q[0]" in a group of several; of the groups,
-// "q[0:5000]", where there are too many components for an attribute.
+// Writes names and units of the components of z: "s", or "q[0]" in a group of several. Where there
+// are too many components for an attribute, writes those of the groups: "q[0:5000]".
 static pm_status describe_state(pm_recording *r, const char *path,
                                 const pm_scene_subsystem *subsystem) {
     const pm_layout *layout = &subsystem->layout;
@@ -181,7 +183,7 @@ static pm_status create_all(pm_recording *r) {
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
     PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
     for (int i = 0; i < r->ncolumn; ++i) {
-        column *c = &r->column[i];
+        series_column *c = &r->column[i];
         const int rows = c->count <= CHUNK / BLOCK ? BLOCK : 1 + (CHUNK - 1) / c->count;
         PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, rows,
                                      strcmp(c->path, "/step") == 0));
@@ -201,13 +203,13 @@ static pm_status create_all(pm_recording *r) {
 
 static pm_status open_all(pm_recording *r, long count) {
     for (int i = 0; i < r->ncolumn; ++i) {
-        column *c = &r->column[i];
+        series_column *c = &r->column[i];
         PM_TRY(pm_hdf5_series_open(&c->series, r->file, c->path, c->width, count));
     }
     return PM_OK;
 }
 
-// The folder of `path`, or NULL.
+// Returns the folder of `path`, which the caller frees. NULL: out of memory.
 static char *folder_of(const char *path) {
     const char *slash = strrchr(path, '/');
     if (slash == NULL) {
@@ -247,7 +249,7 @@ pm_status pm_recording_check(const char *path) {
     return PM_OK;
 }
 
-// A new file, or with `count` >= 0 one that holds at least as many samples.
+// Opens a new file, or with `count` >= 0 an existing one that holds at least as many samples.
 static pm_status open_at(pm_recording **recording, const char *path, const pm_scene *scene,
                          long count) {
     pm_recording *r = calloc(1, sizeof *r);
@@ -296,7 +298,8 @@ static void try_reopen(const void *context) {
     pm_hdf5_end();
 }
 
-// A file that its writer did not close may be damaged, and must not end us.
+// A file that its writer did not close may be damaged, and the HDF5 library may crash on it. So it
+// is first opened in a process of its own.
 pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
                               long count) {
     const reopening context = {path, scene, count};
@@ -308,9 +311,9 @@ pm_status pm_recording_reopen(pm_recording **recording, const char *path, const 
 
 // --- appending ---
 
-// Copies the next column's numbers of this sample into its buffer.
+// Copies this sample's numbers of the next column into its buffer.
 static void put(const pm_recording *r, int *next, const double *value) {
-    const column *c = &r->column[(*next)++];
+    const series_column *c = &r->column[(*next)++];
     const size_t count = (size_t)c->count;
     memcpy(c->buffer + (size_t)r->buffered * count, value, count * sizeof *value);
 }

@@ -1,6 +1,8 @@
-// The scene reader: its plain settings and the whole. scene_subsystem.c reads states,
-// scene_boundary_input.c loads, scene_port.c ports. Each section is checked where it stands; what
-// refers to other subsystems (relative_to, ports) is read once all of them are known.
+// Reads a whole scene and its plain settings. scene_subsystem.c reads subsystems,
+// scene_boundary_input.c boundary inputs, scene_port.c ports, scene_process.c processes; all of
+// them use scene_yaml.c, scene_names.c and scene_lookup.c. Each section is checked where it stands.
+// Settings that refer to other subsystems (relative_to, ports) are read once all subsystems are
+// known.
 #include "scene/scene.h"
 
 #include <float.h>

@@ -1,6 +1,9 @@
-// A scene: which subsystems there are, how ports join them, and how time is stepped. Topology, and
-// the models that are known; what is learned comes from weights files (system.h).
-// configs/double_pendulum.yaml shows the file format.
+// A scene: which subsystems there are, how ports join them, and how time is stepped. It holds what
+// the scene file says: topology, settings and known models. What was learned comes from weights
+// files (system.h). The keys of the file are described in daemon/SCENE.md.
+//
+// Life cycle: pm_scene_load reads and checks a file; the scene is constant from then on, but for
+// pm_scene_join_processes; pm_scene_free releases it.
 #ifndef PM_SCENE_SCENE_H
 #define PM_SCENE_SCENE_H
 
@@ -10,105 +13,105 @@
 #include "base/status.h"
 #include "model/spec.h"
 
-// A member `x_at` is the place, "file:line:column", where the scene names x: for errors found
-// later.
+// In all structures below a member `x_at` is the place, "file:line:column", at which the scene
+// gives x, for errors that are found after the scene was read.
 typedef struct pm_scene_subsystem {
     const char *name, *at;
-    // Path of the weights, resolved against the scene's folder, or NULL: it has a known model.
-    const char *weights, *weights_at; // at: of either
-    const pm_part_spec *model;
-    pm_layout layout;
+    const char *weights;       // path, resolved against the scene's folder; NULL: a known model
+    const pm_part_spec *model; // known model; NULL: it comes from weights
+    const char *weights_at;    // place of either
+    pm_layout layout;          // groups of the state
     const char *group_at[PM_MAX_GROUPS];
-    // [nz] dataset column of each component, e.g. "q1x"; NULL if the scene maps no columns.
-    const char *const *column;
+    const char *const *column; // [nz] dataset column of each component; NULL: none are mapped
     const char *const *column_at;
-    // [ngroup] a position measured from another subsystem's group: that subsystem (-1: none) and
-    // group. The dataset's column then holds own + (that group's own column value).
+    // [ngroup] subsystem and group from which a group is measured (relative_to); -1: none. The
+    // dataset's column then holds the group's own value plus the value in that group's column.
     int relative_subsystem[PM_MAX_GROUPS];
     int relative_group[PM_MAX_GROUPS];
-    const double *initial; // [nz] or NULL
-    // Steps of its own between two exchanges, for multirate integrators.
-    int substeps;
+    const double *initial; // [nz] state at step 0; NULL: not given
+    int substeps;          // of its own between two exchanges, for multirate integrators
     const char *substeps_at;
-    int first;   // of its first component in the concatenated state of the scene
-    int process; // which process serves it
+    int first;   // position of its first component in the concatenated state of the scene
+    int process; // position of the process that serves it
 } pm_scene_subsystem;
 
-// Subsystems that one process serves; by default each has its own, of the same name.
+// The subsystems that one process serves. By default each has its own process, of the same name.
 typedef struct pm_scene_process {
     const char *name;
     int count;
-    int *subsystem; // [count] positions in the scene, rising
+    int *subsystem; // [count] positions in the scene, ascending
 } pm_scene_process;
 
-// One number that the world prescribes: itself, or a column of the dataset that a run follows.
+// One prescribed number: a constant, or a column of the dataset that a run follows.
 typedef struct pm_scene_prescribed {
     double number;
-    const char *column, *at; // column NULL: the number
+    const char *column, *at; // column NULL: the constant holds
 } pm_scene_prescribed;
 
-// The world's end of a port: what a neighbour would show there is prescribed over time
-// (boundary_input.h).
+// A boundary input: prescribes over time (boundary_input.h) what the outside shows at its end of a
+// port.
 typedef struct pm_scene_boundary_input {
     const char *name;
-    pm_layout layout;
-    bool entropy;                     // it prescribes dS
-    const pm_scene_prescribed *value; // [3][layout.nz]: state, dE, dS
-    int first;                        // of its values among those of all loads
+    pm_layout layout;                 // groups that it prescribes
+    bool entropy;                     // it prescribes a dS
+    const pm_scene_prescribed *value; // [3][layout.nz] state, dE, dS
+    int first;                        // position of its values among those of all boundary inputs
 } pm_scene_boundary_input;
 
+// A port joins ends a (0) and b (1), which are two subsystems, or a subsystem and a boundary input.
 typedef struct pm_scene_port {
     const char *name;
-    const char *law, *law_at;
+    const char *law, *law_at;         // name of the port law (model/laws)
     const char *weights, *weights_at; // as of a subsystem
-    const pm_port_spec *model;
-    int subsystem[2];         // ends a and b; -1: a load
-    int boundary_input[2];    // likewise; -1: a subsystem
-    pm_layout layout[2];      // exposed groups of each end
-    const char *expose_at[2]; // the list of them
-    const int *component[2];  // [layout.nz] position of each exposed component in the end's state
+    const pm_port_spec *model;        // likewise
+    int subsystem[2];                 // position in the scene; -1: a boundary input
+    int boundary_input[2];            // position in the scene; -1: a subsystem
+    pm_layout layout[2];              // exposed groups of each end
+    const char *expose_at[2];         // place of their list
+    const int *component[2];          // [layout.nz] position of each in the end's whole state
 } pm_scene_port;
 
 typedef struct pm_scene {
     pm_arena arena;                     // owns all that follows
-    const char *path;                   // as given
+    const char *path;                   // as given to pm_scene_load
     const char *name;                   // letters, digits, '_' only
-    const char *url, *url_at;           // the address at which processes meet, or NULL
-    const char *key_file, *key_file_at; // of the messages' seals (transport/seal.h), or NULL: none
-    double dt;                          // s
+    const char *url, *url_at;           // address at which processes meet; NULL: not given
+    const char *key_file, *key_file_at; // key that seals messages (transport/seal.h); NULL: none
+    double dt;                          // s, of a step
     int steps;
-    const char *integrator, *integrator_at; // looked up later, by the layer that has the table
-    int substeps;                           // per step; with a tolerance, the fewest
-    double tolerance; // of a substep's error, relative; 0: substeps stay as they are
-    int window;       // steps that a process may be ahead of another
-    double patience;  // s to wait for a silent peer before giving up
-    int checkpoint;   // steps between two snapshots of a process
-    const char *reference, *reference_at; // dataset to compare with, or NULL
+    const char *integrator, *integrator_at; // a name in the table of integrator.h
+    int substeps;                           // per step; the fewest if there is a tolerance
+    double tolerance;                       // relative error of a substep; 0: substeps are fixed
+    int window;                             // steps that a process may be ahead of another
+    double patience;                        // s to wait for a silent peer before giving up
+    int checkpoint;                         // steps between two checkpoints of a process
+    const char *reference, *reference_at;   // dataset to compare with; NULL: none
     int reference_trajectory;
-    const char *reference_trajectory_at;        // the whole reference where no trajectory is named
-    double energy_tolerance, entropy_tolerance; // relative residuals of the laws on a hard port
+    const char *reference_trajectory_at;        // place of the whole reference if none is named
+    double energy_tolerance, entropy_tolerance; // relative residuals of both laws on a hard port
     double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
-    double largest_departure; // from the regions of training, in their widths, likewise
+    double largest_departure; // from the training range, in its widths, likewise
     int nsubsystem;
-    pm_scene_subsystem *subsystem;
+    pm_scene_subsystem *subsystem; // [nsubsystem]
     int nboundary_input;
-    pm_scene_boundary_input *boundary_input;
+    pm_scene_boundary_input *boundary_input; // [nboundary_input]
     int nport;
-    pm_scene_port *port;
+    pm_scene_port *port; // [nport]
     int nprocess;
-    pm_scene_process *process; // by their first subsystems
+    pm_scene_process *process; // [nprocess] in the order of their first subsystems
     int nz;                    // components of all subsystems
-    int nprescribed;           // values of all loads
+    int nprescribed;           // values of all boundary inputs
 } pm_scene;
 
-// Reads and checks a scene: keys, types, names, neighbours, units, ports. The caller frees it.
-// PM_EFILE, PM_ECONFIG, PM_ENOMEM. Neither weights nor the reference need to exist.
+// Reads the scene file at `path` and checks keys, types, names, units, neighbours and ports. The
+// caller frees the scene. Neither the weights nor the reference need to exist. PM_EFILE: the file
+// cannot be read. PM_ECONFIG: it is not a scene; the message begins with the place. PM_ENOMEM.
 pm_status pm_scene_load(pm_scene **scene, const char *path);
-// The same from text, as if it stood in the file `path`.
+// Reads a scene from text, as if the text were the file `path`. Fails alike.
 pm_status pm_scene_parse(pm_scene **scene, const char *text, const char *path);
 void pm_scene_free(pm_scene *scene); // NULL is allowed
 
-// The position of a subsystem, load, port or process, or -1.
+// Each returns the position of what has this name, or -1.
 int pm_scene_find_subsystem(const pm_scene *scene, const char *name);
 int pm_scene_find_boundary_input(const pm_scene *scene, const char *name);
 int pm_scene_find_port(const pm_scene *scene, const char *name);
@@ -119,13 +122,13 @@ int pm_scene_find_process(const pm_scene *scene, const char *name);
 // everywhere.
 double pm_scene_time(const pm_scene *scene, double t0, long step);
 
-// Whether the port's ends are served by different processes, which then exchange fluxes.
+// Tells whether the ends of a port are served by different processes, which then exchange fluxes.
 bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
 
 // Gives all subsystems to one process, "all". PM_ENOMEM.
 pm_status pm_scene_join_processes(pm_scene *scene);
 
-// The subsystem or load at one end of a port: its name, and all its groups.
+// Return the name and all groups of the subsystem or boundary input at an end of a port.
 const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end);
 const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end);
 

@@ -1,18 +1,20 @@
-// Reading the loads of a scene: what the world shows at its end of a port, over time.
+// Reads the section `boundary_inputs` of a scene: what is prescribed over time at the outside end
+// of a port.
 #include "scene/scene_reader.h"
 
 #include <math.h>
 #include <string.h>
 
-enum { VALUE, DE, DS, NLIST }; // in the order a port shows them
+enum { VALUE, DE, DS, NLIST }; // in the order of pm_scene_boundary_input.value
 static const char *const list_key[NLIST] = {[VALUE] = "value", [DE] = "dE", [DS] = "dS"};
 
-// What is written of a group: columns and numbers; NULL: all are the number 0.
-typedef struct lists {
-    pm_scene_named *list[NLIST]; // [size of the group]
-} lists;
+// The lists of one group: columns and numbers, [size of the group] each. NULL: all are the number
+// 0.
+typedef struct group_lists {
+    pm_scene_named *list[NLIST];
+} group_lists;
 
-static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, lists *read) {
+static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, group_lists *read) {
     pm_yaml list;
     PM_TRY(pm_yaml_require(block, list_key[DE], &list));
     PM_TRY(pm_scene_read_columns(r, list, &group->size, &read->list[DE]));
@@ -31,7 +33,7 @@ static pm_status read_lists(pm_scene_reader *r, pm_yaml block, pm_group *group, 
 }
 
 static pm_status read_group(pm_scene_reader *r, pm_scene_boundary_input *boundary_input,
-                            pm_yaml key, pm_yaml block, lists *read) {
+                            pm_yaml key, pm_yaml block, group_lists *read) {
     static const char *const keys[] = {"unit", "dE", "dS", "value", NULL};
     pm_yaml unit;
     pm_group *group = &boundary_input->layout.group[boundary_input->layout.ngroup];
@@ -47,7 +49,7 @@ static pm_status read_group(pm_scene_reader *r, pm_scene_boundary_input *boundar
     return PM_OK;
 }
 
-// A number, or the name of a dataset column: numbers begin with a digit, a sign or a point.
+// Reads a number or the name of a dataset column. Numbers begin with a digit, a sign or a point.
 static pm_status prescribe(const pm_scene_named *named, pm_scene_prescribed *result) {
     if (strchr("+-.0123456789", named->text[0]) == NULL) {
         result->column = named->text;
@@ -71,7 +73,7 @@ static pm_status prescribe_list(pm_scene_reader *r, const pm_scene_named *list, 
 }
 
 static pm_status prescribe_groups(pm_scene_reader *r, pm_scene_boundary_input *boundary_input,
-                                  const lists *read) {
+                                  const group_lists *read) {
     const int nz = boundary_input->layout.nz;
     pm_scene_prescribed *value = pm_arena_array(r->arena, NLIST * (size_t)nz, sizeof *value);
     if (value == NULL) {
@@ -90,9 +92,9 @@ static pm_status prescribe_groups(pm_scene_reader *r, pm_scene_boundary_input *b
     return PM_OK;
 }
 
-static pm_status read_load(pm_scene_reader *r, pm_scene_boundary_input *boundary_input, pm_yaml key,
-                           pm_yaml groups) {
-    lists written[PM_MAX_GROUPS] = {0};
+static pm_status read_boundary_input(pm_scene_reader *r, pm_scene_boundary_input *boundary_input,
+                                     pm_yaml key, pm_yaml groups) {
+    group_lists written[PM_MAX_GROUPS] = {0};
     PM_TRY(pm_scene_read_name(r, key, &boundary_input->name));
     if (pm_scene_find_subsystem(r->scene, boundary_input->name) >= 0) {
         return pm_yaml_fail(key, "\"%s\" is the name of a subsystem already", boundary_input->name);
@@ -126,7 +128,7 @@ pm_status pm_scene_read_boundary_inputs(pm_scene_reader *r) {
         pm_scene_boundary_input *boundary_input = &scene->boundary_input[scene->nboundary_input++];
         pm_yaml key, groups;
         pm_yaml_entry(boundary_inputs, i, &key, &groups);
-        PM_TRY(read_load(r, boundary_input, key, groups));
+        PM_TRY(read_boundary_input(r, boundary_input, key, groups));
         boundary_input->first = scene->nprescribed;
         scene->nprescribed += 3 * boundary_input->layout.nz;
     }

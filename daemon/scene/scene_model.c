@@ -1,9 +1,11 @@
-// Reading what makes a component of a scene: a weights file, or a known model, which stands under
-// `models` and may serve several components with constants of their own.
+// Reads where the model of a subsystem or port comes from: a weights file, or a known model. A
+// known model stands under `models` and may serve several components, each with constants of its
+// own.
 #include "scene/model_reader.h"
 #include "scene/scene_reader.h"
 
-// `made_by` receives the block under `models`, absent where there are weights.
+// Reads `weights` or `model`. `made_by` receives the block under `models`, absent where there are
+// weights.
 static pm_status read_maker(pm_scene_reader *r, pm_yaml block, const char **weights,
                             const char **at, pm_yaml *made_by) {
     const pm_yaml file = pm_yaml_get(block, "weights"), model = pm_yaml_get(block, "model");

@@ -1,11 +1,11 @@
-// Lists of dataset columns in a scene, whose ranges are written out.
+// Reads lists of dataset columns and expands their ranges: "f[0:3]" stands for f0, f1, f2.
 #include <string.h>
 
 #include "scene/scene_reader.h"
 #include "store/names.h"
 
-// Of one list, and of all lists of a scene: a range is short to write, and must not cost the
-// memory of what nobody could serve.
+// The most components of one list, and the most column names of a scene. A range is short to write,
+// so its expansion needs a limit.
 #define MAX_COMPONENTS 100000
 #define MAX_NAMES 1000000
 
@@ -20,7 +20,7 @@ static pm_status read_range(pm_scene_reader *r, pm_yaml at, pm_name_range *range
     return status == PM_OK ? PM_OK : pm_yaml_fail(at, "%s", pm_error());
 }
 
-// The ranges [nitem] of a list; `count` receives how many names they stand for.
+// Reads the ranges [nitem] of a list; `count` receives the number of names that they stand for.
 static pm_status read_ranges(pm_scene_reader *r, pm_yaml list, int nitem, pm_name_range *range,
                              int *count) {
     *count = 0;

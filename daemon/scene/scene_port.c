@@ -1,5 +1,5 @@
-// Reading the ports of a scene: which law joins which groups of which two subsystems, or of a
-// subsystem and a load.
+// Reads the section `ports` of a scene: which law joins which groups of two subsystems, or of a
+// subsystem and a boundary input.
 #include "scene/scene_reader.h"
 
 #include <string.h>
@@ -32,12 +32,12 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
         if (port->subsystem[end] < 0 && port->boundary_input[end] < 0) {
             char names[512];
             return pm_yaml_fail(pm_yaml_item(between, end),
-                                "there is no subsystem or load \"%.64s\"; there are: %s", name[end],
-                                pm_scene_end_names(r->scene, names, sizeof names));
+                                "there is no subsystem or boundary input \"%.64s\"; there are: %s",
+                                name[end], pm_scene_end_names(r->scene, names, sizeof names));
         }
     }
     if (port->boundary_input[0] >= 0 && port->boundary_input[1] >= 0) {
-        return pm_yaml_fail(between, "expected a subsystem at one end, found two loads");
+        return pm_yaml_fail(between, "expected a subsystem at one end, found two boundary inputs");
     }
     return port->subsystem[0] != port->subsystem[1]
                ? PM_OK
@@ -45,8 +45,8 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
                               name[0]);
 }
 
-// The exposed groups of one end, in the order written, and where their components stand among all
-// of it.
+// Reads the exposed groups of one end, in the order written, and the positions of their components
+// in the end's whole state.
 static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, pm_yaml expose) {
     const char *owner = pm_scene_end_name(r->scene, port, end);
     const pm_layout *whole = pm_scene_end_layout(r->scene, port, end);

@@ -1,5 +1,5 @@
-// Reading which subsystems share a process, `processes: {NAME: [SUBSYSTEM, ...]}`; each of the
-// others has a process of its own.
+// Reads the section `processes: {NAME: [SUBSYSTEM, ...]}`, which says which subsystems share a
+// process. Each of the others has a process of its own.
 #include "scene/scene_reader.h"
 
 #include <string.h>
@@ -16,7 +16,7 @@ static pm_status add_process(pm_scene *scene, const char *name, int count) {
 
 // --- the section ---
 
-// `number` (its position in the section) becomes the mark of the subsystems it lists.
+// Marks the subsystems of one process with its position in the section.
 static pm_status mark_subsystems(pm_scene_reader *r, pm_yaml list, int number) {
     int count;
     const char **name;
@@ -40,7 +40,8 @@ static pm_status mark_subsystems(pm_scene_reader *r, pm_yaml list, int number) {
     return PM_OK;
 }
 
-// A process may be called like a subsystem only if it serves it: others would take its channels.
+// Refuses a process that has the name of a subsystem it does not serve: the channels of both would
+// be the same.
 static pm_status check_owner(pm_scene_reader *r, pm_yaml key, const char *name, int number) {
     const int id = pm_scene_find_subsystem(r->scene, name);
     return id < 0 || r->scene->subsystem[id].process == number
@@ -49,7 +50,7 @@ static pm_status check_owner(pm_scene_reader *r, pm_yaml key, const char *name, 
                               name);
 }
 
-// Marks all subsystems that the section names.
+// Reads the names of the processes and marks their subsystems.
 static pm_status read_section(pm_scene_reader *r, pm_yaml section, const char **name) {
     pm_yaml key, list;
     for (int i = 0; i < pm_yaml_count(section); ++i) {
@@ -66,8 +67,8 @@ static pm_status read_section(pm_scene_reader *r, pm_yaml section, const char **
 
 // --- the processes ---
 
-// Turns marks into processes, in the order of their first subsystems; `made` [marks] starts at
-// UNASSIGNED.
+// Makes a process of each mark, in the order of their first subsystems. `made` [marks] receives the
+// process of each mark and starts at UNASSIGNED.
 static pm_status make_processes(pm_scene *scene, const char *const *name, int *made) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         pm_scene_subsystem *subsystem = &scene->subsystem[i];

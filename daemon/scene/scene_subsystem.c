@@ -1,5 +1,5 @@
-// Reading the subsystems of a scene: their states, initial values, dataset columns, and positions
-// measured from a neighbour.
+// Reads the section `subsystems` of a scene: states, initial values, dataset columns, and groups
+// that are measured from a group of another subsystem (relative_to).
 #include "scene/scene_reader.h"
 
 #include <string.h>
@@ -11,7 +11,7 @@
 
 // --- one subsystem ---
 
-// One group of a state; `columns` receives its [size] dataset columns, or NULL.
+// Reads one group of a state; `columns` receives its dataset columns [size], or NULL.
 static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, pm_yaml block,
                             pm_scene_named **columns) {
     static const char *const keys[] = {"unit", "columns", "size", "relative_to", NULL};
@@ -39,7 +39,7 @@ static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, 
     return PM_OK;
 }
 
-// Joins the groups' columns to those of the state.
+// Concatenates the groups' columns to those of the state.
 static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
                               pm_scene_named *const *columns) {
     const pm_layout *layout = &subsystem->layout;
@@ -136,7 +136,7 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsyste
     return pm_yaml_exists(initial) ? read_initial(r, subsystem, initial) : PM_OK;
 }
 
-// The block of a group, by positions.
+// Returns the block of a group, by positions.
 static pm_yaml group_block(pm_yaml subsystems, int subsystem_id, int group_id) {
     pm_yaml key, value;
     pm_yaml_entry(subsystems, subsystem_id, &key, &value);
@@ -170,7 +170,7 @@ static pm_status check_columns(pm_scene_reader *r) {
                                owner->column_at[twice - owner->first], column[twice]);
 }
 
-// --- positions measured from a neighbour ---
+// --- groups measured from another ---
 
 static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem, int group_id,
                                pm_yaml at) {
@@ -207,7 +207,8 @@ static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem
     return PM_OK;
 }
 
-// Follows the chain that starts at a group; one longer than there are groups comes back to itself.
+// Tells whether the chain of relative_to that starts at a group ends. A chain that is longer than
+// the number of groups is a cycle.
 static bool chain_ends(const pm_scene *scene, int subsystem_id, int group_id) {
     for (int i = 0; i <= scene->nsubsystem * PM_MAX_GROUPS; ++i) {
         const pm_scene_subsystem *subsystem = &scene->subsystem[subsystem_id];

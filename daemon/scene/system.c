@@ -1,4 +1,4 @@
-// Joining a scene with its weights: every file is loaded and compared with what the scene declares.
+// Joins a scene with its weights: loads every file and compares it with the scene's declarations.
 #include "scene/system.h"
 
 #include <stdlib.h>
@@ -10,7 +10,7 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory while loading a system");
 }
 
-// "q[2] in m, p[2] in kg m/s" in the arena, for messages.
+// Writes a layout as "q[2] in m, p[2] in kg m/s" into the arena, for messages.
 static const char *describe(const pm_layout *layout, pm_arena *arena) {
     const char *text = "";
     for (int i = 0; i < layout->ngroup && text != NULL; ++i) {
@@ -21,7 +21,8 @@ static const char *describe(const pm_layout *layout, pm_arena *arena) {
     return text == NULL ? "?" : text;
 }
 
-// `who` is the subsystem or the end of a port, as text; `at` its place in the scene.
+// Compares the layout of weights with the declared one. `who` names the subsystem or the end of a
+// port, `at` is its place in the scene.
 static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *at,
                               const char *who, const char *path, pm_system *system) {
     if (pm_layout_equal(declared, own)) {
@@ -31,7 +32,8 @@ static pm_status check_layout(const pm_layout *declared, const pm_layout *own, c
                    who, path, describe(own, &system->arena), describe(declared, &system->arena));
 }
 
-// Where the scene's first group that differs from the weights' stands, or its last group.
+// Returns the place of the scene's first group that differs from the weights', or of its last
+// group.
 static const char *differing_group(const pm_scene_subsystem *subsystem, const pm_layout *own) {
     const pm_layout *declared = &subsystem->layout;
     int i = 0;
@@ -42,19 +44,19 @@ static const char *differing_group(const pm_scene_subsystem *subsystem, const pm
     return subsystem->group_at[i];
 }
 
-// A failure to load the weights that the scene names at a place.
+// Reports that the weights named at a place of the scene could not be loaded.
 static pm_status load_failed(pm_status status, const char *at, const char *what, const char *name) {
     return pm_fail(status, "%s: %s %s: %s", at, what, name, pm_error());
 }
 
 // --- known models ---
 
-// A model may serve several components: the error, which has its place, tells which one it was.
+// Adds the component's name to an error, since one model may serve several components.
 static pm_status name_component(pm_status status, const char *name) {
     return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
 }
 
-// A model in a scene has no weights.
+// Checks that a model of the scene has all its numbers, since there are no weights to learn them.
 static pm_status check_known(const pm_params *params, const char *at, const char *name) {
     PM_TRY(name_component(pm_spec_locate(at, pm_params_check_given(params)), name));
     return pm_params_trained(params) == 0
@@ -88,8 +90,8 @@ pm_status pm_system_declare_port(pm_system *system, int id) {
 
 // --- weights ---
 
-// The file to load: the scene's path, or the file of the same name in `weights_dir`. NULL: no
-// memory.
+// Returns the file to load: the scene's path, or the file of the same name in `weights_dir`. NULL:
+// out of memory.
 static const char *weights_path(const char *path, const char *weights_dir, pm_arena *arena) {
     if (weights_dir == NULL) {
         return path;
@@ -155,15 +157,16 @@ static uint64_t digest_layout(uint64_t digest, const pm_layout *layout) {
     return digest;
 }
 
-// What every process of a run must agree on. The number of steps is not part of it: the coordinator
-// tells. Whoever knows the initial state folds that in (app/setup.h).
+// Computes the digest of all that the processes of a run must agree on. The number of steps is not
+// part of it, since the coordinator announces it. app/setup.h adds the initial state.
 static uint64_t digest_system(const pm_system *system) {
     const pm_scene *scene = system->scene;
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
     digest = pm_digest_doubles(digest, &scene->dt, 1);
     digest = pm_digest_integer(digest, scene->window);
     digest = pm_digest_integer(digest, scene->checkpoint);
-    digest = pm_digest_doubles(digest, &scene->largest_departure, 1); // which ends a node's run
+    digest =
+        pm_digest_doubles(digest, &scene->largest_departure, 1); // beyond which a node ends the run
     digest = pm_digest_text(digest, scene->integrator);
     digest = pm_digest_integer(digest, scene->substeps);
     digest = pm_digest_doubles(digest, &scene->tolerance, 1);
@@ -218,21 +221,22 @@ pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
     return PM_OK;
 }
 
-static pm_status check_load(const pm_scene *scene, const pm_port_model *model,
-                            const pm_scene_port *port, int end) {
+static pm_status check_boundary_input(const pm_scene *scene, const pm_port_model *model,
+                                      const pm_scene_port *port, int end) {
     const pm_scene_boundary_input *boundary_input =
         &scene->boundary_input[port->boundary_input[end]];
     for (int i = 0; i < port->layout[end].ngroup; ++i) {
         const pm_group *group = &port->layout[end].group[i];
         const int component = port->component[end][group->first];
-        // Of every group dE is given, and dS if it has a place in the scene.
+        // Every group has a dE; it has a dS only where the scene gives one, which then has a place.
         if (boundary_input->value[2 * boundary_input->layout.nz + component].at == NULL &&
             pm_port_responds(model, (pm_end)end, group->name)) {
-            return pm_fail(PM_ECONFIG,
-                           "%s: load %s: group \"%s\" needs a \"dS\": port %s exchanges entropy "
-                           "with it",
-                           boundary_input->value[boundary_input->layout.nz + component].at,
-                           boundary_input->name, group->name, port->name);
+            return pm_fail(
+                PM_ECONFIG,
+                "%s: boundary input %s: group \"%s\" needs a \"dS\": port %s exchanges entropy "
+                "with it",
+                boundary_input->value[boundary_input->layout.nz + component].at,
+                boundary_input->name, group->name, port->name);
         }
     }
     return PM_OK;
@@ -243,7 +247,7 @@ pm_status pm_system_check_loads(const pm_system *system) {
     for (int i = 0; i < 2 * scene->nport; ++i) {
         const pm_scene_port *port = &scene->port[i / 2];
         if (port->boundary_input[i % 2] >= 0) {
-            PM_TRY(check_load(scene, &system->port[i / 2], port, i % 2));
+            PM_TRY(check_boundary_input(scene, &system->port[i / 2], port, i % 2));
         }
     }
     return PM_OK;

@@ -1,9 +1,9 @@
-// Whether weights and data that are used together were made in the same coordinates.
+// Checks that weights and data that are used together were made in the same coordinates.
 #include <string.h>
 
 #include "scene/system.h"
 
-// Known, and different.
+// Tells whether both are known and differ.
 static bool differ(const char *a, const char *b) {
     return a != NULL && b != NULL && *a != '\0' && *b != '\0' && strcmp(a, b) != 0;
 }

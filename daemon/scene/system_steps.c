@@ -1,4 +1,4 @@
-// Whether a scene takes the steps that weights hold for.
+// Checks that a scene takes the steps for which its weights were trained.
 #include <math.h>
 #include <string.h>
 
@@ -6,7 +6,8 @@
 
 #define SAME_STEP 1e-9 // relative: steps are quotients of numbers written in decimals
 
-// Nothing is known of the steps by which a known model, or weights that do not say, were made.
+// Tells whether a rate holds only for the step of its training. A known model and weights without a
+// record of their step hold for any.
 static bool hold_for_one_step(const pm_network_spec *rate, const pm_provenance *p) {
     return rate->message != NULL && p->step > 0 &&
            rate->message->within <= p->step * (1 + SAME_STEP);

@@ -56,7 +56,7 @@ said() {
     grep -Eq "$1" "$folder/check.out" || fail "check: expected \"$1\""
 }
 "$portmetd" check "$configs/driven_lower.yaml" >"$folder/check.out" || fail "driven_lower: check"
-said '^load pivot: prescribed by the world'
+said '^boundary input pivot: '
 said '^  p +2 x kg m/s +dE vx vy$'
 said '^  s +1 x J/K +dE T  dS 1$'
 said '^  end a +pivot exposes p s$'

@@ -179,10 +179,10 @@ static void what_cannot_be_followed(void **state) {
     (void)state;
     fixture f;
     open(&f, 1);
-    fails(&f, NULL, PM_ECONFIG, "t.yaml:6:33: load wind follows the column \"force\", but there");
+    fails(&f, NULL, PM_ECONFIG, "t.yaml:6:33: boundary input wind follows the column \"force\", but there");
     fails(&f, f.data, PM_EDATA, "cannot follow a trajectory of one state");
     f.data->ncolumn = 1;
-    fails(&f, f.data, PM_EDATA, "t.yaml:6:33: load wind: column \"force\" is not in the dataset");
+    fails(&f, f.data, PM_EDATA, "t.yaml:6:33: boundary input wind: column \"force\" is not in the dataset");
     close(&f);
 }
 

@@ -82,7 +82,7 @@ expect 3 "bad.yaml:2:1: " check "$bad"
 edit 's/dt: 0.05/dt: soon/'
 expect 3 "bad.yaml:2:12: dt: " check "$bad"
 edit 's/between: \[left, right\]/between: [left, middle]/'
-expect 3 'bad.yaml:19:21: between: there is no subsystem or load "middle"' check "$bad"
+expect 3 'bad.yaml:19:21: between: there is no subsystem or boundary input "middle"' check "$bad"
 edit 's/right: \[q, p, s\]/right: [q, p, x]/'
 expect 3 "bad.yaml:20:42: " check "$bad"
 edit 's/integrator: rk4/integrator: rk5/'
@@ -90,7 +90,7 @@ expect 3 'bad.yaml:2:41: integrator: expected one of euler, ' check "$bad"
 expect 3 "bad.yaml:2:41: " run "$bad" --in-process
 configs=$(realpath "$(dirname "$0")/../../configs")
 sed -e 's/, dS: \[1\]//' -e "s,weights/,$configs/weights/," "$configs/driven_lower.yaml" >"$bad"
-expect 3 'load pivot: group "s" needs a "dS": port base' check "$bad"
+expect 3 'boundary input pivot: group "s" needs a "dS": port base' check "$bad"
 edit '/^reference:/d'
 expect 3 "bad.yaml:4:3: subsystem left: no state to start from: expected \`initial\`" run "$bad" --in-process
 succeed "a run needs either" check "$bad"
