@@ -1,4 +1,4 @@
-// How far a state may move while nothing closes.
+// Finds the sums |min(x,0)|^2 in a part's formulas and bounds every x over a box of states.
 #include "model/contact_bound.h"
 
 #include <stdio.h>
@@ -12,8 +12,8 @@
 
 // --- what is unconstrained ---
 
-// The image x of |min(x,0)|^2, where this is read as a feature; or -1.
-static int find_image(const pm_part *part, const pm_step *s, const pm_symbols *symbols) {
+// Returns the derived variable x, where a step reads |min(x,0)|^2 as a feature; or -1.
+static int find_derived(const pm_part *part, const pm_step *s, const pm_symbols *symbols) {
     for (int i = part->layout.ngroup; i < symbols->count && s->kind == PM_STEP_FEATURE; ++i) {
         char squared[PM_MAX_STEP_FEATURE];
         snprintf(squared, sizeof squared, "|min(%s,0)|^2", symbols->symbol[i].name);
@@ -28,8 +28,9 @@ static bool is_number(const pm_formula_steps *f, int at) {
     return f->step[at].kind == PM_STEP_NUMBER;
 }
 
-// The position of the sum |min(x,0)|^2 that a formula is, but for a factor; or -1. (Not where x is
-// a group: then it is no more work than a comparison.)
+// Returns the position of the sum |min(x,0)|^2 if the formula is one, times a number; else -1.
+// Where x is a group, evaluating the sum costs no more than comparing, so that such sums do not
+// count.
 static int find_sum(const pm_part *part, const pm_formula_steps *f, const pm_symbols *symbols) {
     int at = f->whole;
     for (;;) {
@@ -44,7 +45,7 @@ static int find_sum(const pm_part *part, const pm_formula_steps *f, const pm_sym
         }
     }
     const pm_step *s = &f->step[at];
-    return s->kind == PM_STEP_NEGATIVE_SQUARED || find_image(part, s, symbols) >= 0 ? at : -1;
+    return s->kind == PM_STEP_NEGATIVE_SQUARED || find_derived(part, s, symbols) >= 0 ? at : -1;
 }
 
 static bool is_sum(const pm_part *part, const pm_formula *formula, const pm_symbols *symbols) {
@@ -53,7 +54,7 @@ static bool is_sum(const pm_part *part, const pm_formula *formula, const pm_symb
     return find_sum(part, &steps, symbols) >= 0;
 }
 
-// Whether a potential depends on the group by anything else.
+// Tells whether a potential depends on the group through anything but such sums.
 static bool depends_otherwise(const pm_part *part, const pm_potential_spec *potential,
                               const pm_symbols *symbols, const char *group) {
     pm_potential_spec others = *potential;
@@ -67,29 +68,30 @@ static bool depends_otherwise(const pm_part *part, const pm_potential_spec *pote
     return depends;
 }
 
-// Marks the unconstrained components; radius [ngroup] of their groups. False if there are none.
-static bool find_loose(pm_graph *g, const pm_part *part, const pm_symbols *symbols, pm_node width,
-                       bool *unconstrained, pm_node *radius) {
+// Marks the unconstrained components and writes the radius [ngroup] of each group. False if there
+// are none.
+static bool find_unconstrained(pm_graph *g, const pm_part *part, const pm_symbols *symbols,
+                               pm_node width, bool *unconstrained, pm_node *radius) {
     const pm_potential_spec *energy = &part->spec.energy, *entropy = &part->spec.entropy;
     bool any = false;
     for (int i = 0; i < part->layout.ngroup; ++i) {
         const pm_group *group = &part->layout.group[i];
-        const bool is_loose = (pm_part_depends(part, energy, group->name) ||
-                               pm_part_depends(part, entropy, group->name)) &&
-                              !depends_otherwise(part, energy, symbols, group->name) &&
-                              !depends_otherwise(part, entropy, symbols, group->name);
+        const bool is_unconstrained = (pm_part_depends(part, energy, group->name) ||
+                                       pm_part_depends(part, entropy, group->name)) &&
+                                      !depends_otherwise(part, energy, symbols, group->name) &&
+                                      !depends_otherwise(part, entropy, symbols, group->name);
         for (int c = group->first; c < group->first + group->size; ++c) {
-            unconstrained[c] = is_loose;
+            unconstrained[c] = is_unconstrained;
         }
-        radius[i] = is_loose ? pm_slice(g, width, group->first, group->size) : PM_NO_NODE;
-        any = any || is_loose;
+        radius[i] = is_unconstrained ? pm_slice(g, width, group->first, group->size) : PM_NO_NODE;
+        any = any || is_unconstrained;
     }
     return any;
 }
 
 // --- bounds ---
 
-// How far a named number moves. False: it is an expression of what is unconstrained.
+// Bounds the change of a feature. False if it is an expression of an unconstrained group.
 static bool bound_feature(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
                           const pm_node *radius, pm_node *spread) {
     *spread = PM_NO_NODE;
@@ -107,7 +109,7 @@ static bool bound_feature(pm_graph *g, const pm_step *s, const pm_symbols *symbo
     return true;
 }
 
-// |a| spread_b + |b| spread_a + spread_a spread_b
+// Returns |a| spread_b + |b| spread_a + spread_a spread_b.
 static pm_node bound_product(pm_graph *g, pm_node a, pm_node spread_a, pm_node b,
                              pm_node spread_b) {
     pm_node sum = PM_NO_NODE;
@@ -122,12 +124,13 @@ static pm_node bound_product(pm_graph *g, pm_node a, pm_node spread_a, pm_node b
                : pm_add(g, sum, pm_mul(g, spread_a, spread_b));
 }
 
-// What rounding adds, relative to the operands, to a spread that is one.
+// Adds to a spread, unless it is PM_NO_NODE, the rounding of operands of this size.
 static pm_node add_rounding(pm_graph *g, pm_node spread, pm_node size) {
     return spread == PM_NO_NODE ? spread
                                 : pm_add(g, spread, pm_scale(g, size, PM_DERIVED_ROUNDING));
 }
 
+// Bounds the change of one step of a formula. False if there is no bound.
 static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
                        const pm_node *radius, const pm_node *value, const pm_node *spread,
                        pm_node *result) {
@@ -158,15 +161,16 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
     return spread[s->a] == PM_NO_NODE && spread[s->b] == PM_NO_NODE;
 }
 
-// x and its spread in the sum that the formula is; PM_NO_NODE if nothing unconstrained is in it.
-// False: there is no bound.
+// Returns x and its spread for a formula that is such a sum; the spread is PM_NO_NODE if x does not
+// depend on unconstrained groups. False if there is no bound.
 static bool bound_formula(pm_graph *g, const pm_part *part, const pm_formula *formula,
                           const pm_symbols *symbols, const pm_node *radius, pm_node *value,
                           pm_node *spread) {
     pm_formula_steps f;
     pm_node values[PM_MAX_STEPS], spreads[PM_MAX_STEPS];
     pm_formula_read_again(&f, formula, symbols);
-    const int sum = find_sum(part, &f, symbols), derived = find_image(part, &f.step[sum], symbols);
+    const int sum = find_sum(part, &f, symbols),
+              derived = find_derived(part, &f.step[sum], symbols);
     if (derived >= 0) {
         *value = symbols->symbol[derived].node;
         *spread = radius[derived];
@@ -192,7 +196,7 @@ bool pm_contact_bound_build(pm_graph *g, const pm_part *part, pm_node z, pm_node
     pm_node radius[PM_MAX_SYMBOLS], values[MOST_SUMS], spreads[MOST_SUMS];
     int count = 0;
     if (part->spec.form == PM_FREE ||
-        !find_loose(g, part, &symbols, width, unconstrained, radius)) {
+        !find_unconstrained(g, part, &symbols, width, unconstrained, radius)) {
         return false;
     }
     pm_derived_spread(part, g, &symbols, radius);

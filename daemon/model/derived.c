@@ -1,4 +1,4 @@
-// Images of a state.
+// Derived variables as parameters, as nodes of a graph, and their covectors and bounds.
 #include "model/derived.h"
 
 #include <assert.h>
@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define MOST_NUMBERS 10000000 // of a matrix: 80 MB
+#define MOST_NUMBERS 10000000 // of a matrix, which then takes 80 MB
 
 typedef char entry_name[PM_MAX_NAME + 16];
 
@@ -39,8 +39,8 @@ static pm_status check_groups(const pm_derived_spec *derived, const pm_layout *l
     for (int i = 0; i < derived->ngroup; ++i) {
         const pm_group *group = pm_layout_find(layout, derived->group[i]);
         if (group == NULL) {
-            return pm_fail(PM_ECONFIG, "image %s: the state has no group \"%s\"", derived->name,
-                           derived->group[i]);
+            return pm_fail(PM_ECONFIG, "derived variable %s: the state has no group \"%s\"",
+                           derived->name, derived->group[i]);
         }
         *cols += group->size;
     }
@@ -54,8 +54,8 @@ static pm_status check_name(const pm_part *part, int i) {
         taken = taken || strcmp(part->spec.derived[k].name, name) == 0;
     }
     if (taken || strlen(name) >= PM_MAX_NAME) {
-        return pm_fail(PM_ECONFIG, "image %.64s: its name is %s", name,
-                       taken ? "that of a group, or of another image" : "too long");
+        return pm_fail(PM_ECONFIG, "derived variable %.64s: its name is %s", name,
+                       taken ? "that of a group, or of another one" : "too long");
     }
     return PM_OK;
 }
@@ -66,11 +66,12 @@ static pm_status declare(const pm_derived_spec *derived, const pm_layout *layout
     int cols;
     PM_TRY(check_groups(derived, layout, &cols));
     if (cols == 0 || derived->size > MOST_NUMBERS / cols) {
-        return pm_fail(PM_ECONFIG, "image %s: a matrix of %d x %d, expected 1 to %d numbers",
+        return pm_fail(PM_ECONFIG,
+                       "derived variable %s: a matrix of %d x %d, expected 1 to %d numbers",
                        derived->name, derived->size, cols, MOST_NUMBERS);
     }
     if (matrix->value != NULL && (matrix->rows != derived->size || matrix->cols != cols)) {
-        return pm_fail(PM_ECONFIG, "image %s: the matrix is %d x %d, expected %d x %d",
+        return pm_fail(PM_ECONFIG, "derived variable %s: the matrix is %d x %d, expected %d x %d",
                        derived->name, matrix->rows, matrix->cols, derived->size, cols);
     }
     entry_name name;
@@ -110,7 +111,7 @@ static int position_of(const pm_symbols *symbols, const char *name) {
     return i;
 }
 
-// The groups of an image side by side.
+// Returns the groups of a derived variable side by side.
 static pm_node join(pm_graph *g, const pm_derived_spec *derived, const pm_symbols *symbols) {
     pm_node part[PM_MAX_GROUPS];
     for (int i = 0; i < derived->ngroup; ++i) {
@@ -154,7 +155,7 @@ void pm_derived_pull(const pm_part *part, pm_graph *g, pm_node *covector) {
 
 // --- how far they move ---
 
-// The spreads of an image's groups side by side; PM_NO_NODE if none moves.
+// Returns the radii of a derived variable's groups side by side; PM_NO_NODE if no group moves.
 static pm_node join_spreads(const pm_part *part, pm_graph *g, const pm_derived_spec *derived,
                             const pm_node *radius) {
     pm_node side[PM_MAX_GROUPS];
@@ -185,7 +186,7 @@ void pm_derived_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbo
             const pm_node values = pm_magnitude(g, join(g, derived, symbols));
             const pm_node matrix = pm_magnitude(g, node_of(g, &part->params, derived, "matrix"));
             const pm_node offset = pm_magnitude(g, node_of(g, &part->params, derived, "offset"));
-            // (Also of groups that do not move.)
+            // Values of groups that do not move are rounded too.
             const pm_node most = pm_add(g, moves, pm_scale(g, values, PM_DERIVED_ROUNDING));
             radius[ngroup + i] = pm_add(g, pm_matmul(g, most, false, matrix, true),
                                         pm_scale(g, offset, PM_DERIVED_ROUNDING));

@@ -1,4 +1,4 @@
-// Layouts of named groups, and where specs were read.
+// Comparing and searching layouts of named groups, and adding the place of a spec to an error.
 #include <string.h>
 
 #include "model/spec.h"

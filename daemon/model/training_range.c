@@ -1,4 +1,4 @@
-// Ranges of lengths and values.
+// The range of each group: widened by training, compared with by a run.
 #include "model/training_range.h"
 
 #include <float.h>
@@ -6,7 +6,7 @@
 
 static const char low_name[] = "training_range.low", high_name[] = "training_range.high";
 
-// Finite, as all that weights files hold; the first state replaces both.
+// The empty range is finite, as all numbers in weights files must be. The first state replaces it.
 pm_status pm_training_range_declare(pm_part *part) {
     const int n = part->layout.ngroup;
     PM_TRY(pm_params_add(&part->params, low_name, 1, n, false, 0, DBL_MAX));
@@ -40,11 +40,11 @@ pm_training_range pm_training_range_of(const pm_part *part) {
                : (pm_training_range){&part->layout, low->value, high->value};
 }
 
-pm_departure pm_training_range_departure(pm_training_range region, const double *z) {
+pm_departure pm_training_range_departure(pm_training_range range, const double *z) {
     pm_departure worst = {.group = NULL};
-    for (int i = 0; region.low != NULL && i < region.layout->ngroup; ++i) {
-        const pm_group *group = &region.layout->group[i];
-        const double low = region.low[i], high = region.high[i];
+    for (int i = 0; range.low != NULL && i < range.layout->ngroup; ++i) {
+        const pm_group *group = &range.layout->group[i];
+        const double low = range.low[i], high = range.high[i];
         const double value = measure(group, z), width = high - low;
         const double beyond = fmax(low - value, value - high);
         const double widths = width > 0 ? beyond / width : beyond > 0 ? INFINITY : 0;

@@ -1,30 +1,32 @@
-// The region of states that a part's weights were trained on: for each group of variables the range
-// of its length, or of the value itself where it has one component, so that a rotation leads
-// nowhere. Kept among the part's constants as "training_range.low" and "training_range.high"
-// [1][ngroup]; weights that lack them have no region, and nothing leaves it.
+// The training range: the region of states on which the weights of a part were trained. For each
+// group of variables it is the range of the group's length, or of its value if it has one
+// component. Rotations therefore never leave it. It is kept among the part's constants as
+// "training_range.low" and "training_range.high" [1][ngroup], in the units of the groups. Weights
+// without these constants have no range, and no state is outside.
 #ifndef PM_MODEL_TRAINING_RANGE_H
 #define PM_MODEL_TRAINING_RANGE_H
 
 #include "model/part.h"
 
-// Gives the part an empty region, to be widened. PM_ENOMEM.
+// Declares an empty range for the part. PM_ENOMEM.
 pm_status pm_training_range_declare(pm_part *part);
-// Widens it to hold the state z [nz].
+// Widens the range so that it holds the state z [nz].
 void pm_training_range_widen(pm_part *part, const double *z);
 
-// Where the part's region is kept, to be found once.
+// The range of a part, looked up once. Borrowed: valid as long as the part.
 typedef struct pm_training_range {
     const pm_layout *layout;
-    const double *low, *high; // [layout->ngroup]; NULL: it has none
+    const double *low, *high; // [layout->ngroup]; NULL: the part has no range
 } pm_training_range;
-pm_training_range pm_training_range_of(const pm_part *part); // valid as long as the part
+pm_training_range pm_training_range_of(const pm_part *part);
 
-// The group that is furthest outside.
+// The group that is furthest outside its range.
 typedef struct pm_departure {
-    const pm_group *group; // NULL: none is outside
-    double value, low, high;
-    double widths; // by how much it is outside, in widths of its range
+    const pm_group *group;   // NULL: no group is outside
+    double value, low, high; // of the group, in its unit
+    double widths;           // distance to the range, in widths of the range
 } pm_departure;
-pm_departure pm_training_range_departure(pm_training_range region, const double *z);
+// Compares the state z [nz] with the range.
+pm_departure pm_training_range_departure(pm_training_range range, const double *z);
 
 #endif

@@ -1,11 +1,11 @@
-// A scaled network over the groups of a site.
+// A scaled network over the groups of a site, or a network on a mesh with these groups as fields.
 #include "model/unstructured_rate.h"
 
 #include <stdio.h>
 
 #include "model/mesh/message.h"
 
-// The groups of a site, as the fields of a network on a mesh.
+// Returns the groups of a site as the fields of a network on a mesh.
 static pm_fields fields_of(const pm_site *site, const char *group[2 * PM_MAX_GROUPS]) {
     for (int i = 0; i < site->ngroup; ++i) {
         group[i] = site->group[i].name;

@@ -449,18 +449,20 @@ static const yaml_case bad_port[] = {
 };
 
 static const yaml_case bad_images[] = {
-    {"{of: [q, p]", "{of: [q, x]", "{of", "image g: the state has no group \"x\""},
+    {"{of: [q, p]", "{of: [q, x]", "{of", "derived variable g: the state has no group \"x\""},
     {"of: [q, p]", "of: []", "[]", "of: expected 1 to 16 groups"},
     {"of: [q, p]", "to: [q, p]", "to", "unknown key \"to\"; allowed: of, size, matrix, offset"},
-    {"{of: [q, p]", "{of: q", "{of", "image g: the matrix is 2 x 3, expected 2 x 2"},
+    {"{of: [q, p]", "{of: q", "{of", "derived variable g: the matrix is 2 x 3, expected 2 x 2"},
     {"of: [q, p]", "size: 3, of: [q, p]", "[6", "offset: expected 3 numbers, found 2"},
     {"{of: q, size: 4", "{of: q", "{of: q", "missing key \"size\""},
     {"size: 4", "size: 4, offset: [1, 2, 3, 4]", "[1, 2, 3, 4",
      "offset: expected a matrix beside it"},
     {"size: 4", "size: 0", "0}", "size: expected a whole number >= 1"},
     {"[3, 4, 5]", "[3, 4]", "[3", "expected a row of 3 numbers like the first, found 2"},
-    {"  kept", "  q", "{of: q", "image q: its name is that of a group, or of another image"},
-    {"kept: {of: q, size: 4}", "h: {of: g, size: 4}", "{of: g", "image h: the state has no group"},
+    {"  kept", "  q", "{of: q",
+     "derived variable q: its name is that of a group, or of another one"},
+    {"kept: {of: q, size: 4}", "h: {of: g, size: 4}", "{of: g",
+     "derived variable h: the state has no group"},
     {"derived:", "form: free\nrate: {features: q}\nderived:", "form",
      "form: free has a rate and nothing else"},
 };

@@ -1,17 +1,17 @@
-// Nodes and edges of a box of bricks.
+// Numbers the nodes and edges of a box of bricks and computes their features.
 #include "model/mesh/mesh.h"
 
 #include <math.h>
 #include <stdbool.h>
 
-// Indices of node n along x, y, z.
+// Finds the indices of node n along x, y, z.
 static void place_of(const pm_mesh *m, int n, int at[3]) {
     at[0] = n % m->elements[0] + 1;
     at[1] = n / m->elements[0] % (m->elements[1] + 1);
     at[2] = n / m->elements[0] / (m->elements[1] + 1);
 }
 
-// The neighbour of a node against direction d, from which an edge of this direction comes.
+// Finds the source of the edge with direction d that leads to node n. False if there is none.
 static bool source_of(const pm_mesh *m, int n, int d, int *source) {
     int at[3];
     place_of(m, n, at);

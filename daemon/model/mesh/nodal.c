@@ -1,4 +1,4 @@
-// Small matrices times the rows of nodes, as gathers, dots and sums.
+// Small matrices times the rows of nodes, expressed as gathers, row products and scatters.
 #include "model/mesh/nodal.h"
 
 #include <stdlib.h>
@@ -14,7 +14,7 @@ static int components_of(pm_nodal_fields f) {
     return sum;
 }
 
-// [1][n] -> [nnode][components] and back.
+// Convert a row [1][n] of all fields to one row per node [nnode][components], and back.
 static pm_node to_nodes(pm_graph *g, pm_nodal_fields f, pm_node x) {
     pm_node part[2 * PM_MAX_GROUPS];
     int first = 0;
@@ -37,7 +37,7 @@ static pm_node from_nodes(pm_graph *g, pm_nodal_fields f, pm_node nodes) {
     return pm_concat(g, f.count, part);
 }
 
-// [count]; NULL: out of memory.
+// Allocates an index [count]. NULL: out of memory, which the graph remembers.
 static int *new_index(pm_graph *g, int count) {
     int *index = malloc((size_t)count * sizeof *index);
     if (index == NULL) {
@@ -46,7 +46,8 @@ static int *new_index(pm_graph *g, int count) {
     return index;
 }
 
-// index [nnode * rows]: the node of each row of all nodes' matrices; NULL: out of memory.
+// Returns the node of each row of all nodes' matrices, [nnode * rows]. The caller frees it. NULL:
+// out of memory.
 static int *nodes_of_rows(pm_graph *g, int nnode, int rows) {
     int *index = new_index(g, nnode * rows);
     for (int r = 0; index != NULL && r < nnode * rows; ++r) {
@@ -55,7 +56,7 @@ static int *nodes_of_rows(pm_graph *g, int nnode, int rows) {
     return index;
 }
 
-// Each node's matrix [rows][rows] transposed, all of them [nnode * rows][rows].
+// Returns each node's matrix [rows][rows] transposed, all of them [nnode * rows][rows].
 static pm_node transposed(pm_graph *g, int nnode, int rows, pm_node matrix) {
     const int count = nnode * rows * rows;
     int *index = new_index(g, count);
@@ -71,13 +72,13 @@ static pm_node transposed(pm_graph *g, int nnode, int rows, pm_node matrix) {
     return pm_reshape(g, entries, nnode * rows, rows);
 }
 
-// Row r of each node's matrix [nnode * rows][columns] times the node's x [nnode][columns].
+// Returns each node's matrix [nnode * rows][columns] times the node's x [nnode][columns].
 static pm_node times(pm_graph *g, int nnode, int rows, const int *node, pm_node matrix, pm_node x) {
     const pm_node of_row = pm_gather_rows(g, x, nnode * rows, node);
     return pm_reshape(g, pm_dot(g, matrix, of_row), nnode, rows);
 }
 
-// The transposed: sum over the rows of each node's matrix, weighted by its x [nnode][rows].
+// Returns each node's transposed matrix times the node's x [nnode][rows].
 static pm_node times_transposed(pm_graph *g, int nnode, int rows, const int *node, pm_node matrix,
                                 pm_node x) {
     const pm_node weighted = pm_mul(g, matrix, pm_reshape(g, x, nnode * rows, 1));
@@ -90,8 +91,8 @@ pm_node pm_nodal_skew(pm_graph *g, pm_nodal_fields fields, pm_node matrix, pm_no
     if (node == NULL) {
         return x;
     }
-    // C - C^T is formed before it is applied, as in operator.c: C x and C^T x share the diagonal's
-    // terms, whose rounding would stay behind.
+    // As in operator.c, C - C^T is formed before it is applied: C x - C^T x would leave the
+    // rounding of the diagonal's terms.
     const pm_node c = pm_reshape(g, matrix, nnode * rows, rows);
     const pm_node skew = pm_sub(g, c, transposed(g, nnode, rows, matrix));
     const pm_node rate = times(g, nnode, rows, node, skew, to_nodes(g, fields, x));
