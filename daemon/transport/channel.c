@@ -1,4 +1,4 @@
-// Names of channels.
+// Prints the names of channels and checks their lengths.
 #include "transport/channel.h"
 
 #include <stdarg.h>

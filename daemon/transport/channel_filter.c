@@ -1,6 +1,6 @@
-// The names form a tree: names that agree in their first words of four bytes share the comparisons
-// of these. A name's last word overlaps the one before it where the name's size, terminator
-// included, is no multiple of four, so that no byte of the data is compared.
+// The program is a tree of comparisons of words of four bytes. Names that begin with the same words
+// share the comparisons of these. Where the size of a name, with its terminator, is no multiple of
+// four, its last word overlaps the one before it, so that no byte of the data is compared.
 #include "transport/channel_filter.h"
 
 #include <arpa/inet.h>
@@ -37,7 +37,7 @@ static void drop(emitter *e) {
     emit(e, BPF_RET | BPF_K, 0, 0, 0);
 }
 
-// A jump forward whose end is set later.
+// Emits a jump forward, whose target `land` sets.
 static int jump(emitter *e) {
     emit(e, BPF_JMP | BPF_JA, 0, 0, 0);
     return e->count - 1;
@@ -53,7 +53,8 @@ static uint32_t word_at(const char *name, size_t offset) {
     return ntohl(word);
 }
 
-// Loads a word of the channel, which begins X bytes into the packet, unless it is there already.
+// Loads the word at `offset` of the channel, which begins X bytes into the packet, unless it is
+// loaded already.
 static void load_word(emitter *e, size_t offset, size_t *loaded) {
     if (*loaded != offset) {
         emit(e, BPF_LD | BPF_W | BPF_IND, (uint32_t)offset, 0, 0);
@@ -67,7 +68,7 @@ static size_t size_of(const char *name) {
 
 static void emit_names(emitter *e, int count, const char *const *name, size_t offset);
 
-// The word at `at` decides for these names, which agree up to its end.
+// Compares the word at `at`, up to whose end these names agree, and then the rest of the names.
 static void emit_branch(emitter *e, int count, const char *const *name, size_t at, size_t *loaded) {
     load_word(e, at, loaded);
     emit(e, BPF_JMP | BPF_JEQ | BPF_K, word_at(name[0], at), 1, 0);
@@ -76,8 +77,8 @@ static void emit_branch(emitter *e, int count, const char *const *name, size_t a
     land(e, otherwise);
 }
 
-// For names that agree in their first `offset` bytes. Shorter ones come first, since a load beyond
-// the packet's end drops it.
+// Compares names that agree in their first `offset` bytes. Shorter names come first, since a load
+// beyond the end of the packet drops it.
 static void emit_names(emitter *e, int count, const char *const *name, size_t offset) {
     size_t loaded = NOTHING_LOADED;
     if (size_of(name[0]) == offset) {
@@ -104,7 +105,7 @@ static void emit_names(emitter *e, int count, const char *const *name, size_t of
     drop(e);
 }
 
-// Leaves in X where the channel begins.
+// Leaves the position of the channel in X.
 static void emit_head(emitter *e, unsigned start) {
     emit(e, BPF_LD | BPF_W | BPF_ABS, start, 0, 0);
     emit(e, BPF_JMP | BPF_JEQ | BPF_K, PM_DATAGRAM_SHORT, 0, 2);

@@ -1,5 +1,5 @@
-// A classic BPF program by which the kernel drops datagrams on channels that nobody here wants,
-// before they wake us.
+// Builds a classic BPF program with which the kernel drops datagrams on channels that this process
+// has not subscribed to, before they wake it.
 #ifndef PM_TRANSPORT_CHANNEL_FILTER_H
 #define PM_TRANSPORT_CHANNEL_FILTER_H
 
@@ -7,11 +7,11 @@
 
 #include "base/status.h"
 
-// Program for LCM datagrams that begin `start` bytes into what the filter sees (8 on a UDP socket).
-// It passes messages on the channels `name` [count], which are sorted by strcmp and distinct, and
-// all but the first fragments, which name no channel. The caller frees `program->filter`; it is
-// NULL when no filter is possible (a name of less than three characters, too many names): then let
-// everything through. PM_ENOMEM.
+// The program accepts messages on the channels `name` [count], which are distinct and sorted by
+// strcmp, and all fragments after the first, which name no channel. `start` is the position of
+// LCM's datagram in what the filter sees (8 on a UDP socket). The caller frees `program->filter`.
+// It is NULL when no filter is possible, because a name has less than three characters or there are
+// too many names; then the socket needs to accept everything. PM_ENOMEM.
 pm_status pm_channel_filter_build(struct sock_fprog *program, int count, const char *const *name,
                                   unsigned start);
 

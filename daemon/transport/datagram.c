@@ -1,4 +1,4 @@
-// Parsing LCM datagrams and joining fragments.
+// Parses LCM datagrams and joins fragments.
 #include "transport/datagram.h"
 
 #include <stdlib.h>
@@ -14,7 +14,7 @@ static uint32_t read_number(const unsigned char *at, int size) {
     return number;
 }
 
-// Splits off the channel in front of the data; false: none that ends in time.
+// Splits the channel off from the front of the data. Returns false if its terminator is missing.
 static bool take_channel(pm_datagram *d) {
     const size_t most = d->size < PM_CHANNEL_SIZE ? d->size : PM_CHANNEL_SIZE;
     const size_t length = strnlen((const char *)d->data, most);

@@ -1,9 +1,10 @@
-// LCM's wire format, as its documentation gives it; all numbers big-endian.
-//   short message  magic "LC02", sequence, channel with its terminator, data
-//   fragment       magic "LC03", sequence, size of the data, offset of this part, its number and
-//   how
-//                  many there are (16 bits each), the channel in number 0 only, this part
-// Bytes from the network are hostile until parsed here.
+// Parses LCM's UDP datagrams and reassembles fragmented messages. The format, as LCM documents it;
+// all numbers are big-endian:
+//   short message  magic "LC02", sequence number, channel with its terminator, data
+//   fragment       magic "LC03", sequence number, size of the message, offset of this fragment, its
+//                  number and the number of fragments (16 bits each), in fragment 0 the channel,
+//                  then this part of the data
+// Bytes from the network are hostile until they are parsed here.
 #ifndef PM_TRANSPORT_DATAGRAM_H
 #define PM_TRANSPORT_DATAGRAM_H
 
@@ -13,47 +14,49 @@
 
 #include "base/status.h"
 
-#define PM_DATAGRAM_SHORT UINT32_C(0x4c433032)
-#define PM_DATAGRAM_FRAGMENT UINT32_C(0x4c433033)
-#define PM_DATAGRAM_SHORT_HEAD 8     // bytes before the channel
-#define PM_DATAGRAM_FRAGMENT_HEAD 20 // likewise
+#define PM_DATAGRAM_SHORT UINT32_C(0x4c433032)    // magic
+#define PM_DATAGRAM_FRAGMENT UINT32_C(0x4c433033) // magic
+#define PM_DATAGRAM_SHORT_HEAD 8                  // bytes before the channel
+#define PM_DATAGRAM_FRAGMENT_HEAD 20              // likewise
 
-// Bytes of the largest message that is put together.
+// The largest message that is reassembled, bytes.
 #define PM_MESSAGE_MAX ((size_t)1 << 24)
 
 typedef struct pm_datagram {
-    const char *channel;       // NULL: a later fragment, which does not name it
+    const char *channel;       // NULL: a fragment after the first, which does not name it
     const unsigned char *data; // [size] the message, or this part of it
     size_t size;
-    size_t offset, total;   // of the part within the message; size of the message
+    size_t offset, total;   // bytes: position of the part in the message; size of the message
     uint32_t sequence;      // the sender's number of the message
-    unsigned number, count; // of the part; 0 of 1: a whole message
+    unsigned number, count; // of the fragment, and of all; a whole message is 0 of 1
 } pm_datagram;
 
-// False: not LCM's, or it contradicts itself. Pointers are into `bytes`.
+// Parses `bytes` [size]; pointers in `datagram` point into them. Returns false, and leaves
+// `datagram` unchanged, if they are not in LCM's format or contradict themselves.
 bool pm_datagram_parse(pm_datagram *datagram, const void *bytes, size_t size);
 
-// A message that arrives in parts, in any order after the first. Storage the caller owns;
+// A message that arrives in fragments, in any order after the first. Storage the caller owns;
 // zero-initialise.
 typedef struct pm_reassembly {
-    unsigned char *data; // [total], then [count] flags: this part is there
+    unsigned char *data; // [total] the message, then [count] flags of the fragments that arrived
     size_t capacity;
-    uint64_t sender; // whatever tells senders apart
+    uint64_t sender; // address and port
     uint32_t sequence;
     size_t total, received;  // bytes
-    unsigned count, missing; // parts; missing 0: nothing under way
+    unsigned count, missing; // fragments; missing 0: no message is being reassembled
 } pm_reassembly;
 
 void pm_reassembly_free(pm_reassembly *reassembly);
 
-// Starts with a message's first part, in place of what was under way. PM_ENOMEM.
+// Begins with the first fragment of a message, and gives up a message that is incomplete.
+// PM_ENOMEM.
 pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *first, uint64_t sender);
 
-// True if the part belongs to what is under way; then takes it in.
+// Takes in a fragment of the message being reassembled. Returns false if it belongs to another one.
 bool pm_reassembly_add(pm_reassembly *reassembly, const pm_datagram *part, uint64_t sender);
 
-// No part is missing, and they are as long as the whole: data [total] is the message, until the
-// next _begin. So a few bytes cannot pass for a large message.
+// True if no fragment is missing and their sizes add up to that of the message, so that a few bytes
+// cannot pass for a large one. `data` [total] is then the message, until the next _begin.
 bool pm_reassembly_complete(const pm_reassembly *reassembly);
 
 #endif

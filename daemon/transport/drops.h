@@ -1,29 +1,31 @@
-// Why received messages were not used, counted. Drops are expected events: the wire is best effort
-// and open to anyone.
+// The reasons for which received messages are dropped, and their counts. Drops are expected events:
+// the network is best effort, and anyone may send on it.
 #ifndef PM_TRANSPORT_DROPS_H
 #define PM_TRANSPORT_DROPS_H
 
 typedef enum pm_drop {
-    PM_KEEP = 0,      // the message is good
-    PM_DROP_LENGTH,   // ends before its last field, or goes on after it
-    PM_DROP_TYPE,     // another type or version of it (fingerprint)
-    PM_DROP_COUNT,    // an array of another size than the scene's
-    PM_DROP_TEXT,     // text too long, not terminated, or with control characters
-    PM_DROP_NUMBER,   // a number that is not finite, a boolean that is neither 0 nor 1
-    PM_DROP_SESSION,  // of another run
-    PM_DROP_REPEATED, // known already, or no longer needed
-    PM_DROP_RANGE,    // a kind, step or round that makes no sense now
-    PM_DROP_DATAGRAM, // not LCM's
-    PM_DROP_SEAL,     // not by a holder of the key, or changed (seal.h)
-    PM_DROP_REPLAY,   // by a holder of the key, but old
+    PM_KEEP = 0,      // the message is used
+    PM_DROP_LENGTH,   // it ends before its last field, or goes on after it
+    PM_DROP_TYPE,     // its fingerprint is that of another type or version
+    PM_DROP_COUNT,    // an array has another size than the scene's
+    PM_DROP_TEXT,     // a text is too long, not terminated, or has control characters
+    PM_DROP_NUMBER,   // a number is not finite, or a boolean is neither 0 nor 1
+    PM_DROP_SESSION,  // it belongs to another run
+    PM_DROP_REPEATED, // it is known already, or no longer needed
+    PM_DROP_RANGE,    // its kind, step or round is impossible now
+    PM_DROP_DATAGRAM, // the datagram is not in LCM's format
+    PM_DROP_SEAL,     // no holder of the key sent it, or it was changed (seal.h)
+    PM_DROP_REPLAY,   // a holder of the key sent it, but too long ago
     PM_NDROP
 } pm_drop;
 
+// Messages by reason. A transport counts only the messages that it drops itself; the state machine
+// above it counts the others, with those used at PM_KEEP.
 typedef struct pm_drops {
-    long count[PM_NDROP]; // count[PM_KEEP]: messages used, by who uses them; 0 of a transport
+    long count[PM_NDROP];
 } pm_drops;
 
-// Two words for a report, e.g. "not finite".
+// The reason in one to three words, e.g. "not finite".
 const char *pm_drop_name(pm_drop drop);
 
 #endif

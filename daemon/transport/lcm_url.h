@@ -1,6 +1,6 @@
-// An LCM address: "udpm://GROUP:PORT" or "mpudpm://GROUP:PORT", or with options
-// "?NAME=VALUE&NAME=VALUE". Only the shape: whether messages get through is for the transport to
-// tell.
+// Parses an LCM URL: "udpm://GROUP:PORT" or "mpudpm://GROUP:PORT", perhaps with options
+// "?NAME=VALUE&NAME=VALUE". Only its form is checked; opening a transport shows whether messages
+// get through.
 #ifndef PM_TRANSPORT_LCM_URL_H
 #define PM_TRANSPORT_LCM_URL_H
 
@@ -11,16 +11,13 @@
 
 typedef struct pm_lcm_url {
     struct sockaddr_in group; // multicast group and port
-    int receive_buffer;       // bytes asked of the kernel: recv_buf_size=N
-    // receive=own (read by transport/receiver.h, the default of udpm) or receive=lcm (by liblcm).
-    bool receives_itself;
-    // spin=yes (the default): may wait without sleeping (transport/spin.h), where it receives
-    // itself.
-    bool spins;
+    int receive_buffer;       // recv_buf_size=N: bytes of the kernel's buffer
+    bool receives_itself;     // receive=own (receiver.h; the default of udpm) or receive=lcm
+    bool spins;               // spin=yes (spin.h; the default) or spin=no, with receive=own
 } pm_lcm_url;
 
-// PM_ECONFIG: another scheme, not a multicast group and a port, or one of the options above has a
-// bad value. Other options are LCM's.
+// Ignores options that are LCM's own. PM_ECONFIG: the scheme is another one, the address is not a
+// multicast group and a port, or an option above has a bad value.
 pm_status pm_lcm_url_parse(const char *url, pm_lcm_url *parsed);
 
 #endif

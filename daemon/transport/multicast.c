@@ -1,4 +1,4 @@
-// Tries the way to a multicast group.
+// Sends a datagram to a multicast group and waits for its return.
 #include "transport/multicast.h"
 
 #include <errno.h>
@@ -7,15 +7,15 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-// On one host a datagram takes microseconds; a busy machine may take its time to wake us.
+// On one host a datagram takes microseconds, but a busy machine may wake this process late.
 #define ECHO_TIMEOUT 500 // ms
 
-static pm_status no_way(const char *url, const char *what, const char *why) {
+static pm_status fail_route(const char *url, const char *what, const char *why) {
     return pm_fail(PM_ENET, "transport \"%s\": %s: %s; for this host only, " PM_MULTICAST_REMEDY,
                    url, what, why);
 }
 
-// Sends one datagram to the group at a port of our own, and reads it back.
+// Sends one datagram to the group at a free port, and reads it back.
 static pm_status echo(int file, const char *url, struct in_addr group) {
     struct sockaddr_in here = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_ANY)}};
     socklen_t size = sizeof here;
@@ -25,18 +25,18 @@ static pm_status echo(int file, const char *url, struct in_addr group) {
     }
     const struct ip_mreq membership = {.imr_multiaddr = group, .imr_interface = {INADDR_ANY}};
     if (setsockopt(file, IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) != 0) {
-        return no_way(url, "cannot join the multicast group", strerror(errno));
+        return fail_route(url, "cannot join the multicast group", strerror(errno));
     }
     const unsigned char ttl = 0;
     setsockopt(file, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
     const struct sockaddr_in there = {AF_INET, here.sin_port, group, {0}};
     if (sendto(file, "", 1, 0, (const struct sockaddr *)&there, sizeof there) != 1) {
-        return no_way(url, "cannot send to the multicast group", strerror(errno));
+        return fail_route(url, "cannot send to the multicast group", strerror(errno));
     }
     struct pollfd readable = {file, POLLIN, 0};
     if (poll(&readable, 1, ECHO_TIMEOUT) != 1) {
-        return no_way(url, "multicast messages do not come back",
-                      "a firewall, or an interface without multicast");
+        return fail_route(url, "multicast messages do not come back",
+                          "a firewall, or an interface without multicast");
     }
     return PM_OK;
 }

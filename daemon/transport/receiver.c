@@ -1,4 +1,4 @@
-// A multicast socket, its filter, and the way from a datagram to its handler.
+// A multicast socket, its filter, and the dispatch of datagrams to handlers.
 #include "transport/receiver.h"
 
 #include <errno.h>
@@ -19,25 +19,24 @@
 
 #define BATCH 16            // datagrams taken from the kernel at once
 #define DATAGRAM_SIZE 65536 // bytes, of the largest
-#define UDP_HEAD 8          // bytes in front of LCM's, as the socket's filter sees them
+#define UDP_HEAD 8          // bytes of UDP's header, which the socket's filter sees, too
 
-// Messages handed out by one wait at most, so that a flood cannot keep the caller from its own
-// work.
+// Messages handled in one wait at most, so that a flood cannot keep the caller from its own work.
 #define BURST 1024
 
-typedef struct subscription {
+typedef struct channel_subscription {
     char channel[PM_CHANNEL_SIZE];
     pm_message_handler *handler;
     void *context;
     pm_reassembly large; // a message in fragments
-} subscription;
+} channel_subscription;
 
 struct pm_receiver {
     int file;
     pm_drops *drops;
     int count, capacity;
-    subscription *subscription; // [count], by channel, once sorted
-    bool sorted;                // and the filter is in place
+    channel_subscription *subscription; // [count], by channel if `sorted`
+    bool sorted;                        // the filter is in place, too
     bool spins;
     pm_spin spin;
     unsigned char *data; // [BATCH][DATAGRAM_SIZE]
@@ -51,13 +50,14 @@ struct pm_receiver {
 static pm_status join(const pm_receiver *r, const char *url, const pm_lcm_url *address) {
     const int on = 1, off = 0;
     const struct ip_mreq membership = {address->group.sin_addr, {INADDR_ANY}};
-    // Others on this host read the same group; and only this group, whoever shares the port.
+    // Other processes of this host may read the same group. This socket receives no other group,
+    // whatever others on the same port have joined.
     if (setsockopt(r->file, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 ||
         setsockopt(r->file, IPPROTO_IP, IP_MULTICAST_ALL, &off, sizeof off) != 0 ||
         bind(r->file, (const struct sockaddr *)&address->group, sizeof address->group) != 0) {
         return pm_fail(PM_ENET, "transport \"%s\": no socket: %s", url, strerror(errno));
     }
-    // The kernel's limit may allow less: then it gives what it may.
+    // The kernel's limit may allow less; then it gives as much as it allows.
     setsockopt(r->file, SOL_SOCKET, SO_RCVBUF, &address->receive_buffer, sizeof(int));
     if (setsockopt(r->file, IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) != 0) {
         return pm_fail(
@@ -120,22 +120,24 @@ pm_status pm_receiver_subscribe(pm_receiver *receiver, const char *channel,
     pm_receiver *r = receiver;
     if (r->count == r->capacity) {
         const int capacity = 2 * r->capacity + 8;
-        subscription *larger = realloc(r->subscription, (size_t)capacity * sizeof *r->subscription);
+        channel_subscription *larger =
+            realloc(r->subscription, (size_t)capacity * sizeof *r->subscription);
         if (larger == NULL) {
             return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
         }
         r->subscription = larger;
         r->capacity = capacity;
     }
-    subscription *s = &r->subscription[r->count++];
-    *s = (subscription){.handler = handler, .context = context};
+    channel_subscription *s = &r->subscription[r->count++];
+    *s = (channel_subscription){.handler = handler, .context = context};
     strcpy(s->channel, channel);
     r->sorted = false;
     return PM_OK;
 }
 
 static int compare_channels(const void *a, const void *b) {
-    return strcmp(((const subscription *)a)->channel, ((const subscription *)b)->channel);
+    return strcmp(((const channel_subscription *)a)->channel,
+                  ((const channel_subscription *)b)->channel);
 }
 
 // Sorts the subscriptions and tells the kernel which channels are wanted.
@@ -156,7 +158,7 @@ static pm_status sort_subscriptions(pm_receiver *r) {
     free(name);
     PM_TRY(status);
     if (program.filter != NULL) {
-        // Where it is refused, what nobody wants is dropped by find_subscription.
+        // If the kernel refuses the filter, find_subscription drops the other channels.
         setsockopt(r->file, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program);
     } else {
         setsockopt(r->file, SOL_SOCKET, SO_DETACH_FILTER, NULL, 0);
@@ -167,7 +169,7 @@ static pm_status sort_subscriptions(pm_receiver *r) {
 }
 
 // The first subscription to this channel, or NULL.
-static subscription *find_subscription(const pm_receiver *r, const char *channel) {
+static channel_subscription *find_subscription(const pm_receiver *r, const char *channel) {
     int low = 0, high = r->count;
     while (low < high) {
         const int middle = low + (high - low) / 2;
@@ -183,17 +185,18 @@ static subscription *find_subscription(const pm_receiver *r, const char *channel
 
 // --- receiving ---
 
-// Hands a message to every subscription to its channel, from `first` on.
-static void hand_out(const pm_receiver *r, const subscription *first, const void *data,
+// Passes a message to every subscription to its channel, from `first` on.
+static void dispatch(const pm_receiver *r, const channel_subscription *first, const void *data,
                      size_t size) {
-    const subscription *end = r->subscription + r->count;
-    for (const subscription *s = first; s < end && strcmp(s->channel, first->channel) == 0; ++s) {
+    const channel_subscription *end = r->subscription + r->count;
+    for (const channel_subscription *s = first; s < end && strcmp(s->channel, first->channel) == 0;
+         ++s) {
         s->handler(s->context, s->channel, data, size);
     }
 }
 
-// A first fragment names its channel; later ones belong to the message that it began.
-static pm_status take_fragment(pm_receiver *r, subscription *s, const pm_datagram *d,
+// A first fragment names its channel. A later one belongs to the message that a first one began.
+static pm_status take_fragment(pm_receiver *r, channel_subscription *s, const pm_datagram *d,
                                uint64_t sender) {
     if (s != NULL) {
         PM_TRY(pm_reassembly_begin(&s->large, d, sender));
@@ -205,7 +208,7 @@ static pm_status take_fragment(pm_receiver *r, subscription *s, const pm_datagra
         }
     }
     if (s != NULL && pm_reassembly_complete(&s->large)) {
-        hand_out(r, s, s->large.data, s->large.total);
+        dispatch(r, s, s->large.data, s->large.total);
         s->large.count = 0;
     }
     return PM_OK;
@@ -218,18 +221,18 @@ static pm_status take_datagram(pm_receiver *r, int i) {
         r->drops->count[PM_DROP_DATAGRAM] += 1;
         return PM_OK;
     }
-    subscription *s = d.channel == NULL ? NULL : find_subscription(r, d.channel);
+    channel_subscription *s = d.channel == NULL ? NULL : find_subscription(r, d.channel);
     if (d.count > 1 || d.channel == NULL) {
         const struct sockaddr_in *from = &r->sender[i];
         return take_fragment(r, s, &d, (uint64_t)from->sin_addr.s_addr << 16 | from->sin_port);
     }
     if (s != NULL) {
-        hand_out(r, s, d.data, d.size);
+        dispatch(r, s, d.data, d.size);
     }
     return PM_OK;
 }
 
-// What has arrived, one batch of it; `count` receives how many datagrams.
+// Receives and dispatches one batch of datagrams; `count` receives their number.
 static pm_status take_batch(pm_receiver *r, int *count) {
     for (int i = 0; i < BATCH; ++i) {
         r->head[i].msg_hdr.msg_namelen = sizeof r->sender[i];
@@ -237,7 +240,7 @@ static pm_status take_batch(pm_receiver *r, int *count) {
     *count = recvmmsg(r->file, r->head, BATCH, MSG_DONTWAIT, NULL);
     if (*count < 0) {
         *count = 0;
-        // A port unreachable or a network that is down for a while is no reason to stop listening.
+        // An unreachable port, or a network that is down for a while, does not end listening.
         return PM_OK;
     }
     for (int i = 0; i < *count; ++i) {
@@ -255,8 +258,8 @@ static pm_status sleep_for(const pm_receiver *r, double seconds) {
                : pm_fail(PM_ENET, "waiting for messages: %s", strerror(errno));
 }
 
-// Looks without sleeping, for as long as that pays; `count` receives how many datagrams.
-static pm_status look(pm_receiver *r, double start, double seconds, int *count) {
+// Polls without sleeping, for as long as that pays; `count` receives the number of datagrams.
+static pm_status poll_batch(pm_receiver *r, double start, double seconds, int *count) {
     const double most = pm_spin_time(&r->spin, start);
     const double end = start + (seconds < most ? seconds : most);
     *count = 0;
@@ -271,12 +274,12 @@ static pm_status look(pm_receiver *r, double start, double seconds, int *count) 
     return PM_OK;
 }
 
-// The first batch of messages, if one comes within `seconds`.
+// Receives the first batch of datagrams, if one comes within `seconds`.
 static pm_status await_batch(pm_receiver *r, double seconds, int *count) {
     const double start = pm_clock();
     *count = 0;
     if (r->spins) {
-        PM_TRY(look(r, start, seconds, count));
+        PM_TRY(poll_batch(r, start, seconds, count));
     }
     if (*count == 0) {
         const double left = start + seconds - pm_clock();

@@ -1,4 +1,4 @@
-// Stamps, tags and the file of the key, by libsodium.
+// Computes stamps and tags, and reads the key file, with libsodium.
 #include "transport/seal.h"
 
 #include <endian.h>
@@ -14,9 +14,9 @@
 #define TAG_SIZE (PM_SEAL_SIZE - STAMP_SIZE)
 
 struct pm_seal {
-    crypto_generichash_state keyed; // every tag goes on from here
-    int64_t offset;                 // ns, from the monotonic clock to that of stamps
-    int64_t newest;                 // stamp heard, or the start of listening
+    crypto_generichash_state keyed; // the hash with the key taken in, where every tag begins
+    int64_t offset;                 // ns, clock of stamps minus monotonic clock
+    int64_t newest;                 // ns, newest stamp received, or the start of listening
 };
 
 // --- the key ---
@@ -71,11 +71,11 @@ static int64_t read_clock(clockid_t clock) {
 }
 
 pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now) {
-    // Locked in memory where the system lets us, and aligned as the state wants it, since its size
-    // is a multiple of that.
+    // The memory is locked where the system allows it. It is aligned for the state, whose size is a
+    // multiple of its alignment.
     pm_seal *made = sodium_init() < 0 ? NULL : sodium_malloc(sizeof *made);
     if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "no memory to keep a key in");
+        return pm_fail(PM_ENOMEM, "out of memory for a key");
     }
     crypto_generichash_init(&made->keyed, key->byte, PM_KEY_SIZE, TAG_SIZE);
     made->offset = now - read_clock(CLOCK_MONOTONIC);
@@ -85,14 +85,14 @@ pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now) {
 }
 
 void pm_seal_close(pm_seal *seal) {
-    sodium_free(seal); // which clears it
+    sodium_free(seal); // clears it, too
 }
 
 int64_t pm_seal_clock(const pm_seal *seal) {
     return seal == NULL ? read_clock(CLOCK_REALTIME) : read_clock(CLOCK_MONOTONIC) + seal->offset;
 }
 
-// `size` bytes: payload and stamp.
+// Computes the tag of `data` [size], which holds payload and stamp.
 static void make_tag(const pm_seal *seal, const char *channel, const void *data, size_t size,
                      unsigned char *tag) {
     crypto_generichash_state state = seal->keyed;

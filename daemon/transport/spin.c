@@ -1,7 +1,7 @@
-// When looking pays, learnt from how long waits and yields take.
+// Estimates the next waiting time from the last ones, and pauses polling after a loss.
 #include "transport/spin.h"
 
-#define DECAY 0.8 // of the longest wait, with every wait after it
+#define DECAY 0.8 // of the maximum, with every shorter wait
 
 double pm_spin_time(const pm_spin *spin, double now) {
     return spin->usual < PM_SPIN_LONGEST && now >= spin->resume ? PM_SPIN_LONGEST : 0;

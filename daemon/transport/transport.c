@@ -1,4 +1,4 @@
-// The table of transports, and the calls through it.
+// The table of transports by URL scheme, and the calls through it.
 #include "transport/transport.h"
 
 #include <assert.h>

@@ -1,6 +1,6 @@
-// LCM as a transport; the only file that calls liblcm. It publishes; receiving is our own
-// (receiver.h), or liblcm's where the URL says so: then raw, and queued without limit, as LCM's
-// default queue silently keeps the oldest 30.
+// LCM as a transport. This is the only file that calls liblcm. liblcm publishes; a receiver of this
+// program receives (receiver.h), or liblcm where the URL says so. Its queues are then unlimited,
+// since LCM's default silently drops all but the oldest 30 messages.
 #include <ctype.h>
 #include <errno.h>
 #include <lcm/lcm.h>
@@ -16,21 +16,20 @@
 #include "transport/receiver.h"
 #include "transport/transport_table.h"
 
-// Messages handed out by one wait at most, so that a flood cannot keep the caller from its own
-// work.
+// Messages handled in one wait at most, so that a flood cannot keep the caller from its own work.
 #define BURST 1024
 
-typedef struct subscription {
-    struct subscription *next;
+typedef struct liblcm_subscription {
+    struct liblcm_subscription *next;
     pm_message_handler *handler;
     void *context;
-} subscription;
+} liblcm_subscription;
 
 typedef struct lcm_endpoint {
     lcm_t *lcm;
-    pm_receiver *receiver; // NULL: liblcm receives, with what follows
+    pm_receiver *receiver; // NULL: liblcm receives, for `subscriptions`
     int file;
-    subscription *subscriptions;
+    liblcm_subscription *subscriptions;
 } lcm_endpoint;
 
 static void lcm_endpoint_close(void *state) {
@@ -40,14 +39,14 @@ static void lcm_endpoint_close(void *state) {
         lcm_destroy(e->lcm);
     }
     while (e->subscriptions != NULL) {
-        subscription *next = e->subscriptions->next;
+        liblcm_subscription *next = e->subscriptions->next;
         free(e->subscriptions);
         e->subscriptions = next;
     }
     free(e);
 }
 
-// The address and those options that liblcm knows; NULL: out of memory.
+// Makes the URL for liblcm: the address and the options that it knows. NULL: out of memory.
 static char *provider_of(const char *url, const pm_lcm_url *parsed) {
     const size_t size = strlen(url) + 64;
     char *text = malloc(size);
@@ -94,7 +93,7 @@ done:
 }
 
 static void receive(const lcm_recv_buf_t *buffer, const char *channel, void *context) {
-    const subscription *s = context;
+    const liblcm_subscription *s = context;
     s->handler(s->context, channel, buffer->data, buffer->data_size);
 }
 
@@ -104,7 +103,7 @@ static pm_status lcm_endpoint_subscribe(void *state, const char *channel,
     if (e->receiver != NULL) {
         return pm_receiver_subscribe(e->receiver, channel, handler, context);
     }
-    subscription *s = calloc(1, sizeof *s);
+    liblcm_subscription *s = calloc(1, sizeof *s);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
     }
@@ -112,7 +111,7 @@ static pm_status lcm_endpoint_subscribe(void *state, const char *channel,
     s->context = context;
     s->next = e->subscriptions;
     e->subscriptions = s;
-    // LCM reads a regular expression, anchored at both ends.
+    // LCM takes a regular expression, and anchors it at both ends.
     char pattern[2 * PM_CHANNEL_SIZE];
     size_t length = 0;
     for (const char *c = channel; *c != 0; ++c) {
@@ -141,7 +140,7 @@ static pm_status lcm_endpoint_publish(void *state, const char *channel, const vo
     case EINTR:
     case ENOBUFS:
     case EPERM:       // a packet filter
-        return PM_OK; // lost, which the wire may do to any message
+        return PM_OK; // the message is lost, as any message may be
     case ENETDOWN:
     case ENETUNREACH:
         return pm_fail(PM_ENET, "channel %s: %s; " PM_MULTICAST_REMEDY, channel, strerror(errno));

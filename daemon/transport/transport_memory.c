@@ -1,5 +1,6 @@
-// Messages between endpoints in one thread: a queue per receiver, and for tests a hub that loses,
-// repeats and delays. Message buffers are reused, so that a run in its stride allocates nothing.
+// Messages between endpoints in one thread: each receiver has a queue, and the hub can lose, repeat
+// and delay messages for tests. Message buffers are reused, so that the steps of a run allocate
+// nothing.
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,39 +8,39 @@
 #include "base/rng.h"
 #include "transport/transport_table.h"
 
-typedef struct subscription {
-    struct subscription *next;
+typedef struct memory_subscription {
+    struct memory_subscription *next;
     pm_message_handler *handler;
     void *context;
     char channel[PM_CHANNEL_SIZE];
-} subscription;
+} memory_subscription;
 
-typedef struct message {
-    struct message *next;
-    const subscription *to;
-    long due; // handed out when the receiver's count of waits has reached this
+typedef struct queued_message {
+    struct queued_message *next;
+    const memory_subscription *to;
+    long due; // the receiver's count of waits at which it is passed on
     size_t size, capacity;
     unsigned char data[];
-} message;
+} queued_message;
 
-typedef struct endpoint {
-    struct endpoint *next;
+typedef struct memory_endpoint {
+    struct memory_endpoint *next;
     pm_hub *hub;
-    subscription *subscriptions;
-    message *head, **tail; // waiting, oldest first; where the next one is linked
-    long waits;            // calls of pm_transport_wait so far
-} endpoint;
+    memory_subscription *subscriptions;
+    queued_message *head, **tail; // waiting, oldest first; where the next one is linked
+    long waits;                   // calls of pm_transport_wait so far
+} memory_endpoint;
 
 struct pm_hub {
-    endpoint *endpoints;
-    message *unused;
+    memory_endpoint *endpoints;
+    queued_message *unused;
     pm_hub_faults faults;
     pm_rng rng;
 };
 
-static void free_messages(message *m) {
+static void free_messages(queued_message *m) {
     while (m != NULL) {
-        message *next = m->next;
+        queued_message *next = m->next;
         free(m);
         m = next;
     }
@@ -75,14 +76,14 @@ static pm_status memory_open(void **state, const char *url, pm_hub *hub, pm_drop
     if (hub == NULL) {
         return pm_fail(PM_ECONFIG, "transport \"%s\" works inside one process only", url);
     }
-    endpoint *e = calloc(1, sizeof *e);
+    memory_endpoint *e = calloc(1, sizeof *e);
     if (e == NULL) {
         return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
     }
     e->hub = hub;
     e->tail = &e->head;
     // At the end of the list: messages go out in the order in which endpoints were opened.
-    endpoint **link = &hub->endpoints;
+    memory_endpoint **link = &hub->endpoints;
     while (*link != NULL) {
         link = &(*link)->next;
     }
@@ -92,15 +93,15 @@ static pm_status memory_open(void **state, const char *url, pm_hub *hub, pm_drop
 }
 
 static void memory_close(void *state) {
-    endpoint *e = state;
-    endpoint **link = &e->hub->endpoints;
+    memory_endpoint *e = state;
+    memory_endpoint **link = &e->hub->endpoints;
     while (*link != e) {
         link = &(*link)->next;
     }
     *link = e->next;
     free_messages(e->head);
     while (e->subscriptions != NULL) {
-        subscription *next = e->subscriptions->next;
+        memory_subscription *next = e->subscriptions->next;
         free(e->subscriptions);
         e->subscriptions = next;
     }
@@ -109,8 +110,8 @@ static void memory_close(void *state) {
 
 static pm_status memory_subscribe(void *state, const char *channel, pm_message_handler *handler,
                                   void *context) {
-    endpoint *e = state;
-    subscription *s = calloc(1, sizeof *s);
+    memory_endpoint *e = state;
+    memory_subscription *s = calloc(1, sizeof *s);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
     }
@@ -123,25 +124,26 @@ static pm_status memory_subscribe(void *state, const char *channel, pm_message_h
 }
 
 // A buffer for `size` bytes: the first unused one that is large enough, else a new one.
-static message *take_message(pm_hub *hub, size_t size) {
-    for (message **link = &hub->unused; *link != NULL; link = &(*link)->next) {
-        message *m = *link;
+static queued_message *take_message(pm_hub *hub, size_t size) {
+    for (queued_message **link = &hub->unused; *link != NULL; link = &(*link)->next) {
+        queued_message *m = *link;
         if (m->capacity >= size) {
             *link = m->next;
             return m;
         }
     }
     const size_t capacity = size < 256 ? 256 : size;
-    message *m = malloc(sizeof *m + capacity);
+    queued_message *m = malloc(sizeof *m + capacity);
     if (m != NULL) {
         m->capacity = capacity;
     }
     return m;
 }
 
-static pm_status enqueue(endpoint *e, const subscription *to, const void *data, size_t size) {
+static pm_status enqueue(memory_endpoint *e, const memory_subscription *to, const void *data,
+                         size_t size) {
     pm_hub *hub = e->hub;
-    message *m = take_message(hub, size);
+    queued_message *m = take_message(hub, size);
     if (m == NULL) {
         return pm_fail(PM_ENOMEM, "channel %s: out of memory", to->channel);
     }
@@ -159,10 +161,10 @@ static pm_status enqueue(endpoint *e, const subscription *to, const void *data, 
 }
 
 static pm_status memory_publish(void *state, const char *channel, const void *data, size_t size) {
-    pm_hub *hub = ((endpoint *)state)->hub;
+    pm_hub *hub = ((memory_endpoint *)state)->hub;
     const pm_hub_faults *faults = &hub->faults;
-    for (endpoint *e = hub->endpoints; e != NULL; e = e->next) {
-        for (const subscription *s = e->subscriptions; s != NULL; s = s->next) {
+    for (memory_endpoint *e = hub->endpoints; e != NULL; e = e->next) {
+        for (const memory_subscription *s = e->subscriptions; s != NULL; s = s->next) {
             if (strcmp(s->channel, channel) != 0) {
                 continue;
             }
@@ -180,14 +182,14 @@ static pm_status memory_publish(void *state, const char *channel, const void *da
 
 static pm_status memory_wait(void *state, double seconds, int *handled) {
     (void)seconds;
-    endpoint *e = state;
+    memory_endpoint *e = state;
     e->waits += 1;
-    // Only what waits now: handlers may add more.
-    const message *const *end = (const message *const *)e->tail;
-    message **link = &e->head;
+    // Only the messages that are queued now: handlers may add more.
+    const queued_message *const *end = (const queued_message *const *)e->tail;
+    queued_message **link = &e->head;
     for (bool more = e->head != NULL; more;) {
-        message *m = *link;
-        more = (const message *const *)&m->next != end;
+        queued_message *m = *link;
+        more = (const queued_message *const *)&m->next != end;
         if (m->due > e->waits) {
             link = &m->next;
             continue;

@@ -1,5 +1,5 @@
-// A transport in front of another: seals what is published, and hands out only what was sealed with
-// the same key.
+// A transport in front of another one: it seals what is published, and passes on only messages that
+// were sealed with the same key.
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,12 +7,12 @@
 
 #define FIRST_CAPACITY 1024 // bytes
 
-typedef struct subscription {
-    struct subscription *next;
+typedef struct sealed_subscription {
+    struct sealed_subscription *next;
     struct sealed *owner;
     pm_message_handler *handler;
     void *context;
-} subscription;
+} sealed_subscription;
 
 typedef struct sealed {
     const pm_transport_table *table; // of the transport beneath
@@ -21,7 +21,7 @@ typedef struct sealed {
     pm_drops *drops;
     unsigned char *data; // [capacity] a message with its seal
     size_t capacity;
-    subscription *subscriptions;
+    sealed_subscription *subscriptions;
 } sealed;
 
 static void sealed_close(void *state) {
@@ -29,7 +29,7 @@ static void sealed_close(void *state) {
     s->table->close(s->beneath);
     pm_seal_close(s->seal);
     while (s->subscriptions != NULL) {
-        subscription *next = s->subscriptions->next;
+        sealed_subscription *next = s->subscriptions->next;
         free(s->subscriptions);
         s->subscriptions = next;
     }
@@ -56,7 +56,7 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
 }
 
 static void check(void *context, const char *channel, const void *data, size_t size) {
-    const subscription *s = context;
+    const sealed_subscription *s = context;
     const pm_drop drop = pm_seal_check(s->owner->seal, channel, data, &size);
     if (drop == PM_KEEP) {
         s->handler(s->context, channel, data, size);
@@ -68,11 +68,11 @@ static void check(void *context, const char *channel, const void *data, size_t s
 static pm_status sealed_subscribe(void *state, const char *channel, pm_message_handler *handler,
                                   void *context) {
     sealed *s = state;
-    subscription *made = calloc(1, sizeof *made);
+    sealed_subscription *made = calloc(1, sizeof *made);
     if (made == NULL) {
         return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
     }
-    *made = (subscription){s->subscriptions, s, handler, context};
+    *made = (sealed_subscription){s->subscriptions, s, handler, context};
     s->subscriptions = made;
     return s->table->subscribe(s->beneath, channel, check, made);
 }

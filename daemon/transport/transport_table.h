@@ -1,13 +1,13 @@
-// What a transport provides; private to transport*.c.
+// The functions that a transport provides. Private to transport*.c.
 #ifndef PM_TRANSPORT_TRANSPORT_TABLE_H
 #define PM_TRANSPORT_TRANSPORT_TABLE_H
 
 #include "transport/transport.h"
 
-// The functions of transport.h, on the transport's own state.
+// The functions of transport.h, each on the transport's own state.
 typedef struct pm_transport_table {
-    pm_status (*check)(const char *url); // its scheme is one of the transport's
-    // `drops` is where it counts what it cannot hand out.
+    pm_status (*check)(const char *url); // the scheme is one of the transport's
+    // `drops` counts the messages that the transport drops, and outlives the state.
     pm_status (*open)(void **state, const char *url, pm_hub *hub, pm_drops *drops);
     void (*close)(void *state);
     pm_status (*subscribe)(void *state, const char *channel, pm_message_handler *handler,
@@ -20,7 +20,8 @@ typedef struct pm_transport_table {
 extern const pm_transport_table pm_transport_lcm;
 extern const pm_transport_table pm_transport_memory;
 
-// A transport in front of another one, which it owns from now on; its `check` and `open` are NULL.
+// The transport that seals stands in front of another one, `beneath`, which it owns from now on.
+// Its `check` and `open` are NULL. PM_ENOMEM; `beneath` then stays the caller's.
 extern const pm_transport_table pm_transport_sealed;
 pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
                                    const pm_key *key, pm_drops *drops);
