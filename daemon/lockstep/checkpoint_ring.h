@@ -1,8 +1,8 @@
-// The checkpoints of a process: what its group must remember, at the last two of every `interval`
-// steps from the start of the run on, in memory and in a file. A process that returns from its
-// death goes on from the newest; one that is asked for what it no longer holds goes back to the
-// newest before that. As no process is ever ahead of another by more than an interval less one
-// step, all of them hold a common one.
+// The checkpoints of a process: the state of its subsystems at the last two multiples of `interval`
+// steps, in memory and in one file. A process that is restarted after its death continues from the
+// newer one. A process that is asked for a message it no longer holds rolls back to the newest one
+// before that step. No process is ever ahead of another by more than an interval less one step, so
+// all of them hold a common checkpoint.
 #ifndef PM_LOCKSTEP_CHECKPOINT_RING_H
 #define PM_LOCKSTEP_CHECKPOINT_RING_H
 
@@ -10,35 +10,38 @@
 
 // Storage the caller owns; zero-initialise.
 typedef struct pm_checkpoint_ring {
-    const char *path; // NULL: nothing is kept
-    uint64_t digest;
+    const char *path; // NULL: no checkpoints are kept
+    uint64_t digest;  // of scene, weights and initial state
     int64_t interval; // steps
-    uint64_t layout;  // of the numbers of a checkpoint (base/record.h)
-    int size;         // number of these: the step, then the group's
-    double *memory;   // [2][size], the older first; step -1: none
+    uint64_t layout;  // of the numbers of one checkpoint (base/record.h)
+    int size;         // numbers of one checkpoint: its step, then those of the subsystems
+    double *state;    // [2][size], the older one first; step -1: none
 } pm_checkpoint_ring;
 
-// Steps between two checkpoints: as the scene says, or twice its window if that is more.
+// The number of steps between two checkpoints: the scene's, but at least twice its window.
 int64_t pm_checkpoint_ring_interval(const pm_scene *scene);
 
-// Begins with the group's present state, as of step 0; memory from the arena. PM_ENOMEM.
-pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *history, pm_arena *arena, const char *path,
-                                  const pm_system *system, pm_process_subsystems *group);
+// Takes the present state of the subsystems as the checkpoint of step 0, with memory from the
+// arena; writes no file. `path` (may be NULL) must outlive the ring. PM_ENOMEM.
+pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *ring, pm_arena *arena, const char *path,
+                                  const pm_system *system, pm_process_subsystems *subsystems);
 
-// Whether the file is one of this session. PM_EFILE.
-pm_status pm_checkpoint_ring_knows(const pm_checkpoint_ring *history, int64_t session, bool *known);
+// `known` receives whether the file holds checkpoints of this session. PM_EFILE.
+pm_status pm_checkpoint_ring_has_session(const pm_checkpoint_ring *ring, int64_t session,
+                                         bool *known);
 
-// Takes over the file, if it is of this session; else writes it, so that this process will be known
-// to be of the session. PM_EFILE.
-pm_status pm_checkpoint_ring_begin(pm_checkpoint_ring *history, int64_t session);
+// Loads the file if it is of this session; otherwise writes it, so that a restarted process finds
+// that it belongs to the session. PM_EFILE.
+pm_status pm_checkpoint_ring_load_or_create(pm_checkpoint_ring *ring, int64_t session);
 
-// `step` steps are complete: keeps the group's state if it is time to. PM_EFILE.
-pm_status pm_checkpoint_ring_note(pm_checkpoint_ring *history, int64_t session, int64_t step,
-                                  pm_process_subsystems *group);
+// Keeps the state after `step` steps, in memory and in the file, if `step` is a positive multiple
+// of the interval. PM_EFILE.
+pm_status pm_checkpoint_ring_save_due(pm_checkpoint_ring *ring, int64_t session, int64_t step,
+                                      pm_process_subsystems *subsystems);
 
-// Brings the group back to the newest checkpoint of at most `step` steps, and forgets later ones.
-// Returns its step; -1: there is none, and the group is as it was.
-int64_t pm_checkpoint_ring_go_back(pm_checkpoint_ring *history, int64_t step,
-                                   pm_process_subsystems *group);
+// Restores the subsystems from the newest checkpoint of at most `step` steps, and forgets later
+// ones. Returns the checkpoint's step; -1: there is none, and the subsystems stay as they were.
+int64_t pm_checkpoint_ring_roll_back(pm_checkpoint_ring *ring, int64_t step,
+                                     pm_process_subsystems *subsystems);
 
 #endif

@@ -152,12 +152,12 @@ static bool is_control(char character) {
 
 // --- reading ---
 
-typedef struct reader {
+typedef struct wire_reader {
     const unsigned char *at;
     size_t left;
-} reader;
+} wire_reader;
 
-static bool read_bits(reader *r, size_t size, uint64_t *bits) {
+static bool read_bits(wire_reader *r, size_t size, uint64_t *bits) {
     if (r->left < size) {
         return false;
     }
@@ -171,7 +171,7 @@ static bool read_bits(reader *r, size_t size, uint64_t *bits) {
 }
 
 // `count` numbers of eight bytes.
-static pm_drop read_words(reader *r, size_t count, bool must_be_finite, char *target) {
+static pm_drop read_words(wire_reader *r, size_t count, bool must_be_finite, char *target) {
     bool finite = true;
     if (r->left / 8 < count) {
         return PM_DROP_LENGTH;
@@ -188,7 +188,7 @@ static pm_drop read_words(reader *r, size_t count, bool must_be_finite, char *ta
     return finite || !must_be_finite ? PM_KEEP : PM_DROP_NUMBER;
 }
 
-static pm_drop read_text(reader *r, char *target) {
+static pm_drop read_text(wire_reader *r, char *target) {
     uint64_t size;
     if (!read_bits(r, 4, &size)) {
         return PM_DROP_LENGTH;
@@ -214,7 +214,7 @@ static pm_drop read_text(reader *r, char *target) {
     return PM_KEEP;
 }
 
-static pm_drop read_integer(reader *r, field_kind kind, char *target) {
+static pm_drop read_integer(wire_reader *r, field_kind kind, char *target) {
     const bool is_count = kind == FIELD_COUNT || kind == FIELD_COUNT_TO;
     const size_t size = kind == FIELD_I64 ? 8 : kind == FIELD_I32 || is_count ? 4 : 1;
     uint64_t bits;
@@ -248,7 +248,7 @@ static pm_drop read_integer(reader *r, field_kind kind, char *target) {
 }
 
 static pm_drop decode(const wire_type *type, void *message, const void *data, size_t size) {
-    reader r = {data, size};
+    wire_reader r = {data, size};
     uint64_t fingerprint;
     if (!read_bits(&r, 8, &fingerprint)) {
         return PM_DROP_LENGTH;
@@ -280,13 +280,13 @@ static pm_drop decode(const wire_type *type, void *message, const void *data, si
 
 // --- writing ---
 
-typedef struct writer {
+typedef struct wire_writer {
     unsigned char *at;
     size_t left;
     bool failed;
-} writer;
+} wire_writer;
 
-static void write_bits(writer *w, size_t size, uint64_t bits) {
+static void write_bits(wire_writer *w, size_t size, uint64_t bits) {
     if (w->failed || w->left < size) {
         w->failed = true;
         return;
@@ -299,7 +299,7 @@ static void write_bits(writer *w, size_t size, uint64_t bits) {
 }
 
 // `count` numbers of eight bytes.
-static void write_words(writer *w, size_t count, bool must_be_finite, const char *source) {
+static void write_words(wire_writer *w, size_t count, bool must_be_finite, const char *source) {
     bool finite = true;
     if (w->failed || w->left / 8 < count) {
         w->failed = true;
@@ -317,7 +317,7 @@ static void write_words(writer *w, size_t count, bool must_be_finite, const char
     w->failed = must_be_finite && !finite;
 }
 
-static void write_text(writer *w, const char *text) {
+static void write_text(wire_writer *w, const char *text) {
     const size_t length = strnlen(text, PM_TEXT_MAX);
     write_bits(w, 4, length + 1);
     for (size_t i = 0; i < length; ++i) {
@@ -326,7 +326,7 @@ static void write_text(writer *w, const char *text) {
     write_bits(w, 1, 0);
 }
 
-static void write_integer(writer *w, field_kind kind, const char *source) {
+static void write_integer(wire_writer *w, field_kind kind, const char *source) {
     uint64_t bits = 0;
     uint32_t word;
     switch (kind) {
@@ -346,7 +346,7 @@ static void write_integer(writer *w, field_kind kind, const char *source) {
 }
 
 static size_t encode(const wire_type *type, const void *message, void *data, size_t capacity) {
-    writer w = {data, capacity, false};
+    wire_writer w = {data, capacity, false};
     write_bits(&w, 8, (uint64_t)type->fingerprint());
     const char *m = message;
     for (int i = 0; i < type->nfield; ++i) {

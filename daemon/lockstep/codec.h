@@ -1,14 +1,16 @@
-// The wire types (lcmtypes/portmet.lcm) to bytes and back, into memory the caller has prepared:
-// nothing is allocated. Same bytes as the code that lcm-gen generates, whose structs are used here;
-// but its decoders trust the sender, and these do not.
+// Encodes the wire types (lcmtypes/portmet.lcm) to bytes and decodes them into memory that the
+// caller has prepared; nothing is allocated. The bytes and structs are those of the code that
+// lcm-gen generates. Its decoders trust the sender; these do not.
 //
 // _decode: `message` comes with its array counts set and its array pointers at that many numbers.
-// A flux must have exactly these counts; a report's are the largest it may have, and are replaced
-// by what it has. Length, fingerprint, counts, text and numbers are checked; PM_KEEP is the only
-// result after which the message may be read. Text then points into `data`. Array pointers are
-// never changed. _encode: writes at most `capacity` bytes and returns how many; 0 if they do not
-// suffice or a number is not finite. Text is cut after PM_TEXT_MAX characters; control characters
-// become blanks. _size: the bytes that encoding takes.
+// A flux must have exactly these counts. A report's counts are the largest it may have, and are
+// replaced by those it has. Length, fingerprint, counts, text and numbers are checked; only after
+// PM_KEEP may the message be read. Its text then points into `data`. Array pointers never change.
+//
+// _encode writes at most `capacity` bytes and returns their number; 0 if they do not suffice or a
+// number is not finite. Text is cut after PM_TEXT_MAX characters; control characters become blanks.
+//
+// _size returns the number of bytes that encoding takes.
 #ifndef PM_LOCKSTEP_CODEC_H
 #define PM_LOCKSTEP_CODEC_H
 
@@ -26,10 +28,10 @@
 
 #define PM_TEXT_MAX 1023 // characters, without the terminator
 
-// Steps of a run, at most: then rounds counted from its start fit an int64_t.
+// The largest number of steps of a run. Rounds counted from its start then fit an int64_t.
 #define PM_STEPS_MAX (INT64_C(1) << 40)
 
-// What a hello says of the types: their fingerprints, added up, but its own, which stays the same.
+// Protocol version: the sum of the fingerprints of all message types except hello_t.
 int64_t pm_protocol(void);
 
 pm_drop pm_hello_decode(portmet_hello_t *message, const void *data, size_t size);

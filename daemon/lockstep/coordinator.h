@@ -1,5 +1,38 @@
-// The inside of a coordinator: lockstep_coordinator.c grants and books steps, coordinator_hear.c
-// takes messages in, coordinator_checkpoint.c keeps the checkpoint. Private to these three.
+// The inside of a coordinator, private to its four files: lockstep_coordinator.c polls, grants and
+// books steps and ends the run; coordinator_messages.c handles messages; coordinator_checkpoint.c
+// saves and loads the checkpoint; coordinator_state.c holds what these three share. Calls go in
+// this order, never back.
+//
+// The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING, which
+// `completed` and `held` divide. `patience` and `checkpoint` are those of the scene. A coordinator
+// that is started with a checkpoint begins in STEPPING with a tick.
+//
+// state      awaits             message or time-out              next       sends
+// ---------  -----------------  -------------------------------  ---------  ---------------------
+// GATHERING  every process's    0.1 s passed                     GATHERING  hello
+//            report of step 0   hello, fits                      GATHERING  tick, granted = 0
+//                               hello, another digest            CLOSING    REFUSE to the sender
+//                               every report is there            STEPPING   tick, ledger
+// STEPPING   reports of         every report of a step is there  STEPPING   tick, ledger
+//            granted steps,     flux: a process got on           STEPPING   tick if it may grant
+//            or fluxes that     request for a tick               STEPPING   tick
+//            show progress      nothing left to grant: gate      HELD       tell the observer
+//                               every report of the last step    CLOSING    ledger
+// HELD       a larger number    the file was read: larger        STEPPING   tick
+//            in the gate file   time to request (waiting.h)      HELD       tick: a sign of life
+// these      (any of them)      time to request, not HELD        the same   request for fluxes,
+//   three                                                                   then for reports
+//                               a process silent for 2 s         the same   tell the observer
+//                               a process silent for patience    CLOSING
+//                               no progress in 3 patience,       CLOSING
+//                                 though all show life
+//                               report FAILED; own failure       CLOSING
+//                               hello of a later coordinator     the same   REFUSE to the sender
+//                               REFUSE of this coordinator       FINISHED
+// CLOSING    BYE of every       0.02 s passed                    CLOSING    END, or ABORT
+//            process            hello, after a failure           CLOSING    REFUSE to the sender
+//                               every BYE, or END or ABORT       FINISHED
+//                                 was sent 11 times
 #ifndef PM_LOCKSTEP_COORDINATOR_H
 #define PM_LOCKSTEP_COORDINATOR_H
 
@@ -21,55 +54,73 @@ struct pm_lockstep_coordinator {
     pm_endpoint endpoint;
     pm_arena arena;
     pm_lockstep_observer observer;
-    bool want_state;
+    bool want_state; // reports carry the state z
 
     pm_coordinator_phase phase;
-    double next;     // s, next command
+    double next;     // s, when the next command is due
     int commands;    // END or ABORT sent so far
-    bool greeted;    // said hello
-    double greet_at; // s, when to say it again
+    bool said_hello; // at least once
+    double hello_at; // s, when the next hello is due
 
-    int lead;                   // steps granted beyond the last complete one, at most
-    bool hears_fluxes;          // and no more than a window beyond the last one they tell of
+    int lookahead;              // steps granted beyond the last complete one, at most
+    bool hears_fluxes;          // fluxes show progress; grants stay within a window of them
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
-    bool failed;                // to book a step: no later one is booked
+    bool failed;                // a step could not be booked; no later step is booked
     bool progressed;            // since the last poll: a new wait begins
-    bool fluxes_asked;          // in this wait: next time it is reports
-    double moved;               // s, when a remote was last heard to get on
-    bool paused;                // and the observer was told
-    bool held;                  // at the gate, after the last step it allows
-    bool tick_wanted;           // somebody asked for it since the last poll
+    bool fluxes_requested;      // in this wait: the next request is for reports
+    double moved;               // s, when a process last made progress
+    bool paused;                // the observer was told that the run pauses
+    bool held;                  // the gate holds the run after the step `completed`
+    bool tick_wanted;           // a message since the last poll needs a tick as its answer
 
     int nremote;
     pm_remote_process *remote; // [nremote]
     pm_gate gate;
-    pm_report_window window_reports;
+    pm_report_window reports;
     pm_ledger ledger;
-    pm_step_controller pace;
-    const char *checkpoint; // NULL: none
-    int64_t interval;       // steps between two
+    pm_step_controller step_controller;
+    const char *checkpoint; // file; NULL: none
+    int64_t interval;       // steps between two checkpoints
     pm_snapshot_key checkpoint_key;
-    double *memory; // [checkpoint_key.count] steps completed, then the ledger's and the observer's
+    double *checkpoint_state; // [checkpoint_key.count] steps completed, ledger, observer
     char ledger_channel[PM_CHANNEL_SIZE];
-    double ledger_at; // s, when the next one may be published
+    double ledger_at; // s, when the next ledger message may be published
 };
 
-// Handlers cannot return a failure; they leave it here.
+// --- state (coordinator_state.c) ---
+
+// Ends the run if `status` is a failure. Message handlers cannot return one; they report it here.
 void pm_coordinator_check(pm_lockstep_coordinator *coordinator, pm_status status);
 
-// Subscribes to what it hears. `asked`: the session that it was started for, or 0. PM_ECONFIG,
-// PM_ENET, PM_ENOMEM.
-pm_status pm_coordinator_listen(pm_lockstep_coordinator *coordinator, int64_t asked);
+// Goes on to CLOSING. The endpoint's status says whether processes are told END or ABORT.
+void pm_coordinator_close_run(pm_lockstep_coordinator *coordinator);
 
-// Steps to be granted when the reports of `complete` are there, as far as the gate allows.
-int64_t pm_coordinator_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
+// The number of steps that may be granted when the reports of the first `complete` steps are there:
+// at most the lookahead beyond these, what the gate allows, and, where fluxes show progress, a
+// window beyond the slowest process.
+int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
 
-// Takes up what a coordinator left that died, if it was of the session `asked` (0: any); else
-// leaves the first checkpoint, so that this one's session is known. PM_EFILE, PM_ENOMEM, and what
-// the observer's restore returns.
-pm_status pm_coordinator_recall(pm_lockstep_coordinator *coordinator, int64_t asked);
+// The number of steps that every process is known, by a report or a flux, to have completed.
+int64_t pm_coordinator_steps_shown(const pm_lockstep_coordinator *coordinator);
 
-// Writes the checkpoint. PM_EFILE, and what the observer's save returns.
-pm_status pm_coordinator_remember(pm_lockstep_coordinator *coordinator);
+// True if the gate allows no step beyond those that are granted.
+bool pm_coordinator_is_at_gate(const pm_lockstep_coordinator *coordinator);
+
+// --- messages (coordinator_messages.c) ---
+
+// Opens the endpoint and subscribes to reports, to fluxes where they show progress, and to all
+// requests. `session`: the one that the coordinator was started for, or 0. PM_ECONFIG, PM_ENET,
+// PM_ENOMEM.
+pm_status pm_coordinator_listen(pm_lockstep_coordinator *coordinator, int64_t session);
+
+// --- checkpoint (coordinator_checkpoint.c) ---
+
+// Goes on from the checkpoint file, if it holds a checkpoint of `session` (0: of any session);
+// otherwise writes a first checkpoint, so that this run's session is known. Does nothing without a
+// checkpoint file. PM_EFILE, PM_ENOMEM, and what the observer's resume returns.
+pm_status pm_coordinator_load_checkpoint(pm_lockstep_coordinator *coordinator, int64_t session);
+
+// Writes the checkpoint of the step `completed`. PM_EFILE, and what the observer's flush returns.
+pm_status pm_coordinator_save_checkpoint(pm_lockstep_coordinator *coordinator);
 
 #endif

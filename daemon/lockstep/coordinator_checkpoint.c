@@ -1,4 +1,5 @@
-// The checkpoint of a coordinator.
+// The checkpoint of a coordinator: the number of steps completed, what the ledger must remember,
+// and what the observer must remember, in one file (store/snapshot.h).
 #include "lockstep/checkpoint_ring.h"
 #include "lockstep/coordinator.h"
 #include "store/snapshot.h"
@@ -13,26 +14,28 @@ static void list(pm_lockstep_coordinator *c, pm_record *record, long *completed)
 }
 
 static pm_status save(const pm_lockstep_coordinator *c) {
-    return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session, c->memory);
+    return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,
+                            c->checkpoint_state);
 }
 
-// Allocates the numbers of the checkpoint, which say that no step is complete.
+// Allocates the numbers of the checkpoint, whose number of complete steps is -1: none.
 static pm_status allocate(pm_lockstep_coordinator *c) {
     long completed = -1;
     pm_record record = pm_record_count("coordinator");
     list(c, &record, &completed);
     c->checkpoint_key = (pm_snapshot_key){c->endpoint.system->digest, record.layout, record.count};
-    c->memory = pm_arena_array(&c->arena, (size_t)record.count, sizeof *c->memory);
-    if (c->memory == NULL) {
+    c->checkpoint_state =
+        pm_arena_array(&c->arena, (size_t)record.count, sizeof *c->checkpoint_state);
+    if (c->checkpoint_state == NULL) {
         return pm_fail(PM_ENOMEM, "coordinator: out of memory");
     }
-    c->memory[0] = (double)completed;
+    c->checkpoint_state[0] = (double)completed;
     return PM_OK;
 }
 
-pm_status pm_coordinator_remember(pm_lockstep_coordinator *c) {
+pm_status pm_coordinator_save_checkpoint(pm_lockstep_coordinator *c) {
     long completed = (long)c->completed;
-    pm_record record = pm_record_save("coordinator", c->memory);
+    pm_record record = pm_record_save("coordinator", c->checkpoint_state);
     list(c, &record, &completed);
     if (c->observer.flush != NULL) {
         PM_TRY(c->observer.flush(c->observer.context));
@@ -40,7 +43,7 @@ pm_status pm_coordinator_remember(pm_lockstep_coordinator *c) {
     return save(c);
 }
 
-pm_status pm_coordinator_recall(pm_lockstep_coordinator *c, int64_t wanted) {
+pm_status pm_coordinator_load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     int64_t session;
     bool found;
     c->interval = pm_checkpoint_ring_interval(c->endpoint.system->scene);
@@ -52,18 +55,18 @@ pm_status pm_coordinator_recall(pm_lockstep_coordinator *c, int64_t wanted) {
     if (!found || (wanted > 0 && wanted != session)) {
         return save(c);
     }
-    PM_TRY(pm_snapshot_load(c->checkpoint, &c->checkpoint_key, &c->endpoint.session, c->memory,
-                            &found));
-    if (c->memory[0] < -1 || c->memory[0] > (double)c->endpoint.steps) {
+    PM_TRY(pm_snapshot_load(c->checkpoint, &c->checkpoint_key, &c->endpoint.session,
+                            c->checkpoint_state, &found));
+    if (c->checkpoint_state[0] < -1 || c->checkpoint_state[0] > (double)c->endpoint.steps) {
         return pm_fail(PM_EFILE, "%s: a snapshot of step %g, the run has %lld", c->checkpoint,
-                       c->memory[0], (long long)c->endpoint.steps);
+                       c->checkpoint_state[0], (long long)c->endpoint.steps);
     }
-    c->completed = (int64_t)c->memory[0];
+    c->completed = (int64_t)c->checkpoint_state[0];
     if (c->completed < 0) {
         return PM_OK;
     }
     long completed = 0;
-    pm_record record = pm_record_restore("coordinator", c->memory);
+    pm_record record = pm_record_restore("coordinator", c->checkpoint_state);
     list(c, &record, &completed);
     c->granted = pm_coordinator_limit(c, c->completed);
     c->tick_wanted = true;

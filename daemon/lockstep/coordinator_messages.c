@@ -1,11 +1,12 @@
-// What a coordinator hears: hellos, of which it refuses some, commands, reports and requests. Only
-// stores and answers.
+// The messages that a coordinator handles: hellos, some of which it refuses, commands, reports,
+// fluxes and requests. Handlers only store what a message says and note which answer it needs; the
+// next poll acts on it. coordinator.h has the table of states.
 #include "lockstep/coordinator.h"
 
 #include <stdio.h>
 #include <string.h>
 
-static pm_remote_process *find_member(const pm_lockstep_coordinator *c, const char *name) {
+static pm_remote_process *find_remote(const pm_lockstep_coordinator *c, const char *name) {
     for (int i = 0; i < c->nremote; ++i) {
         if (strcmp(c->remote[i].name, name) == 0) {
             return &c->remote[i];
@@ -16,7 +17,8 @@ static pm_remote_process *find_member(const pm_lockstep_coordinator *c, const ch
 
 // --- hellos ---
 
-// A node that cannot take part ends a run that has not begun, and is sent away from one that has.
+// Refuses the sender of a hello. A node that does not fit ends a run that has not begun; a run that
+// is under way (`late`) goes on without it.
 static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
                       bool late) {
     pm_coordinator_check(c, pm_identity_refuse(&c->endpoint.identity, hello->session,
@@ -27,17 +29,17 @@ static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, 
     return PM_KEEP;
 }
 
-// Without checkpoints nobody can take the place of the node whose initial state was reported: sends
-// another instance of it away.
-static bool is_second(pm_lockstep_coordinator *c, const pm_remote_process *m, int64_t session,
+// Refuses a second instance of a process. Without checkpoints no other instance can take the place
+// of the one that has reported the initial state.
+static bool is_second(pm_lockstep_coordinator *c, const pm_remote_process *remote, int64_t session,
                       int64_t instance) {
-    if (instance == m->instance) {
+    if (instance == remote->instance) {
         return false;
     }
     char reason[256];
     snprintf(reason, sizeof reason,
              "node %s: the run goes on without it; only runs with --checkpoint take a node back",
-             m->name);
+             remote->name);
     pm_coordinator_check(
         c, pm_identity_refuse(&c->endpoint.identity, session, instance, PM_ENET, reason));
     return true;
@@ -45,20 +47,20 @@ static bool is_second(pm_lockstep_coordinator *c, const pm_remote_process *m, in
 
 static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
     char reason[512];
-    pm_remote_process *m = find_member(c, hello->sender);
-    if (m == NULL) {
+    pm_remote_process *remote = find_remote(c, hello->sender);
+    if (remote == NULL) {
         snprintf(reason, sizeof reason, "scene %s has no process %.64s",
                  c->endpoint.system->scene->name, hello->sender);
         return refuse(c, hello, reason, true);
     }
-    const bool late = pm_report_window_has(&c->window_reports, 0, m->id) || c->completed >= 0;
-    if (pm_identity_differs(&c->endpoint.identity, hello, reason, sizeof reason)) {
+    const bool late = pm_report_window_has(&c->reports, 0, remote->id) || c->completed >= 0;
+    if (pm_identity_mismatch(&c->endpoint.identity, hello, reason, sizeof reason)) {
         return refuse(c, hello, reason, late);
     }
     if (late && c->checkpoint == NULL) {
-        return is_second(c, m, hello->session, hello->instance) ? PM_KEEP : PM_DROP_REPEATED;
+        return is_second(c, remote, hello->session, hello->instance) ? PM_KEEP : PM_DROP_REPEATED;
     }
-    m->alive = true;
+    remote->alive = true;
     c->tick_wanted = true;
     return PM_KEEP;
 }
@@ -71,7 +73,7 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
     }
     if (c->phase == PM_COORDINATOR_CLOSING && c->endpoint.status != PM_OK &&
         hello->sender[0] != 0) {
-        // It has not joined, and need not wait for it.
+        // The run has failed before this process could join: it need not wait for a tick.
         pm_coordinator_check(c, pm_identity_refuse(own, hello->session, hello->instance,
                                                    c->endpoint.status, c->endpoint.message));
         return PM_KEEP;
@@ -82,8 +84,8 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
     if (hello->sender[0] != 0) {
         return greet_node(c, hello);
     }
-    const bool first = c->completed >= 0 || pm_identity_precedes(own, hello->instance);
-    if (first && pm_identity_rivals(own, hello)) {
+    const bool first = c->completed >= 0 || pm_identity_is_older(own, hello->instance);
+    if (first && pm_identity_is_rival(own, hello)) {
         char reason[256];
         snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
                  c->endpoint.system->scene->name);
@@ -95,7 +97,7 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
 
 // --- commands ---
 
-// Its own are heard, too.
+// A coordinator receives its own commands, too: only a refusal that names it concerns it.
 static pm_drop accept_command(void *context, const portmet_command_t *command) {
     pm_lockstep_coordinator *c = context;
     if (c->phase == PM_COORDINATOR_RUNNING &&
@@ -108,57 +110,57 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
 
 // --- reports ---
 
-static void note_done(pm_remote_process *m, int64_t steps) {
-    m->done = steps > m->done ? steps : m->done;
+static void note_done(pm_remote_process *remote, int64_t steps) {
+    remote->done = steps > remote->done ? steps : remote->done;
 }
 
-// Takes what is new: steps beyond the last complete one. The later ones of a report may have been
-// granted by a coordinator that died.
-static pm_drop accept_done(pm_remote_process *m) {
-    pm_lockstep_coordinator *c = m->coordinator;
-    const int64_t first = m->scratch.step;
-    const int rows = pm_remote_process_rows(m);
+// Takes the steps of a report that are still missing. Its first step must be granted; the later
+// ones may have been granted by a coordinator that died since.
+static pm_drop accept_done(pm_remote_process *remote) {
+    pm_lockstep_coordinator *c = remote->coordinator;
+    const int64_t first = remote->report.step;
+    const int rows = pm_remote_process_rows(remote);
     if (first < 0 || first > c->granted) {
         return PM_DROP_RANGE;
     }
-    m->moved = m->moved || first != m->reported;
-    m->reported = first;
+    remote->moved = remote->moved || first != remote->reported;
+    remote->reported = first;
     pm_drop drop = PM_DROP_REPEATED;
     for (int row = 0; row < rows; ++row) {
-        note_done(m, first + row);
-        pm_sample *sample = pm_report_window_wants(&c->window_reports, first + row, m->id);
+        note_done(remote, first + row);
+        pm_sample *sample = pm_report_window_missing(&c->reports, first + row, remote->id);
         if (sample != NULL) {
-            pm_remote_process_fill(m, row, sample);
-            pm_report_window_take(&c->window_reports, first + row, m->id);
+            pm_remote_process_fill(remote, row, sample);
+            pm_report_window_mark(&c->reports, first + row, remote->id);
             drop = PM_KEEP;
         }
     }
     return drop;
 }
 
-static pm_drop accept_report(pm_remote_process *m) {
-    pm_lockstep_coordinator *c = m->coordinator;
-    const portmet_report_t *report = &m->scratch;
+static pm_drop accept_report(pm_remote_process *remote) {
+    pm_lockstep_coordinator *c = remote->coordinator;
+    const portmet_report_t *report = &remote->report;
     if (report->session != c->endpoint.session) {
         return PM_DROP_SESSION;
     }
-    if (!pm_report_window_has(&c->window_reports, 0, m->id) && c->completed < 0) {
-        m->instance = report->instance;
+    if (!pm_report_window_has(&c->reports, 0, remote->id) && c->completed < 0) {
+        remote->instance = report->instance;
     }
-    if (c->checkpoint == NULL && is_second(c, m, report->session, report->instance)) {
+    if (c->checkpoint == NULL && is_second(c, remote, report->session, report->instance)) {
         return PM_DROP_REPEATED;
     }
-    m->alive = true;
+    remote->alive = true;
     switch (report->kind) {
     case PORTMET_REPORT_T_DONE:
-        return accept_done(m);
+        return accept_done(remote);
     case PORTMET_REPORT_T_FAILED:
         pm_coordinator_check(c, pm_fail(pm_endpoint_code(report->code), "node %s failed: %s",
-                                        m->name, report->message));
+                                        remote->name, report->message));
         return PM_KEEP;
     case PORTMET_REPORT_T_BYE:
-        m->left = c->phase == PM_COORDINATOR_CLOSING;
-        return m->left ? PM_KEEP : PM_DROP_RANGE;
+        remote->left = c->phase == PM_COORDINATOR_CLOSING;
+        return remote->left ? PM_KEEP : PM_DROP_RANGE;
     default:
         return PM_DROP_RANGE;
     }
@@ -166,33 +168,35 @@ static pm_drop accept_report(pm_remote_process *m) {
 
 static void on_report(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
-    pm_remote_process *m = context;
-    const pm_drop drop = pm_remote_process_decode(m, data, size, m->coordinator->want_state);
-    pm_endpoint_count(&m->coordinator->endpoint, drop == PM_KEEP ? accept_report(m) : drop);
+    pm_remote_process *remote = context;
+    const pm_drop drop =
+        pm_remote_process_decode(remote, data, size, remote->coordinator->want_state);
+    pm_endpoint_count(&remote->coordinator->endpoint,
+                      drop == PM_KEEP ? accept_report(remote) : drop);
 }
 
 // --- fluxes ---
 
-// Who shows its state at a step has completed those before.
-static pm_drop accept_flux(pm_remote_process *m) {
-    const portmet_flux_t *flux = &m->shown;
-    if (flux->session != m->coordinator->endpoint.session) {
+// A process that publishes a flux of step n has completed n steps.
+static pm_drop accept_flux(pm_remote_process *remote) {
+    const portmet_flux_t *flux = &remote->flux;
+    if (flux->session != remote->coordinator->endpoint.session) {
         return PM_DROP_SESSION;
     }
-    if (flux->round != 0 || flux->step < 0 || flux->step > m->coordinator->granted) {
+    if (flux->round != 0 || flux->step < 0 || flux->step > remote->coordinator->granted) {
         return PM_DROP_RANGE;
     }
-    m->alive = true;
-    m->moved = m->moved || flux->step > m->done;
-    note_done(m, flux->step);
+    remote->alive = true;
+    remote->moved = remote->moved || flux->step > remote->done;
+    note_done(remote, flux->step);
     return PM_KEEP;
 }
 
 static void on_flux(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
-    pm_remote_process *m = context;
-    const pm_drop drop = pm_flux_decode(&m->shown, data, size);
-    pm_endpoint_count(&m->coordinator->endpoint, drop == PM_KEEP ? accept_flux(m) : drop);
+    pm_remote_process *remote = context;
+    const pm_drop drop = pm_flux_decode(&remote->flux, data, size);
+    pm_endpoint_count(&remote->coordinator->endpoint, drop == PM_KEEP ? accept_flux(remote) : drop);
 }
 
 // --- requests ---
@@ -202,13 +206,13 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
     if (request->session != c->endpoint.session) {
         return PM_DROP_SESSION;
     }
-    pm_remote_process *m = find_member(c, request->sender);
-    if (m != NULL) {
+    pm_remote_process *remote = find_remote(c, request->sender);
+    if (remote != NULL) {
         const int64_t asked[4] = {request->instance, request->attempt, request->step,
                                   request->round};
-        m->alive = true;
-        m->moved = m->moved || memcmp(m->asked, asked, sizeof asked) != 0;
-        memcpy(m->asked, asked, sizeof asked);
+        remote->alive = true;
+        remote->moved = remote->moved || memcmp(remote->asked, asked, sizeof asked) != 0;
+        memcpy(remote->asked, asked, sizeof asked);
     }
     if (strcmp(request->channel, c->endpoint.tick_channel) == 0 && request->step < c->granted) {
         c->tick_wanted = true;
@@ -218,17 +222,18 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
 
 // --- opening ---
 
-pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t asked) {
+pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t session) {
     static const pm_handlers handlers = {accept_hello, accept_command, accept_request};
-    PM_TRY(pm_endpoint_open(&c->endpoint, &handlers, c, "", asked, c->checkpoint != NULL));
+    PM_TRY(pm_endpoint_open(&c->endpoint, &handlers, c, "", session, c->checkpoint != NULL));
     for (int i = 0; i < c->nremote; ++i) {
-        pm_remote_process *m = &c->remote[i];
-        PM_TRY(pm_transport_subscribe(c->endpoint.transport, m->channel, on_report, m));
-        if (c->hears_fluxes && m->shown.nend > 0) {
-            PM_TRY(pm_transport_subscribe(c->endpoint.transport, m->flux_channel, on_flux, m));
+        pm_remote_process *remote = &c->remote[i];
+        PM_TRY(pm_transport_subscribe(c->endpoint.transport, remote->channel, on_report, remote));
+        if (c->hears_fluxes && remote->flux.nend > 0) {
+            PM_TRY(pm_transport_subscribe(c->endpoint.transport, remote->flux_channel, on_flux,
+                                          remote));
         }
-        // Who asks a neighbour is alive.
-        PM_TRY(pm_endpoint_overhear(&c->endpoint, m->address));
+        // A request to a neighbour shows that its sender is alive.
+        PM_TRY(pm_endpoint_listen_to(&c->endpoint, remote->address));
     }
     return PM_OK;
 }

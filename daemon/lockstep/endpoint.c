@@ -1,4 +1,4 @@
-// Decodes what is meant for all, counts what is dropped.
+// Decodes the messages that all processes receive, and counts those that are dropped.
 #include "lockstep/endpoint.h"
 
 #include <stdio.h>
@@ -52,7 +52,7 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
                             transport));
     PM_TRY(pm_channel_scene(endpoint->tick_channel, scene, "TICK"));
     PM_TRY(pm_channel_scene(endpoint->request_channel, scene, "REQUEST"));
-    PM_TRY(pm_channel_request(endpoint->tick_address, scene, ""));
+    PM_TRY(pm_channel_request(endpoint->coordinator_address, scene, ""));
     PM_TRY(pm_channel_request(own_address, scene, name));
     PM_TRY(pm_transport_subscribe(transport, endpoint->identity.hello_channel, on_hello, endpoint));
     PM_TRY(pm_transport_subscribe(transport, endpoint->identity.command_channel, on_command,
@@ -61,11 +61,11 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
     return pm_transport_subscribe(transport, endpoint->request_channel, on_request, endpoint);
 }
 
-pm_status pm_endpoint_overhear(pm_endpoint *endpoint, const char *address) {
+pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address) {
     return pm_transport_subscribe(endpoint->transport, address, on_request, endpoint);
 }
 
-// --- asking ---
+// --- requests ---
 
 pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, const char *channel,
                               int64_t step, int round) {
@@ -81,7 +81,7 @@ pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, 
     // Names of processes are shorter than the channels that contain them.
     unsigned char data[96 + 2 * PM_CHANNEL_SIZE];
     const size_t size = pm_request_encode(&message, data, sizeof data);
-    const char *to = pm_waiting_long(&endpoint->waiting) ? endpoint->request_channel : address;
+    const char *to = pm_waiting_is_long(&endpoint->waiting) ? endpoint->request_channel : address;
     return pm_transport_publish(endpoint->transport, to, data, size);
 }
 

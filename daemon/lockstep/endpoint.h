@@ -1,5 +1,6 @@
-// What a process and the coordinator of a run have in common: who they are, the channels on which
-// all speak to all, requests for what was lost, and how it ended.
+// What a node and a coordinator have in common: their identity, the channels on which all processes
+// speak to all, requests for missing messages, and the result of the run. An endpoint decodes
+// hello, command and request messages, counts those it drops, and passes the others to handlers.
 #ifndef PM_LOCKSTEP_ENDPOINT_H
 #define PM_LOCKSTEP_ENDPOINT_H
 
@@ -7,7 +8,8 @@
 #include "lockstep/identity.h"
 #include "lockstep/waiting.h"
 
-// What each of them does with a message that is well formed, and why it drops it, if it does.
+// What the owner of an endpoint does with a well-formed message. Each handler returns PM_KEEP or
+// the reason for which it drops the message.
 typedef struct pm_handlers {
     pm_drop (*hello)(void *context, const portmet_hello_t *hello);
     pm_drop (*command)(void *context, const portmet_command_t *command);
@@ -22,37 +24,43 @@ typedef struct pm_endpoint {
     void *context; // of the handlers
     pm_identity identity;
     char tick_channel[PM_CHANNEL_SIZE], request_channel[PM_CHANNEL_SIZE];
-    char tick_address[PM_CHANNEL_SIZE]; // of requests to the coordinator
-    int64_t session, steps;             // of the run; session 0: none yet
-    int64_t attempt;                    // how often it has gone back to a checkpoint
-    double now;                         // s, last poll
+    char coordinator_address[PM_CHANNEL_SIZE]; // channel of requests to the coordinator
+    int64_t session, steps;                    // of the run; session 0: none yet
+    int64_t attempt;                           // number of rollbacks since the start
+    double now;                                // s, monotonic, at the last poll
     pm_waiting waiting;
-    pm_status status; // how it ended, and why
+    pm_status status; // result of the run; PM_OK until it has failed
     char message[PM_TEXT_MAX + 1];
     pm_drops drops;
 } pm_endpoint;
 
-// `name` and `asked` as pm_identity_init's name and session. Subscribes to hellos, commands and
-// requests; `system` and `transport` are set already. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+// Opens an endpoint whose `system` and `transport` are set, and subscribes to hellos, commands and
+// requests. `name` is that of the process, "" for the coordinator, and must outlive the endpoint;
+// `session` is the one it was started for, or 0. The transport keeps pointers to the endpoint.
+// PM_ECONFIG: a channel's name is too long; PM_ENET, PM_ENOMEM.
 pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, void *context,
-                           const char *name, int64_t asked, bool keeps_checkpoints);
+                           const char *name, int64_t session, bool keeps_checkpoints);
 
-// Hears requests to another one, too. PM_ENET, PM_ENOMEM.
-pm_status pm_endpoint_overhear(pm_endpoint *endpoint, const char *address);
+// Passes the requests that are sent to another process to the handlers, too. PM_ENET, PM_ENOMEM.
+pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address);
 
+// Counts a message as used (PM_KEEP) or dropped.
 void pm_endpoint_count(pm_endpoint *endpoint, pm_drop drop);
 
-// Misses a message on `channel`: publishes a request for it on `address`, where its sender hears
-// it, and the coordinator. Nobody else is to wake for it: on a busy machine many wait. After a long
-// wait on the channel of all: a sign of life, and whoever else speaks by this name hears of it.
+// Requests the message of `step` and `round` on `channel` from its sender. The request goes to
+// `address`, which only that process and the coordinator receive, so that it wakes nobody else.
+// After a long wait it goes to all: it then shows that this process is alive, and another process
+// of the same name learns of it. PM_ENET.
 pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, const char *channel,
                               int64_t step, int round);
 
-// The end, and what it is told with: PM_OK, or `status` with pm_error() set to `message`.
+// Stores the result of the run: PM_OK, or a failure with its one-line message.
 void pm_endpoint_end(pm_endpoint *endpoint, pm_status status, const char *message);
+
+// Returns the stored result, with pm_error() set to its message.
 pm_status pm_endpoint_result(const pm_endpoint *endpoint);
 
-// The class of failure that a code from the network stands for; PM_ENET if it is none.
+// The class of failure that a code from the network stands for; PM_ENET if the code is unknown.
 pm_status pm_endpoint_code(int8_t code);
 
 #endif

@@ -1,11 +1,11 @@
-// A neighbour's fluxes, and where in them each port's are.
+// A neighbour's fluxes, and the positions of each port's components in them.
 #include "lockstep/flux_link.h"
 
 #include "sim/integrator.h"
 #include "transport/channel.h"
 
-// Walks through a process's ends in the order of its messages, up to the one given (port_id -1: all
-// of them); how many ends and components come before it.
+// Counts the ends and components that come before one end in a process's messages; with port_id -1
+// all of them. The ends come by subsystem, then by port, in the scene's order.
 static void measure(const pm_scene *scene, int process_id, int port_id, pm_end end, int *nend,
                     int *ny) {
     const pm_scene_process *process = &scene->process[process_id];
@@ -26,8 +26,8 @@ static void measure(const pm_scene *scene, int process_id, int port_id, pm_end e
     }
 }
 
-pm_status pm_flux_make(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
-                       int process_id) {
+pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
+                                int process_id) {
     int nend, ny;
     measure(scene, process_id, -1, PM_END_A, &nend, &ny);
     const pm_integrator *integrator = pm_integrator_find(scene->integrator);
@@ -49,7 +49,7 @@ pm_status pm_flux_make(portmet_flux_t *flux, pm_arena *arena, const pm_scene *sc
     return PM_OK;
 }
 
-int pm_flux_first(const pm_scene *scene, int port_id, pm_end end) {
+int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end) {
     const int subsystem_id = scene->port[port_id].subsystem[end];
     int nend, ny;
     measure(scene, scene->subsystem[subsystem_id].process, port_id, end, &nend, &ny);
@@ -62,9 +62,9 @@ pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene 
     link->neighbour = scene->process[process_id].name;
     PM_TRY(pm_channel_process(link->channel, scene, "FLUX", process_id));
     PM_TRY(pm_channel_request(link->address, scene, link->neighbour));
-    PM_TRY(pm_flux_make(&link->scratch, arena, scene, process_id));
+    PM_TRY(pm_flux_message_alloc(&link->scratch, arena, scene, process_id));
     for (int i = 0; i < PM_INBOX_DEPTH; ++i) {
-        PM_TRY(pm_flux_make(&link->inbox[i], arena, scene, process_id));
+        PM_TRY(pm_flux_message_alloc(&link->inbox[i], arena, scene, process_id));
         link->inbox_key[i] = -1;
     }
     return PM_OK;

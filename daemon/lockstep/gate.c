@@ -1,4 +1,4 @@
-// A number in a file, read without stdio: the steps of a run allocate nothing.
+// Reads the number in a file, without stdio, since the steps of a run allocate nothing.
 #include "lockstep/gate.h"
 
 #include <errno.h>
@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #define READ_INTERVAL 0.005 // s
-#define MOST_TEXT 32        // bytes that are read: more than any number of steps takes
+#define MOST_TEXT 32        // bytes read; no number of steps takes as many
 
 static pm_status parse(const char *path, const char *text, int64_t *steps) {
     char *end;
@@ -50,7 +50,7 @@ pm_status pm_gate_init(pm_gate *gate, const char *path) {
     return path == NULL ? PM_OK : read_file(path, &gate->steps);
 }
 
-pm_status pm_gate_look(pm_gate *gate, double now) {
+pm_status pm_gate_refresh(pm_gate *gate, double now) {
     if (now < gate->read_at) {
         return PM_OK;
     }

@@ -26,24 +26,24 @@ pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const
     return pm_channel_scene(identity->command_channel, system->scene, "COMMAND");
 }
 
-pm_status pm_identity_say(const pm_identity *identity) {
+pm_status pm_identity_publish_hello(const pm_identity *identity) {
     unsigned char data[64 + PM_CHANNEL_SIZE];
     const size_t size = pm_hello_encode(&identity->hello, data, sizeof data);
     return pm_transport_publish(identity->transport, identity->hello_channel, data, size);
 }
 
-bool pm_identity_rivals(const pm_identity *identity, const portmet_hello_t *hello) {
+bool pm_identity_is_rival(const pm_identity *identity, const portmet_hello_t *hello) {
     const portmet_hello_t *own = &identity->hello;
     return strcmp(own->sender, hello->sender) == 0 && own->session == hello->session &&
            own->instance != hello->instance;
 }
 
-bool pm_identity_precedes(const pm_identity *identity, int64_t instance) {
+bool pm_identity_is_older(const pm_identity *identity, int64_t instance) {
     return identity->hello.instance < instance;
 }
 
-bool pm_identity_differs(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
-                         size_t size) {
+bool pm_identity_mismatch(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
+                          size_t size) {
     const portmet_hello_t *own = &identity->hello;
     if (hello->protocol != own->protocol) {
         snprintf(reason, size,

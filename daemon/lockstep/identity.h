@@ -1,4 +1,7 @@
-// Who a process or coordinator is: what it says at its start, and how another one is refused.
+// The identity of a node or coordinator: the hello that it publishes at its start, and the refusal
+// of others that do not fit or that claim the same place. An instance is identified by the time at
+// which it was started (ns since 1970), so the older of two rivals is the one with the smaller
+// number.
 #ifndef PM_LOCKSTEP_IDENTITY_H
 #define PM_LOCKSTEP_IDENTITY_H
 
@@ -12,31 +15,34 @@
 typedef struct pm_identity {
     pm_transport *transport;
     char hello_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
-    portmet_hello_t hello;
+    portmet_hello_t hello; // what this one says of itself
 } pm_identity;
 
-// `name`: of the process, "" for a coordinator, and must stay. `session`: the one it was started
-// for, or 0. PM_ECONFIG.
+// `name` is that of the process, "" for a coordinator, and must outlive the identity. `session` is
+// the one it was started for, or 0. PM_ECONFIG: a channel's name is too long.
 pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const char *name,
                            int64_t session, bool keeps_checkpoints, pm_transport *transport);
 
-pm_status pm_identity_say(const pm_identity *identity); // hello
+// Publishes the hello. PM_ENET.
+pm_status pm_identity_publish_hello(const pm_identity *identity);
 
-// Whether a hello is another one's who would be the same process of the same run; and whether this
-// one came before that instance.
-bool pm_identity_rivals(const pm_identity *identity, const portmet_hello_t *hello);
-bool pm_identity_precedes(const pm_identity *identity, int64_t instance);
+// True if a hello comes from another instance of the same process of the same run.
+bool pm_identity_is_rival(const pm_identity *identity, const portmet_hello_t *hello);
 
-// Why whoever says hello does not fit to this one, into `reason` [size]; false: it does.
-bool pm_identity_differs(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
-                         size_t size);
+// True if this one was started before `instance`.
+bool pm_identity_is_older(const pm_identity *identity, int64_t instance);
 
-// Tells another one to leave: `instance`, who spoke as one of `session`.
+// Compares protocol, digest and checkpoint interval with those of a hello. Returns true if they
+// differ, and writes the reason into `reason` [size].
+bool pm_identity_mismatch(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
+                          size_t size);
+
+// Publishes a command that tells `instance`, a sender of messages of `session`, to end with `code`
+// and `reason`. PM_ENET.
 pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
                              pm_status code, const char *reason);
 
-// Whether a command refuses this one, who is of the run `session` or, if that is 0, still asks for
-// one.
+// True if a command refuses this one, which takes part in `session` (0: in none yet).
 bool pm_identity_is_refused(const pm_identity *identity, int64_t session,
                             const portmet_command_t *command);
 

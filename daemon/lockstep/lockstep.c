@@ -1,4 +1,4 @@
-// Loops around the state machines: wait for messages, poll, look at the stop flag.
+// The loops around the state machines: wait for messages, poll, read the stop flag.
 #include "lockstep/lockstep.h"
 
 #include <math.h>
@@ -6,12 +6,10 @@
 
 #include "base/progress.h"
 
-// A signal may be taken by another thread (LCM's) and not wake this one: look that often.
-#define STOP_INTERVAL 0.1 // s
+// Another thread (LCM's) may receive the signal, which then does not wake this one.
+#define STOP_INTERVAL 0.1 // s between two readings of the stop flag, at most
 
-// Nobody has anything to do before a timer runs out; looked at more often, since a message may have
-// been sent by whoever was polled last.
-#define IDLE_INTERVAL 0.0005 // s
+#define IDLE_INTERVAL 0.0005 // s of sleep when no endpoint has a message
 
 static bool is_set(const volatile sig_atomic_t *stop) {
     return stop != NULL && *stop != 0;
@@ -59,7 +57,7 @@ pm_status pm_lockstep_run_coordinator(pm_lockstep_coordinator *coordinator,
     return pm_lockstep_coordinator_result(coordinator);
 }
 
-// One turn of everybody: hands out messages and polls. Returns the number of messages.
+// Hands out the messages of every endpoint and polls it. Returns the number of messages.
 static int take_turns(pm_lockstep_coordinator *coordinator, int count,
                       pm_lockstep_node *const *node, double now) {
     int total = 0, handled = 0;
@@ -81,7 +79,7 @@ static int take_turns(pm_lockstep_coordinator *coordinator, int count,
     return total;
 }
 
-// Once the coordinator has finished, nodes that only linger need not be waited for.
+// Nodes that only answer requests need not be waited for once the coordinator has finished.
 static bool is_over(const pm_lockstep_coordinator *coordinator, int count,
                     pm_lockstep_node *const *node) {
     bool over = pm_lockstep_coordinator_finished(coordinator);

@@ -1,5 +1,5 @@
-// A coordinator's life: grants steps, books those whose reports are all there, asks again for those
-// that are missing, and ends the run.
+// A coordinator's polls: it grants steps, books the steps whose reports are all there, requests the
+// messages that are missing, and ends the run. coordinator.h has the table of its states.
 #include "lockstep/lockstep_coordinator.h"
 
 #include <math.h>
@@ -13,33 +13,12 @@
 #include "lockstep/lookahead.h"
 #include "transport/channel.h"
 
-#define HELLO_INTERVAL 0.1 // s
-#define PAUSE 2.0          // s of silence after which a pause is told of, or half the patience
-// How many times the scene's patience it may take until somebody gets on, though all show life.
-#define ALIVE 3
+#define HELLO_INTERVAL 0.1    // s
+#define PAUSE 2.0             // s of silence that the observer is told of, or half the patience
+#define MOST_IDLE 3           // times the patience without progress, though all processes show life
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
-#define LEDGER_INTERVAL 0.001 // s between two ledgers at least: who looks sees no more
-
-// --- the end ---
-
-static void close_run(pm_lockstep_coordinator *c) {
-    c->phase = PM_COORDINATOR_CLOSING;
-    c->next = c->endpoint.now;
-}
-
-void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *c, pm_status code, const char *message) {
-    if (c->phase == PM_COORDINATOR_RUNNING) {
-        pm_endpoint_end(&c->endpoint, code, message);
-        close_run(c);
-    }
-}
-
-void pm_coordinator_check(pm_lockstep_coordinator *c, pm_status status) {
-    if (status != PM_OK) {
-        pm_lockstep_coordinator_fail(c, status, pm_error());
-    }
-}
+#define LEDGER_INTERVAL 0.001 // s between two ledger messages at least
 
 // --- sending ---
 
@@ -52,7 +31,7 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .steps = c->endpoint.steps,
         .t0 = 0,
         .dt = c->endpoint.system->scene->dt,
-        .substeps = c->pace.substeps,
+        .substeps = c->step_controller.substeps,
         .want_state = c->want_state,
         .open = c->endpoint.identity.hello.session == 0,
     };
@@ -95,41 +74,38 @@ static pm_status publish_command(pm_lockstep_coordinator *c) {
                                 size);
 }
 
-// --- a step ---
+// --- steps ---
 
+// Enters a step's sample in the ledger, hands it to the observer and saves the checkpoint if due.
 static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     PM_TRY(pm_ledger_book(&c->ledger, sample));
     if (c->observer.step != NULL) {
         PM_TRY(c->observer.step(c->observer.context, sample));
     }
     const bool due = sample->step % c->interval == 0 || sample->step == c->endpoint.steps;
-    return c->checkpoint != NULL && due ? pm_coordinator_remember(c) : PM_OK;
+    return c->checkpoint != NULL && due ? pm_coordinator_save_checkpoint(c) : PM_OK;
 }
 
-static int64_t least(int64_t a, int64_t b) {
-    return a < b ? a : b;
-}
-
-int64_t pm_coordinator_limit(const pm_lockstep_coordinator *c, int64_t complete) {
-    const int window = c->endpoint.system->scene->window;
-    int64_t limit = least(complete + c->lead, c->endpoint.steps);
-    limit = least(limit, c->gate.steps > complete ? c->gate.steps : complete);
-    for (int i = 0; c->hears_fluxes && i < c->nremote; ++i) {
-        const int64_t done = c->remote[i].done;
-        limit = least(limit, (done > complete ? done : complete) + window);
+// Books the steps up to `complete`, whose reports are all there.
+static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
+    while (c->completed < complete) {
+        c->completed += 1;
+        PM_TRY(book(c, pm_report_window_sample(&c->reports, c->completed)));
+        const bool due = c->endpoint.now >= c->ledger_at || complete == c->endpoint.steps;
+        if (c->completed == complete && due) {
+            PM_TRY(publish_ledger(c, pm_report_window_sample(&c->reports, complete)));
+        }
+        pm_report_window_advance(&c->reports, c->completed);
     }
-    return limit;
+    return PM_OK;
 }
 
-static bool stands_at_gate(const pm_lockstep_coordinator *c) {
-    return c->granted >= c->gate.steps;
-}
-
+// Publishes a tick if more steps may be granted than before.
 static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
-    if (stands_at_gate(c)) {
-        PM_TRY(pm_gate_look(&c->gate, c->endpoint.now));
+    if (pm_coordinator_is_at_gate(c)) {
+        PM_TRY(pm_gate_refresh(&c->gate, c->endpoint.now));
     }
-    const int64_t limit = pm_coordinator_limit(c, complete);
+    const int64_t limit = pm_coordinator_grant_limit(c, complete);
     if (complete < 0 || limit <= c->granted) {
         return PM_OK;
     }
@@ -138,70 +114,53 @@ static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
     return publish_tick(c);
 }
 
-// Books the steps up to `complete`, whose reports are all there.
-static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
-    while (c->completed < complete) {
-        c->completed += 1;
-        PM_TRY(book(c, pm_report_window_sample(&c->window_reports, c->completed)));
-        const bool due = c->endpoint.now >= c->ledger_at || complete == c->endpoint.steps;
-        if (c->completed == complete && due) {
-            PM_TRY(publish_ledger(c, pm_report_window_sample(&c->window_reports, complete)));
-        }
-        pm_report_window_move_on(&c->window_reports, c->completed);
+// Grants steps first, so that the processes compute them while this one books the complete steps.
+// The run is held when every granted step is complete, since only the gate withholds the next one.
+static pm_status complete_steps(pm_lockstep_coordinator *c) {
+    const int64_t complete =
+        pm_report_window_complete(&c->reports, c->completed, c->endpoint.steps);
+    if (complete > c->completed) {
+        c->progressed = true;
+        pm_step_controller_note(&c->step_controller,
+                                pm_report_window_sample(&c->reports, complete));
     }
-    return PM_OK;
-}
-
-// Steps that are granted are not yet complete, unless the gate stops the next one.
-static void note_hold(pm_lockstep_coordinator *c) {
+    PM_TRY(grant(c, complete));
+    const pm_status status = book_steps(c, complete);
+    c->failed = status != PM_OK;
     const bool held =
         c->completed >= 0 && c->completed == c->granted && c->completed < c->endpoint.steps;
     if (held && !c->held && c->observer.hold != NULL) {
         c->observer.hold(c->observer.context, (long)c->completed);
     }
     c->held = held;
-}
-
-// Grants on, and books the steps whose reports are all there while the processes compute.
-static pm_status complete_steps(pm_lockstep_coordinator *c) {
-    const int64_t complete =
-        pm_report_window_complete(&c->window_reports, c->completed, c->endpoint.steps);
-    if (complete > c->completed) {
-        c->progressed = true;
-        pm_step_controller_note(&c->pace, pm_report_window_sample(&c->window_reports, complete));
-    }
-    PM_TRY(grant(c, complete));
-    const pm_status status = book_steps(c, complete);
-    c->failed = status != PM_OK;
-    note_hold(c);
     if (status == PM_OK && c->completed >= c->endpoint.steps) {
-        close_run(c);
+        pm_coordinator_close_run(c);
     }
     return status;
 }
 
 // --- waiting ---
 
-// Names of the nodes that are missed and, unless `patience` is negative, have been silent for
-// longer than that; "" if there are none.
+// Writes into `list` [size] the names of the processes whose reports of the next step are missing
+// and, unless `patience` (s) is negative, that have been silent for longer than that; "" if none.
 static void list_missing(const pm_lockstep_coordinator *c, double patience, char *list,
                          size_t size) {
     size_t used = 0;
     list[0] = 0;
     for (int i = 0; i < c->nremote && used < size; ++i) {
-        const pm_remote_process *m = &c->remote[i];
-        if (pm_report_window_has(&c->window_reports, c->completed + 1, m->id) ||
+        const pm_remote_process *remote = &c->remote[i];
+        if (pm_report_window_has(&c->reports, c->completed + 1, remote->id) ||
             (patience >= 0 &&
-             !pm_waiting_over(&c->endpoint.waiting, m->heard, patience, c->endpoint.now))) {
+             !pm_waiting_is_over(&c->endpoint.waiting, remote->heard, patience, c->endpoint.now))) {
             continue;
         }
         const int length =
-            snprintf(list + used, size - used, "%s%s", used > 0 ? ", " : "", m->name);
+            snprintf(list + used, size - used, "%s%s", used > 0 ? ", " : "", remote->name);
         used += length < 0 ? 0 : (size_t)length;
     }
 }
 
-// Tells the observer that the run pauses, or goes on.
+// Tells the observer when the run begins to pause because `silent` are silent, and when it goes on.
 static void tell_pause(pm_lockstep_coordinator *c, bool paused, const char *silent) {
     if (c->observer.pause != NULL && paused != c->paused) {
         c->observer.pause(c->observer.context, silent);
@@ -209,54 +168,37 @@ static void tell_pause(pm_lockstep_coordinator *c, bool paused, const char *sile
     c->paused = paused;
 }
 
-// The fluxes for want of which no more steps are granted; neighbours may miss them, too.
-static pm_status request_fluxes(const pm_lockstep_coordinator *c, bool *any) {
-    const int64_t told = c->granted - c->endpoint.system->scene->window; // by all, and more by some
-    for (int i = 0; i < c->nremote; ++i) {
-        const pm_remote_process *m = &c->remote[i];
-        if (m->done <= told && m->shown.nend > 0) {
-            *any = true;
-            PM_TRY(pm_endpoint_request(&c->endpoint, m->address, m->flux_channel, told + 1, 0));
-        }
-    }
-    return PM_OK;
-}
-
-static pm_status request_reports(const pm_lockstep_coordinator *c) {
-    const int64_t step = c->completed + 1;
-    for (int i = 0; i < c->nremote; ++i) {
-        const pm_remote_process *m = &c->remote[i];
-        if (!pm_report_window_has(&c->window_reports, step, m->id)) {
-            PM_TRY(pm_endpoint_request(&c->endpoint, m->address, m->channel, step, 0));
-        }
-    }
-    return PM_OK;
-}
-
-// Who still waits after a request for fluxes has reported what there is. At the gate nothing is
-// missing, and the nodes only need a sign of life.
+// Requests what is missing. Where fluxes show progress, the first request of a wait is for the
+// fluxes for want of which no more steps are granted; neighbours may miss them, too. A process that
+// still waits after that has reported all it has, so later requests are for reports. At the gate
+// nothing is missing, and the processes only need a sign of life.
 static pm_status request_missing(pm_lockstep_coordinator *c) {
-    bool any = false;
     if (c->held) {
         return publish_tick(c);
     }
-    if (c->hears_fluxes && !c->fluxes_asked && c->granted > 0) {
-        PM_TRY(request_fluxes(c, &any));
+    const bool fluxes = c->hears_fluxes && !c->fluxes_requested && c->granted > 0;
+    const int64_t shown = c->granted - c->endpoint.system->scene->window; // by every process
+    bool any = false;
+    c->fluxes_requested = true;
+    for (int i = 0; i < c->nremote && fluxes; ++i) {
+        const pm_remote_process *remote = &c->remote[i];
+        if (remote->done <= shown && remote->flux.nend > 0) {
+            any = true;
+            PM_TRY(pm_endpoint_request(&c->endpoint, remote->address, remote->flux_channel,
+                                       shown + 1, 0));
+        }
     }
-    c->fluxes_asked = true;
-    return any ? PM_OK : request_reports(c);
+    const int64_t step = c->completed + 1;
+    for (int i = 0; i < c->nremote && !any; ++i) {
+        const pm_remote_process *remote = &c->remote[i];
+        if (!pm_report_window_has(&c->reports, step, remote->id)) {
+            PM_TRY(pm_endpoint_request(&c->endpoint, remote->address, remote->channel, step, 0));
+        }
+    }
+    return PM_OK;
 }
 
-// Steps that all have told of, by report or flux.
-static int64_t steps_told(const pm_lockstep_coordinator *c) {
-    int64_t told = INT64_MAX;
-    for (int i = 0; i < c->nremote; ++i) {
-        told = least(told, c->remote[i].done);
-    }
-    return told > c->completed ? told : c->completed;
-}
-
-// Ends the run if a node stays silent for too long, or all show life but nobody gets on.
+// Fails if a process has been silent for too long, or all show life but none makes progress.
 static pm_status check_patience(const pm_lockstep_coordinator *c) {
     const double patience = c->endpoint.system->scene->patience, now = c->endpoint.now;
     const double since = c->endpoint.waiting.since, waited = now - since;
@@ -266,16 +208,16 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
         return c->completed < 0
                    ? pm_fail(PM_ETIMEOUT, "nodes missing after %.3g s: %s", waited, names)
                    : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
-                             (long long)steps_told(c), names);
+                             (long long)pm_coordinator_steps_shown(c), names);
     }
     const double idle = now - (c->moved > since ? c->moved : since);
-    if (!c->held && idle > ALIVE * patience) {
+    if (!c->held && idle > MOST_IDLE * patience) {
         list_missing(c, -1, names, sizeof names);
         return pm_fail(
             PM_ETIMEOUT,
             "no node got on for %.3g s, in step %lld, though alive; its reports are missing "
             "from: %s",
-            idle, (long long)steps_told(c), names);
+            idle, (long long)pm_coordinator_steps_shown(c), names);
     }
     return PM_OK;
 }
@@ -283,7 +225,7 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
 static pm_status await(pm_lockstep_coordinator *c) {
     if (c->progressed) {
         pm_waiting_start(&c->endpoint.waiting, c->endpoint.now);
-        c->progressed = c->fluxes_asked = false;
+        c->progressed = c->fluxes_requested = false;
         tell_pause(c, false, "");
     }
     char silent[512];
@@ -293,17 +235,20 @@ static pm_status await(pm_lockstep_coordinator *c) {
         tell_pause(c, true, silent);
     }
     PM_TRY(check_patience(c));
-    return pm_waiting_ask(&c->endpoint.waiting, c->endpoint.now) ? request_missing(c) : PM_OK;
+    return pm_waiting_request_due(&c->endpoint.waiting, c->endpoint.now) ? request_missing(c)
+                                                                         : PM_OK;
 }
 
-// What nodes had not yet told of a run that failed, or was interrupted, is booked, too; what fails
-// there came first, and is why the run ends.
+// --- the end ---
+
+// Books the steps that processes reported only after the run failed or was interrupted. A failure
+// in one of these steps came first, and becomes the reason for the end of the run.
 static void book_rest(pm_lockstep_coordinator *c) {
     if (c->failed || c->completed < 0) {
         return;
     }
     const int64_t complete =
-        pm_report_window_complete(&c->window_reports, c->completed, c->endpoint.steps);
+        pm_report_window_complete(&c->reports, c->completed, c->endpoint.steps);
     const pm_status status = book_steps(c, complete);
     if (status != PM_OK) {
         c->failed = true;
@@ -311,7 +256,7 @@ static void book_rest(pm_lockstep_coordinator *c) {
     }
 }
 
-// END or ABORT, until everybody has said BYE or a short time has passed.
+// Repeats END or ABORT until every process has said BYE or a short time has passed.
 static void repeat_command(pm_lockstep_coordinator *c) {
     bool all_left = true;
     for (int i = 0; i < c->nremote; ++i) {
@@ -321,47 +266,40 @@ static void repeat_command(pm_lockstep_coordinator *c) {
         c->phase = PM_COORDINATOR_FINISHED;
     } else if (c->endpoint.now >= c->next) {
         c->next = c->endpoint.now + COMMAND_INTERVAL;
-        // A node that does not hear it gives up by itself.
+        // A node that does not receive it gives up by itself.
         (void)publish_command(c);
         c->commands += 1;
         c->phase = c->commands > COMMAND_COUNT ? PM_COORDINATOR_FINISHED : PM_COORDINATOR_CLOSING;
     }
 }
 
-// Once, and until all initial states are there.
-static pm_status greet(pm_lockstep_coordinator *c) {
-    if (c->greeted && (c->completed >= 0 || c->endpoint.now < c->greet_at)) {
+// --- a poll ---
+
+// Publishes a hello at the start, and again and again until the initial state is known.
+static pm_status say_hello(pm_lockstep_coordinator *c) {
+    if (c->said_hello && (c->completed >= 0 || c->endpoint.now < c->hello_at)) {
         return PM_OK;
     }
-    c->greeted = true;
-    c->greet_at = c->endpoint.now + HELLO_INTERVAL;
-    return pm_identity_say(&c->endpoint.identity);
-}
-
-static void note_life(pm_lockstep_coordinator *c) {
-    for (int i = 0; i < c->nremote; ++i) {
-        pm_remote_process *m = &c->remote[i];
-        m->heard = m->alive ? c->endpoint.now : m->heard;
-        c->moved = m->moved ? c->endpoint.now : c->moved;
-        m->alive = m->moved = false;
-    }
-}
-
-static double next_look(const pm_lockstep_coordinator *c) {
-    const double next = c->endpoint.waiting.next;
-    return stands_at_gate(c) && c->gate.read_at < next ? c->gate.read_at : next;
+    c->said_hello = true;
+    c->hello_at = c->endpoint.now + HELLO_INTERVAL;
+    return pm_identity_publish_hello(&c->endpoint.identity);
 }
 
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     c->endpoint.now = now;
-    note_life(c);
+    for (int i = 0; i < c->nremote; ++i) {
+        pm_remote_process *remote = &c->remote[i];
+        remote->heard = remote->alive ? now : remote->heard;
+        c->moved = remote->moved ? now : c->moved;
+        remote->alive = remote->moved = false;
+    }
     if (c->phase == PM_COORDINATOR_RUNNING) {
-        pm_coordinator_check(c, greet(c));
+        pm_coordinator_check(c, say_hello(c));
     }
     if (c->phase == PM_COORDINATOR_RUNNING) {
         pm_coordinator_check(c, complete_steps(c));
     }
-    // All who asked since the last poll get one answer.
+    // One tick answers all requests for it since the last poll.
     if (c->phase == PM_COORDINATOR_RUNNING && c->tick_wanted) {
         pm_coordinator_check(c, publish_tick(c));
     }
@@ -372,42 +310,49 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
         book_rest(c);
         repeat_command(c);
     }
-    return c->phase == PM_COORDINATOR_RUNNING   ? next_look(c)
-           : c->phase == PM_COORDINATOR_CLOSING ? c->next
-                                                : INFINITY;
+    switch (c->phase) {
+    case PM_COORDINATOR_RUNNING: {
+        const double next = c->endpoint.waiting.next;
+        return pm_coordinator_is_at_gate(c) && c->gate.read_at < next ? c->gate.read_at : next;
+    }
+    case PM_COORDINATOR_CLOSING:
+        return c->next;
+    default:
+        return INFINITY;
+    }
 }
 
 // --- opening ---
 
-static pm_status open_members(pm_lockstep_coordinator *c) {
+static pm_status open_remotes(pm_lockstep_coordinator *c) {
     c->remote = pm_arena_array(&c->arena, (size_t)c->nremote, sizeof *c->remote);
     if (c->remote == NULL) {
         return pm_fail(PM_ENOMEM, "coordinator: out of memory");
     }
     for (int i = 0; i < c->nremote; ++i) {
-        pm_remote_process *m = &c->remote[i];
-        m->coordinator = c;
-        PM_TRY(pm_remote_process_init(m, &c->arena, c->endpoint.system->scene, i));
+        pm_remote_process *remote = &c->remote[i];
+        remote->coordinator = c;
+        PM_TRY(pm_remote_process_init(remote, &c->arena, c->endpoint.system->scene, i));
     }
     return PM_OK;
 }
 
-static pm_status prepare(pm_lockstep_coordinator *c, int64_t wanted, const char *gate) {
+static pm_status prepare(pm_lockstep_coordinator *c, int64_t session, const char *gate) {
     const pm_scene *scene = c->endpoint.system->scene;
     if (c->endpoint.steps > PM_STEPS_MAX) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
                        (long long)c->endpoint.steps, (long long)PM_STEPS_MAX);
     }
-    c->lead = pm_lookahead(scene);
-    c->hears_fluxes = pm_lookahead_is_heard(scene);
+    c->lookahead = pm_lookahead(scene);
+    c->hears_fluxes = pm_lookahead_uses_fluxes(scene);
     pm_ledger_init(&c->ledger, c->endpoint.system);
-    PM_TRY(pm_step_controller_init(&c->pace, scene));
-    PM_TRY(open_members(c));
+    PM_TRY(pm_step_controller_init(&c->step_controller, scene));
+    PM_TRY(open_remotes(c));
     PM_TRY(pm_gate_init(&c->gate, gate));
-    PM_TRY(pm_coordinator_recall(c, wanted));
-    PM_TRY(pm_report_window_init(&c->window_reports, &c->arena, scene, c->completed + 1));
+    PM_TRY(pm_coordinator_load_checkpoint(c, session));
+    PM_TRY(pm_report_window_init(&c->reports, &c->arena, scene, c->completed + 1));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
-    return pm_coordinator_listen(c, wanted);
+    return pm_coordinator_listen(c, session);
 }
 
 int64_t pm_lockstep_session(void) {
@@ -449,34 +394,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
 
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *c) {
     if (c != NULL) {
-        pm_report_window_free(&c->window_reports);
+        pm_report_window_free(&c->reports);
         pm_arena_free(&c->arena);
         free(c);
     }
-}
-
-// --- asking ---
-
-bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *c) {
-    return c->phase == PM_COORDINATOR_FINISHED;
-}
-
-pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *c) {
-    return pm_endpoint_result(&c->endpoint);
-}
-
-long pm_lockstep_coordinator_step(const pm_lockstep_coordinator *c) {
-    return (long)c->completed;
-}
-
-const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *c) {
-    return &c->ledger;
-}
-
-pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *c) {
-    return c->endpoint.transport;
-}
-
-const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *c) {
-    return &c->endpoint.drops;
 }

@@ -1,21 +1,22 @@
-// The coordinator of a distributed run: a state machine driven by messages and time. It gathers the
-// nodes, grants steps, assembles every step's reports into a sample, books it in the ledger and
-// hands it to an observer. Nothing in here blocks; lockstep.h has the loops that drive it.
+// The coordinator of a distributed run: a state machine driven by messages and time (coordinator.h
+// has its table of states). It grants steps to the nodes, assembles every step's reports into a
+// sample, books the sample in the ledger, and hands it to an observer. Nothing in here blocks;
+// lockstep.h has the loops that drive it.
 //
-// Life: open a session and gather all initial reports -> grant `window` steps beyond the last one
-// that all have completed, as their reports or fluxes tell (lookahead.h), until the last -> END, or
-// ABORT on any failure; what nodes then still report is booked, too -> finished when all nodes said
-// BYE or a short time has passed. Nodes with another digest or version are refused by name, and so
-// is a second coordinator for the same session, or where both were started for none.
+// Life cycle: it opens a session and collects the initial state from every node. It then grants
+// steps ahead of the last one that all have completed (lookahead.h) until the last step. It ends
+// the run with END, or with ABORT on any failure, and is finished when all nodes have said BYE or a
+// short time has passed. Nodes with another digest or version are refused by name, and so is a
+// second coordinator of the same session.
 //
-// With a gate (gate.h) it grants no step beyond the one that a file names. While it holds the run
-// there it repeats its last tick, by which the nodes know that it is alive; nodes that fall silent
-// are still told of, and given up after the scene's patience.
+// Gate: with a gate (gate.h) it grants no step beyond the one that a file names. While the run is
+// held there it repeats its last tick, which shows the nodes that it is alive. Nodes that fall
+// silent are given up after the scene's patience, as at any other step.
 //
-// Death and return: with a checkpoint it writes what it and its observer must remember every so
-// many steps (checkpoint_ring.h has the same steps for nodes), and after the last one before END.
-// Started again, it goes on from there and asks for the reports that it missed. Whoever started the
-// processes removes the files, when none of them may come back any more.
+// Death and return: with a checkpoint it saves its ledger and its observer's state at regular
+// steps, the same as the nodes' (checkpoint_ring.h), and after the last step before END. Restarted,
+// it continues from there and requests the reports that it missed. The checkpoint files stay: the
+// program that started the processes removes them when none of these may come back.
 #ifndef PM_LOCKSTEP_LOCKSTEP_COORDINATOR_H
 #define PM_LOCKSTEP_LOCKSTEP_COORDINATOR_H
 
@@ -28,63 +29,70 @@
 
 typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
 
-// `step` is called once per completed step in order, from step 0 (the initial state). The sample is
-// valid during the call; its z only with want_state. A failure ends the run.
+// What the coordinator calls as the run goes on, each with `context`. A status that is not PM_OK
+// ends the run.
 typedef struct pm_lockstep_observer {
     void *context;
+    // Called once for each completed step in order, from step 0 (the initial state). The sample is
+    // valid during the call; its z only with want_state.
     pm_status (*step)(void *context, const pm_sample *sample);
-    // The run has paused because these nodes are silent (named, separated by commas), or goes on
-    // (""). May be NULL.
+    // The run pauses because the nodes `silent` (names, separated by commas) are silent, or it goes
+    // on (""). May be NULL.
     void (*pause)(void *context, const char *silent);
-    // The run is held by the gate after `step`, and every process waits. Called once for each hold.
-    // May be NULL.
+    // The gate holds the run after `step`, and every process waits. Called once for each hold. May
+    // be NULL.
     void (*hold)(void *context, long step);
-    // Puts the numbers that the observer needs to go on after the last step that it was called for.
-    // May be NULL.
+    // Puts the numbers with which the observer continues after the last step that it was called
+    // for. May be NULL.
     void (*record)(void *context, pm_record *record);
-    // Makes sure that what the observer has written will survive the process, before a checkpoint
-    // is written. May be NULL.
+    // Makes what the observer has written survive the process; called before a checkpoint is
+    // written. May be NULL.
     pm_status (*flush)(void *context);
-    // Makes the observer go on after `step`, when its numbers have been restored. May be NULL.
+    // Makes the observer continue after `step`, when its numbers have been restored. May be NULL.
     pm_status (*resume)(void *context, long step);
 } pm_lockstep_observer;
 
 typedef struct pm_lockstep_coordinator_options {
     long steps;                    // of the run; 0: as the scene says
-    int64_t session;               // > 0: joined by nodes that ask for it; 0: drawn
-                                   // (pm_lockstep_session), and open to nodes that ask for none
+    int64_t session;               // > 0: nodes that ask for it join; 0: drawn at random
+                                   // (pm_lockstep_session), nodes that ask for none join
     bool want_state;               // the observer needs z
     pm_lockstep_observer observer; // step may be NULL
-    const char *checkpoint;        // file to keep what it must remember, and to go on from, unless
-                                   // it is of another session than `session`; NULL: none
+    const char *checkpoint;        // file to save checkpoints in, and to continue from unless it is
+                                   // of another session than `session`; NULL: none
     const char *gate;              // file with the number of steps that may be granted (gate.h);
                                    // NULL: all of them
 } pm_lockstep_coordinator_options;
 
-// A number for a new session: 63 bits that two runs hardly share.
+// Draws a number for a new session: 63 bits, so that two runs hardly share it.
 int64_t pm_lockstep_session(void);
 
-// Subscribes; says nothing before the first poll. `system` and `transport` must outlive it; once it
-// is closed, nobody may wait on the transport any more. `options` may be NULL. PM_ECONFIG, PM_ENET,
-// PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and what the observer's restore returns.
+// Subscribes; publishes nothing before the first poll. `system`, `transport` and what `options`
+// (may be NULL) point to must outlive the coordinator. After it is closed, nobody may wait on the
+// transport any more. PM_ECONFIG, PM_ENET, PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and
+// what the observer's resume returns.
 pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_system *system, pm_transport *transport,
                                        const pm_lockstep_coordinator_options *options);
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
 
-// As pm_lockstep_node_poll and its companions.
+// As pm_lockstep_node_poll, _fail and _finished.
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double now);
 void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
                                   const char *message);
 bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator);
 
 // PM_OK after the last step; else the failure, with pm_error() set to its description. PM_ETIMEOUT:
-// nodes stayed silent, named; PM_ENET: a node was refused, or this coordinator; PM_ELAW; a node's
-// own code when it failed; what the observer returned.
+// the nodes named in the description stayed silent; PM_ENET: a node or this coordinator was
+// refused; PM_ELAW: a law was violated; a node's own code when it failed; what the observer
+// returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
-long pm_lockstep_coordinator_step(
-    const pm_lockstep_coordinator *coordinator); // completed; -1: none
+// The number of steps completed; -1 before the initial state is known.
+long pm_lockstep_coordinator_step(const pm_lockstep_coordinator *coordinator);
+
+// The ledger of the completed steps, the transport that the coordinator was opened on, and what it
+// did with the messages that it received.
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
 pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
 const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);

@@ -1,16 +1,17 @@
-// One process of a distributed run, with its subsystems: a state machine driven by messages and
-// time. It computes the steps that the coordinator grants, exchanges one message per round with
-// each neighbouring process, and reports every step. Nothing in here blocks; lockstep.h has the
-// loops that drive it.
+// A node: one process of a distributed run, with its subsystems. It is a state machine driven by
+// messages and time (node.h has its table of states). It computes the steps that the coordinator
+// grants, exchanges one flux message per round with each neighbouring process, and reports every
+// step. Nothing in here blocks; lockstep.h has the loops that drive it.
 //
-// Life: HELLO until a tick opens a session -> report of the initial state -> rounds and reports ->
-// END: linger to answer requests -> finished. Whatever it waits for longer than usual it requests
-// again, and gives up when the peer stays silent for scene->patience.
+// Life cycle: it publishes hellos until a tick opens a session, reports its initial state, computes
+// rounds and reports steps until END, then answers requests for a moment, and is finished. A
+// message that takes longer than usual is requested again. A node gives up a coordinator that has
+// been silent for the scene's patience.
 //
-// Death and return: with a checkpoint a node writes what it must remember every so many steps
-// (checkpoint_ring.h). Started again, it goes on from there, and asks its neighbours for the fluxes
-// that it missed. Whoever is asked for what it no longer holds goes back to its own checkpoint
-// before that, and computes it again: same bits, so that nobody minds getting them twice.
+// Death and return: with a checkpoint, a node saves its state at regular steps (checkpoint_ring.h).
+// Restarted, it continues from there and requests the fluxes that it missed. A process that is
+// asked for a message it no longer holds rolls back to its own checkpoint and recomputes it, with
+// the same bits; receivers drop what they have already.
 #ifndef PM_LOCKSTEP_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_LOCKSTEP_NODE_H
 
@@ -23,17 +24,17 @@
 typedef struct pm_lockstep_node pm_lockstep_node;
 
 typedef struct pm_lockstep_node_options {
-    const double *z; // [scene->nz] where all start; NULL: at the scene's initial state
-    int64_t session; // joins only this one; 0: whichever coordinator has the same digest
-    const pm_boundary_input
-        *boundary_input;    // what the world prescribes; NULL: the scene has no loads
-    const char *checkpoint; // file to keep what it must remember, and to go on from; NULL: none
+    const double *z; // [scene->nz] initial state of the whole scene; NULL: as the scene says
+    int64_t session; // joins only this one; 0: any open one with the same digest
+    const pm_boundary_input *boundary_input; // NULL: the scene has none
+    const char *checkpoint;                  // file to save checkpoints in and to continue from;
+                                             // NULL: none
 } pm_lockstep_node_options;
 
-// Subscribes and gets ready; says nothing before the first poll. `system` and `transport` must
-// outlive it; once it is closed, nobody may wait on the transport any more. `options` may be NULL.
-// PM_ECONFIG (a channel's name is too long or means two things), PM_ENET, PM_ENOMEM, and what
-// pm_subsystem_open returns.
+// Opens the subsystems of process `process_id` and subscribes; publishes nothing before the first
+// poll. `system`, `transport` and what `options` (may be NULL) point to must outlive the node.
+// After it is closed, nobody may wait on the transport any more. PM_ECONFIG: a channel's name is
+// too long or has two meanings; PM_ENET, PM_ENOMEM, and what pm_subsystem_open returns.
 pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int process_id,
                                 pm_transport *transport, const pm_lockstep_node_options *options);
 void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
@@ -42,19 +43,24 @@ void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 // allow. Returns the time at which to poll again if no message comes before.
 double pm_lockstep_node_poll(pm_lockstep_node *node, double now);
 
-// Ends as soon as possible with `code` and `message`; the coordinator is told and ends all others.
+// Ends the node with `code` and `message`, which it reports to the coordinator, which ends the
+// others. Does nothing if the node is ending already.
 void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *message);
 
-// The run is over for this node: nothing more to do, or only lingering for others' requests.
+// _finished: nothing is left to do. _leaving: the run is over, and the node at most answers
+// requests of others.
 bool pm_lockstep_node_finished(const pm_lockstep_node *node);
 bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
 
-// PM_OK after END; else the failure, with pm_error() set to its description. PM_ETIMEOUT: a peer
-// stayed silent, named; PM_ENET: refused; PM_ENUMERIC: the state became non-finite; the
-// coordinator's code after ABORT; PM_EFILE: the checkpoint.
+// PM_OK after END; else the failure, with pm_error() set to its description. PM_ETIMEOUT: the
+// coordinator stayed silent; PM_ENET: this node was refused, or the transport failed; PM_ENUMERIC:
+// the state became non-finite; PM_EFILE: the checkpoint; after ABORT the coordinator's code.
 pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
 
-long pm_lockstep_node_step(const pm_lockstep_node *node); // steps completed
+// The number of steps completed.
+long pm_lockstep_node_step(const pm_lockstep_node *node);
+
+// The transport that the node was opened on, and what it did with the messages that it received.
 pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node);
 const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node);
 

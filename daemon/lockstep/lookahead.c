@@ -1,9 +1,9 @@
-// From the scene: how many rounds a step has.
+// The lookahead follows from the scene: its window, its number of rounds, and its checkpoints.
 #include "lockstep/lookahead.h"
 
 #include "sim/integrator.h"
 
-#define LEAD 16 // steps: of them half make one report
+#define MOST_STEPS 16 // half of them make one report
 
 static bool has_one_round(const pm_scene *scene) {
     const pm_integrator *integrator = pm_integrator_find(scene->integrator);
@@ -11,12 +11,12 @@ static bool has_one_round(const pm_scene *scene) {
 }
 
 int pm_lookahead(const pm_scene *scene) {
-    const int half = scene->checkpoint / 2, most = half < LEAD ? half : LEAD;
+    const int half = scene->checkpoint / 2, most = half < MOST_STEPS ? half : MOST_STEPS;
     const int window = scene->window, own = window > 1 ? window / 2 : 1; // steps in a report
-    const bool told = scene->nprocess > 1 && scene->tolerance == 0 && has_one_round(scene);
-    return told && most / 2 > 2 * own ? most : window;
+    const bool shown = scene->nprocess > 1 && scene->tolerance == 0 && has_one_round(scene);
+    return shown && most / 2 > 2 * own ? most : window;
 }
 
-bool pm_lookahead_is_heard(const pm_scene *scene) {
+bool pm_lookahead_uses_fluxes(const pm_scene *scene) {
     return pm_lookahead(scene) > scene->window;
 }

@@ -1,5 +1,41 @@
-// The inside of a node: lockstep_node.c polls and waits, node_steps.c computes, node_hear.c takes
-// messages in. Private to these three.
+// The inside of a node, private to its four files: lockstep_node.c polls, waits and ends;
+// node_messages.c handles messages; node_steps.c computes rounds and steps; node_state.c holds what
+// these three share. Calls go in this order, never back.
+//
+// The state machine. A round begins as soon as the round before it is complete and its step is
+// granted. `patience` and `checkpoint` are those of the scene.
+//
+// state    awaits             message or time-out                next      sends
+// -------  -----------------  ---------------------------------  --------  ---------------------
+// HELLO    a tick             0.1 s passed                       HELLO     hello
+//                             tick, granted = 0                  RUNNING   report of step 0
+//                             tick, granted > 0, and a           RUNNING   hello
+//                               checkpoint of its session
+//                             patience passed                    FAILING
+//                             END (with a checkpoint) or ABORT   LEAVING   BYE
+//                               of the session asked for
+// RUNNING  a grant; every     tick that grants more              RUNNING   flux of the round
+//          neighbour's flux   every flux of a round is there     RUNNING   flux of the next round
+//          of the round       every round of a step is complete  RUNNING   report: when full, 20 ms
+//                                                                          old, or awaited
+//                             time to request (waiting.h)        RUNNING   request for the missing
+//                                                                          flux, else for a tick
+//                             request, still buffered            RUNNING   flux or report again
+//                             request, new, no longer buffered   RUNNING   none: roll back to the
+//                                                                          checkpoint before it
+//                             coordinator silent for patience    FAILING
+//                             END after the last step, or with   LEAVING   BYE
+//                               a checkpoint; ABORT
+// FAILING  ABORT              0.02 s passed                      FAILING   report FAILED
+//                             ABORT                              LEAVING   BYE
+//                             0.3 s passed                       FINISHED
+// LEAVING  nothing            END or ABORT again                 LEAVING   BYE
+//                             request, still buffered            LEAVING   flux or report again
+//                             0.15 s passed                      FINISHED
+// HELLO,                      hello of a later node of its name  the same  REFUSE to the sender
+// RUNNING                     own failure, interrupt             FAILING
+// all of                      REFUSE of this node                FINISHED
+//   these
 #ifndef PM_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_NODE_H
 
@@ -21,65 +57,65 @@ typedef enum pm_node_phase {
 struct pm_lockstep_node {
     pm_endpoint endpoint;
     pm_arena arena;
-    const char *name;
-    pm_process_subsystems group;
+    const char *name; // of the process
+    pm_process_subsystems subsystems;
 
     pm_node_phase phase;
-    double next, until; // s: next poll needed; end of the phase
+    double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
 
     // Of the run, from the coordinator's ticks.
-    int64_t coordinator; // its instance
-    int64_t granted;
-    double t0;
-    bool want_state;
-    bool late; // in HELLO: a run is under way that it cannot join
+    int64_t coordinator; // instance of the coordinator
+    int64_t granted;     // steps
+    double t0;           // s, time at step 0
+    bool want_state;     // reports carry the state z
+    bool late;           // in HELLO: a run is under way that this node cannot join
     bool coordinator_alive;
-    double coordinator_heard;
+    double coordinator_heard; // s
 
-    int rounds;   // per step, at most
-    int substeps; // of the last step granted
-    int64_t step; // being computed, or next
-    int round;
-    bool started;            // the round
-    bool progressed;         // since the last poll; a new wait begins
-    pm_request_filter asked; // by the coordinator, for reports
+    int rounds;      // of a step, at most
+    int substeps;    // of the last step granted
+    int64_t step;    // that is being computed, or comes next
+    int round;       // within the step
+    bool started;    // the round: its flux is published, its bulk term computed
+    bool progressed; // since the last poll: a new wait begins
+    pm_request_filter coordinator_requests; // for reports
 
-    pm_checkpoint_ring history;
+    pm_checkpoint_ring checkpoints;
     pm_reporter reporter;
-    bool fluxes_tell; // of its steps, so that reports need not
-    double report_at; // s, when to report what is gathered, full or not
+    bool fluxes_show_progress; // reports are not needed at once for the next grant
+    double report_at;          // s, when to publish a report that is not full
 };
 
-// The phase's clock starts at the next poll, as handlers do not know the time.
+// --- state (node_state.c) ---
+
+// Goes on to another phase. Its clock starts at the next poll, as handlers do not know the time.
 void pm_node_enter(pm_lockstep_node *node, pm_node_phase next);
 
-// Handlers cannot return a failure; they leave it here.
+// Enters FAILING if `status` is a failure. Message handlers cannot return one; they report it here.
 void pm_node_check(pm_lockstep_node *node, pm_status status);
 
-// --- steps ---
+// --- messages (node_messages.c) ---
 
-// The present round, counted from the start of the run.
-int64_t pm_node_key(const pm_lockstep_node *node);
+// Opens the endpoint and subscribes to ticks and the neighbours' fluxes. `session`: the one that
+// the node was started for, or 0. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+pm_status pm_node_listen(pm_lockstep_node *node, int64_t session);
 
-// Is the present step granted?
-bool pm_node_is_granted(const pm_lockstep_node *node);
+// --- steps (node_steps.c) ---
 
-// May the next round begin?
+// The key of the present round: its number, counted from the start of the run.
+int64_t pm_node_round_key(const pm_lockstep_node *node);
+
+// True if the next round may begin.
 bool pm_node_may_start(const pm_lockstep_node *node);
 
-// From the initial state, or where this process stood when it died.
-pm_status pm_node_begin(pm_lockstep_node *node);
+// Begins at the initial state, or where this process stood at its last checkpoint of the session.
+pm_status pm_node_start_run(pm_lockstep_node *node);
 
-// Computes as far as the neighbours' fluxes and the time between two polls allow.
+// Computes as far as grants and the neighbours' fluxes allow, at most 16 steps.
 pm_status pm_node_compute(pm_lockstep_node *node);
 
-// Computes again from the newest checkpoint of at most `step` steps, if there is one.
-pm_status pm_node_go_back(pm_lockstep_node *node, int64_t step);
-
-// --- messages ---
-
-// Subscribes to what it hears. `asked`: the session that it was started for, or 0. PM_ECONFIG,
-// PM_ENET, PM_ENOMEM.
-pm_status pm_node_listen(pm_lockstep_node *node, int64_t asked);
+// Returns to the newest checkpoint of at most `step` steps, to compute again from there. Does
+// nothing if there is none.
+pm_status pm_node_roll_back(pm_lockstep_node *node, int64_t step);
 
 #endif

@@ -1,5 +1,6 @@
-// What a node hears: ticks, commands, hellos, of which it refuses some, fluxes, and requests, which
-// it answers. Only stores and answers.
+// The messages that a node handles: ticks, commands, hellos, some of which it refuses, fluxes, and
+// requests, which it answers from its resend buffers or by rolling back. node.h has the table of
+// states.
 #include "lockstep/node.h"
 
 #include <stdio.h>
@@ -9,8 +10,8 @@
 
 // --- ticks ---
 
-// Whether a tick is of a run that this node may join: of the session that it was started for, and
-// either its first word, or one whose beginning this node has seen.
+// True if a tick is of a run that this node may join: of the session that it was started for, with
+// the same digest, and either no step is granted yet or this node has a checkpoint of the session.
 static bool may_join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const int64_t asked = node->endpoint.identity.hello.session;
     const bool wanted = asked == 0 ? tick->open : tick->session == asked;
@@ -19,7 +20,8 @@ static bool may_join(pm_lockstep_node *node, const portmet_tick_t *tick) {
         return false;
     }
     if (tick->granted > 0) {
-        pm_node_check(node, pm_checkpoint_ring_knows(&node->history, tick->session, &known));
+        pm_node_check(node,
+                      pm_checkpoint_ring_has_session(&node->checkpoints, tick->session, &known));
         node->late = !known;
     }
     return tick->granted == 0 || known;
@@ -32,8 +34,8 @@ static void join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->progressed = true;
     pm_node_enter(node, PM_NODE_RUNNING);
     if (tick->granted > 0) {
-        // Whoever has its place is to know, even if this is the first that is heard of it.
-        pm_node_check(node, pm_identity_say(&node->endpoint.identity));
+        // Another node of this name must learn of this one, even if it has heard no hello before.
+        pm_node_check(node, pm_identity_publish_hello(&node->endpoint.identity));
     }
     if (tick->dt != dt) {
         pm_node_check(node,
@@ -43,16 +45,6 @@ static void join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     }
 }
 
-// What a coordinator says that was not heard before replaces what the one before it said.
-static void obey(pm_lockstep_node *node, const portmet_tick_t *tick) {
-    node->coordinator = tick->instance;
-    node->endpoint.steps = tick->steps;
-    node->granted = tick->granted;
-    const pm_scene *scene = node->endpoint.system->scene;
-    node->substeps = scene->tolerance > 0 ? tick->substeps : scene->substeps;
-    node->want_state = tick->want_state != 0;
-}
-
 static bool is_sane(const pm_lockstep_node *node, const portmet_tick_t *tick) {
     const bool chosen = node->endpoint.system->scene->tolerance > 0;
     return tick->steps >= 0 && tick->steps <= PM_STEPS_MAX && tick->granted >= 0 &&
@@ -60,6 +52,8 @@ static bool is_sane(const pm_lockstep_node *node, const portmet_tick_t *tick) {
            (!chosen || (tick->substeps >= 1 && tick->substeps <= PM_MOST_SUBSTEPS));
 }
 
+// Takes over what a tick says, unless it is older than another one: of an earlier coordinator, or
+// with fewer steps granted.
 static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const bool joins = node->phase == PM_NODE_HELLO && may_join(node, tick);
     if (!joins && (node->endpoint.session == 0 || tick->session != node->endpoint.session)) {
@@ -76,9 +70,14 @@ static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
         (tick->instance == node->coordinator && tick->granted < node->granted)) {
         return PM_DROP_REPEATED;
     }
-    obey(node, tick);
+    const pm_scene *scene = node->endpoint.system->scene;
+    node->coordinator = tick->instance;
+    node->endpoint.steps = tick->steps;
+    node->granted = tick->granted;
+    node->substeps = scene->tolerance > 0 ? tick->substeps : scene->substeps;
+    node->want_state = tick->want_state != 0;
     if (joins && node->phase == PM_NODE_RUNNING) {
-        pm_node_check(node, pm_node_begin(node));
+        pm_node_check(node, pm_node_start_run(node));
     }
     return PM_KEEP;
 }
@@ -93,14 +92,7 @@ static void on_tick(void *context, const char *channel, const void *data, size_t
 
 // --- commands ---
 
-// Is this command of the node's session, or in its hello of the one it was started for?
-static bool concerns(const pm_lockstep_node *node, const portmet_command_t *command) {
-    const int64_t session = node->phase == PM_NODE_HELLO ? node->endpoint.identity.hello.session
-                                                         : node->endpoint.session;
-    return session != 0 && command->session == session;
-}
-
-// Leaves without a word: whoever is refused is not of the run.
+// Ends without BYE, since a refused node is no part of the run.
 static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *command) {
     if (!pm_identity_is_refused(&node->endpoint.identity, node->endpoint.session, command)) {
         return PM_DROP_SESSION;
@@ -117,14 +109,17 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
     if (command->kind == PORTMET_COMMAND_T_REFUSE) {
         return accept_refusal(node, command);
     }
-    const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
-    // Who has returned from its death may have missed that its part is done.
-    const bool done = node->history.path != NULL ||
-                      (node->phase == PM_NODE_RUNNING && node->step == node->endpoint.steps);
-    const bool end = command->kind == PORTMET_COMMAND_T_END && done;
-    if (!concerns(node, command)) {
+    // In HELLO the node belongs to the session that it was started for.
+    const int64_t session = node->phase == PM_NODE_HELLO ? node->endpoint.identity.hello.session
+                                                         : node->endpoint.session;
+    if (session == 0 || command->session != session) {
         return PM_DROP_SESSION;
     }
+    const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
+    // A node that was restarted may not know that the last step is done.
+    const bool done = node->checkpoints.path != NULL ||
+                      (node->phase == PM_NODE_RUNNING && node->step == node->endpoint.steps);
+    const bool end = command->kind == PORTMET_COMMAND_T_END && done;
     if (!pm_lockstep_node_leaving(node)) {
         if (!abort && !end) {
             return PM_DROP_RANGE;
@@ -136,19 +131,19 @@ static pm_drop accept_command(void *context, const portmet_command_t *command) {
         pm_node_enter(node, PM_NODE_LEAVING);
         pm_node_check(node, pm_reporter_flush(&node->reporter));
     }
-    // Repeated commands too: the coordinator repeats them until it has heard everybody's BYE.
-    pm_node_check(node, pm_reporter_say(&node->reporter, node->endpoint.session,
-                                        PORTMET_REPORT_T_BYE, PM_OK, ""));
+    // Every command is answered: the coordinator repeats it until it has received every BYE.
+    pm_node_check(node, pm_reporter_notify(&node->reporter, node->endpoint.session,
+                                           PORTMET_REPORT_T_BYE, PM_OK, ""));
     return PM_KEEP;
 }
 
 // --- hellos ---
 
-// Another one speaks by this node's name: who came first stays.
-static void meet_rival(pm_lockstep_node *node, int64_t session, int64_t instance) {
+// Refuses another node of this name if it was started later.
+static void refuse_rival(pm_lockstep_node *node, int64_t session, int64_t instance) {
     const pm_identity *own = &node->endpoint.identity;
     const bool here = node->phase == PM_NODE_RUNNING || node->phase == PM_NODE_HELLO;
-    if (here && pm_identity_precedes(own, instance)) {
+    if (here && pm_identity_is_older(own, instance)) {
         char reason[256];
         snprintf(reason, sizeof reason, "there is a node %s of scene %s already", node->name,
                  node->endpoint.system->scene->name);
@@ -158,8 +153,8 @@ static void meet_rival(pm_lockstep_node *node, int64_t session, int64_t instance
 
 static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
     pm_lockstep_node *node = context;
-    if (pm_identity_rivals(&node->endpoint.identity, hello)) {
-        meet_rival(node, hello->session, hello->instance);
+    if (pm_identity_is_rival(&node->endpoint.identity, hello)) {
+        refuse_rival(node, hello->session, hello->instance);
     }
     return PM_KEEP;
 }
@@ -168,47 +163,42 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
 
 // The neighbour of that name, or NULL.
 static pm_flux_link *find_link(const pm_lockstep_node *node, const char *name) {
-    for (int i = 0; i < node->group.nlink; ++i) {
-        if (strcmp(node->group.link[i].neighbour, name) == 0) {
-            return &node->group.link[i];
+    for (int i = 0; i < node->subsystems.nlink; ++i) {
+        if (strcmp(node->subsystems.link[i].neighbour, name) == 0) {
+            return &node->subsystems.link[i];
         }
     }
     return NULL;
 }
 
-// A coordinator that asks for what is no longer kept has returned from its death.
+// Publishes a report again. A coordinator that requests one that is no longer buffered was
+// restarted from its checkpoint: this node rolls back and computes the steps again.
 static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *request) {
     const int64_t step = request->step;
     const bool is_new =
-        request->sender[0] == 0 && pm_request_filter_hears(&node->asked, request, request->step);
+        request->sender[0] == 0 &&
+        pm_request_filter_accept(&node->coordinator_requests, request, request->step);
     bool kept;
     PM_TRY(pm_reporter_repeat(&node->reporter, step, &kept));
     const bool missed = !kept && step <= node->step - node->reporter.rows;
     return missed && is_new && node->phase == PM_NODE_RUNNING
-               ? pm_node_go_back(node, step > 0 ? step - 1 : 0)
+               ? pm_node_roll_back(node, step > 0 ? step - 1 : 0)
                : PM_OK;
 }
 
-// So has a neighbour, or it had to go back itself.
+// Publishes a flux again. A neighbour that requests one that is no longer buffered was restarted,
+// or had to roll back itself: this node rolls back, too.
 static pm_status answer_flux(pm_lockstep_node *node, const portmet_request_t *request) {
     const int64_t key = request->step * node->rounds + request->round;
     pm_flux_link *link = find_link(node, request->sender);
-    const bool is_new = link != NULL && pm_request_filter_hears(&link->asked, request, key);
-    if (pm_resend_buffer_keeps(&node->group.sent, key)) {
-        return pm_resend_buffer_repeat(&node->group.sent, node->endpoint.transport, key);
+    const bool is_new = link != NULL && pm_request_filter_accept(&link->requests, request, key);
+    if (pm_resend_buffer_keeps(&node->subsystems.sent, key)) {
+        return pm_resend_buffer_repeat(&node->subsystems.sent, node->endpoint.transport, key);
     }
-    const bool missed = key < pm_node_key(node);
-    return missed && is_new && node->phase == PM_NODE_RUNNING ? pm_node_go_back(node, request->step)
-                                                              : PM_OK;
-}
-
-static void note_sender(pm_lockstep_node *node, const portmet_request_t *request) {
-    if (request->sender[0] == 0) {
-        node->coordinator_alive = true;
-    }
-    if (strcmp(request->sender, node->name) == 0) {
-        meet_rival(node, request->session, request->instance);
-    }
+    const bool missed = key < pm_node_round_key(node);
+    return missed && is_new && node->phase == PM_NODE_RUNNING
+               ? pm_node_roll_back(node, request->step)
+               : PM_OK;
 }
 
 static pm_drop accept_request(void *context, const portmet_request_t *request) {
@@ -221,11 +211,16 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
     if (!sane) {
         return PM_DROP_RANGE;
     }
-    note_sender(node, request);
+    if (request->sender[0] == 0) {
+        node->coordinator_alive = true;
+    }
+    if (strcmp(request->sender, node->name) == 0) {
+        refuse_rival(node, request->session, request->instance);
+    }
     if (strcmp(request->channel, node->reporter.sent.channel) == 0) {
         pm_node_check(node, answer_report(node, request));
     }
-    if (strcmp(request->channel, node->group.sent.channel) == 0) {
+    if (strcmp(request->channel, node->subsystems.sent.channel) == 0) {
         pm_node_check(node, answer_flux(node, request));
     }
     return PM_KEEP;
@@ -243,7 +238,8 @@ static pm_drop accept_flux(pm_flux_link *link) {
         flux->step > node->endpoint.steps) {
         return PM_DROP_RANGE;
     }
-    return pm_flux_link_keep(link, flux->step * node->rounds + flux->round, pm_node_key(node));
+    return pm_flux_link_keep(link, flux->step * node->rounds + flux->round,
+                             pm_node_round_key(node));
 }
 
 static void on_flux(void *context, const char *channel, const void *data, size_t size) {
@@ -255,14 +251,14 @@ static void on_flux(void *context, const char *channel, const void *data, size_t
 
 // --- opening ---
 
-pm_status pm_node_listen(pm_lockstep_node *node, int64_t asked) {
+pm_status pm_node_listen(pm_lockstep_node *node, int64_t session) {
     static const pm_handlers handlers = {accept_hello, accept_command, accept_request};
     pm_transport *transport = node->endpoint.transport;
-    PM_TRY(pm_endpoint_open(&node->endpoint, &handlers, node, node->name, asked,
-                            node->history.path != NULL));
+    PM_TRY(pm_endpoint_open(&node->endpoint, &handlers, node, node->name, session,
+                            node->checkpoints.path != NULL));
     PM_TRY(pm_transport_subscribe(transport, node->endpoint.tick_channel, on_tick, node));
-    for (int i = 0; i < node->group.nlink; ++i) {
-        pm_flux_link *link = &node->group.link[i];
+    for (int i = 0; i < node->subsystems.nlink; ++i) {
+        pm_flux_link *link = &node->subsystems.link[i];
         link->node = node;
         PM_TRY(pm_transport_subscribe(transport, link->channel, on_flux, link));
     }

@@ -1,5 +1,5 @@
-// Rounds of several subsystems at once. Every one exposes before any couples, and couples before
-// any advances.
+// The rounds of all subsystems of a process: every one exposes before any is coupled, and all are
+// coupled before any advances.
 #include "lockstep/process_subsystems.h"
 
 #include <string.h>
@@ -12,15 +12,15 @@ static pm_status no_memory(const pm_scene *scene, int process_id) {
 
 // --- opening ---
 
-// The link to a process, made when it is first asked for.
-static pm_status find_link(pm_process_subsystems *group, pm_arena *arena, const pm_scene *scene,
-                           int process_id, int *link) {
-    for (*link = 0; *link < group->nlink; ++*link) {
-        if (group->link[*link].process_id == process_id) {
+// Finds the link to a process, or makes it; `link` receives its position.
+static pm_status find_link(pm_process_subsystems *subsystems, pm_arena *arena,
+                           const pm_scene *scene, int process_id, int *link) {
+    for (*link = 0; *link < subsystems->nlink; ++*link) {
+        if (subsystems->link[*link].process_id == process_id) {
             return PM_OK;
         }
     }
-    return pm_flux_link_init(&group->link[group->nlink++], arena, scene, process_id);
+    return pm_flux_link_init(&subsystems->link[subsystems->nlink++], arena, scene, process_id);
 }
 
 static int position_of(const pm_scene_process *process, int subsystem_id) {
@@ -31,7 +31,7 @@ static int position_of(const pm_scene_process *process, int subsystem_id) {
     return i;
 }
 
-// Which of a subsystem's ports, in the scene's order, an end is.
+// The position of a port among those of a subsystem, in the scene's order.
 static int port_position(const pm_subsystem *subsystem, int port_id) {
     int i = 0;
     while (pm_subsystem_port_id(subsystem, i) != port_id) {
@@ -40,9 +40,9 @@ static int port_position(const pm_subsystem *subsystem, int port_id) {
     return i;
 }
 
-static pm_status open_port(pm_process_subsystems *group, pm_arena *arena, const pm_scene *scene,
-                           int process_id, const pm_subsystem *subsystem, int position,
-                           pm_process_subsystems_port *port) {
+static pm_status open_port(pm_process_subsystems *subsystems, pm_arena *arena,
+                           const pm_scene *scene, int process_id, const pm_subsystem *subsystem,
+                           int position, pm_process_port *port) {
     const int port_id = pm_subsystem_port_id(subsystem, position);
     const pm_end own = pm_subsystem_end(subsystem, position);
     const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
@@ -53,28 +53,28 @@ static pm_status open_port(pm_process_subsystems *group, pm_arena *arena, const 
     }
     if (!pm_scene_joins_processes(scene, &scene->port[port_id])) {
         port->peer = position_of(&scene->process[process_id], neighbour);
-        port->peer_port = port_position(group->part[port->peer].subsystem, port_id);
+        port->peer_port = port_position(subsystems->part[port->peer].subsystem, port_id);
         return PM_OK;
     }
     port->peer = -1;
-    port->first = pm_flux_first(scene, port_id, other);
+    port->first = pm_flux_message_offset(scene, port_id, other);
     port->ny = scene->port[port_id].layout[other].nz;
-    return find_link(group, arena, scene, scene->subsystem[neighbour].process, &port->link);
+    return find_link(subsystems, arena, scene, scene->subsystem[neighbour].process, &port->link);
 }
 
-// What two subsystems of this group would both evaluate, the first one does.
-static pm_status share_port(const pm_process_subsystems *group, int part_id, int position) {
-    const pm_process_subsystems_part *part = &group->part[part_id];
-    const pm_process_subsystems_port *port = &part->port[position];
+// A port between two subsystems of this process is evaluated once, by the first of them.
+static pm_status share_port(const pm_process_subsystems *subsystems, int part_id, int position) {
+    const pm_process_subsystem *part = &subsystems->part[part_id];
+    const pm_process_port *port = &part->port[position];
     if (port->boundary_input || port->peer <= part_id) {
         return PM_OK;
     }
-    return pm_subsystem_share(part->subsystem, position, group->part[port->peer].subsystem,
+    return pm_subsystem_share(part->subsystem, position, subsystems->part[port->peer].subsystem,
                               port->peer_port);
 }
 
-static pm_status open_part(pm_process_subsystems_part *part, pm_arena *arena,
-                           const pm_system *system, int subsystem_id, const double *z,
+static pm_status open_part(pm_process_subsystem *part, pm_arena *arena, const pm_system *system,
+                           int subsystem_id, const double *z,
                            const pm_boundary_input *boundary_input) {
     PM_TRY(pm_subsystem_open(&part->subsystem, system, subsystem_id));
     pm_subsystem_set_boundary_input(part->subsystem, boundary_input);
@@ -88,46 +88,48 @@ static pm_status open_part(pm_process_subsystems_part *part, pm_arena *arena,
                : PM_OK;
 }
 
-pm_status pm_process_subsystems_init(pm_process_subsystems *group, pm_arena *arena,
+pm_status pm_process_subsystems_init(pm_process_subsystems *subsystems, pm_arena *arena,
                                      const pm_system *system, int process_id, const double *z,
                                      const pm_boundary_input *boundary_input, int depth) {
     const pm_scene *scene = system->scene;
     const pm_scene_process *process = &scene->process[process_id];
-    group->part = pm_arena_array(arena, (size_t)process->count, sizeof *group->part);
-    group->link = pm_arena_array(arena, (size_t)scene->nprocess, sizeof *group->link);
-    if (group->part == NULL || group->link == NULL) {
+    subsystems->part = pm_arena_array(arena, (size_t)process->count, sizeof *subsystems->part);
+    subsystems->link = pm_arena_array(arena, (size_t)scene->nprocess, sizeof *subsystems->link);
+    if (subsystems->part == NULL || subsystems->link == NULL) {
         return no_memory(scene, process_id);
     }
     for (int i = 0; i < process->count; ++i) {
-        group->count = i + 1;
-        PM_TRY(open_part(&group->part[i], arena, system, process->subsystem[i], z, boundary_input));
+        subsystems->count = i + 1;
+        PM_TRY(open_part(&subsystems->part[i], arena, system, process->subsystem[i], z,
+                         boundary_input));
     }
-    for (int i = 0; i < group->count; ++i) {
-        const pm_process_subsystems_part *part = &group->part[i];
+    for (int i = 0; i < subsystems->count; ++i) {
+        const pm_process_subsystem *part = &subsystems->part[i];
         for (int k = 0; k < part->nport; ++k) {
-            PM_TRY(open_port(group, arena, scene, process_id, part->subsystem, k, &part->port[k]));
-            PM_TRY(share_port(group, i, k));
+            PM_TRY(open_port(subsystems, arena, scene, process_id, part->subsystem, k,
+                             &part->port[k]));
+            PM_TRY(share_port(subsystems, i, k));
         }
     }
-    PM_TRY(pm_flux_make(&group->shown, arena, scene, process_id));
-    PM_TRY(pm_channel_process(group->sent.channel, scene, "FLUX", process_id));
-    return pm_resend_buffer_init(&group->sent, arena, depth, pm_flux_size(&group->shown));
+    PM_TRY(pm_flux_message_alloc(&subsystems->flux, arena, scene, process_id));
+    PM_TRY(pm_channel_process(subsystems->sent.channel, scene, "FLUX", process_id));
+    return pm_resend_buffer_init(&subsystems->sent, arena, depth, pm_flux_size(&subsystems->flux));
 }
 
-void pm_process_subsystems_free(pm_process_subsystems *group) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_close(group->part[i].subsystem);
+void pm_process_subsystems_free(pm_process_subsystems *subsystems) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        pm_subsystem_close(subsystems->part[i].subsystem);
     }
 }
 
 // --- a round ---
 
-// Gathers what leaves this process: same order as pm_flux_first's.
-static void gather_shown(pm_process_subsystems *group) {
-    portmet_flux_t *shown = &group->shown;
+// Fills the flux message, with the ends in the order of pm_flux_message_offset.
+static void fill_flux(pm_process_subsystems *subsystems) {
+    portmet_flux_t *flux = &subsystems->flux;
     int end = 0, first = 0;
-    for (int i = 0; i < group->count; ++i) {
-        const pm_process_subsystems_part *part = &group->part[i];
+    for (int i = 0; i < subsystems->count; ++i) {
+        const pm_process_subsystem *part = &subsystems->part[i];
         const pm_books books = pm_subsystem_books(part->subsystem);
         for (int k = 0; k < part->nport; ++k) {
             if (part->port[k].boundary_input || part->port[k].peer >= 0) {
@@ -135,13 +137,13 @@ static void gather_shown(pm_process_subsystems *group) {
             }
             const pm_port_values *values = pm_subsystem_values(part->subsystem, k);
             const size_t size = (size_t)values->ny * sizeof(double);
-            shown->energy_flux[end] = books.flux[k].energy;
-            shown->entropy_flux[end] = books.flux[k].entropy;
-            memcpy(shown->y + first, values->y, size);
-            memcpy(shown->e + first, values->e, size);
-            memcpy(shown->eta + first, values->eta, size);
+            flux->energy_flux[end] = books.flux[k].energy;
+            flux->entropy_flux[end] = books.flux[k].entropy;
+            memcpy(flux->y + first, values->y, size);
+            memcpy(flux->e + first, values->e, size);
+            memcpy(flux->eta + first, values->eta, size);
             if (values->response != NULL) {
-                memcpy(shown->response + first, values->response, size);
+                memcpy(flux->response + first, values->response, size);
             }
             end += 1;
             first += values->ny;
@@ -149,55 +151,57 @@ static void gather_shown(pm_process_subsystems *group) {
     }
 }
 
-static pm_status send_shown(pm_process_subsystems *group, pm_transport *transport, int64_t key,
-                            const portmet_flux_t *head) {
-    portmet_flux_t *shown = &group->shown;
-    gather_shown(group);
-    shown->session = head->session;
-    shown->step = head->step;
-    shown->round = head->round;
-    shown->time = head->time;
-    unsigned char *data = pm_resend_buffer_data(&group->sent, key);
-    const size_t size = pm_flux_encode(shown, data, group->sent.capacity);
+static pm_status publish_flux(pm_process_subsystems *subsystems, pm_transport *transport,
+                              int64_t key, const portmet_flux_t *head) {
+    portmet_flux_t *flux = &subsystems->flux;
+    fill_flux(subsystems);
+    flux->session = head->session;
+    flux->step = head->step;
+    flux->round = head->round;
+    flux->time = head->time;
+    unsigned char *data = pm_resend_buffer_data(&subsystems->sent, key);
+    const size_t size = pm_flux_encode(flux, data, subsystems->sent.capacity);
     if (size == 0) {
         return pm_fail(PM_ENUMERIC, "channel %s: not finite in round %d of step %lld",
-                       group->sent.channel, head->round, (long long)head->step);
+                       subsystems->sent.channel, head->round, (long long)head->step);
     }
-    return pm_resend_buffer_publish(&group->sent, transport, key, size);
+    return pm_resend_buffer_publish(&subsystems->sent, transport, key, size);
 }
 
-pm_status pm_process_subsystems_start_round(pm_process_subsystems *group, pm_transport *transport,
-                                            int64_t key, const portmet_flux_t *head) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_expose(group->part[i].subsystem);
+pm_status pm_process_subsystems_start_round(pm_process_subsystems *subsystems,
+                                            pm_transport *transport, int64_t key,
+                                            const portmet_flux_t *head) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        pm_subsystem_expose(subsystems->part[i].subsystem);
     }
-    if (group->nlink > 0) {
-        PM_TRY(send_shown(group, transport, key, head));
+    if (subsystems->nlink > 0) {
+        PM_TRY(publish_flux(subsystems, transport, key, head));
     }
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_bulk(group->part[i].subsystem);
+    for (int i = 0; i < subsystems->count; ++i) {
+        pm_subsystem_bulk(subsystems->part[i].subsystem);
     }
-    group->part_id = group->port_id = 0;
+    subsystems->part_id = subsystems->port_id = 0;
     return PM_OK;
 }
 
-bool pm_process_subsystems_couple(pm_process_subsystems *group, int64_t key, bool *used) {
+bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key, bool *used) {
     *used = false;
-    for (; group->part_id < group->count; ++group->part_id, group->port_id = 0) {
-        const pm_process_subsystems_part *part = &group->part[group->part_id];
-        for (; group->port_id < part->nport; ++group->port_id) {
-            const pm_process_subsystems_port *port = &part->port[group->port_id];
+    for (; subsystems->part_id < subsystems->count;
+         ++subsystems->part_id, subsystems->port_id = 0) {
+        const pm_process_subsystem *part = &subsystems->part[subsystems->part_id];
+        for (; subsystems->port_id < part->nport; ++subsystems->port_id) {
+            const pm_process_port *port = &part->port[subsystems->port_id];
             if (port->boundary_input) {
-                pm_subsystem_couple(part->subsystem, group->port_id, NULL);
+                pm_subsystem_couple(part->subsystem, subsystems->port_id, NULL);
                 continue;
             }
             if (port->peer >= 0) {
-                const pm_subsystem *peer = group->part[port->peer].subsystem;
-                pm_subsystem_couple(part->subsystem, group->port_id,
+                const pm_subsystem *peer = subsystems->part[port->peer].subsystem;
+                pm_subsystem_couple(part->subsystem, subsystems->port_id,
                                     pm_subsystem_values(peer, port->peer_port));
                 continue;
             }
-            const pm_flux_link *link = &group->link[port->link];
+            const pm_flux_link *link = &subsystems->link[port->link];
             const portmet_flux_t *flux = pm_flux_link_take(link, key);
             if (flux == NULL) {
                 return false;
@@ -206,49 +210,50 @@ bool pm_process_subsystems_couple(pm_process_subsystems *group, int64_t key, boo
             const pm_port_values values = {port->ny, flux->y + first, flux->e + first,
                                            flux->eta + first,
                                            flux->nresponse > 0 ? flux->response + first : NULL};
-            pm_subsystem_couple(part->subsystem, group->port_id, &values);
+            pm_subsystem_couple(part->subsystem, subsystems->port_id, &values);
             *used = true;
         }
     }
     return true;
 }
 
-const pm_flux_link *pm_process_subsystems_misses(const pm_process_subsystems *group, int64_t key) {
-    for (int i = 0; i < group->nlink; ++i) {
-        if (pm_flux_link_take(&group->link[i], key) == NULL) {
-            return &group->link[i];
+const pm_flux_link *pm_process_subsystems_missing(const pm_process_subsystems *subsystems,
+                                                  int64_t key) {
+    for (int i = 0; i < subsystems->nlink; ++i) {
+        if (pm_flux_link_take(&subsystems->link[i], key) == NULL) {
+            return &subsystems->link[i];
         }
     }
     return NULL;
 }
 
-void pm_process_subsystems_advance(pm_process_subsystems *group) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_advance(group->part[i].subsystem);
+void pm_process_subsystems_advance(pm_process_subsystems *subsystems) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        pm_subsystem_advance(subsystems->part[i].subsystem);
     }
 }
 
-pm_status pm_process_subsystems_end_step(pm_process_subsystems *group) {
-    for (int i = 0; i < group->count; ++i) {
-        PM_TRY(pm_subsystem_end_step(group->part[i].subsystem));
+pm_status pm_process_subsystems_end_step(pm_process_subsystems *subsystems) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        PM_TRY(pm_subsystem_end_step(subsystems->part[i].subsystem));
     }
     return PM_OK;
 }
 
-void pm_process_subsystems_set_substeps(pm_process_subsystems *group, int substeps) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_set_substeps(group->part[i].subsystem, substeps);
+void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int substeps) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        pm_subsystem_set_substeps(subsystems->part[i].subsystem, substeps);
     }
 }
 
-int pm_process_subsystems_rounds(const pm_process_subsystems *group) {
-    return pm_subsystem_rounds(group->part[0].subsystem);
+int pm_process_subsystems_rounds(const pm_process_subsystems *subsystems) {
+    return pm_subsystem_rounds(subsystems->part[0].subsystem);
 }
 
-// --- memory ---
+// --- checkpoints ---
 
-void pm_process_subsystems_record(pm_process_subsystems *group, pm_record *record) {
-    for (int i = 0; i < group->count; ++i) {
-        pm_subsystem_record(group->part[i].subsystem, record);
+void pm_process_subsystems_record(pm_process_subsystems *subsystems, pm_record *record) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        pm_subsystem_record(subsystems->part[i].subsystem, record);
     }
 }

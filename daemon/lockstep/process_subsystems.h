@@ -1,5 +1,7 @@
-// The subsystems that one process serves, and how they reach their neighbours: each other by
-// pointers, those of other processes by one flux message per round.
+// The subsystems that one process serves. In each round they expose their port variables, the
+// process publishes those that other processes need as one flux message, and every port is coupled
+// with what its other end exposes: another subsystem of this process (read through a pointer), a
+// neighbouring process (read from its flux message, flux_link.h), or a boundary input.
 #ifndef PM_LOCKSTEP_PROCESS_SUBSYSTEMS_H
 #define PM_LOCKSTEP_PROCESS_SUBSYSTEMS_H
 
@@ -7,61 +9,64 @@
 #include "lockstep/resend_buffer.h"
 #include "sim/subsystem.h"
 
-// A port as one of the subsystems sees it: what is at its other end.
-typedef struct pm_process_subsystems_port {
-    bool boundary_input; // the world: nothing to send, nobody to wait for; else
-    int peer, peer_port; // a subsystem of this group and which of its ports; peer -1: elsewhere
-    int link, first, ny; // elsewhere: which neighbour, where its values are in its messages
-} pm_process_subsystems_port;
+// A port of one subsystem, and what stands at its other end.
+typedef struct pm_process_port {
+    bool boundary_input; // a boundary input: nothing to publish and nothing to wait for
+    int peer;            // position of the subsystem in this process; -1: in another process
+    int peer_port;       // position of the port among the peer's ports
+    int link;            // in another process: position of the neighbour in `link`
+    int first, ny;       // likewise: where its components stand in the arrays y, e and eta
+} pm_process_port;
 
-typedef struct pm_process_subsystems_part {
+typedef struct pm_process_subsystem {
     pm_subsystem *subsystem;
     int nport;
-    pm_process_subsystems_port *port; // [nport]
-} pm_process_subsystems_part;
+    pm_process_port *port; // [nport]
+} pm_process_subsystem;
 
 // Storage the caller owns; zero-initialise.
 typedef struct pm_process_subsystems {
     int count;
-    pm_process_subsystems_part *part; // [count], in the scene's order
+    pm_process_subsystem *part; // [count], in the scene's order
     int nlink;
-    pm_flux_link *link; // [nlink], one for each neighbouring process
-    portmet_flux_t shown;
-    pm_resend_buffer sent; // own fluxes, by round
+    pm_flux_link *link;    // [nlink], one for each neighbouring process
+    portmet_flux_t flux;   // the message of the present round
+    pm_resend_buffer sent; // flux messages, by round key (flux_link.h)
     int part_id, port_id;  // the next port to couple in this round
 } pm_process_subsystems;
 
-// Opens the subsystems of a process at the state z [scene->nz] (NULL: the scene's initial one),
-// under `load` (NULL: the scene has none); memory from the arena. It keeps its fluxes of the last
-// `depth` rounds. PM_ECONFIG, PM_ENOMEM, and what pm_subsystem_open returns.
-pm_status pm_process_subsystems_init(pm_process_subsystems *group, pm_arena *arena,
+// Opens the subsystems of process `process_id` at the state z [scene->nz] (NULL: the scene's
+// initial state) under `boundary_input` (NULL: the scene has none). Memory comes from the arena;
+// system and boundary input must outlive the subsystems. The flux messages of the last `depth`
+// rounds are kept for requests. PM_ECONFIG, PM_ENOMEM, and what pm_subsystem_open returns. The
+// caller frees, on failure too.
+pm_status pm_process_subsystems_init(pm_process_subsystems *subsystems, pm_arena *arena,
                                      const pm_system *system, int process_id, const double *z,
                                      const pm_boundary_input *boundary_input, int depth);
-void pm_process_subsystems_free(pm_process_subsystems *group);
+void pm_process_subsystems_free(pm_process_subsystems *subsystems);
 
-// A round, counted from the start of the run by `key`: exposes, publishes what neighbours elsewhere
-// need (`head` has session, step, round and time; PM_ENUMERIC: not finite), and computes the bulk
-// terms while the neighbours' fluxes travel.
-pm_status pm_process_subsystems_start_round(pm_process_subsystems *group, pm_transport *transport,
-                                            int64_t key, const portmet_flux_t *head);
+// Begins the round `key`: exposes port variables, publishes the flux message (`head` gives its
+// session, step, round and time), and computes the bulk terms while the neighbours' messages
+// travel. PM_ENUMERIC: a value to be published is not finite; PM_ENET.
+pm_status pm_process_subsystems_start_round(pm_process_subsystems *subsystems,
+                                            pm_transport *transport, int64_t key,
+                                            const portmet_flux_t *head);
 
-// Couples ports in their order as far as the neighbours' fluxes have arrived: true when all are
-// coupled. `used` receives whether any was.
-bool pm_process_subsystems_couple(pm_process_subsystems *group, int64_t key, bool *used);
+// Couples ports, in the scene's order, as far as the neighbours' fluxes of the round `key` have
+// arrived. Returns true when all are coupled. `used` receives whether a flux was used.
+bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key, bool *used);
 
-// A neighbour whose flux of this round has not arrived, or NULL.
-const pm_flux_link *pm_process_subsystems_misses(const pm_process_subsystems *group, int64_t key);
+// A neighbour whose flux of the round `key` has not arrived; NULL if all have.
+const pm_flux_link *pm_process_subsystems_missing(const pm_process_subsystems *subsystems,
+                                                  int64_t key);
 
-// Between two steps: how many substeps the next one has, and rounds in the present one.
-void pm_process_subsystems_set_substeps(pm_process_subsystems *group, int substeps);
-int pm_process_subsystems_rounds(const pm_process_subsystems *group);
+// Sets the number of substeps of the next step; to be called between two steps.
+void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int substeps);
 
-// After all ports: the Runge-Kutta combination. _end_step after the last round of a step.
-// PM_ENUMERIC.
-void pm_process_subsystems_advance(pm_process_subsystems *group);
-pm_status pm_process_subsystems_end_step(pm_process_subsystems *group);
+// The number of rounds in the present step.
+int pm_process_subsystems_rounds(const pm_process_subsystems *subsystems);
 
-// Puts all that the subsystems need to go on from the end of a step with the same bits.
-void pm_process_subsystems_record(pm_process_subsystems *group, pm_record *record);
+// Puts the numbers with which the subsystems continue from the end of a step with the same bits.
+void pm_process_subsystems_record(pm_process_subsystems *subsystems, pm_record *record);
 
 #endif

@@ -1,4 +1,4 @@
-// A process's reports, taken apart.
+// Decodes a process's reports and distributes their numbers to samples.
 #include "lockstep/remote_process.h"
 
 #include <string.h>
@@ -7,8 +7,8 @@
 #include "lockstep/reporter.h"
 #include "transport/channel.h"
 
-// The ends of ports in the order of reports: by subsystem, then by port, then the world's ends of
-// the subsystem's loads.
+// Lists the ends of ports in the order of reports: by subsystem; for each, its own ends by port,
+// then the other ends of those of its ports that lead to a boundary input.
 static pm_status list_ends(pm_remote_process *remote, pm_arena *arena) {
     const pm_scene *scene = remote->scene;
     const pm_scene_process *process = &scene->process[remote->id];
@@ -44,21 +44,21 @@ pm_status pm_remote_process_init(pm_remote_process *remote, pm_arena *arena, con
     PM_TRY(pm_channel_process(remote->flux_channel, scene, "FLUX", process_id));
     PM_TRY(pm_channel_request(remote->address, scene, remote->name));
     PM_TRY(list_ends(remote, arena));
-    PM_TRY(pm_flux_make(&remote->shown, arena, scene, process_id));
-    PM_TRY(pm_report_make(&remote->scratch, arena, scene, process_id));
-    remote->most_part = remote->scratch.npart;
-    remote->most_end = remote->scratch.nend;
-    remote->most_z = remote->scratch.nz;
+    PM_TRY(pm_flux_message_alloc(&remote->flux, arena, scene, process_id));
+    PM_TRY(pm_report_message_alloc(&remote->report, arena, scene, process_id));
+    remote->most_part = remote->report.npart;
+    remote->most_end = remote->report.nend;
+    remote->most_z = remote->report.nz;
     return PM_OK;
 }
 
 int pm_remote_process_rows(const pm_remote_process *remote) {
-    return remote->scratch.npart / remote->scene->process[remote->id].count;
+    return remote->report.npart / remote->scene->process[remote->id].count;
 }
 
 pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, size_t size,
                                  bool with_state) {
-    portmet_report_t *r = &remote->scratch;
+    portmet_report_t *r = &remote->report;
     r->npart = remote->most_part;
     r->nend = remote->most_end;
     r->nz = remote->most_z;
@@ -74,7 +74,7 @@ pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, si
 }
 
 void pm_remote_process_fill(const pm_remote_process *remote, int row, pm_sample *sample) {
-    const portmet_report_t *r = &remote->scratch;
+    const portmet_report_t *r = &remote->report;
     const pm_scene_process *process = &remote->scene->process[remote->id];
     const double *z = r->nz > 0 ? r->z + row * remote->nz : NULL;
     for (int k = 0; k < process->count; ++k) {

@@ -1,5 +1,6 @@
-// What the coordinator knows of one process: its channel, which numbers of a sample are its, and
-// whether it is alive.
+// What the coordinator knows of one process: the channels of its messages, which numbers of a
+// sample it reports, and whether it is alive and makes progress. It decodes the process's reports
+// and fluxes into messages whose memory it owns.
 #ifndef PM_LOCKSTEP_REMOTE_PROCESS_H
 #define PM_LOCKSTEP_REMOTE_PROCESS_H
 
@@ -9,10 +10,10 @@
 #include "scene/recording.h"
 #include "transport/transport.h"
 
-// Storage the caller owns.
+// Storage the caller owns; zero-initialise.
 typedef struct pm_remote_process {
-    struct pm_lockstep_coordinator *coordinator; // whose it is
-    int id;                                      // of the process
+    struct pm_lockstep_coordinator *coordinator; // context of the message handlers
+    int id;                                      // of the process in the scene
     const char *name;
     const pm_scene *scene;
     char channel[PM_CHANNEL_SIZE];       // of its reports
@@ -20,30 +21,33 @@ typedef struct pm_remote_process {
     char address[PM_CHANNEL_SIZE];       // of requests to it
     int nend, nz;                        // ends of ports and components of its subsystems
     int *end;                            // [nend] 2 * position of the port in the scene + end
-    portmet_report_t scratch;            // being decoded
-    portmet_flux_t shown;                // likewise
-    int32_t most_part, most_end, most_z; // numbers in a report
-    bool alive;                          // heard of since the last poll
-    bool moved;                          // and it had got on, or begun again
+    portmet_report_t report;             // the last one decoded
+    portmet_flux_t flux;                 // likewise
+    int32_t most_part, most_end, most_z; // largest counts of a report
+    bool alive;                          // sent a message since the last poll
+    bool moved;                          // a message since the last poll shows progress
     int64_t asked[4];                    // instance, attempt, step and round of its last request
-    int64_t reported;                    // the step of its last report
-    int64_t done;                        // steps that it told of, by report or flux; -1: none
-    bool left;                           // said BYE
-    double heard;                        // s, when heard of
+    int64_t reported;                    // first step of its last report
+    int64_t done;                        // steps completed, by report or flux; -1: none
+    bool left;                           // has sent BYE
+    double heard;                        // s, when a message last arrived
     int64_t instance;                    // that reported the initial state; 0: none
 } pm_remote_process;
 
-// Name, shape and memory (from the arena). PM_ECONFIG, PM_ENOMEM.
+// Sets names and shapes for process `process_id`, with memory from the arena. PM_ECONFIG,
+// PM_ENOMEM.
 pm_status pm_remote_process_init(pm_remote_process *remote, pm_arena *arena, const pm_scene *scene,
                                  int process_id);
 
-// Decodes a report into `scratch`; a DONE is found to be of whole rows, with the state or without
-// it as `with_state` says.
+// Decodes a report message into `report`. A DONE must consist of whole rows, with the state exactly
+// if `with_state`; otherwise the result is PM_DROP_COUNT.
 pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, size_t size,
                                  bool with_state);
 
-int pm_remote_process_rows(const pm_remote_process *remote); // steps in `scratch`
-// Writes this process's part of a step's sample: row `row` of `scratch`.
+// The number of steps in `report`.
+int pm_remote_process_rows(const pm_remote_process *remote);
+
+// Writes this process's numbers of row `row` of `report` into the sample of that step.
 void pm_remote_process_fill(const pm_remote_process *remote, int row, pm_sample *sample);
 
 #endif

@@ -1,5 +1,7 @@
-// The steps whose reports the coordinator gathers: as many samples as may be granted ahead
-// (lookahead.h), each complete when every process has reported it.
+// The steps whose reports the coordinator collects at the same time: as many as may be granted
+// ahead (lookahead.h), and one more. Each has a sample, which is complete when every process has
+// reported the step. The coordinator takes samples out in order of their steps; each time the
+// window moves on by one step.
 #ifndef PM_LOCKSTEP_REPORT_WINDOW_H
 #define PM_LOCKSTEP_REPORT_WINDOW_H
 
@@ -12,40 +14,40 @@
 typedef struct pm_report_window_slot {
     int64_t step;
     int missing; // processes that have not reported it
-    bool *has;   // [nprocess]
+    bool *has;   // [nprocess] whether a process has reported it
     pm_sample *sample;
 } pm_report_window_slot;
 
 // Storage the caller owns; zero-initialise.
 typedef struct pm_report_window {
     const pm_scene *scene;
-    int depth;                   // steps that are gathered at once
-    pm_report_window_slot *slot; // [depth] by step modulo depth
+    int depth;                   // steps
+    pm_report_window_slot *slot; // [depth], by step modulo depth
 } pm_report_window;
 
-// Room for the steps from `first` on, one more than the scene's lead (lookahead.h). PM_ENOMEM.
-// _free, on failure too.
-pm_status pm_report_window_init(pm_report_window *window_reports, pm_arena *arena,
-                                const pm_scene *scene, int64_t first);
-void pm_report_window_free(pm_report_window *window_reports);
+// Makes a window whose first step is `first`. PM_ENOMEM. The caller frees, on failure too.
+pm_status pm_report_window_init(pm_report_window *window, pm_arena *arena, const pm_scene *scene,
+                                int64_t first);
+void pm_report_window_free(pm_report_window *window);
 
-// Where a process's report of a step is to be written; NULL if the step is not being gathered, or
-// the process has reported it.
-pm_sample *pm_report_window_wants(const pm_report_window *window_reports, int64_t step,
-                                  int process_id);
-void pm_report_window_take(pm_report_window *window_reports, int64_t step,
-                           int process_id); // it is written
+// The sample into which a process's report of a step is to be written. NULL: the step is outside
+// the window, or the process has reported it already.
+pm_sample *pm_report_window_missing(const pm_report_window *window, int64_t step, int process_id);
 
-bool pm_report_window_has(const pm_report_window *window_reports, int64_t step, int process_id);
+// Marks the report of a step as written.
+void pm_report_window_mark(pm_report_window *window, int64_t step, int process_id);
 
-// The last of the steps that follow `step`, up to `most`, whose reports are all there; `step` if
-// there is none.
-int64_t pm_report_window_complete(const pm_report_window *window_reports, int64_t step,
-                                  int64_t most);
+// True if the step is in the window and the process has reported it.
+bool pm_report_window_has(const pm_report_window *window, int64_t step, int process_id);
 
-pm_sample *pm_report_window_sample(const pm_report_window *window_reports, int64_t step);
+// The last of the steps after `step`, at most `most`, up to which all reports are there; `step` if
+// the next one is incomplete.
+int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, int64_t most);
 
-// Makes room for the step that is `depth` later.
-void pm_report_window_move_on(pm_report_window *window_reports, int64_t step);
+// The sample of a step in the window. The window owns it.
+pm_sample *pm_report_window_sample(const pm_report_window *window, int64_t step);
+
+// Gives the place of `step`, whose sample is no longer needed, to the step that is `depth` later.
+void pm_report_window_advance(pm_report_window *window, int64_t step);
 
 #endif

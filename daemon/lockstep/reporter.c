@@ -1,4 +1,4 @@
-// A process's reports.
+// Fills, publishes and repeats a process's reports.
 #include "lockstep/reporter.h"
 
 #include <string.h>
@@ -6,11 +6,11 @@
 #include "lockstep/lookahead.h"
 #include "transport/channel.h"
 
-#define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps: no fragments
+#define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps; avoids fragments
 
-// --- shape and memory ---
+// --- the shape of a report message ---
 
-// Numbers of one step of a process.
+// Counts the numbers of one step: subsystems, ends of ports, components of the state.
 static void count_numbers(const pm_scene *scene, int process_id, int *npart, int *nend, int *nz) {
     const pm_scene_process *process = &scene->process[process_id];
     *npart = process->count;
@@ -19,27 +19,27 @@ static void count_numbers(const pm_scene *scene, int process_id, int *npart, int
         *nz += scene->subsystem[process->subsystem[i]].layout.nz;
     }
     for (int k = 0; k < 2 * scene->nport; ++k) {
-        // A load's end is reported by the subsystem that it acts on.
+        // The end at a boundary input is reported by the subsystem at the other end.
         const int *subsystem = scene->port[k / 2].subsystem;
         const int by = subsystem[k % 2] >= 0 ? subsystem[k % 2] : subsystem[1 - k % 2];
         *nend += scene->subsystem[by].process == process_id;
     }
 }
 
-int pm_report_rows(const pm_scene *scene, int process_id) {
+int pm_report_message_rows(const pm_scene *scene, int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);
     const size_t size = sizeof(double) * (10 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
     const int most = size < LARGEST_REPORT ? (int)(LARGEST_REPORT / size) : 1;
-    const int lead = pm_lookahead(scene), half = lead > 1 ? lead / 2 : 1;
+    const int lookahead = pm_lookahead(scene), half = lookahead > 1 ? lookahead / 2 : 1;
     return half < most ? half : most;
 }
 
-pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
-                         int process_id) {
+pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
+                                  int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);
-    const int rows = pm_report_rows(scene, process_id);
+    const int rows = pm_report_message_rows(scene, process_id);
     *report = (portmet_report_t){
         .npart = rows * npart, .nend = rows * nend, .nz = rows * nz, .message = ""};
     const size_t p = (size_t)report->npart, e = (size_t)report->nend, z = (size_t)report->nz;
@@ -76,42 +76,43 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
     r->process = &scene->process[process_id];
     r->transport = transport;
     count_numbers(scene, process_id, &r->npart, &r->nend, &r->nz);
-    r->capacity = pm_report_rows(scene, process_id);
+    r->capacity = pm_report_message_rows(scene, process_id);
     PM_TRY(pm_channel_process(r->sent.channel, scene, "REPORT", process_id));
-    PM_TRY(pm_report_make(&r->done, arena, scene, process_id));
+    PM_TRY(pm_report_message_alloc(&r->done, arena, scene, process_id));
     // The coordinator may miss the report of any granted step, and a report may hold only one.
     const int depth = pm_lookahead(scene) + 1 + more;
     PM_TRY(pm_resend_buffer_init(&r->sent, arena, depth, pm_report_size(&r->done)));
-    r->word = (portmet_report_t){.instance = instance, .digest = (int64_t)system->digest};
-    r->word_capacity = pm_report_size(&(portmet_report_t){.message = ""}) + PM_TEXT_MAX;
-    r->word_data = pm_arena_alloc(arena, r->word_capacity);
+    r->notice = (portmet_report_t){.instance = instance, .digest = (int64_t)system->digest};
+    r->notice_capacity = pm_report_size(&(portmet_report_t){.message = ""}) + PM_TEXT_MAX;
+    r->notice_data = pm_arena_alloc(arena, r->notice_capacity);
     r->first = pm_arena_array(arena, (size_t)depth, sizeof *r->first);
     r->last = pm_arena_array(arena, (size_t)depth, sizeof *r->last);
     r->done.instance = instance;
-    r->done.digest = r->word.digest;
+    r->done.digest = r->notice.digest;
     r->done.kind = PORTMET_REPORT_T_DONE;
-    return r->word_data != NULL && r->first != NULL && r->last != NULL
+    return r->notice_data != NULL && r->first != NULL && r->last != NULL
                ? PM_OK
                : pm_fail(PM_ENOMEM, "%s: out of memory", r->process->name);
 }
 
-// --- words ---
+// --- FAILED and BYE ---
 
-pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
-                          const char *message) {
-    portmet_report_t *m = &reporter->word;
+pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
+                             const char *message) {
+    portmet_report_t *m = &reporter->notice;
     m->session = session;
     m->kind = kind;
     m->code = (int8_t)code;
     m->message = (char *)message;
-    const size_t size = pm_report_encode(m, reporter->word_data, reporter->word_capacity);
-    return pm_transport_publish(reporter->transport, reporter->sent.channel, reporter->word_data,
+    const size_t size = pm_report_encode(m, reporter->notice_data, reporter->notice_capacity);
+    return pm_transport_publish(reporter->transport, reporter->sent.channel, reporter->notice_data,
                                 size);
 }
 
 // --- steps ---
 
-// One subsystem's books as number `part` and ends from `end` on; returns the next end.
+// Writes one subsystem's books to position `part` and to the ends from `end` on. Returns the end
+// after these.
 static int add_books(portmet_report_t *m, int part, int end, const pm_books *books) {
     m->energy[part] = books->energy;
     m->entropy[part] = books->entropy;
@@ -142,10 +143,12 @@ static bool is_finite(const pm_books *books) {
     return nothing == 0;
 }
 
-// What is not finite cannot be told: what came before is, and the run ends there.
-static pm_status check_books(pm_reporter *r, int64_t step, const pm_process_subsystems *group) {
-    for (int i = 0; i < group->count; ++i) {
-        const pm_books books = pm_subsystem_books(group->part[i].subsystem);
+// A report with a number that is not finite cannot be encoded. The steps before it are published,
+// and the run ends.
+static pm_status check_books(pm_reporter *r, int64_t step,
+                             const pm_process_subsystems *subsystems) {
+    for (int i = 0; i < subsystems->count; ++i) {
+        const pm_books books = pm_subsystem_books(subsystems->part[i].subsystem);
         if (!is_finite(&books)) {
             PM_TRY(pm_reporter_flush(r));
             return pm_fail(PM_ENUMERIC, "subsystem %s: a flux is not finite in step %lld",
@@ -155,11 +158,11 @@ static pm_status check_books(pm_reporter *r, int64_t step, const pm_process_subs
     return PM_OK;
 }
 
-pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step, double time,
-                           const pm_process_subsystems *group, bool with_state) {
+pm_status pm_reporter_add_step(pm_reporter *reporter, int64_t session, int64_t step, double time,
+                               const pm_process_subsystems *subsystems, bool with_state) {
     pm_reporter *r = reporter;
     portmet_report_t *m = &r->done;
-    PM_TRY(check_books(r, step, group));
+    PM_TRY(check_books(r, step, subsystems));
     if (r->rows == 0) {
         m->session = session;
         m->step = step;
@@ -167,8 +170,8 @@ pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step,
         m->nz = 0;
     }
     int end = r->rows * r->nend;
-    for (int i = 0; i < group->count; ++i) {
-        const pm_process_subsystems_part *part = &group->part[i];
+    for (int i = 0; i < subsystems->count; ++i) {
+        const pm_process_subsystem *part = &subsystems->part[i];
         const pm_books books = pm_subsystem_books(part->subsystem);
         end = add_books(m, r->rows * r->npart + i, end, &books);
         if (with_state) {

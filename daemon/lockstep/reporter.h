@@ -1,6 +1,6 @@
-// A process's word to the coordinator. Steps are gathered into reports of as many steps as half the
-// lead (lookahead.h), so that the next grant comes before the last is used up; the last reports are
-// kept for requests.
+// The reports of a process to the coordinator. A DONE report holds one or more steps: at most half
+// the lookahead (lookahead.h), so that the next grant arrives before the last one is used up.
+// FAILED and BYE reports carry no steps. The last DONE reports are kept for requests.
 #ifndef PM_LOCKSTEP_REPORTER_H
 #define PM_LOCKSTEP_REPORTER_H
 
@@ -13,41 +13,43 @@ typedef struct pm_reporter {
     const pm_scene *scene;
     const pm_scene_process *process;
     pm_transport *transport;
-    pm_resend_buffer sent;    // by number of the report
-    int64_t *first, *last;    // [sent.depth] steps that it is about
-    int64_t count;            // reports sent
-    portmet_report_t done;    // being gathered: `rows` of them
-    int rows, capacity;       // steps
-    int npart, nend, nz;      // numbers of a step
-    portmet_report_t word;    // without numbers
-    unsigned char *word_data; // [word_capacity]
-    size_t word_capacity;
+    pm_resend_buffer sent;      // DONE reports, by their number
+    int64_t *first, *last;      // [sent.depth] first and last step of each
+    int64_t count;              // DONE reports published
+    portmet_report_t done;      // the report being filled
+    int rows, capacity;         // steps in it, and at most
+    int npart, nend, nz;        // numbers of one step
+    portmet_report_t notice;    // FAILED or BYE
+    unsigned char *notice_data; // [notice_capacity]
+    size_t notice_capacity;
 } pm_reporter;
 
-// Steps of one report at most, and a report with memory (from the arena) for them; npart, nend and
-// nz are then their largest counts. PM_ENOMEM.
-int pm_report_rows(const pm_scene *scene, int process_id);
-pm_status pm_report_make(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
-                         int process_id);
+// The number of steps in a report of this process, at most.
+int pm_report_message_rows(const pm_scene *scene, int process_id);
 
-// Names of channels, and memory (from the arena) for the reports of as many steps as the
-// coordinator may miss, and `more`. `instance` as in the sender's hello. PM_ECONFIG, PM_ENOMEM.
+// Makes a report message with memory from the arena for that many steps; its counts npart, nend and
+// nz are then the largest it may have. PM_ENOMEM.
+pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
+                                  int process_id);
+
+// Sets names and shapes, with memory from the arena for as many reports as the coordinator may
+// miss, and `more`. `instance` is that of the sender's hello. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int process_id, pm_transport *transport, int64_t instance, int more);
 
-// FAILED (with code and message) or BYE.
-pm_status pm_reporter_say(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
-                          const char *message);
+// Publishes a report of `kind` FAILED, with code and message, or BYE. PM_ENET.
+pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
+                             const char *message);
 
-// `step` steps are complete: gathers their books and, with `with_state`, the state; publishes when
-// the report is full. PM_ENUMERIC if a number is not finite.
-pm_status pm_reporter_done(pm_reporter *reporter, int64_t session, int64_t step, double time,
-                           const pm_process_subsystems *group, bool with_state);
+// Adds the fluxes, energies and, with `with_state`, the state after `step` steps to the report, and
+// publishes it when it is full. `time` in s. PM_ENUMERIC: a number is not finite; PM_ENET.
+pm_status pm_reporter_add_step(pm_reporter *reporter, int64_t session, int64_t step, double time,
+                               const pm_process_subsystems *subsystems, bool with_state);
 
-// Publishes what is gathered, if anything. PM_ENUMERIC.
+// Publishes a report that holds at least one step. PM_ENUMERIC, PM_ENET.
 pm_status pm_reporter_flush(pm_reporter *reporter);
 
-// Publishes the report about a step again if it is kept; `kept` receives whether it is.
+// Publishes the report that holds `step` again. `kept` receives whether it is still kept. PM_ENET.
 pm_status pm_reporter_repeat(const pm_reporter *reporter, int64_t step, bool *kept);
 
 #endif

@@ -1,8 +1,8 @@
-// The order of requests.
+// Compares requests by instance, then attempt, then key.
 #include "lockstep/request_filter.h"
 
-bool pm_request_filter_hears(pm_request_filter *filter, const portmet_request_t *request,
-                             int64_t key) {
+bool pm_request_filter_accept(pm_request_filter *filter, const portmet_request_t *request,
+                              int64_t key) {
     const int64_t before[] = {filter->instance, filter->attempt, filter->key};
     const int64_t now[] = {request->instance, request->attempt, key};
     int i = 0;

@@ -1,6 +1,7 @@
-// What one process has asked another for. Going back to a checkpoint because of a request costs
-// steps, and a network may deliver a request twice, or late, or somebody may send an old one again:
-// so it is done only for a request that can be new.
+// Tells new requests from old ones. Answering a request from a resend buffer costs little, but
+// rolling back to a checkpoint costs steps. As a network may repeat or delay a request, and
+// somebody may replay one, a process rolls back only for a request that is newer than all before it
+// from the same sender.
 #ifndef PM_LOCKSTEP_REQUEST_FILTER_H
 #define PM_LOCKSTEP_REQUEST_FILTER_H
 
@@ -8,15 +9,15 @@
 
 #include "lockstep/codec.h"
 
-// The newest request heard from one sender. Storage the caller owns; zero-initialise.
+// The newest request of one sender. Storage the caller owns; zero-initialise.
 typedef struct pm_request_filter {
     int64_t instance, attempt; // of the sender
-    int64_t key;               // what was asked for, counted from the start of the run
+    int64_t key;               // round (flux_link.h) or step that was requested
 } pm_request_filter;
 
-// Takes in a request for `key`. True if it is newer than all before: of an instance that was
-// started later, of a later attempt, or for a later key.
-bool pm_request_filter_hears(pm_request_filter *filter, const portmet_request_t *request,
-                             int64_t key);
+// Takes in a request for `key`. Returns true if it is newer than all before: from an instance that
+// was started later, of a later attempt, or for a later key.
+bool pm_request_filter_accept(pm_request_filter *filter, const portmet_request_t *request,
+                              int64_t key);
 
 #endif

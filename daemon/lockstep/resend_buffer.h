@@ -1,5 +1,6 @@
-// The last messages sent on one channel, kept as bytes, so that a request for a lost one can be
-// answered.
+// The last messages that were published on one channel, kept as bytes, so that a request for a lost
+// message can be answered without computing it again. Each message has a key: a number that rises
+// from message to message.
 #ifndef PM_LOCKSTEP_RESEND_BUFFER_H
 #define PM_LOCKSTEP_RESEND_BUFFER_H
 
@@ -22,20 +23,24 @@ typedef struct pm_resend_buffer {
     pm_resend_buffer_slot *slot;
 } pm_resend_buffer;
 
-// Memory for `depth` messages from the arena; the caller writes the channel's name. PM_ENOMEM.
-pm_status pm_resend_buffer_init(pm_resend_buffer *resend_buffer, pm_arena *arena, int depth,
+// Makes room for `depth` messages of at most `capacity` bytes, with memory from the arena. The
+// caller writes the channel's name before. PM_ENOMEM.
+pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int depth,
                                 size_t capacity);
 
-// Where the message numbered `key` (>= 0, rising) is to be encoded; it takes the oldest one's
-// place.
-unsigned char *pm_resend_buffer_data(pm_resend_buffer *resend_buffer, int64_t key);
-// Publishes the `size` bytes written there.
-pm_status pm_resend_buffer_publish(pm_resend_buffer *resend_buffer, pm_transport *transport,
-                                   int64_t key, size_t size);
+// The memory [capacity] into which message `key` (>= 0) is to be encoded. It replaces the oldest
+// message.
+unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer, int64_t key);
 
-// Publishes message `key` again if it is still kept; otherwise does nothing.
-bool pm_resend_buffer_keeps(const pm_resend_buffer *resend_buffer, int64_t key);
-pm_status pm_resend_buffer_repeat(const pm_resend_buffer *resend_buffer, pm_transport *transport,
+// Publishes the `size` bytes that were encoded there, and keeps them. PM_ENET, PM_ENOMEM.
+pm_status pm_resend_buffer_publish(pm_resend_buffer *buffer, pm_transport *transport, int64_t key,
+                                   size_t size);
+
+// True if message `key` is still kept.
+bool pm_resend_buffer_keeps(const pm_resend_buffer *buffer, int64_t key);
+
+// Publishes message `key` again; does nothing if it is no longer kept. PM_ENET, PM_ENOMEM.
+pm_status pm_resend_buffer_repeat(const pm_resend_buffer *buffer, pm_transport *transport,
                                   int64_t key);
 
 #endif

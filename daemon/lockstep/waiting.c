@@ -1,8 +1,8 @@
-// Back-off and patience.
+// Intervals between requests (exponential back-off), and the running median of waiting times.
 #include "lockstep/waiting.h"
 
-// Follows the median: as far up as down, whatever the distance. Waits for what was lost hardly move
-// it, long as they are.
+// The median estimate rises or falls by this part of itself with every wait, however long the wait
+// was. A few long waits for lost messages therefore hardly move it.
 #define RATE 0.0625
 
 static double clamp(double value, double low, double high) {
@@ -14,6 +14,7 @@ void pm_waiting_init(pm_waiting *waiting, int processes) {
     *waiting = (pm_waiting){.first = clamp(first, PM_WAITING_FIRST, PM_WAITING_LAST / 2)};
 }
 
+// The median estimate after a wait that took `taken`; `first` limits it.
 static double follow(double usual, double taken, double first) {
     if (usual == 0) {
         return first / PM_WAITING_FACTOR;
@@ -25,12 +26,13 @@ static double follow(double usual, double taken, double first) {
 void pm_waiting_start(pm_waiting *waiting, double now) {
     waiting->usual = follow(waiting->usual, now - waiting->since, waiting->first);
     waiting->since = now;
-    waiting->interval = waiting->wary > 0 ? PM_WAITING_FACTOR * waiting->usual : waiting->first;
-    waiting->wary -= waiting->wary > 0;
+    waiting->interval =
+        waiting->cautious_waits > 0 ? PM_WAITING_FACTOR * waiting->usual : waiting->first;
+    waiting->cautious_waits -= waiting->cautious_waits > 0;
     waiting->next = now + waiting->interval;
 }
 
-bool pm_waiting_ask(pm_waiting *waiting, double now) {
+bool pm_waiting_request_due(pm_waiting *waiting, double now) {
     if (now < waiting->next) {
         return false;
     }
@@ -39,14 +41,14 @@ bool pm_waiting_ask(pm_waiting *waiting, double now) {
         waiting->interval = PM_WAITING_LAST;
     }
     waiting->next = now + waiting->interval;
-    waiting->wary = PM_WAITING_LATELY;
+    waiting->cautious_waits = PM_WAITING_LATELY;
     return true;
 }
 
-bool pm_waiting_long(const pm_waiting *waiting) {
+bool pm_waiting_is_long(const pm_waiting *waiting) {
     return waiting->interval >= PM_WAITING_LAST;
 }
 
-bool pm_waiting_over(const pm_waiting *waiting, double heard, double patience, double now) {
+bool pm_waiting_is_over(const pm_waiting *waiting, double heard, double patience, double now) {
     return now - waiting->since > patience && now - heard > patience;
 }

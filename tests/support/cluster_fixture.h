@@ -1,7 +1,7 @@
 // A coordinator and its nodes on one hub, in virtual time; what they compute is compared with the
 // plain loop, sample by sample. For tests of the lock-step protocol.
-#ifndef PM_TESTS_COMPANY_H
-#define PM_TESTS_COMPANY_H
+#ifndef PM_TESTS_CLUSTER_FIXTURE_H
+#define PM_TESTS_CLUSTER_FIXTURE_H
 
 #include "lockstep/lockstep.h"
 #include "sim/monolithic.h"

@@ -254,7 +254,7 @@ static void test_what_a_file_says(void **context) {
     assert_int_equal(gate.steps, 0);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         write_gate(&t, cases[i].text);
-        const pm_status status = pm_gate_look(&gate, (double)i);
+        const pm_status status = pm_gate_refresh(&gate, (double)i);
         if (cases[i].steps < 0) {
             assert_error(status, PM_EFILE, "gate: expected a number of steps, found \"");
         } else {

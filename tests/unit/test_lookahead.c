@@ -21,7 +21,7 @@ static void test_which_scenes_may(void **context) {
     static const struct {
         int count, window, checkpoint, substeps;
         double tolerance;
-        int lead;
+        int lookahead;
         bool heard;
     } cases[] = {
         {4, 1, 100, 1, 0, LONG_LEAD, true}, {4, 7, 100, 1, 0, LONG_LEAD, true},
@@ -39,10 +39,10 @@ static void test_which_scenes_may(void **context) {
         f.scene->integrator = "euler";
         f.scene->substeps = cases[i].substeps;
         f.scene->tolerance = cases[i].tolerance;
-        if (pm_lookahead(f.scene) != cases[i].lead ||
-            pm_lookahead_is_heard(f.scene) != cases[i].heard) {
-            fail_msg("case %d: lead %d, heard %d", (int)i, pm_lookahead(f.scene),
-                     pm_lookahead_is_heard(f.scene));
+        if (pm_lookahead(f.scene) != cases[i].lookahead ||
+            pm_lookahead_uses_fluxes(f.scene) != cases[i].heard) {
+            fail_msg("case %d: lookahead %d, heard %d", (int)i, pm_lookahead(f.scene),
+                     pm_lookahead_uses_fluxes(f.scene));
         }
         fixture_close(&f);
     }
@@ -103,7 +103,7 @@ static void count_message(void *context, const char *channel, const void *data, 
     *(int *)context += 1;
 }
 
-// Of several steps each, and none is late by more than the lead.
+// Of several steps each, and none is late by more than the lookahead.
 static void test_reports_wait(void **context) {
     (void)context;
     for (int count = 2; count <= MAX_NODES; ++count) {

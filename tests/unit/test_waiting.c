@@ -19,8 +19,8 @@ static double wait_often(pm_waiting *waiting, double seconds, double now) {
 }
 
 static void assert_asks_after(pm_waiting *waiting, double seconds, double now) {
-    assert_false(pm_waiting_ask(waiting, now + 0.9 * seconds));
-    assert_true(pm_waiting_ask(waiting, now + 1.1 * seconds));
+    assert_false(pm_waiting_request_due(waiting, now + 0.9 * seconds));
+    assert_true(pm_waiting_request_due(waiting, now + 1.1 * seconds));
 }
 
 // However short waits are: where nothing was lost a timer that is never needed costs as little as
@@ -69,7 +69,7 @@ static void test_requests_back_off(void **context) {
     pm_waiting waiting;
     pm_waiting_init(&waiting, 2);
     double now = wait_often(&waiting, 1e-5, 100);
-    for (double interval = PM_WAITING_FIRST; !pm_waiting_long(&waiting); interval *= 2) {
+    for (double interval = PM_WAITING_FIRST; !pm_waiting_is_long(&waiting); interval *= 2) {
         assert_asks_after(&waiting, interval, now);
         now += 1.1 * interval;
     }
@@ -82,7 +82,7 @@ static void test_crowds(void **context) {
     pm_waiting waiting;
     pm_waiting_init(&waiting, 100000);
     const double now = wait_often(&waiting, 1e-5, 100);
-    assert_false(pm_waiting_long(&waiting));
+    assert_false(pm_waiting_is_long(&waiting));
     assert_asks_after(&waiting, PM_WAITING_LAST / 2, now);
 }
 

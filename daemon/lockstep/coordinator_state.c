@@ -1,0 +1,74 @@
+// The transitions of a coordinator's state machine that both its messages and its polls cause, and
+// the questions that callers ask about its state. coordinator.h has the table of states.
+#include "lockstep/coordinator.h"
+
+void pm_coordinator_close_run(pm_lockstep_coordinator *c) {
+    c->phase = PM_COORDINATOR_CLOSING;
+    c->next = c->endpoint.now;
+}
+
+void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *c, pm_status code, const char *message) {
+    if (c->phase == PM_COORDINATOR_RUNNING) {
+        pm_endpoint_end(&c->endpoint, code, message);
+        pm_coordinator_close_run(c);
+    }
+}
+
+void pm_coordinator_check(pm_lockstep_coordinator *c, pm_status status) {
+    if (status != PM_OK) {
+        pm_lockstep_coordinator_fail(c, status, pm_error());
+    }
+}
+
+static int64_t least(int64_t a, int64_t b) {
+    return a < b ? a : b;
+}
+
+int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *c, int64_t complete) {
+    const int window = c->endpoint.system->scene->window;
+    int64_t limit = least(complete + c->lookahead, c->endpoint.steps);
+    limit = least(limit, c->gate.steps > complete ? c->gate.steps : complete);
+    for (int i = 0; c->hears_fluxes && i < c->nremote; ++i) {
+        const int64_t done = c->remote[i].done;
+        limit = least(limit, (done > complete ? done : complete) + window);
+    }
+    return limit;
+}
+
+int64_t pm_coordinator_steps_shown(const pm_lockstep_coordinator *c) {
+    int64_t shown = INT64_MAX;
+    for (int i = 0; i < c->nremote; ++i) {
+        shown = least(shown, c->remote[i].done);
+    }
+    return shown > c->completed ? shown : c->completed;
+}
+
+bool pm_coordinator_is_at_gate(const pm_lockstep_coordinator *c) {
+    return c->granted >= c->gate.steps;
+}
+
+// --- questions ---
+
+bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *c) {
+    return c->phase == PM_COORDINATOR_FINISHED;
+}
+
+pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *c) {
+    return pm_endpoint_result(&c->endpoint);
+}
+
+long pm_lockstep_coordinator_step(const pm_lockstep_coordinator *c) {
+    return (long)c->completed;
+}
+
+const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *c) {
+    return &c->ledger;
+}
+
+pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *c) {
+    return c->endpoint.transport;
+}
+
+const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *c) {
+    return &c->endpoint.drops;
+}

@@ -1,0 +1,47 @@
+// The transitions of a node's state machine that its messages, its steps and its polls cause, and
+// the questions that callers ask about its state. node.h has the table of states.
+#include "lockstep/node.h"
+
+void pm_node_enter(pm_lockstep_node *node, pm_node_phase next) {
+    node->phase = next;
+    node->until = node->next = 0;
+}
+
+void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *message) {
+    if (node->phase == PM_NODE_HELLO || node->phase == PM_NODE_RUNNING) {
+        pm_endpoint_end(&node->endpoint, code, message);
+        pm_node_enter(node, PM_NODE_FAILING);
+    }
+}
+
+void pm_node_check(pm_lockstep_node *node, pm_status status) {
+    if (status != PM_OK) {
+        pm_lockstep_node_fail(node, status, pm_error());
+    }
+}
+
+// --- questions ---
+
+bool pm_lockstep_node_finished(const pm_lockstep_node *node) {
+    return node->phase == PM_NODE_FINISHED;
+}
+
+bool pm_lockstep_node_leaving(const pm_lockstep_node *node) {
+    return node->phase == PM_NODE_FINISHED || node->phase == PM_NODE_LEAVING;
+}
+
+pm_status pm_lockstep_node_result(const pm_lockstep_node *node) {
+    return pm_endpoint_result(&node->endpoint);
+}
+
+long pm_lockstep_node_step(const pm_lockstep_node *node) {
+    return (long)node->step;
+}
+
+pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node) {
+    return node->endpoint.transport;
+}
+
+const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node) {
+    return &node->endpoint.drops;
+}
