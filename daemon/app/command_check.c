@@ -1,4 +1,4 @@
-// portmetd check: loads everything a run would load and says what is there.
+// portmetd check: loads everything that a run would load, and describes it.
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,9 +11,9 @@
 #include "store/names.h"
 #include "transport/channel.h"
 
-#define LONGEST_LINE 400 // characters of a model that are shown of one line: a matrix may be large
+#define LONGEST_LINE 400 // characters shown of one line of a model; a matrix may be large
 
-// Builds what every node would build; `rounds` receives the number of flux exchanges per step.
+// Opens every subsystem, as nodes would; `rounds` receives the number of flux exchanges per step.
 static pm_status build_all(const pm_setup *setup, int *rounds) {
     for (int i = 0; i < setup->scene->nsubsystem; ++i) {
         pm_subsystem *subsystem;
@@ -58,7 +58,7 @@ static const char *form_name(pm_form form) {
     return names[form];
 }
 
-// `model`: as it is written; NULL: there was no memory for it.
+// Prints a known model; `model` is its text (NULL: there was no memory for it).
 static void print_model(const char *model, const pm_provenance *provenance) {
     printf("  model      known, digest %016" PRIx64 "\n", provenance->digest);
     while (model != NULL && *model != '\0') {
@@ -83,7 +83,7 @@ static void print_weights(const pm_params *params, const pm_provenance *provenan
     }
 }
 
-// Ranges for names that differ by a number that rises.
+// Prints names; those that differ only in a rising number are folded into ranges.
 static void print_names(const char *const *name, int count) {
     pm_arena arena = {0};
     const char *list = pm_names_fold(name, count, &arena);
@@ -127,7 +127,7 @@ static void print_subsystem(const pm_setup *setup, int i) {
     pm_arena_free(&arena);
 }
 
-// How many values from the first on are columns, or the same number.
+// Counts the values, from the first on, that are all columns, or all the same number.
 static int count_alike(const pm_scene_prescribed *value, int count) {
     int n = 1;
     while (n < count && (value[n].column != NULL) == (value->column != NULL) &&
@@ -154,7 +154,7 @@ static void print_alike(const pm_scene_prescribed *value, int count) {
     pm_arena_free(&arena);
 }
 
-// "dE vx vy" for a group's list, unless all of it is zero.
+// Prints a list such as "dE vx vy", unless all its values are zero.
 static void print_prescribed(const char *what, const pm_scene_prescribed *value, int count) {
     if (value->column == NULL && value->number == 0 && count_alike(value, count) == count) {
         return;

@@ -1,5 +1,5 @@
-// portmetd coordinator: grants steps, keeps the ledger, records and reports; the nodes are launched
-// elsewhere.
+// portmetd coordinator: coordinates nodes that are started by hand, here or on other hosts, records
+// their samples and prints the tables.
 #include <stddef.h>
 
 #include "app/command.h"

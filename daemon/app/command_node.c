@@ -1,4 +1,4 @@
-// portmetd node: one process of a scene, with its subsystems.
+// portmetd node: serves one process of a scene, with its subsystems.
 #include <stdio.h>
 
 #include "app/command.h"

@@ -1,4 +1,4 @@
-// The tables of a run.
+// Sums up the samples of a run and prints the tables.
 #include "app/report.h"
 
 #include <stdio.h>
@@ -15,16 +15,16 @@ typedef struct energy_entropy {
 struct pm_report {
     const pm_setup *setup;
     pm_arena arena;
-    long steps;                // taken in, besides the initial state
+    long steps;                // added, without the initial state
     long timed_from;           // the step at which `first` was taken
-    double first, last;        // s, clock of the first and the last sample
+    double first, last;        // s, monotonic, when the first and the last sample came
     energy_entropy *bulk;      // [nsubsystem]
     energy_entropy (*flux)[2]; // [nport][end]
-    long evaluated, skipped;   // terms, up to the last sample
-    long *outside;             // [nsubsystem] steps outside the regions of training, likewise
-    int ncompared;             // states that the run and the reference share, reached so far
-    double *predicted;         // [ncolumn] the last of them
-    pm_score_sums *score;      // [columns.ngroup] of all of them
+    long evaluated, skipped;   // terms, as of the last sample
+    long *outside;             // [nsubsystem] steps outside the training range, likewise
+    int ncompared;             // states compared with the reference so far
+    double *predicted;         // [ncolumn] the last of these states
+    pm_score_sums *score;      // [columns.ngroup] errors of these states
 };
 
 static pm_status allocate(pm_report *report) {
@@ -112,7 +112,7 @@ long pm_report_steps(const pm_report *report) {
     return report->steps;
 }
 
-// --- memory ---
+// --- checkpoints ---
 
 static void put_sums(pm_record *record, const char *name, energy_entropy *sums) {
     pm_record_put(record, name, &sums->energy, 1);
@@ -234,7 +234,7 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     printf("  largest drift of the total energy: %.2e J\n", ledger->energy_drift);
 }
 
-// Nothing where all states were like those of training, or no weights know which those are.
+// Prints nothing if all states were in the training range, or if the weights do not hold it.
 static void print_outside(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {

@@ -1,4 +1,4 @@
-// Turns SIGINT and SIGTERM into a flag that loops look at, so that every process ends through its
+// Turns SIGINT and SIGTERM into a flag that loops read, so that every process ends through its
 // own clean-up.
 #ifndef PM_APP_STOP_H
 #define PM_APP_STOP_H
