@@ -68,7 +68,7 @@ pm_status pm_coordinator_load_checkpoint(pm_lockstep_coordinator *c, int64_t wan
     long completed = 0;
     pm_record record = pm_record_restore("coordinator", c->checkpoint_state);
     list(c, &record, &completed);
-    c->granted = pm_coordinator_limit(c, c->completed);
+    c->granted = pm_coordinator_grant_limit(c, c->completed);
     c->tick_wanted = true;
     return c->observer.resume == NULL ? PM_OK : c->observer.resume(c->observer.context, completed);
 }

@@ -66,6 +66,12 @@ void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int s
 // The number of rounds in the present step.
 int pm_process_subsystems_rounds(const pm_process_subsystems *subsystems);
 
+// Ends a round in which all ports are coupled: the Runge-Kutta combination of the stage.
+void pm_process_subsystems_advance(pm_process_subsystems *subsystems);
+
+// Ends a step after its last round. PM_ENUMERIC: a state is not finite.
+pm_status pm_process_subsystems_end_step(pm_process_subsystems *subsystems);
+
 // Puts the numbers with which the subsystems continue from the end of a step with the same bits.
 void pm_process_subsystems_record(pm_process_subsystems *subsystems, pm_record *record);
 
