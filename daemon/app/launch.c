@@ -19,10 +19,9 @@
 #define TERM_GRACE 2.0        // s from SIGTERM to SIGKILL
 #define POLL_INTERVAL 2000000 // ns between two looks at the children
 #define LINE 1024             // longest part of a line that is printed, in bytes
-#define HOLD \
-    1.0 // s until a child's line is printed; a line that is an error comes just before its end
-#define MAX_DEATHS 6 // of a child, in a row, without progress
-#define PAUSE 0.005  // s from a death to the new start; every death doubles it
+#define HOLD 1.0              // s until a line is printed; a child that fails ends sooner
+#define MAX_DEATHS 6          // of a child, in a row, without progress
+#define PAUSE 0.005           // s from a death to the new start; every death doubles it
 
 typedef struct pm_child {
     const char *name;
@@ -36,7 +35,7 @@ typedef struct pm_child {
     const char *progress; // file that shows its progress; NULL: the child is not started again
     struct timespec seen; // time of that file at the last death
     int deaths;           // since that file last changed
-    double back;          // s of pm_clock when the child starts again; 0: never
+    double restart_at;    // s of pm_clock when the child starts again; 0: never
 } pm_child;
 
 struct pm_launch {
@@ -68,7 +67,7 @@ static void become(pid_t parent, int output, char *const *argv) {
 static pm_status start(pm_child *child) {
     const pid_t parent = getpid();
     const int output = fileno(child->output);
-    child->back = 0;
+    child->restart_at = 0;
     child->pid = fork();
     if (child->pid == 0) {
         // exec does not write to argv, though its prototype lacks const.
@@ -99,20 +98,20 @@ pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const
 static void plan_restart(pm_child *child) {
     struct stat file = {0};
     (void)stat(child->progress, &file);
-    const bool got_on =
+    const bool progressed =
         file.st_mtim.tv_sec != child->seen.tv_sec || file.st_mtim.tv_nsec != child->seen.tv_nsec;
     child->seen = file.st_mtim;
-    child->deaths = got_on ? 1 : child->deaths + 1;
+    child->deaths = progressed ? 1 : child->deaths + 1;
     if (child->deaths > MAX_DEATHS) {
         return;
     }
-    child->back = pm_clock() + PAUSE * (1 << child->deaths);
+    child->restart_at = pm_clock() + PAUSE * (1 << child->deaths);
     fprintf(stderr, "[%s] killed by signal %d (%s), started again\n", child->name,
             WTERMSIG(child->wait_status), strsignal(WTERMSIG(child->wait_status)));
 }
 
 // Reaps the child if it has ended.
-static void look(pm_child *child) {
+static void reap(pm_child *child) {
     if (child->running && waitpid(child->pid, &child->wait_status, WNOHANG) != 0) {
         child->running = false;
         if (WIFSIGNALED(child->wait_status) && child->progress != NULL) {
@@ -203,17 +202,17 @@ static pm_status fail_child(pm_child *child) {
 pm_status pm_launch_watch(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        look(child);
+        reap(child);
         if (child->running) {
             show_output(child);
         }
-        if (child->back > 0 && pm_clock() >= child->back) {
+        if (child->restart_at > 0 && pm_clock() >= child->restart_at) {
             PM_TRY(start(child));
         }
     }
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        if (!child->running && child->back == 0 && child->wait_status != 0) {
+        if (!child->running && child->restart_at == 0 && child->wait_status != 0) {
             return fail_child(child);
         }
     }
@@ -222,7 +221,7 @@ pm_status pm_launch_watch(pm_launch *launch) {
 
 bool pm_launch_ended_well(const pm_launch *launch, int id) {
     const pm_child *child = &launch->child[id];
-    return !child->running && child->back == 0 && child->wait_status == 0;
+    return !child->running && child->restart_at == 0 && child->wait_status == 0;
 }
 
 void pm_launch_signal(pm_launch *launch, int id, int signal_number) {
@@ -235,7 +234,7 @@ void pm_launch_signal(pm_launch *launch, int id, int signal_number) {
 static bool any_running(pm_launch *launch) {
     bool running = false;
     for (int i = 0; i < launch->count; ++i) {
-        look(&launch->child[i]);
+        reap(&launch->child[i]);
         running = running || launch->child[i].running;
     }
     return running;
@@ -263,7 +262,7 @@ static void signal_all(pm_launch *launch, int signal_number) {
 static void stop_restarting(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         launch->child[i].progress = NULL;
-        launch->child[i].back = 0;
+        launch->child[i].restart_at = 0;
     }
 }
 
