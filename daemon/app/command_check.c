@@ -291,10 +291,10 @@ static const pm_command command = {
     .arguments = "SCENE",
     .help =
         "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
-        "hold: time stepping, subsystems with their variables, units and dataset columns, "
-        "boundary\n"
-        "inputs, ports, the provenance of the weights, what a run will not compute, and the LCM\n"
-        "channels. A scene without a state to start from is described too, though it cannot run.\n"
+        "hold: time stepping, subsystems with their variables, units and dataset columns,\n"
+        "boundary inputs, ports, the provenance of the weights, what a run will not compute, and\n"
+        "the LCM channels. A scene without an initial state is described too, though it cannot "
+        "run.\n"
         "The first mistake ends it with one line and the exit code of its class.",
     .accepts = PM_OPTION_WEIGHTS,
     .execute = execute,
