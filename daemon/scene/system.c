@@ -242,7 +242,7 @@ static pm_status check_boundary_input(const pm_scene *scene, const pm_port_model
     return PM_OK;
 }
 
-pm_status pm_system_check_loads(const pm_system *system) {
+pm_status pm_system_check_boundary_inputs(const pm_system *system) {
     const pm_scene *scene = system->scene;
     for (int i = 0; i < 2 * scene->nport; ++i) {
         const pm_scene_port *port = &scene->port[i / 2];
@@ -265,7 +265,7 @@ pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *
         PM_TRY_DONE(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
                                                  : load_port(system, i, weights_dir));
     }
-    PM_TRY_DONE(pm_system_check_loads(system));
+    PM_TRY_DONE(pm_system_check_boundary_inputs(system));
     PM_TRY_DONE(pm_system_check_coordinates(system));
     PM_TRY_DONE(pm_system_check_origin(system));
     PM_TRY_DONE(pm_system_check_steps(system));

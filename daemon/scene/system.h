@@ -54,7 +54,7 @@ void pm_system_responding(const pm_system *system, int subsystem, bool *componen
 // Checks that every boundary input prescribes the dS of each group on which a port's irreversible
 // operator acts. Without it the outside would take no part in the exchange. PM_ECONFIG, at the
 // scene's entry. pm_system_load calls it; a caller that sets specs calls it afterwards.
-pm_status pm_system_check_loads(const pm_system *system);
+pm_status pm_system_check_boundary_inputs(const pm_system *system);
 
 // Checks that the weights of each port were made in the same coordinates (weights.h) as those of
 // the parts at its ends, as far as both are known. PM_EWEIGHTS. pm_system_load calls it.

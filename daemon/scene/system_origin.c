@@ -1,5 +1,5 @@
-// Whether weights stand where they were trained: for each part the weights remember which columns
-// of the data were its state, and which of its groups were measured from a neighbour.
+// Checks that weights stand where they were trained. The weights of a subsystem remember which
+// columns of the data were its state, and which of its groups were measured from another subsystem.
 #include <string.h>
 
 #include "base/digest.h"
@@ -27,7 +27,7 @@ const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_ar
     return text;
 }
 
-// The same columns mean the same data: a position is then measured from a neighbour or it is not.
+// The same columns mean the same data, so that the same groups must be measured from another.
 static pm_status check_relative(const pm_scene_subsystem *subsystem, const pm_provenance *own,
                                 pm_arena *arena) {
     const char *text = pm_system_relative_groups(subsystem, arena);
@@ -42,8 +42,8 @@ static pm_status check_relative(const pm_scene_subsystem *subsystem, const pm_pr
                          subsystem->group_at[0], subsystem->name, own->path, own->relative, text);
 }
 
-// A part that was trained once may stand in many places. But where its own place is in this scene,
-// too, and the weights of another stand there, files were exchanged.
+// Weights that were trained once may serve in many places. But if their own place is in this scene
+// and the weights of another stand there, the files were exchanged.
 static pm_status check_swapped(const pm_system *system, int id) {
     const pm_scene *scene = system->scene;
     const pm_provenance *own = &system->part_provenance[id];

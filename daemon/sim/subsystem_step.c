@@ -154,12 +154,12 @@ void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     sample->skipped[i] = books->skipped;
     sample->outside[i] = books->outside;
     sample->error[i] = books->error;
-    int world = s->nport;
+    int outside = s->nport;
     for (int k = 0; k < s->nport; ++k) {
         const pm_port_instance *j = &s->port[k];
         sample->flux[j->port_id][j->end] = books->flux[k];
         if (j->boundary_input != NULL) {
-            sample->flux[j->port_id][1 - j->end] = books->flux[world++];
+            sample->flux[j->port_id][1 - j->end] = books->flux[outside++];
         }
     }
 }

@@ -133,7 +133,7 @@ static void run(boundary_inputs *l) {
 
 // What goes out of a part comes into the random_system, and no port lowers entropy; a wrong
 // random_system is seen.
-static void both_laws_hold_at_the_worlds_ends(void **state) {
+static void both_laws_hold_at_boundary_inputs(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= SEEDS; ++seed) {
         boundary_inputs l;
@@ -158,7 +158,7 @@ static void both_laws_hold_at_the_worlds_ends(void **state) {
 
 // The total energy, what the random_system was given included, changes by the integrator's error
 // alone, and so does the state: sampling the load adds nothing that is seen.
-static void energy_with_the_worlds_is_kept(void **state) {
+static void energy_with_the_outside_is_kept(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 5; ++seed) {
         double drift[3], given = 0, z[3][NZ], distance[2] = {0, 0};
@@ -231,7 +231,7 @@ static pm_dataset *show(const random_system *pair) {
     return data;
 }
 
-static void a_part_cannot_tell_the_world_from_a_neighbour(void **state) {
+static void a_part_cannot_tell_a_boundary_input_from_a_neighbour(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= SEEDS; ++seed) {
         random_system pair, one;
@@ -342,9 +342,9 @@ static void a_run_ends_with_what_it_follows(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(both_laws_hold_at_the_worlds_ends),
-        cmocka_unit_test(energy_with_the_worlds_is_kept),
-        cmocka_unit_test(a_part_cannot_tell_the_world_from_a_neighbour),
+        cmocka_unit_test(both_laws_hold_at_boundary_inputs),
+        cmocka_unit_test(energy_with_the_outside_is_kept),
+        cmocka_unit_test(a_part_cannot_tell_a_boundary_input_from_a_neighbour),
         cmocka_unit_test(trainer_takes_the_same_steps),
         cmocka_unit_test(a_run_ends_with_what_it_follows),
     };

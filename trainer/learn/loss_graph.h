@@ -4,8 +4,8 @@
 
 #include "graph/graph.h"
 #include "learn/samples.h"
+#include "scene/integrator.h"
 #include "scene/system.h"
-#include "sim/integrator.h"
 
 typedef struct pm_loss {
     pm_residual residual;

@@ -5,8 +5,8 @@
 
 #include "graph/graph.h"
 #include "scene/boundary_input.h"
+#include "scene/integrator.h"
 #include "scene/system.h"
-#include "sim/integrator.h"
 
 // One subsystem at a stage: the state z at which operators and ports are taken, the states between
 // which co-energies are (from: PM_NO_NODE unless discrete), dE, dS, the response of dE to a rate,

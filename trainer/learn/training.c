@@ -464,7 +464,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     }
     PM_TRY(read_data(t, root));
     PM_TRY(read_models(t, root));
-    PM_TRY(pm_system_check_loads(t->system));
+    PM_TRY(pm_system_check_boundary_inputs(t->system));
     PM_TRY(read_stages(t, root));
     PM_TRY(read_start(t, pm_yaml_get(root, "start")));
     return make_digest(t);
