@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "model/given.h"
 #include "model/operator.h"
 #include "sim/contact_broadphase.h"
 
@@ -29,12 +30,7 @@ static bool acts_on(const pm_operator_spec *spec, const char *group) {
             return true;
         }
     }
-    for (int i = 0; i < spec->ngiven; ++i) {
-        if (strcmp(spec->given[i].row, group) == 0 || strcmp(spec->given[i].col, group) == 0) {
-            return true;
-        }
-    }
-    return false;
+    return pm_given_names(spec, group) || pm_is_listed(spec->nheats, spec->heats, group);
 }
 
 // Counts the components on which an operator acts. `constrained` tells whether the covector that

@@ -14,7 +14,8 @@
 
 // Returns the derived variable x, where a step reads |min(x,0)|^2 as a feature; or -1.
 static int find_derived(const pm_part *part, const pm_step *s, const pm_symbols *symbols) {
-    for (int i = part->layout.ngroup; i < symbols->count && s->kind == PM_STEP_FEATURE; ++i) {
+    const int end = part->layout.ngroup + part->spec.nderived;
+    for (int i = part->layout.ngroup; i < end && s->kind == PM_STEP_FEATURE; ++i) {
         char squared[PM_MAX_STEP_FEATURE];
         snprintf(squared, sizeof squared, "|min(%s,0)|^2", symbols->symbol[i].name);
         if (strcmp(s->feature, squared) == 0) {

@@ -11,7 +11,8 @@
 #include "graph/graph.h"
 #include "model/spec.h"
 
-#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS) // as many as two ends of a port have
+// As many as two ends of a port have, and learned constants.
+#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS + PM_MAX_LEARNED)
 #define PM_MAX_NAME 64
 
 // The named vectors [1][size] an expression may use. `node` is PM_NO_NODE while a spec is only

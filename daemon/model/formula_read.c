@@ -215,6 +215,11 @@ static pm_status read_function(reader *r, const char *name, int *result) {
                    r->formula->text, name);
 }
 
+// A learned constant is a symbol (constants.h).
+static bool is_known(const pm_constants *constants, int i) {
+    return constants->learned == NULL || constants->learned[i] == PM_CONSTANT_KNOWN;
+}
+
 static pm_status read_named(reader *r, int *result) {
     const pm_constants *constants = r->formula->constants;
     pm_step s = {.kind = PM_STEP_FEATURE};
@@ -223,7 +228,7 @@ static pm_status read_named(reader *r, int *result) {
         return read_function(r, s.feature, result);
     }
     for (int i = 0; constants != NULL && i < constants->count; ++i) {
-        if (strcmp(s.feature, constants->name[i]) == 0) {
+        if (is_known(constants, i) && strcmp(s.feature, constants->name[i]) == 0) {
             const pm_step number = {
                 .kind = PM_STEP_NUMBER, .width = 1, .number = constants->value[i]};
             return add_step(r, number, result);
@@ -355,8 +360,10 @@ static pm_status read_sum(reader *r, int *result) {
 static pm_status check_constants(const reader *r) {
     const pm_constants *constants = r->formula->constants;
     for (int i = 0; constants != NULL && i < constants->count; ++i) {
+        int count = is_known(constants, i) ? 1 : 0; // a learned one is a symbol itself
         for (int k = 0; k < r->symbols->count; ++k) {
-            if (strcmp(constants->name[i], r->symbols->symbol[k].name) == 0) {
+            count += strcmp(constants->name[i], r->symbols->symbol[k].name) == 0;
+            if (count > 1 && strcmp(constants->name[i], r->symbols->symbol[k].name) == 0) {
                 return pm_fail(PM_ECONFIG, "constant \"%s\" has the name of a group",
                                constants->name[i]);
             }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "model/dissipation.h"
+#include "model/given.h"
 #include "model/mesh/message.h"
 #include "model/mesh/nodal.h"
 
@@ -18,88 +19,8 @@
 #define FACTOR_START 1.0
 #define MAX_ENTRIES (1 << 24) // of a learned matrix
 
-// --- the groups an operator touches ---
-
-// The site's groups that the operator touches, in the site's order, side by side.
-typedef struct support {
-    int ngroup;
-    const pm_site_group *group[2 * PM_MAX_GROUPS];
-    bool learned[2 * PM_MAX_GROUPS]; // in acts_on
-    int first[2 * PM_MAX_GROUPS];    // in the support
-    int n;
-} support;
-
-void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix) {
-    for (int i = 0; i < layout->ngroup; ++i) {
-        pm_site_group *group = &site->group[site->ngroup++];
-        snprintf(group->name, sizeof group->name, "%s%s", prefix, layout->group[i].name);
-        group->first = site->n;
-        group->size = layout->group[i].size;
-        site->n += group->size;
-    }
-}
-
 bool pm_operator_exists(const pm_operator_spec *spec) {
     return spec->ngiven > 0 || spec->learned;
-}
-
-static bool is_listed(int count, const char *const *list, const char *name) {
-    for (int i = 0; i < count; ++i) {
-        if (strcmp(list[i], name) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
-static bool is_given(const pm_operator_spec *spec, const char *name) {
-    for (int i = 0; i < spec->ngiven; ++i) {
-        if (strcmp(spec->given[i].row, name) == 0 || strcmp(spec->given[i].col, name) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
-// Components of all groups that take up heat.
-static int count_heats(const pm_operator_spec *spec, const pm_site *site) {
-    int count = 0;
-    for (int i = 0; i < site->ngroup; ++i) {
-        const bool heated = is_listed(spec->nheats, spec->heats, site->group[i].name);
-        count += heated ? site->group[i].size : 0;
-    }
-    return count;
-}
-
-// The only entropy that takes up heat moves by what the others lose: no process of its own is left.
-static bool is_idle(const pm_operator_spec *spec, const pm_site *site, const char *name) {
-    return is_listed(spec->nheats, spec->heats, name) && count_heats(spec, site) == 1;
-}
-
-static support support_of(const pm_operator_spec *spec, const pm_site *site) {
-    support s = {0};
-    for (int i = 0; i < site->ngroup; ++i) {
-        const pm_site_group *group = &site->group[i];
-        const bool learned =
-            spec->learned && (is_listed(spec->nacts, spec->acts_on, group->name) ||
-                              is_listed(spec->nagainst, spec->against, group->name));
-        const bool heated = is_listed(spec->nheats, spec->heats, group->name);
-        if (learned || heated || is_given(spec, group->name)) {
-            s.group[s.ngroup] = group;
-            s.learned[s.ngroup] = learned && !is_idle(spec, site, group->name);
-            s.first[s.ngroup++] = s.n;
-            s.n += group->size;
-        }
-    }
-    return s;
-}
-
-static int position(const support *s, const char *name) {
-    int i = 0;
-    while (i < s->ngroup && strcmp(s->group[i]->name, name) != 0) {
-        ++i;
-    }
-    return i;
 }
 
 // With a frame, a vector group (size > 1) counts one row per vector of `along`.
@@ -108,11 +29,11 @@ static int frame_rows(const pm_operator_spec *spec, int group_size) {
 }
 
 // Rows of the frame in groups of the list.
-static int listed_rows(const pm_operator_spec *spec, const support *s, int count,
+static int listed_rows(const pm_operator_spec *spec, const pm_support *s, int count,
                        const char *const *list) {
     int rows = 0;
     for (int i = 0; i < s->ngroup; ++i) {
-        const bool counts = s->learned[i] && is_listed(count, list, s->group[i]->name);
+        const bool counts = s->learned[i] && pm_is_listed(count, list, s->group[i]->name);
         rows += counts ? frame_rows(spec, s->group[i]->size) : 0;
     }
     return rows;
@@ -125,11 +46,11 @@ static int matrix_count(const pm_operator *op) {
 }
 
 // Rows and columns of a matrix that the network gives.
-static int matrix_rows(const pm_operator *op, const support *s) {
+static int matrix_rows(const pm_operator *op, const pm_support *s) {
     return listed_rows(op->spec, s, op->spec->nacts, op->spec->acts_on) / matrix_count(op);
 }
 
-static int matrix_columns(const pm_operator *op, const support *s) {
+static int matrix_columns(const pm_operator *op, const pm_support *s) {
     const pm_operator_spec *spec = op->spec;
     if (op->kind == PM_IRREVERSIBLE) {
         return spec->rank;
@@ -152,16 +73,16 @@ static bool is_other_end(const pm_operator_spec *spec, const char *name) {
 
 static pm_status check_heats(const pm_operator *op, const pm_site *site) {
     const pm_operator_spec *spec = op->spec;
-    if (spec->nheats == 0) {
+    if (spec->nheats == 0 || !spec->learned) {
         return PM_OK;
     }
     if (op->form != PM_HARD || spec->network.message != NULL) {
         return pm_fail(PM_ECONFIG, "%s: heats belongs to form: hard, not on a mesh", op->prefix);
     }
-    const support s = support_of(spec, site);
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     for (int i = 0; i < s.ngroup; ++i) {
         if (s.learned[i]) {
-            return count_heats(spec, site) <= PM_MAX_HEATS
+            return pm_support_heats(spec, site) <= PM_MAX_HEATS
                        ? PM_OK
                        : pm_fail(PM_ECONFIG, "%s: at most %d components can take up heat",
                                  op->prefix, PM_MAX_HEATS);
@@ -173,48 +94,33 @@ static pm_status check_heats(const pm_operator *op, const pm_site *site) {
 
 static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     const pm_operator_spec *spec = op->spec;
-    const support s = support_of(spec, site);
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     for (int i = 0; i < spec->nacts; ++i) {
-        if (position(&s, spec->acts_on[i]) == s.ngroup) {
+        if (pm_support_find(&s, spec->acts_on[i]) == s.ngroup) {
             return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is not a group here",
                            op->prefix, spec->acts_on[i]);
         }
     }
     for (int i = 0; i < spec->nheats; ++i) {
-        if (position(&s, spec->heats[i]) == s.ngroup) {
+        if (pm_support_find(&s, spec->heats[i]) == s.ngroup) {
             return pm_fail(PM_ECONFIG, "%s: heats names \"%s\", which is not a group here",
                            op->prefix, spec->heats[i]);
         }
     }
     PM_TRY(check_heats(op, site));
     for (int i = 0; i < spec->nagainst; ++i) {
-        const int at = position(&s, spec->against[i]);
+        const int at = pm_support_find(&s, spec->against[i]);
         if (at == s.ngroup || !is_other_end(spec, spec->against[i])) {
             return pm_fail(PM_ECONFIG,
                            "%s: against names \"%s\", which is not a group of the other end",
                            op->prefix, spec->against[i]);
         }
     }
-    for (int i = 0; i < spec->ngiven; ++i) {
-        const pm_given_pair *pair = &spec->given[i];
-        const int row = position(&s, pair->row), col = position(&s, pair->col);
-        const bool skew = op->kind == PM_REVERSIBLE;
-        if (row == s.ngroup || col == s.ngroup || row == col ||
-            s.group[col]->size != (skew ? s.group[row]->size : 1)) {
-            return pm_fail(PM_ECONFIG, "%s: given pair [%s, %s] must name two groups here%s",
-                           op->prefix, pair->row, pair->col,
-                           skew ? " of equal size" : ", the second of one component");
-        }
-        if (!skew && pair->coefficient < 0) {
-            return pm_fail(PM_ECONFIG, "%s: given pair [%s, %s] has %g, expected a number >= 0",
-                           op->prefix, pair->row, pair->col, pair->coefficient);
-        }
-    }
-    return PM_OK;
+    return pm_given_check(spec, op->kind == PM_REVERSIBLE, site, op->prefix);
 }
 
 // On a mesh an operator acts on fields, and has no frame.
-static pm_status check_nodal(const pm_operator *op, const support *s) {
+static pm_status check_nodal(const pm_operator *op, const pm_support *s) {
     const int nnode = matrix_count(op);
     if (op->spec->network.message == NULL) {
         return PM_OK;
@@ -241,7 +147,7 @@ static pm_status check_formulas(const pm_operator_spec *spec, const pm_site *sit
     return PM_OK;
 }
 
-static pm_status check_along(const pm_operator *op, const pm_site *site, const support *s) {
+static pm_status check_along(const pm_operator *op, const pm_site *site, const pm_support *s) {
     const pm_operator_spec *spec = op->spec;
     int total = 0;
     PM_TRY(pm_features_size(spec->nalong, spec->along, &site->symbols, &total));
@@ -271,14 +177,14 @@ static const char *join(operator_name buffer, const char *prefix, const char *na
 
 // How the heat of each process is shared among entropies.
 static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
-    const int nheat = count_heats(op->spec, site);
+    const int nheat = pm_support_heats(op->spec, site);
     operator_name name;
     return nheat < 2 ? PM_OK
                      : pm_params_add(params, join(name, op->prefix, "split"), op->spec->rank,
                                      nheat - 1, true, 0, 0);
 }
 
-static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const support *s,
+static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const pm_support *s,
                                 pm_params *params) {
     operator_name name;
     join(name, op->prefix, "matrix");
@@ -320,7 +226,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     }
     PM_TRY(pm_spec_locate(spec->at, check_groups(op, site)));
     PM_TRY(check_formulas(spec, site));
-    const support s = support_of(spec, site);
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
     PM_TRY(pm_spec_locate(spec->at, check_nodal(op, &s)));
     operator_name name;
@@ -338,7 +244,7 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
     if (!pm_operator_exists(spec)) {
         return PM_OK;
     }
-    const support s = support_of(spec, site);
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     const char *group[2 * PM_MAX_GROUPS];
     for (int i = 0; i < s.ngroup; ++i) {
         group[i] = s.group[i]->name;
@@ -383,7 +289,7 @@ typedef struct construction {
     pm_graph *g;
     const pm_operator *op;
     const pm_site *site;
-    support support;
+    pm_support support;
     pm_node scale;  // [1][support.n]
     pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned; on a
                     // mesh of each node C or G
@@ -409,7 +315,7 @@ static pm_node build_along(pm_graph *g, const pm_operator *op, const pm_site *si
 }
 
 static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *site,
-                            const support *s, const pm_params *params) {
+                            const pm_support *s, const pm_params *params) {
     if (!op->spec->learned) {
         return PM_NO_NODE;
     }
@@ -510,57 +416,11 @@ static pm_node apply_matrix(const construction *c, pm_node x) {
     return pm_matmul(g, pm_matmul(g, x, false, c->matrix, false), false, c->matrix, true);
 }
 
-// x times `sign` and the coefficient of a pair.
-static pm_node multiply(const construction *c, const pm_given_pair *pair, double sign, pm_node x) {
-    if (pair->formula.text == NULL) {
-        return pm_scale(c->g, x, sign * pair->coefficient);
-    }
-    const pm_node coefficient = pm_formula_build(c->g, &pair->formula, &c->site->symbols);
-    return pm_mul(c->g, pm_scale(c->g, coefficient, sign), x);
-}
-
-// Adds what a pair moves to a rate over the support.
-static pm_node add_pair(const construction *c, pm_node rate, int row, pm_node into_row, int col,
-                        pm_node into_col) {
-    const int n = c->support.n;
-    rate = pm_add_or(c->g, rate, pm_place(c->g, into_row, c->support.first[row], n));
-    return pm_add_or(c->g, rate, pm_place(c->g, into_col, c->support.first[col], n));
-}
-
-// The given pairs of a reversible operator: rate_row += c d_col, rate_col -= c d_row.
-static pm_node apply_given(const construction *c, pm_node d) {
-    const pm_operator_spec *spec = c->op->spec;
-    pm_node rate = PM_NO_NODE;
-    for (int k = 0; k < spec->ngiven; ++k) {
-        const pm_given_pair *pair = &spec->given[k];
-        const int row = position(&c->support, pair->row), col = position(&c->support, pair->col);
-        rate = add_pair(c, rate, row, multiply(c, pair, 1, part_of(c, d, col)), col,
-                        multiply(c, pair, -1, part_of(c, d, row)));
-    }
-    return rate;
-}
-
-// Those of an irreversible one, degenerate by themselves:
-//     rate_row += c (d_row - d_col n_row/n_col),  rate_col -= rate_row . n_row/n_col.
-static pm_node apply_given_irreversible(const construction *c, pm_node d, pm_node normal) {
-    const pm_operator_spec *spec = c->op->spec;
-    pm_graph *g = c->g;
-    pm_node rate = PM_NO_NODE;
-    for (int k = 0; k < spec->ngiven; ++k) {
-        const pm_given_pair *pair = &spec->given[k];
-        const int row = position(&c->support, pair->row), col = position(&c->support, pair->col);
-        const pm_node ratio = pm_div(g, part_of(c, normal, row), part_of(c, normal, col));
-        const pm_node drive = pm_sub(g, part_of(c, d, row), pm_mul(g, ratio, part_of(c, d, col)));
-        const pm_node into_row = multiply(c, pair, 1, drive);
-        const pm_node into_col = pm_scale(g, pm_dot(g, ratio, into_row), -1);
-        rate = add_pair(c, rate, row, into_row, col, into_col);
-    }
-    return rate;
-}
-
 // K d over the support.
 static pm_node apply(const construction *c, pm_node d) {
-    pm_node rate = c->op->kind == PM_REVERSIBLE ? apply_given(c, d) : PM_NO_NODE;
+    pm_node rate = c->op->kind == PM_REVERSIBLE
+                       ? pm_given_reversible(c->g, c->op->spec, c->site, &c->support, d)
+                       : PM_NO_NODE;
     if (c->matrix != PM_NO_NODE) {
         const pm_node rows = apply_matrix(c, to_frame(c, pm_mul(c->g, d, c->scale)));
         rate = pm_add_or(c->g, rate, pm_mul(c->g, from_frame(c, rows), c->scale));
@@ -594,12 +454,12 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
         .driving = pm_broadcast_to(g, d, shape),
         .normal = pm_broadcast_to(g, normal, shape),
         .factor = pm_mul(g, rows, c->scale),
-        .split = count_heats(spec, c->site) > 1
+        .split = pm_support_heats(spec, c->site) > 1
                      ? pm_network_param(g, params, c->op->prefix, "split")
                      : PM_NO_NODE,
     };
     for (int i = 0; i < c->support.ngroup; ++i) {
-        const bool heated = is_listed(spec->nheats, spec->heats, c->support.group[i]->name);
+        const bool heated = pm_is_listed(spec->nheats, spec->heats, c->support.group[i]->name);
         for (int k = 0; k < c->support.group[i]->size && heated; ++k) {
             dissipation.heat[dissipation.nheat++] = c->support.first[i] + k;
         }
@@ -620,7 +480,7 @@ static pm_node restrict_to(const construction *c, pm_node x) {
 static pm_node extend(const construction *c, const pm_site *site, pm_node rate) {
     pm_node part[2 * PM_MAX_GROUPS];
     for (int i = 0; i < site->ngroup; ++i) {
-        const int k = position(&c->support, site->group[i].name);
+        const int k = pm_support_find(&c->support, site->group[i].name);
         part[i] = k < c->support.ngroup ? part_of(c, rate, k)
                                         : pm_constant(c->g, 0, 1, site->group[i].size);
     }
@@ -649,7 +509,10 @@ pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *sit
     if (!pm_operator_exists(op->spec) || driving == PM_NO_NODE) {
         return PM_NO_NODE;
     }
-    construction c = {.g = g, .op = op, .site = site, .support = support_of(op->spec, site)};
+    construction c = {.g = g,
+                      .op = op,
+                      .site = site,
+                      .support = pm_support_of(op->spec, op->kind == PM_IRREVERSIBLE, site)};
     c.scale = pm_network_param(g, params, op->prefix, "scale");
     c.along = build_along(g, op, site, params);
     c.matrix = build_matrix(g, op, site, &c.support, params);
@@ -658,7 +521,7 @@ pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *sit
     const bool heats = op->spec->nheats > 0 && c.matrix != PM_NO_NODE && n != PM_NO_NODE;
     pm_node rate = heats ? apply_dissipation(&c, params, d, n) : build_rate(&c, d, n, degeneracy);
     if (op->kind == PM_IRREVERSIBLE && n != PM_NO_NODE) {
-        rate = pm_add_or(g, rate, apply_given_irreversible(&c, d, n));
+        rate = pm_add_or(g, rate, pm_given_irreversible(g, op->spec, site, &c.support, d, n));
     }
     return rate == PM_NO_NODE ? PM_NO_NODE : extend(&c, site, rate);
 }

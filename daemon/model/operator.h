@@ -15,25 +15,9 @@
 
 #include "model/formula.h"
 #include "model/network.h"
+#include "model/support.h"
 
 typedef enum pm_operator_kind { PM_REVERSIBLE, PM_IRREVERSIBLE } pm_operator_kind;
-
-// Where an operator acts: the groups of one state, or of both ends of a port side by side, and the
-// symbols its features may use.
-typedef struct pm_site_group {
-    char name[PM_MAX_NAME];
-    int first, size;
-} pm_site_group;
-
-typedef struct pm_site {
-    int ngroup;
-    pm_site_group group[2 * PM_MAX_GROUPS];
-    int n; // components in all
-    pm_symbols symbols;
-} pm_site;
-
-// Appends the groups of `layout` as "<prefix><group>".
-void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix);
 
 // One operator of a component.
 typedef struct pm_operator {

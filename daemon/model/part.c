@@ -1,6 +1,7 @@
 // A subsystem's E, S and bulk term.
 #include "model/part.h"
 
+#include "model/constants.h"
 #include "model/derived.h"
 #include "model/potential.h"
 #include "model/unstructured_rate.h"
@@ -12,6 +13,7 @@ static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, 
     pm_symbols_add(&site.symbols, g, &part->layout, "", z);
     pm_symbols_add(&site.symbols, g, &part->layout, "dE.", dE);
     pm_symbols_add(&site.symbols, g, &part->layout, "dS.", dS);
+    pm_constants_add(part->spec.constants, g, &part->params, &site.symbols);
     return site;
 }
 
@@ -19,6 +21,7 @@ pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z) {
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, g, &part->layout, "", z);
     pm_derived_add(part, g, &symbols);
+    pm_constants_add(part->spec.constants, g, &part->params, &symbols);
     return symbols;
 }
 
@@ -61,6 +64,8 @@ pm_status pm_part_declare(pm_part *part) {
         return pm_unstructured_rate_declare(&part->spec.rate, &site, &part->params, "rate");
     }
     PM_TRY(pm_derived_declare(part));
+    PM_TRY(
+        pm_spec_locate(part->spec.at, pm_constants_declare(part->spec.constants, &part->params)));
     const pm_symbols symbols = pm_part_symbols(part, NULL, PM_NO_NODE);
     PM_TRY(pm_potential_declare(&part->spec.energy, &symbols, &part->params, "energy"));
     PM_TRY(pm_potential_declare(&part->spec.entropy, &symbols, &part->params, "entropy"));

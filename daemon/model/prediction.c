@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "model/given.h"
+
 // Keeps the slope finite where the exchange has nothing left to change.
 #define SMALLEST_CHANGE 1e-100
 
@@ -18,9 +20,7 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     for (int i = 0; i < M->nheats; ++i) {
         acts = acts || strcmp(M->heats[i], name) == 0;
     }
-    for (int i = 0; i < M->ngiven; ++i) {
-        acts = acts || strcmp(M->given[i].row, name) == 0 || strcmp(M->given[i].col, name) == 0;
-    }
+    acts = acts || pm_given_names(M, name);
     return acts && port->law->irreversible != NULL;
 }
 

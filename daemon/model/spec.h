@@ -15,6 +15,7 @@
 #define PM_MAX_GROUPS 16
 #define PM_MAX_FEATURES 32
 #define PM_MAX_DERIVED 16
+#define PM_MAX_LEARNED 32 // constants of one model
 #define PM_MAX_EXPONENTIALS 8
 #define PM_DEFAULT_EXPONENTIALS 2
 #define PM_DEFAULT_TEMPERATURE 300.0 // K
@@ -49,11 +50,19 @@ pm_status pm_spec_locate(const char *at, pm_status status);
 
 // --- formulas ---
 
+// A number that is known, or learned from where it starts; a positive one stays so.
+typedef enum pm_constant_kind {
+    PM_CONSTANT_KNOWN,
+    PM_CONSTANT_LEARNED,
+    PM_CONSTANT_POSITIVE
+} pm_constant_kind;
+
 // Named numbers.
 typedef struct pm_constants {
     int count;
     const char *const *name;
     const double *value;
+    const pm_constant_kind *learned; // NULL: all are known
 } pm_constants;
 
 // A known expression of named groups and constants (formula.h).
@@ -148,8 +157,17 @@ typedef struct pm_potential_spec {
 // gives or takes it, so that c e_col is the coefficient of friction of a momentum `row`, and
 // c e_row/e_col the conductivity between entropies `row` and `col`:
 //     rate_row += c (eta_row - eta_col e_row/e_col),  rate_col -= rate_row . e_row/e_col
+// Where neither takes up heat, which are then of equal size, friction by the difference of their
+// flows, whose heat the operator's `heats` share, or where it names none all groups whose unit is
+// J/K:
+//     rate_row -= c (e_row - e_col),  rate_col += c (e_row - e_col)
+// Components of groups are named "m[0]". A reversible pair of three components each may be a
+// `cross` product (Lie-Poisson brackets of rotations), as of a rigid body [m, m, cross] and a top
+// [m, g, cross]:
+//     rate_row += z_col x e_col and, where row and col differ, rate_col += z_col x e_row
 typedef struct pm_given_pair {
     const char *row, *col;
+    bool cross;
     double coefficient;
     pm_formula formula; // if it has a text, the coefficient
 } pm_given_pair;

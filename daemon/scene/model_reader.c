@@ -188,7 +188,8 @@ static pm_status read_pairs(pm_yaml list, const reader *r, pm_operator_spec *op)
         }
         PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), r->arena, &pair[i].row));
         PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), r->arena, &pair[i].col));
-        PM_TRY(read_coefficient(pm_yaml_item(item, 2), r, &pair[i]));
+        pair[i].cross = pm_yaml_is_text(pm_yaml_item(item, 2), "cross");
+        PM_TRY(pair[i].cross ? PM_OK : read_coefficient(pm_yaml_item(item, 2), r, &pair[i]));
     }
     op->given = pair;
     op->ngiven = count;
@@ -210,7 +211,9 @@ static pm_status read_learned(pm_yaml block, const reader *r, bool reversible,
     }
     PM_TRY(pm_model_read_names(block, "against", r->arena, &op->nagainst, &op->against));
     PM_TRY(pm_model_read_names(block, "along", r->arena, &op->nalong, &op->along));
-    PM_TRY(pm_model_read_names(block, "heats", r->arena, &op->nheats, &op->heats));
+    if (pm_yaml_exists(pm_yaml_get(block, "heats"))) {
+        PM_TRY(pm_model_read_names(block, "heats", r->arena, &op->nheats, &op->heats));
+    }
     op->rank = reversible ? 0 : 1;
     const pm_yaml rank = pm_yaml_get(block, "rank");
     if (pm_yaml_exists(rank)) {
@@ -222,7 +225,7 @@ static pm_status read_learned(pm_yaml block, const reader *r, bool reversible,
 
 static pm_status read_operator(pm_yaml block, const reader *r, bool reversible,
                                pm_operator_spec *op) {
-    static const char *const keys[] = {"given", "learned", NULL};
+    static const char *const keys[] = {"given", "learned", "heats", NULL};
     *op = (pm_operator_spec){0};
     if (is_none(block)) {
         return PM_OK;
@@ -232,6 +235,13 @@ static pm_status read_operator(pm_yaml block, const reader *r, bool reversible,
     const pm_yaml given = pm_yaml_get(block, "given");
     if (pm_yaml_exists(given)) {
         PM_TRY(read_pairs(given, r, op));
+    }
+    const pm_yaml heats = pm_yaml_get(block, "heats");
+    if (pm_yaml_exists(heats)) {
+        if (reversible) {
+            return pm_yaml_fail(heats, "only an irreversible operator heats");
+        }
+        PM_TRY(pm_model_read_names(block, "heats", r->arena, &op->nheats, &op->heats));
     }
     const pm_yaml learned = pm_yaml_get(block, "learned");
     return is_none(learned) ? PM_OK : read_learned(learned, r, reversible, op);
@@ -250,9 +260,29 @@ static pm_status read_rate(pm_yaml block, const reader *r, pm_form form, pm_netw
     return pm_network_read(value, r->mesh, r->arena, rate);
 }
 
+// A number, or {learned: start, positive: true}.
+static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *kind) {
+    static const char *const keys[] = {"learned", "positive", NULL};
+    *kind = PM_CONSTANT_KNOWN;
+    if (!pm_yaml_is_map(value)) {
+        return pm_yaml_double(value, -INFINITY, INFINITY, number);
+    }
+    pm_yaml start;
+    const pm_yaml positive = pm_yaml_get(value, "positive");
+    bool stays = false;
+    PM_TRY(pm_yaml_allow(value, keys));
+    PM_TRY(pm_yaml_require(value, "learned", &start));
+    PM_TRY(pm_yaml_double(start, -INFINITY, INFINITY, number));
+    PM_TRY(pm_yaml_exists(positive) ? pm_yaml_bool(positive, &stays) : PM_OK);
+    *kind = stays ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
+    return stays && !(*number > 0)
+               ? pm_yaml_fail(start, "a positive constant starts from a number > 0")
+               : PM_OK;
+}
+
 // Adds the entries of a mapping, if there is one, to those that are there, unless they are there.
 static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *constants,
-                               const char **name, double *value) {
+                               const char **name, double *value, pm_constant_kind *learned) {
     if (pm_yaml_exists(map)) {
         PM_TRY(pm_yaml_require_entries(map));
     }
@@ -262,7 +292,7 @@ static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *const
         const int last = constants->count;
         pm_yaml_entry(map, i, &key, &number);
         PM_TRY(pm_yaml_text(key, arena, &name[last]));
-        PM_TRY(pm_yaml_double(number, -INFINITY, INFINITY, &value[last]));
+        PM_TRY(read_constant(number, &value[last], &learned[last]));
         bool there = false;
         for (int k = 0; k < before; ++k) {
             there = there || strcmp(name[k], name[last]) == 0;
@@ -278,12 +308,13 @@ static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
     pm_constants *constants = pm_arena_array(arena, 1, sizeof *constants);
     const char **name = pm_arena_array(arena, most, sizeof *name);
     double *value = pm_arena_array(arena, most, sizeof *value);
-    if (constants == NULL || name == NULL || value == NULL) {
+    pm_constant_kind *learned = pm_arena_array(arena, most, sizeof *learned);
+    if (constants == NULL || name == NULL || value == NULL || learned == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory while reading a model");
     }
-    *constants = (pm_constants){0, name, value};
-    PM_TRY(add_constants(first, arena, constants, name, value));
-    PM_TRY(add_constants(second, arena, constants, name, value));
+    *constants = (pm_constants){0, name, value, learned};
+    PM_TRY(add_constants(first, arena, constants, name, value, learned));
+    PM_TRY(add_constants(second, arena, constants, name, value, learned));
     *result = constants;
     return PM_OK;
 }
@@ -458,12 +489,22 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
 
 // --- writing ---
 
+static void write_constant(FILE *file, const pm_constants *constants, int i) {
+    const bool known = constants->learned == NULL || constants->learned[i] == PM_CONSTANT_KNOWN;
+    fputs(known ? "" : "{learned: ", file);
+    pm_model_write_number(file, constants->value[i]);
+    fputs(known                                           ? ""
+          : constants->learned[i] == PM_CONSTANT_POSITIVE ? ", positive: true}"
+                                                          : "}",
+          file);
+}
+
 static void write_constants(FILE *file, const pm_constants *constants) {
     for (int i = 0; constants != NULL && i < constants->count; ++i) {
         fputs(i == 0 ? "constants: {" : ", ", file);
         pm_model_write_text(file, constants->name[i]);
         fputs(": ", file);
-        pm_model_write_number(file, constants->value[i]);
+        write_constant(file, constants, i);
         fputs(i == constants->count - 1 ? "}\n" : "", file);
     }
 }
@@ -526,7 +567,9 @@ static void write_operator(FILE *file, const char *key, bool reversible,
             fputs(", ", file);
             pm_model_write_text(file, op->given[i].col);
             fputs(", ", file);
-            if (op->given[i].formula.text != NULL) {
+            if (op->given[i].cross) {
+                fputs("cross", file);
+            } else if (op->given[i].formula.text != NULL) {
                 pm_model_write_quoted(file, op->given[i].formula.text);
             } else {
                 fprintf(file, "%.17g", op->given[i].coefficient);
@@ -534,6 +577,11 @@ static void write_operator(FILE *file, const char *key, bool reversible,
             fputc(']', file);
         }
         fputs("]\n", file);
+        if (op->nheats > 0 && !op->learned) {
+            fputs("  ", file);
+            write_heats(file, op);
+            fputc('\n', file);
+        }
     }
     if (op->learned) {
         fputs("  learned: {", file);

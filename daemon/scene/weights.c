@@ -144,7 +144,6 @@ static pm_status write_params(pm_hdf5 *file, const pm_params *params, pm_arena *
     return PM_OK;
 }
 
-// What the weights were trained on, and as what.
 static pm_status write_origin(pm_hdf5 *file, const pm_provenance *p) {
     if (p->trajectories != NULL && *p->trajectories != '\0') {
         PM_TRY(pm_hdf5_write_text(file, "/", "trajectories", p->trajectories));
@@ -319,10 +318,8 @@ static pm_status read_origin(const pm_hdf5 *file, pm_arena *arena, pm_provenance
     for (int i = 0; i < count; ++i) {
         if (strcmp(name[i], "seen") == 0) {
             uint64_t *seen = pm_arena_array(arena, PM_MOST_SEEN, sizeof *seen);
-            if (seen == NULL) {
-                return pm_fail(PM_ENOMEM, "out of memory for the trajectories that weights saw");
-            }
             p->seen = seen;
+            PM_TRY(seen == NULL ? fail_memory("weights") : PM_OK);
             PM_TRY(pm_hdf5_read_integers(file, "/", "seen", PM_MOST_SEEN, seen, &p->nseen));
         }
     }
@@ -330,7 +327,7 @@ static pm_status read_origin(const pm_hdf5 *file, pm_arena *arena, pm_provenance
         PM_TRY(pm_hdf5_read_text(file, "/", "trajectories", arena, &p->trajectories));
     }
     if (pm_hdf5_is_text(file, "/", "columns") && pm_hdf5_is_text(file, "/", "relative")) {
-        const char *text;
+        const char *text = NULL;
         PM_TRY(pm_hdf5_read_text(file, "/", "columns", arena, &text));
         PM_TRY(pm_hdf5_read_text(file, "/", "relative", arena, &p->relative));
         p->columns = strtoull(text, NULL, 16);

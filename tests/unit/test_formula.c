@@ -20,7 +20,8 @@ static const double before[NZ] = {3, -4, 0.5, 2, -0.25}, after[NZ] = {2.5, -3, 0
 
 static const char *const constant_names[] = {"C", "l0", "c", "Tr"};
 static const double constant_values[] = {0.2, 2, 5.08, 300};
-static const pm_constants constants = {4, constant_names, constant_values};
+static const pm_constants constants = {
+    .count = 4, .name = constant_names, .value = constant_values};
 
 static pm_formula formula_of(const char *text) {
     return (pm_formula){text, &constants, "t.yaml:3:7"};
@@ -251,7 +252,7 @@ static void mistakes_are_told(void **state) {
     }
     static const char *const name[] = {"s"};
     static const double value[] = {1};
-    const pm_constants clash = {1, name, value};
+    const pm_constants clash = {.count = 1, .name = name, .value = value};
     const pm_formula formula = {"s", &clash, NULL};
     assert_int_equal(pm_formula_check(&formula, &symbols), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "constant \"s\" has the name of a group"));

@@ -183,7 +183,7 @@ static void a_proposal_names_them(void **state) {
     assert_says(text, "given: [[a.u, b.v, 1.0]]");
     assert_says(text, "entropy: {given: [w]}");
     assert_says(text, "acts_on: [u, w], rank: 1");
-    assert_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 2");
+    assert_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 3");
     assert_says(text, "stages:");
     pm_dataset_free(d);
     pm_scene_free(scene);

@@ -12,6 +12,7 @@ typedef struct pm_schedule {
     double first_rate, last_rate; // adam: learning rate, falling along a cosine
     double beta2;                 // adam: how much of the mean square of gradients stays
     int memory;                   // lbfgs: pairs kept
+    bool guarded; // gauss_newton: a step that the next batch shows to be wild is undone
 } pm_schedule;
 
 // One stage of a training under way. A stage can be left whenever it reports and taken up again

@@ -15,6 +15,10 @@
 #define LARGEST_DAMPING 1e8
 #define RELAX 0.3 // damping after a step that helped
 #define STIFFEN 4 // and after one that did not
+// A step that helped one batch is undone where the next batch has a loss so many times larger,
+// which it had not before the step.
+#define WILD 10
+#define WILD_STIFFEN 64
 
 typedef struct solver {
     pm_optimisation *o;
@@ -65,9 +69,36 @@ static bool solve(solver *s) {
     return pm_cholesky_solve(s->size, s->damped, s->step);
 }
 
+// Kept for the next iteration in what the optimisation remembers: the weights before a step, and
+// the loss after it (none: 0), which fit behind the damping.
+static void keep(solver *s, double loss) {
+    if (s->o->schedule.guarded && s->size > 1) {
+        s->o->moment[1] = loss;
+        memcpy(s->o->moment + s->size, s->o->theta, (size_t)s->size * sizeof(double));
+    }
+}
+
+static void undo_wild_step(solver *s) {
+    pm_optimisation *o = s->o;
+    const double *before = o->moment + s->size;
+    if (!o->schedule.guarded || s->size <= 1 || !(o->moment[1] > 0)) {
+        return;
+    }
+    const double now = loss_at(s, o->theta);
+    if (isfinite(now) && now <= WILD * o->moment[1]) {
+        return;
+    }
+    const double then = loss_at(s, before);
+    if (isfinite(then) && !(now <= WILD * then)) {
+        memcpy(o->theta, before, (size_t)s->size * sizeof(double));
+        *s->damping *= WILD_STIFFEN;
+    }
+}
+
 // One iteration: tries steps with growing damping until one lowers the batch's loss.
 static pm_status iterate(solver *s, double *loss) {
     pm_optimisation *o = s->o;
+    undo_wild_step(s);
     // The robust scale follows the residuals down; both losses are then taken with the same scale.
     loss_at(s, o->theta);
     PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
@@ -80,6 +111,7 @@ static pm_status iterate(solver *s, double *loss) {
             }
             const double after = loss_at(s, s->trial);
             if (after < before) {
+                keep(s, after);
                 memcpy(o->theta, s->trial, (size_t)s->size * sizeof *o->theta);
                 *s->damping = fmax(*s->damping * RELAX, SMALLEST_DAMPING);
                 *loss = after;

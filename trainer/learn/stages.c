@@ -27,7 +27,8 @@ static pm_stage *add(pm_training *t, const pm_stage *common, const char *optimis
                                     .first_rate = 3e-3,
                                     .last_rate = 1e-5,
                                     .beta2 = 0.999,
-                                    .memory = 30};
+                                    .memory = 30,
+                                    .guarded = true};
     return stage;
 }
 

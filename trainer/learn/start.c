@@ -66,7 +66,8 @@ static pm_status advance(search *s, candidate *c, int iterations, double *gradie
     const int wanted = RESIDUALS_PER_WEIGHT * s->size / context.samples->nz;
     pm_optimisation o = {.objective = s->objective,
                          .schedule = {.iterations = c->done + iterations,
-                                      .batch = wanted > SMALLEST_BATCH ? wanted : SMALLEST_BATCH},
+                                      .batch = wanted > SMALLEST_BATCH ? wanted : SMALLEST_BATCH,
+                                      .guarded = true},
                          .seed = s->training->seed,
                          .theta = c->theta,
                          .moment = c->moment,

@@ -10,7 +10,7 @@
 #include "learn/stages.h"
 #include "scene/model_reader.h"
 
-// Starts to choose from, and what each gets at first.
+// Starts to choose from, and their first iterations.
 #define DEFAULT_TRIES 8
 #define DEFAULT_TRY_ITERATIONS 10
 #define MOST_WEIGHTS_OF_STARTS 3000
@@ -266,8 +266,12 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
         return pm_yaml_fail(value, "unknown optimiser \"%s\", expected one of: %s", name,
                             pm_optimiser_names());
     }
-    stage->schedule = (pm_schedule){
-        .batch = 256, .first_rate = 1e-3, .last_rate = 1e-3, .beta2 = 0.999, .memory = 30};
+    stage->schedule = (pm_schedule){.batch = 256,
+                                    .first_rate = 1e-3,
+                                    .last_rate = 1e-3,
+                                    .beta2 = 0.999,
+                                    .memory = 30,
+                                    .guarded = !t->plain};
     PM_TRY(pm_yaml_require(block, "iterations", &value));
     PM_TRY(pm_yaml_int(value, 1, 100000000, &stage->schedule.iterations));
     if (pm_yaml_exists(value = pm_yaml_get(block, "batch"))) {
@@ -332,10 +336,15 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
 static pm_status read_start(pm_training *t, pm_yaml block) {
     static const char *const keys[] = {"tries", "iterations", NULL};
     size_t weights = 0;
+    bool drawn = false; // whether starts differ at all
     for (int i = 0; i < pm_system_components(t->system); ++i) {
-        weights += pm_params_trained(pm_system_params(t->system, i));
+        const pm_params *params = pm_system_params(t->system, i);
+        weights += pm_params_trained(params);
+        for (int k = 0; k < params->count; ++k) {
+            drawn = drawn || (params->entry[k].trained && params->entry[k].spread > 0);
+        }
     }
-    t->tries = t->plain || weights > MOST_WEIGHTS_OF_STARTS ? 1 : DEFAULT_TRIES;
+    t->tries = t->plain || !drawn || weights > MOST_WEIGHTS_OF_STARTS ? 1 : DEFAULT_TRIES;
     t->try_iterations = DEFAULT_TRY_ITERATIONS;
     if (!pm_yaml_exists(block)) {
         return PM_OK;
@@ -352,37 +361,27 @@ static pm_status read_start(pm_training *t, pm_yaml block) {
 
 // --- the file ---
 
+// A text and its place, if it is there.
+static pm_status read_placed(pm_training *t, pm_yaml block, const char *key, const char **text,
+                             const char **at) {
+    const pm_yaml value = pm_yaml_get(block, key);
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_text(value, &t->arena, text));
+    *at = pm_yaml_where(value, &t->arena);
+    return *at == NULL ? no_memory() : PM_OK;
+}
+
 static pm_status read_data(pm_training *t, pm_yaml root) {
     static const char *const keys[] = {"file", "trajectories", "validation", NULL};
     const pm_yaml data = pm_yaml_get(root, "data");
-    if (!pm_yaml_exists(data)) {
-        return PM_OK;
-    }
-    PM_TRY(pm_yaml_allow(data, keys));
-    pm_yaml value;
-    if (pm_yaml_exists(value = pm_yaml_get(data, "file"))) {
-        PM_TRY(pm_yaml_text(value, &t->arena, &t->data));
-        t->data = resolve(t, t->data);
-        t->data_at = pm_yaml_where(value, &t->arena);
-        if (t->data == NULL || t->data_at == NULL) {
-            return no_memory();
-        }
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(data, "trajectories"))) {
-        PM_TRY(pm_yaml_text(value, &t->arena, &t->trajectories));
-        t->trajectories_at = pm_yaml_where(value, &t->arena);
-        if (t->trajectories_at == NULL) {
-            return no_memory();
-        }
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(data, "validation"))) {
-        PM_TRY(pm_yaml_text(value, &t->arena, &t->validation));
-        t->validation_at = pm_yaml_where(value, &t->arena);
-        if (t->validation_at == NULL) {
-            return no_memory();
-        }
-    }
-    return PM_OK;
+    PM_TRY(pm_yaml_exists(data) ? pm_yaml_allow(data, keys) : PM_OK);
+    PM_TRY(read_placed(t, data, "file", &t->data, &t->data_at));
+    t->data = t->data == NULL ? NULL : resolve(t, t->data);
+    PM_TRY(t->data_at != NULL && t->data == NULL ? no_memory() : PM_OK);
+    PM_TRY(read_placed(t, data, "trajectories", &t->trajectories, &t->trajectories_at));
+    return read_placed(t, data, "validation", &t->validation, &t->validation_at);
 }
 
 static uint32_t digest_stage(const pm_training *t, const pm_stage *s) {
@@ -416,7 +415,7 @@ static pm_status make_digest(pm_training *t) {
     for (int i = 0; i < t->nstage; ++i) {
         t->stage_digest[i] = digest_stage(t, &t->stage[i]);
     }
-    t->digest = digest;
+    t->digest = pm_digest_integer(digest, t->plain);
     return PM_OK;
 }
 

@@ -67,9 +67,9 @@ static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface
     }
     number[0] = c->stiffness;
     number[1] = a->basis->temperature;
-    *constants = (pm_constants){1, names, number};
+    *constants = (pm_constants){.count = 1, .name = names, .value = number};
     *formula = (pm_formula){FORMULA, constants, NULL};
-    *pair = (pm_given_pair){"creep", "s", a->basis->temperature * c->creep, {0}};
+    *pair = (pm_given_pair){.row = "creep", .col = "s", .coefficient = a->basis->temperature * c->creep};
     part->spec = (pm_part_spec){
         .form = PM_HARD,
         .constants = constants,

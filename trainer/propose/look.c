@@ -90,7 +90,8 @@ void pm_look_free(pm_look *look) {
 pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
     const pm_scene_subsystem *s = &look->scene->subsystem[subsystem];
     pm_look_group g = {.group = &s->layout.group[group],
-                       .first = s->first + s->layout.group[group].first};
+                       .first = s->first + s->layout.group[group].first,
+                       .positive = true};
     const int nz = look->scene->nz, size = g.group->size;
     double square = 0, rate = 0, largest = 0, smallest = INFINITY;
     for (int c = g.first; c < g.first + size; ++c) {
@@ -103,6 +104,7 @@ pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
             square += (z - mean) * (z - mean) / ((double)look->count * size);
             rate += r * r / ((double)look->count * size);
             largest = fmax(largest, fabs(z));
+            g.positive = g.positive && z > 0;
         }
     }
     g.deviation = sqrt(square);

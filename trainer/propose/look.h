@@ -12,6 +12,7 @@ typedef struct pm_look_group {
     double deviation; // pooled over its components
     double rate;      // root mean square, 1/s of its unit, likewise
     bool constant;    // it does not move
+    bool positive;    // all components are, in all states
     bool zero;        // some state comes close to zero in all components, in units of the deviation
 } pm_look_group;
 

@@ -54,8 +54,7 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
                                   : "");
             break;
         case PM_VIEW_SPIN:
-            fprintf(f,
-                    "; an angular momentum of three components: L is linear in it, as in L = m x");
+            fprintf(f, "; an angular momentum of three components: L = m x");
             break;
         default:
             break;
@@ -79,10 +78,13 @@ static void add_entropies(pm_draft_list *l, const pm_part_view *v) {
     }
 }
 
-// A group as a feature; a vector by its length, where nothing depends on directions.
+// A group as a feature: a vector by its length, where nothing depends on directions, and a volume
+// by its logarithm, as gases have it.
 static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v, int g) {
-    if (d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0) {
-        add_quoted(l, v->group[g].zero ? "|" : "ln|", pm_draft_name(v, g), "|");
+    const pm_unit volume = pm_unit_parse("m^3");
+    const bool length = d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0;
+    if (length || (v->group[g].positive && pm_unit_equal(&v->unit[g], &volume))) {
+        add_quoted(l, length && v->group[g].zero ? "|" : "ln|", pm_draft_name(v, g), "|");
     } else {
         pm_draft_add(l, "", pm_draft_name(v, g));
     }
@@ -96,6 +98,11 @@ static const char *hidden_of(int inputs) {
 // What is known to stand alone in the energy; done [count] marks these groups.
 static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
     for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_SPIN) { // rotation alone does not warm a body
+            done[g] = true;
+            fprintf(d->file, "      - {features: [%s], hidden: [8], skip: quadratic}\n",
+                    pm_draft_name(v, g));
+        }
         if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g]) {
             continue;
         }
@@ -119,6 +126,21 @@ static int count_rest(const pm_part_view *v, const bool *done) {
     return count;
 }
 
+// The heat that one entropy stands for, and how the rest of the state bears on it.
+static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, const bool *done) {
+    pm_draft_list l = pm_draft_open(d->file, "      - {features: ");
+    for (int g = 0; g < v->count; ++g) {
+        if (is_state(v, g) && !done[g]) {
+            add_feature(d, &l, v, g);
+        }
+    }
+    const bool coupled = l.count > 0;
+    pm_draft_add(&l, "", pm_draft_name(v, entropy));
+    fprintf(d->file, coupled ? "], skip: quadratic}   # heat, and what the rest does to it: "
+                               "temperatures are positive\n"
+                             : "]}   # heat: temperatures are positive by construction\n");
+}
+
 static void write_energy(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
     bool done[PM_MAX_GROUPS] = {false};
@@ -136,18 +158,10 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         }
         fprintf(f, "], hidden: %s, skip: quadratic}\n", hidden_of(inputs));
     }
-    if (v->nentropy > 0) {
-        pm_draft_list l = pm_draft_open(f, "      - {features: ");
-        for (int g = 0; g < v->count; ++g) {
-            if (is_state(v, g) && !done[g]) {
-                add_feature(d, &l, v, g);
-            }
+    for (int k = 0; k < v->count; ++k) {
+        if (v->kind[k] == PM_VIEW_ENTROPY) {
+            write_heat(d, v, k, done);
         }
-        add_entropies(&l, v);
-        fprintf(f, rest > 0
-                       ? "], skip: quadratic}   # heat, and what it does to the zero_at_origin: "
-                         "temperatures are positive\n"
-                       : "]}   # heat: temperatures are positive by construction\n");
     }
 }
 
@@ -182,42 +196,33 @@ static void write_entropy(const pm_draft *d, const pm_part_view *v) {
 
 static void write_reversible(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
-    pm_draft_list given = {.file = f}, loose = {.file = f};
-    int others = 0;
-    const char *spin = NULL;
+    int given = 0, others = 0;
     for (int g = 0; g < v->count; ++g) {
+        const char *name = pm_draft_name(v, g), *before = given > 0 ? ", " : "given: [";
+        if (given == 0 && (v->kind[g] == PM_VIEW_POSITION || v->kind[g] == PM_VIEW_SPIN)) {
+            fprintf(f, "    reversible:\n      ");
+        }
         if (v->kind[g] == PM_VIEW_POSITION) {
-            fprintf(f, given.count > 0 ? ", " : "    reversible:\n      given: [");
-            fprintf(f, "[%s, %s, %.1f]", pm_draft_name(v, g), pm_draft_name(v, v->mate[g]),
-                    v->sign[g]);
-            ++given.count;
+            fprintf(f, "%s[%s, %s, %.1f]", before, name, pm_draft_name(v, v->mate[g]), v->sign[g]);
+            ++given;
+        } else if (v->kind[g] == PM_VIEW_SPIN) {
+            fprintf(f, "%s[%s, %s, cross]", before, name, name);
+            ++given;
         }
         others += v->kind[g] == PM_VIEW_OTHER ? v->group[g].group->size : 0;
-        spin = v->kind[g] == PM_VIEW_SPIN ? pm_draft_name(v, g) : spin;
     }
-    fprintf(f, given.count > 0 ? "]\n" : "");
-    if (others < 2 && spin == NULL) {
+    fprintf(f, given > 0 ? "]\n" : "");
+    if (others < 2) {
         return;
     }
-    fprintf(f, given.count > 0 ? "      learned: {acts_on: ["
-                               : "    reversible:\n      learned: {acts_on: [");
+    pm_draft_list l = pm_draft_open(f, given > 0 ? "      learned: {acts_on: "
+                                                 : "    reversible:\n      learned: {acts_on: ");
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_SPIN || (v->kind[g] == PM_VIEW_OTHER && others > 1)) {
-            pm_draft_add(&loose, "", pm_draft_name(v, g));
+        if (v->kind[g] == PM_VIEW_OTHER) {
+            pm_draft_add(&l, "", pm_draft_name(v, g));
         }
     }
-    fprintf(f, "]");
-    if (spin != NULL) {
-        loose.count = 0;
-        fprintf(f, ", features: [");
-        for (int g = 0; g < v->count; ++g) {
-            if (v->kind[g] == PM_VIEW_SPIN) {
-                pm_draft_add(&loose, "", pm_draft_name(v, g));
-            }
-        }
-        fprintf(f, "], skip: linear");
-    }
-    fprintf(f, "}\n");
+    fprintf(f, "]}\n");
 }
 
 // Whether friction, relaxation or leakage may act on it.

@@ -3,9 +3,52 @@
 
 #include "propose/propose_draft.h"
 
+static const char *const ends[2] = {"a.", "b."};
+
+// Groups that an end exposes, or that the world shows.
+static const pm_layout *shown(const pm_draft *d, int port, int end) {
+    return &d->p->scene->port[port].layout[end];
+}
+
+static bool is_entropy_unit(const pm_group *group) {
+    const pm_unit entropy = pm_unit_parse("J/K"), unit = pm_unit_parse(group->unit);
+    return pm_unit_equal(&entropy, &unit);
+}
+
+// What a load does to a part cannot be looked up in the states of parts.
+static void write_load_pairs(const pm_draft *d, int port) {
+    fprintf(d->file, "    reversible:\n      # What the load does to the part is learned.\n");
+    for (int end = 0; end < 2; ++end) {
+        const pm_layout *layout = shown(d, port, end);
+        pm_draft_list l =
+            pm_draft_open(d->file, end == 0 ? "      learned: {acts_on: " : ", against: ");
+        for (int g = 0; g < layout->ngroup; ++g) {
+            if (!is_entropy_unit(&layout->group[g])) {
+                pm_draft_add(&l, ends[end], layout->group[g].name);
+            }
+        }
+        fprintf(d->file, "]");
+    }
+    fprintf(d->file, "}\n");
+}
+
+static int count_mechanical(const pm_layout *layout) {
+    int count = 0;
+    for (int g = 0; g < layout->ngroup; ++g) {
+        count += !is_entropy_unit(&layout->group[g]);
+    }
+    return count;
+}
+
 static void write_pairs(const pm_draft *d, int port) {
     FILE *f = d->file;
     const pm_scene_port *scene = &d->p->scene->port[port];
+    if (scene->subsystem[0] < 0 || scene->subsystem[1] < 0) {
+        if (count_mechanical(&scene->layout[0]) > 0 && count_mechanical(&scene->layout[1]) > 0) {
+            write_load_pairs(d, port);
+        }
+        return;
+    }
     pm_port_view view;
     pm_view_port(&d->look, d->part, port, &view);
     int given = 0, loose = 0;
@@ -61,16 +104,18 @@ static void write_pairs(const pm_draft *d, int port) {
     fprintf(f, "]}\n");
 }
 
-static const char *const ends[2] = {"a.", "b."};
-
-// Groups that an end exposes, or that the world shows.
-static const pm_layout *shown(const pm_draft *d, int port, int end) {
-    return &d->p->scene->port[port].layout[end];
+// Whether a load prescribes the dS of a group: without, it takes no part in what dissipates.
+static bool world_has_entropy(const pm_draft *d, int port, int end, const pm_group *group) {
+    const pm_scene_port *scene = &d->p->scene->port[port];
+    if (scene->subsystem[end] >= 0) {
+        return true;
+    }
+    const pm_scene_boundary_input *world = &d->p->scene->boundary_input[scene->boundary_input[end]];
+    return world->value[2 * world->layout.nz + scene->component[end][group->first]].at != NULL;
 }
 
-static bool is_entropy_unit(const pm_group *group) {
-    const pm_unit entropy = pm_unit_parse("J/K"), unit = pm_unit_parse(group->unit);
-    return pm_unit_equal(&entropy, &unit);
+static bool port_heats(const pm_draft *d, int port, int end, const pm_group *group) {
+    return is_entropy_unit(group) && world_has_entropy(d, port, end, group);
 }
 
 // Whether a port's friction may act on what an end shows.
@@ -81,7 +126,7 @@ static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *
             return pm_draft_may_lose(&d->part[id], g);
         }
     }
-    return !is_entropy_unit(group);
+    return !is_entropy_unit(group) && world_has_entropy(d, port, end, group);
 }
 
 static void write_port_irreversible(const pm_draft *d, int port) {
@@ -90,12 +135,13 @@ static void write_port_irreversible(const pm_draft *d, int port) {
     for (int end = 0; end < 2; ++end) {
         const pm_layout *layout = shown(d, port, end);
         for (int g = 0; g < layout->ngroup; ++g) {
-            heats += is_entropy_unit(&layout->group[g]) ? layout->group[g].size : 0;
+            heats += port_heats(d, port, end, &layout->group[g]) ? layout->group[g].size : 0;
             lossy[end] +=
                 port_may_lose(d, port, end, &layout->group[g]) ? layout->group[g].size : 0;
         }
     }
-    const int both = lossy[0] > lossy[1] ? lossy[0] : lossy[1];
+    // As many processes as there are variables: with just enough of them, fits stop at poor minima.
+    const int both = lossy[0] + lossy[1];
     const int rank = both + (heats > 1 ? heats - 1 : 0);
     if (heats == 0 || rank == 0) {
         fprintf(f, "    # No heat passes here: an entropy would have to be exposed.\n");
@@ -107,7 +153,7 @@ static void write_port_irreversible(const pm_draft *d, int port) {
             const pm_layout *layout = shown(d, port, end);
             for (int g = 0; g < layout->ngroup; ++g) {
                 if (pass == 0 ? port_may_lose(d, port, end, &layout->group[g])
-                              : is_entropy_unit(&layout->group[g])) {
+                              : port_heats(d, port, end, &layout->group[g])) {
                     pm_draft_add(&l, ends[end], layout->group[g].name);
                 }
             }
@@ -119,12 +165,12 @@ static void write_port_irreversible(const pm_draft *d, int port) {
         for (int end = 0; end < 2; ++end) {
             const pm_layout *layout = shown(d, port, end);
             for (int g = 0; g < layout->ngroup; ++g) {
-                if (is_entropy_unit(&layout->group[g])) {
+                if (port_heats(d, port, end, &layout->group[g])) {
                     pm_draft_add(&l, ends[end], layout->group[g].name);
                 }
             }
         }
-        fprintf(f, "], skip: linear");
+        fprintf(f, "], hidden: [4]");
     }
     fprintf(f, "}}   # %s%s\n", both > 0 ? "friction between the ends" : "",
             heats < 2  ? ""

@@ -142,14 +142,15 @@ static bool is_length(const pm_unit *unit) {
     return only;
 }
 
-// Lengths, volumes and angles that move in proportion to something else have no friction.
+// Lengths and angles with a conjugate, and volumes that move in proportion to something else, have
+// no friction.
 static void find_geometric(const pm_look *look, pm_part_view *parts, int part) {
     pm_part_view *v = &parts[part];
     for (int g = 0; g < v->count; ++g) {
         if (!is_length(&v->unit[g])) {
             continue;
         }
-        v->geometric[g] = v->kind[g] == PM_VIEW_POSITION && v->linear[g];
+        v->geometric[g] = v->kind[g] == PM_VIEW_POSITION;
         for (int i = 0; i < look->scene->nsubsystem && v->mate[g] < 0; ++i) {
             for (int k = 0; k < parts[i].count; ++k) {
                 double coefficient[8];

@@ -2,6 +2,7 @@
 // exposed groups of both ends together. Both ends evaluate it on the same numbers and take their
 // own part; in the hard form the energy fluxes cancel and the entropy fluxes sum to a production >=
 // 0.
+#include "model/constants.h"
 #include "model/operator.h"
 #include "model/port.h"
 #include "model/potential.h"
@@ -17,6 +18,7 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, const pm_port_nod
         pm_symbols_add(&site.symbols, g, layout, prefix[i][1], end[i].e);
         pm_symbols_add(&site.symbols, g, layout, prefix[i][2], end[i].eta);
     }
+    pm_constants_add(port->spec.constants, g, &port->params, &site.symbols);
     return site;
 }
 
@@ -47,6 +49,8 @@ static pm_status declare(pm_port_model *port) {
                                           {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     const pm_site site = site_of(port, NULL, none);
     const pm_operator L = reversible(port), M = irreversible(port);
+    PM_TRY(
+        pm_spec_locate(port->spec.at, pm_constants_declare(port->spec.constants, &port->params)));
     PM_TRY(pm_operator_declare(&L, &site, &port->params));
     return pm_operator_declare(&M, &site, &port->params);
 }

@@ -3,6 +3,7 @@
 // neighbour shows ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun); in the
 // free form the rate is one network of all these. Nothing makes the two ends' fluxes cancel: the
 // ledger measures how well they do.
+#include "model/constants.h"
 #include "model/port.h"
 #include "model/potential.h"
 #include "model/unstructured_rate.h"
@@ -35,6 +36,7 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
     pm_symbols_add(&site.symbols, g, theirs, "other.", end[other].y);
     pm_symbols_add(&site.symbols, g, theirs, "other.dE.", end[other].e);
     pm_symbols_add(&site.symbols, g, theirs, "other.dS.", end[other].eta);
+    pm_constants_add(port->spec.constants, g, &port->params, &site.symbols);
     return site;
 }
 
@@ -64,6 +66,8 @@ static pm_status check_form(const pm_port_spec *spec) {
 static pm_status declare(pm_port_model *port) {
     PM_TRY(pm_spec_locate(port->spec.at, check_form(&port->spec)));
     bool any = false;
+    PM_TRY(
+        pm_spec_locate(port->spec.at, pm_constants_declare(port->spec.constants, &port->params)));
     static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
                                           {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     for (int own = 0; own < 2; ++own) {

@@ -1,0 +1,85 @@
+// Sites and supports.
+#include "model/support.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "model/given.h"
+
+// "J/K", "kJ/K", ...
+static bool is_entropy_unit(const char *unit) {
+    const size_t length = unit == NULL ? 0 : strlen(unit);
+    return length >= 3 && strcmp(unit + length - 3, "J/K") == 0;
+}
+
+void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix) {
+    for (int i = 0; i < layout->ngroup; ++i) {
+        pm_site_group *group = &site->group[site->ngroup++];
+        snprintf(group->name, sizeof group->name, "%s%s", prefix, layout->group[i].name);
+        group->first = site->n;
+        group->size = layout->group[i].size;
+        group->entropy = is_entropy_unit(layout->group[i].unit);
+        site->n += group->size;
+    }
+}
+
+bool pm_is_listed(int count, const char *const *list, const char *name) {
+    for (int i = 0; i < count; ++i) {
+        if (strcmp(list[i], name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool pm_support_is_heated(const pm_operator_spec *spec, const pm_site *site,
+                          const pm_site_group *group) {
+    if (spec->nheats > 0) {
+        return pm_is_listed(spec->nheats, spec->heats, group->name);
+    }
+    bool difference = false;
+    for (int i = 0; i < spec->ngiven && group->entropy; ++i) {
+        difference = difference || pm_given_is_difference(spec, i, site);
+    }
+    return difference;
+}
+
+int pm_support_heats(const pm_operator_spec *spec, const pm_site *site) {
+    int count = 0;
+    for (int i = 0; i < site->ngroup; ++i) {
+        const bool heated = pm_is_listed(spec->nheats, spec->heats, site->group[i].name);
+        count += heated ? site->group[i].size : 0;
+    }
+    return count;
+}
+
+// The only entropy that takes up heat moves by what the others lose: no process of its own is left.
+static bool is_idle(const pm_operator_spec *spec, const pm_site *site, const char *name) {
+    return pm_is_listed(spec->nheats, spec->heats, name) && pm_support_heats(spec, site) == 1;
+}
+
+pm_support pm_support_of(const pm_operator_spec *spec, bool irreversible, const pm_site *site) {
+    pm_support s = {0};
+    for (int i = 0; i < site->ngroup; ++i) {
+        const pm_site_group *group = &site->group[i];
+        const bool learned =
+            spec->learned && (pm_is_listed(spec->nacts, spec->acts_on, group->name) ||
+                              pm_is_listed(spec->nagainst, spec->against, group->name));
+        if (learned || pm_given_names(spec, group->name) ||
+            (irreversible && pm_support_is_heated(spec, site, group))) {
+            s.group[s.ngroup] = group;
+            s.learned[s.ngroup] = learned && !is_idle(spec, site, group->name);
+            s.first[s.ngroup++] = s.n;
+            s.n += group->size;
+        }
+    }
+    return s;
+}
+
+int pm_support_find(const pm_support *s, const char *name) {
+    int i = 0;
+    while (i < s->ngroup && strcmp(s->group[i]->name, name) != 0) {
+        ++i;
+    }
+    return i;
+}

@@ -1,0 +1,348 @@
+// Linear laws of irreversible physics as constants of learned operators, and what holds for any
+// weights: symmetry, degeneracy and growth of entropy, temperatures and heat capacities above zero.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "graph/program.h"
+#include "model/dissipation.h"
+#include "model/potential.h"
+#include "model/thermal.h"
+#include "sim/monolithic.h"
+#include "tests/support/random_system.h"
+
+#define TRIALS 200
+// Sums of a few products of doubles, some of which cancel.
+#define ROUNDING 1e-11
+#define MAX_N 8
+#define MAX_HEATS 3
+#define MAX_COLUMNS 3
+
+// --- one operator against its definition ---
+
+typedef struct operands {
+    int n, rank, nheat;
+    int heat[MAX_HEATS];
+    double driving[MAX_N], normal[MAX_N], factor[MAX_COLUMNS * MAX_N];
+    double split[MAX_COLUMNS * MAX_HEATS];
+} operands;
+
+static bool is_heat(const operands *o, int c, int *k) {
+    for (*k = 0; *k < o->nheat; ++*k) {
+        if (o->heat[*k] == c) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void draw_operands(operands *o, pm_rng *rng) {
+    *o = (operands){.nheat = 1 + (int)pm_rng_below(rng, MAX_HEATS)};
+    o->rank = 1 + (int)pm_rng_below(rng, MAX_COLUMNS);
+    o->n = o->nheat + 1 + (int)pm_rng_below(rng, MAX_N - MAX_HEATS);
+    for (int k = 0; k < o->nheat; ++k) {
+        o->heat[k] = k == 0 ? (int)pm_rng_below(rng, 2) : o->n - o->nheat + k;
+    }
+    for (int c = 0; c < o->n; ++c) {
+        int k;
+        const bool heat = is_heat(o, c, &k);
+        o->driving[c] = heat ? 1 : 0;
+        o->normal[c] = heat ? 300 * exp(0.5 * pm_rng_normal(rng)) : pm_rng_normal(rng);
+    }
+    for (int i = 0; i < o->rank * o->n; ++i) {
+        o->factor[i] = pm_rng_normal(rng);
+    }
+    for (int i = 0; i < o->rank * (o->nheat - 1); ++i) {
+        o->split[i] = pm_rng_normal(rng);
+    }
+}
+
+// Shares of column j, and its vector v_j as dissipation.h defines it; returns theta_j.
+static double column_of(const operands *o, int j, double *v) {
+    double share[MAX_HEATS] = {1}, sum = 1, power = 0, mean = 0, theta = 0;
+    for (int k = 1; k < o->nheat; ++k) {
+        share[k] = exp(o->split[j * (o->nheat - 1) + k - 1]);
+        sum += share[k];
+    }
+    for (int k = 0; k < o->nheat; ++k) {
+        share[k] /= sum;
+        theta += share[k] / o->normal[o->heat[k]];
+        mean += o->nheat > 1 ? (1 - share[k]) * o->normal[o->heat[k]] / (o->nheat - 1) : 0;
+    }
+    const double *u = o->factor + j * o->n;
+    for (int c = 0; c < o->n; ++c) {
+        int k;
+        power += is_heat(o, c, &k) ? (o->nheat > 1 ? sqrt(mean) * u[c] : 0) : u[c] * o->normal[c];
+    }
+    for (int c = 0; c < o->n; ++c) {
+        int k;
+        const bool heat = is_heat(o, c, &k);
+        const double carried = heat && o->nheat > 1 ? sqrt(mean) * u[c] : 0;
+        v[c] = heat ? (carried - share[k] * power) / o->normal[c] : u[c];
+    }
+    return theta;
+}
+
+static void build_rate(const operands *o, double *rate) {
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node d = pm_input(g, true, 1, o->n), n = pm_input(g, true, 1, o->n);
+    pm_dissipation dissipation = {
+        .driving = d,
+        .normal = n,
+        .factor = pm_param(g, o->factor, o->rank, o->n),
+        .nheat = o->nheat,
+        .split = o->nheat > 1 ? pm_param(g, o->split, o->rank, o->nheat - 1) : PM_NO_NODE};
+    memcpy(dissipation.heat, o->heat, sizeof o->heat);
+    const pm_node out = pm_dissipation_build(g, &dissipation);
+    assert_int_equal(pm_program_open(&program, g, 1, &out, 1), PM_OK);
+    memcpy(pm_program_value(program, d), o->driving, (size_t)o->n * sizeof(double));
+    memcpy(pm_program_value(program, n), o->normal, (size_t)o->n * sizeof(double));
+    pm_program_run(program, 1);
+    memcpy(rate, pm_program_value(program, out), (size_t)o->n * sizeof(double));
+    pm_program_close(program);
+    pm_graph_close(g);
+}
+
+// The rate is M dS with M = sum v v^T/theta, which is symmetric and positive semi-definite, and
+// whose v are orthogonal to dE.
+static void operators_are_sums_of_squares_without_energy(void **state) {
+    (void)state;
+    pm_rng rng;
+    pm_rng_init(&rng, 20, 1);
+    for (int trial = 0; trial < TRIALS; ++trial) {
+        operands o;
+        double rate[MAX_N], expected[MAX_N] = {0}, size = 0, energy = 0, gross = 0, entropy = 0;
+        draw_operands(&o, &rng);
+        build_rate(&o, rate);
+        for (int j = 0; j < o.rank; ++j) {
+            double v[MAX_N], drive = 0, product = 0, sum = 0;
+            const double theta = column_of(&o, j, v);
+            for (int c = 0; c < o.n; ++c) {
+                drive += v[c] * o.driving[c];
+                product += v[c] * o.normal[c];
+                sum += fabs(v[c] * o.normal[c]);
+            }
+            assert_true(theta > 0 && fabs(product) <= ROUNDING * sum);
+            for (int c = 0; c < o.n; ++c) {
+                expected[c] += v[c] * drive / theta;
+            }
+        }
+        for (int c = 0; c < o.n; ++c) {
+            size += fabs(expected[c] * o.normal[c]);
+            energy += rate[c] * o.normal[c];
+            gross += fabs(rate[c] * o.normal[c]);
+            entropy += rate[c] * o.driving[c];
+        }
+        for (int c = 0; c < o.n; ++c) {
+            assert_true(fabs((rate[c] - expected[c]) * o.normal[c]) <= ROUNDING * (size + 1e-30));
+        }
+        assert_true(fabs(energy) <= ROUNDING * gross);
+        assert_true(entropy >= -1e-15 * gross);
+    }
+}
+
+// A factor of one constant column, and the rates that it must give.
+static void check_law(const operands *o, const double *expected) {
+    double rate[MAX_N];
+    build_rate(o, rate);
+    for (int c = 0; c < o->n; ++c) {
+        assert_true(fabs(rate[c] - expected[c]) <= ROUNDING * (fabs(expected[c]) + 1e-6));
+    }
+}
+
+// Friction of a momentum, relaxation of an inner variable or Joule heat: x' = -k f, s' = k f^2/T.
+static void constant_friction_is_a_constant(void **state) {
+    (void)state;
+    const double T = 340, f = 0.7, k = 0.3;
+    const operands o = {.n = 2,
+                        .rank = 1,
+                        .nheat = 1,
+                        .heat = {1},
+                        .driving = {0, 1},
+                        .normal = {f, T},
+                        .factor = {sqrt(k), 0}};
+    check_law(&o, (double[]){-k * f, k * f * f / T});
+}
+
+// Friction by the difference of two flows, with temperatures apart: x_a' = -k (f_a - f_b), and the
+// heat is shared equally.
+static void friction_by_differences_is_a_constant(void **state) {
+    (void)state;
+    const double Ta = 310, Tb = 420, fa = 0.7, fb = -0.4, k = 0.3, r = sqrt(k);
+    const double power = k * (fa - fb) * (fa - fb);
+    const operands o = {.n = 4,
+                        .rank = 1,
+                        .nheat = 2,
+                        .heat = {1, 3},
+                        .driving = {0, 1, 0, 1},
+                        .normal = {fa, Ta, fb, Tb},
+                        .factor = {r, 0, -r, 0}};
+    check_law(&o, (double[]){-k * (fa - fb), power / (2 * Ta), k * (fa - fb), power / (2 * Tb)});
+}
+
+// Conduction: heat k (T_b - T_a) into a, however far the temperatures are apart, exactly where
+// power is shared equally.
+static void conduction_is_a_constant(void **state) {
+    (void)state;
+    const double Ta = 310, Tb = 420, k = 0.3, r = sqrt(k);
+    const operands o = {.n = 2,
+                        .rank = 1,
+                        .nheat = 2,
+                        .heat = {0, 1},
+                        .driving = {1, 1},
+                        .normal = {Ta, Tb},
+                        .factor = {r, -r}};
+    check_law(&o, (double[]){k * (Tb - Ta) / Ta, k * (Ta - Tb) / Tb});
+}
+
+// --- energies ---
+
+// For any weights dE/ds > 0 of every entropy, and E is convex in s.
+static void temperatures_and_heat_capacities_are_positive(void **state) {
+    (void)state;
+    static const char *const features[] = {"x", "s", "r"};
+    static const int hidden[] = {5};
+    pm_rng rng;
+    pm_rng_init(&rng, 21, 1);
+    for (int trial = 0; trial < TRIALS; ++trial) {
+        pm_symbols symbols = {0};
+        pm_params params = {0};
+        pm_graph *g = NULL;
+        pm_program *program = NULL;
+        const pm_network_spec spec = {.nfeature = 3,
+                                      .feature = features,
+                                      .nhidden = 1,
+                                      .hidden = hidden,
+                                      .skip = (pm_skip)(trial % 3),
+                                      .nthermal = 2,
+                                      .exponentials = 1 + trial % 3,
+                                      .temperature = 300,
+                                      .scaled = true};
+        assert_int_equal(pm_graph_open(&g), PM_OK);
+        const pm_node z = pm_input(g, true, 1, 3);
+        for (int i = 0; i < 3; ++i) {
+            pm_symbols_add_one(&symbols, features[i], 1, pm_slice(g, z, i, 1));
+        }
+        assert_int_equal(pm_network_declare(&spec, &symbols, 1, NULL, &params, "e"), PM_OK);
+        for (int i = 0; i < params.count; ++i) {
+            for (int k = 0; k < params.entry[i].rows * params.entry[i].cols; ++k) {
+                params.entry[i].value[k] += params.entry[i].trained ? pm_rng_normal(&rng) : 0;
+            }
+        }
+        pm_node out[3], slope;
+        pm_gradient(g, pm_network_build(g, &spec, &symbols, 1, &params, "e"), PM_NO_NODE, 1, &z,
+                    &slope);
+        out[0] = slope;
+        pm_gradient(g, pm_slice(g, slope, 1, 1), PM_NO_NODE, 1, &z, &out[1]);
+        pm_gradient(g, pm_slice(g, slope, 2, 1), PM_NO_NODE, 1, &z, &out[2]);
+        assert_int_equal(pm_program_open(&program, g, 3, out, 1), PM_OK);
+        for (int i = 0; i < 3; ++i) {
+            pm_program_value(program, z)[i] = 2 * pm_rng_normal(&rng);
+        }
+        pm_program_run(program, 1);
+        const double *T = pm_program_value(program, out[0]) + 1;
+        const double a = pm_program_value(program, out[1])[1],
+                     b = pm_program_value(program, out[1])[2],
+                     c = pm_program_value(program, out[2])[2];
+        assert_true(T[0] > 0 && T[1] > 0);
+        assert_true(a > 0 && c > 0 && a * c - b * b >= -1e-12 * a * c);
+        pm_program_close(program);
+        pm_graph_close(g);
+        pm_params_free(&params);
+    }
+}
+
+// --- whole systems ---
+
+static const char two[] =
+    "scene: two\n"
+    "time: {dt: 0.01, steps: 20, integrator: rk4, substeps: 2}\n"
+    "subsystems:\n"
+    "  a: {weights: a.h5, state: {m: {unit: kg m^2/s, size: 3}, s: {unit: J/K, size: 1}}}\n"
+    "  b: {weights: b.h5, state: {m: {unit: kg m^2/s, size: 3}, s: {unit: J/K, size: 1}}}\n"
+    "ports:\n"
+    "  joint: {law: bracket, between: [a, b], weights: joint.h5, expose: {a: [m, s], b: [m, s]}}\n";
+
+static void roll(random_system *w, double *z) {
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
+    const double start[8] = {0.4, -0.3, 0.5, 0.01, -0.2, 0.6, 0.1, -0.02};
+    pm_monolithic_set_state(assembly, start);
+    for (int i = 0; i < 20; ++i) {
+        assert_int_equal(pm_monolithic_step(assembly), PM_OK);
+    }
+    memcpy(z, pm_monolithic_sample(assembly)->z, 8 * sizeof *z);
+    pm_monolithic_close(assembly);
+}
+
+// A rigid body by a cross product or by components, and friction by difference as a given pair or
+// as a learned factor of the same constant, are the same motion; the friction agrees with formulas.
+static void couplings_agree_with_each_other(void **state) {
+    (void)state;
+    static const char energy[] =
+        "energy: \"m[0]^2/2 + m[1]^2/3.2 + m[2]^2/4.6 + 150*(exp(s/0.5) - 1)\"\n"
+        "entropy: {given: s}\n";
+    char cross[512], components[512];
+    snprintf(cross, sizeof cross, "%sreversible: {given: [[m, m, cross]]}\n", energy);
+    snprintf(
+        components, sizeof components,
+        "%sreversible: {given: [[\"m[0]\", \"m[1]\", \"-m[2]\"], [\"m[0]\", \"m[2]\", \"m[1]\"], "
+        "[\"m[1]\", \"m[2]\", \"-m[0]\"]]}\n",
+        energy);
+    static const char *const port[] = {
+        "law: bracket\nirreversible: {given: [[a.m, b.m, 0.25], [a.s, b.s, "
+        "\"0.04*b.dE.s/a.dE.s\"]]}\n",
+        "law: bracket\nirreversible: {given: [[\"a.m[0]\", \"b.m[0]\", 0.25], [\"a.m[1]\", "
+        "\"b.m[1]\", "
+        "0.25], [\"a.m[2]\", \"b.m[2]\", 0.25], [a.s, b.s, \"0.04*b.dE.s/a.dE.s\"]], heats: [a.s, "
+        "b.s]}\n",
+        "law: bracket\nirreversible: {learned: {acts_on: [a.m, a.s, b.m, b.s], rank: 4, heats: "
+        "[a.s, "
+        "b.s]}}\n"};
+    double z[3][8];
+    for (int i = 0; i < 3; ++i) {
+        random_system w;
+        random_system_of_text(&w, 5, two, i == 1 ? components : cross, port[i]);
+        pm_param_entry *scale = pm_params_find(&w.system->port[0].params, "irreversible.scale");
+        for (int c = 0; c < 8 && scale != NULL; ++c) {
+            scale->value[c] = 1;
+        }
+        pm_param_entry *G =
+            pm_params_find(&w.system->port[0].params, "irreversible.matrix.constant");
+        pm_param_entry *split = pm_params_find(&w.system->port[0].params, "irreversible.split");
+        for (int c = 0; c < 8 && i == 2; ++c) {
+            for (int j = 0; j < 4; ++j) {
+                const bool own = c % 4 == j;
+                const double size = j < 3 ? 0.5 : 0.2;
+                G->value[c * 4 + j] = own ? (c < 4 ? size : -size) : 0;
+                split->value[j] = 0;
+            }
+        }
+        roll(&w, z[i]);
+        random_system_close(&w);
+    }
+    for (int c = 0; c < 8; ++c) {
+        assert_true(fabs(z[1][c] - z[0][c]) < 1e-13);
+        assert_true(fabs(z[2][c] - z[0][c]) < 1e-12);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(operators_are_sums_of_squares_without_energy),
+        cmocka_unit_test(constant_friction_is_a_constant),
+        cmocka_unit_test(friction_by_differences_is_a_constant),
+        cmocka_unit_test(conduction_is_a_constant),
+        cmocka_unit_test(temperatures_and_heat_capacities_are_positive),
+        cmocka_unit_test(couplings_agree_with_each_other),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
