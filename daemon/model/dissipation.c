@@ -72,19 +72,26 @@ pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
     const pm_node u = others_of(g, d, d->factor);
     pm_node power = pm_matmul(g, d->normal, false, u, true); // F [1][rank]
     pm_node drive = pm_matmul(g, d->driving, false, u, true);
+    const pm_node temperature = pm_div(g, nh, dh);
+    const pm_node rest = pm_offset(g, pm_scale(g, share, -1), 1); // 1 - lambda
+    const pm_node mean =
+        positive(g, d->nheat > 1 ? pm_scale(g, pm_matmul(g, temperature, false, rest, true),
+                                            1.0 / (d->nheat - 1))
+                                 : pm_matmul(g, temperature, false, share, true)); // m [1][rank]
     pm_node root = PM_NO_NODE, h = PM_NO_NODE;
     if (d->nheat > 1) { // with one entropy heat has nowhere to go
         h = heats_of(g, d, d->factor);
-        const pm_node rest = pm_offset(g, pm_scale(g, share, -1), 1); // 1 - lambda
-        const pm_node mean =
-            pm_scale(g, pm_matmul(g, pm_div(g, nh, dh), false, rest, true), 1.0 / (d->nheat - 1));
-        root = pm_sqrt(g, positive(g, mean)); // sqrt(m) [1][rank]
+        root = pm_sqrt(g, mean);
         power = pm_add(g, power, pm_mul(g, root, pm_matmul(g, dh, false, h, true)));
         drive = pm_add(g, drive,
                        pm_mul(g, root, pm_matmul(g, pm_mul(g, dh, coldness), false, h, true)));
     }
     const pm_node size = positive(g, theta);
-    const pm_node flow = pm_div(g, pm_sub(g, drive, pm_mul(g, power, theta)), size);
+    pm_node flow = pm_div(g, pm_sub(g, drive, pm_mul(g, power, theta)), size);
+    if (d->power != PM_NO_NODE) {
+        const pm_node warmth = pm_log(g, pm_div(g, mean, d->reference));
+        flow = pm_mul(g, flow, pm_exp(g, pm_mul(g, d->power, warmth)));
+    }
     pm_node heat =
         pm_scale(g, pm_div(g, pm_matmul(g, pm_mul(g, flow, power), false, share, false), nh), -1);
     if (h != PM_NO_NODE) {

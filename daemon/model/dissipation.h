@@ -10,7 +10,10 @@
 // factor. The division by theta is what makes constants of it: a process without h is friction -u_j
 // F_j of constant coefficient whatever the temperatures, between two bodies, too, if u_j is a
 // difference; a process without u is conduction of constant conductance between two entropies,
-// since h_jk is measured in sqrt(m_j) with m_j = sum_k (1 - lambda_jk) T_k / (n - 1).
+// since h_jk is measured in sqrt(m_j) with m_j = sum_k (1 - lambda_jk) T_k / (n - 1). Coefficients
+// that depend on temperature by a power law, such as a viscosity, conduction by differences of 1/T
+// (power -2) and nearly radiation (3), need no more: process j is multiplied by (m_j/T_ref)^a_j, of
+// one entropy by (T/T_ref)^a_j.
 #ifndef PM_MODEL_DISSIPATION_H
 #define PM_MODEL_DISSIPATION_H
 
@@ -25,6 +28,7 @@ typedef struct pm_dissipation {
     int heat[PM_MAX_HEATS]; // the entropies' components, rising
     pm_node split; // [rank][nheat - 1]: logarithms of lambda_jk/lambda_j0 for k > 0; PM_NO_NODE
                    // where there is one entropy
+    pm_node power, reference; // a [1][rank] and T_ref [1][1]; PM_NO_NODE: no dependence
 } pm_dissipation;
 
 // The rate [1][n].

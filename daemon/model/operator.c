@@ -175,10 +175,13 @@ static const char *join(operator_name buffer, const char *prefix, const char *na
     return buffer;
 }
 
-// How the heat of each process is shared among entropies.
+// How the heat of each process is shared among entropies, and how it depends on temperature.
 static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
     const int nheat = pm_support_heats(op->spec, site);
     operator_name name;
+    PM_TRY(pm_params_add(params, join(name, op->prefix, "temperature"), 1, 1, false, 0,
+                         PM_DEFAULT_TEMPERATURE));
+    PM_TRY(pm_params_add(params, join(name, op->prefix, "power"), 1, op->spec->rank, true, 0, 0));
     return nheat < 2 ? PM_OK
                      : pm_params_add(params, join(name, op->prefix, "split"), op->spec->rank,
                                      nheat - 1, true, 0, 0);
@@ -454,6 +457,8 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
         .driving = pm_broadcast_to(g, d, shape),
         .normal = pm_broadcast_to(g, normal, shape),
         .factor = pm_mul(g, rows, c->scale),
+        .power = pm_network_param(g, params, c->op->prefix, "power"),
+        .reference = pm_network_param(g, params, c->op->prefix, "temperature"),
         .split = pm_support_heats(spec, c->site) > 1
                      ? pm_network_param(g, params, c->op->prefix, "split")
                      : PM_NO_NODE,

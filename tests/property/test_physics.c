@@ -31,6 +31,7 @@ typedef struct operands {
     int heat[MAX_HEATS];
     double driving[MAX_N], normal[MAX_N], factor[MAX_COLUMNS * MAX_N];
     double split[MAX_COLUMNS * MAX_HEATS];
+    double power;
 } operands;
 
 static bool is_heat(const operands *o, int c, int *k) {
@@ -99,6 +100,8 @@ static void build_rate(const operands *o, double *rate) {
         .normal = n,
         .factor = pm_param(g, o->factor, o->rank, o->n),
         .nheat = o->nheat,
+        .power = o->power == 0 ? PM_NO_NODE : pm_constant(g, o->power, 1, o->rank),
+        .reference = pm_constant(g, 300, 1, 1),
         .split = o->nheat > 1 ? pm_param(g, o->split, o->rank, o->nheat - 1) : PM_NO_NODE};
     memcpy(dissipation.heat, o->heat, sizeof o->heat);
     const pm_node out = pm_dissipation_build(g, &dissipation);
@@ -203,6 +206,33 @@ static void conduction_is_a_constant(void **state) {
     check_law(&o, (double[]){k * (Tb - Ta) / Ta, k * (Ta - Tb) / Tb});
 }
 
+// Heat driven by a difference of 1/T is a power of -2: exactly but for the means of temperatures,
+// which differ in the third order of their difference; and radiation is a power of 3 likewise.
+static void powers_of_temperature_are_constants(void **state) {
+    (void)state;
+    const double k = 0.3, r = sqrt(k);
+    for (int i = 0; i < 2; ++i) {
+        double error[2];
+        for (int near = 0; near < 2; ++near) {
+            const double difference = near ? 10 : 20, Ta = 400 - difference, Tb = 400 + difference;
+            const operands o = {.n = 2,
+                                .rank = 1,
+                                .nheat = 2,
+                                .heat = {0, 1},
+                                .driving = {1, 1},
+                                .normal = {Ta, Tb},
+                                .factor = {r, -r},
+                                .power = i == 0 ? -2 : 3};
+            const double heat = i == 0 ? k * 300 * 300 * (1 / Ta - 1 / Tb)
+                                       : k * (pow(Tb, 4) - pow(Ta, 4)) / (4 * pow(300, 3));
+            double rate[MAX_N];
+            build_rate(&o, rate);
+            error[near] = fabs(rate[0] * Ta - heat) / fabs(heat);
+        }
+        assert_true(error[0] < 0.01 && error[1] < 0.3 * error[0]); // relative: second order
+    }
+}
+
 // --- energies ---
 
 // For any weights dE/ds > 0 of every entropy, and E is convex in s.
@@ -258,6 +288,62 @@ static void temperatures_and_heat_capacities_are_positive(void **state) {
         pm_graph_close(g);
         pm_params_free(&params);
     }
+}
+
+// The discrete derivative of a thermal energy carries its change: D . (z_to - z_from) = E_to -
+// E_from.
+static void thermal_energies_have_discrete_derivatives(void **state) {
+    (void)state;
+    static const char *const features[] = {"x", "s"};
+    static const int hidden[] = {4};
+    const pm_network_spec spec = {.nfeature = 2,
+                                  .feature = features,
+                                  .nhidden = 1,
+                                  .hidden = hidden,
+                                  .skip = PM_SKIP_QUADRATIC,
+                                  .nthermal = 1,
+                                  .exponentials = 2,
+                                  .temperature = 300,
+                                  .scaled = true,
+                                  .spread = 0.5};
+    const pm_potential_spec energy = {.nterm = 1, .term = &spec};
+    pm_symbols from = {0}, to = {0};
+    pm_params params = {0};
+    pm_rng rng;
+    pm_rng_init(&rng, 22, 1);
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node a = pm_input(g, true, 1, 2), b = pm_input(g, true, 1, 2);
+    for (int i = 0; i < 2; ++i) {
+        pm_symbols_add_one(&from, features[i], 1, pm_slice(g, a, i, 1));
+        pm_symbols_add_one(&to, features[i], 1, pm_slice(g, b, i, 1));
+    }
+    assert_int_equal(pm_potential_declare(&energy, &from, &params, "energy"), PM_OK);
+    pm_params_randomise(&params, &rng);
+    pm_node out[4] = {PM_NO_NODE, PM_NO_NODE,
+                      pm_potential_build(g, &energy, &from, &params, "energy"),
+                      pm_potential_build(g, &energy, &to, &params, "energy")};
+    pm_potential_discrete(g, &energy, &from, &to, &params, "energy", out);
+    assert_int_equal(pm_program_open(&program, g, 4, out, 1), PM_OK);
+    for (int trial = 0; trial < TRIALS; ++trial) {
+        double *za = pm_program_value(program, a), *zb = pm_program_value(program, b);
+        for (int i = 0; i < 2; ++i) {
+            za[i] = pm_rng_normal(&rng);
+            zb[i] = za[i] + 0.3 * pm_rng_normal(&rng);
+        }
+        pm_program_run(program, 1);
+        double carried = 0;
+        for (int i = 0; i < 2; ++i) {
+            carried += *pm_program_value(program, out[i]) * (zb[i] - za[i]);
+        }
+        const double Ea = *pm_program_value(program, out[2]),
+                     Eb = *pm_program_value(program, out[3]);
+        assert_true(fabs(carried - (Eb - Ea)) <= 1e-9 * (1 + fabs(Ea) + fabs(Eb)));
+    }
+    pm_program_close(program);
+    pm_graph_close(g);
+    pm_params_free(&params);
 }
 
 // --- whole systems ---
@@ -318,12 +404,13 @@ static void couplings_agree_with_each_other(void **state) {
         pm_param_entry *G =
             pm_params_find(&w.system->port[0].params, "irreversible.matrix.constant");
         pm_param_entry *split = pm_params_find(&w.system->port[0].params, "irreversible.split");
+        pm_param_entry *power = pm_params_find(&w.system->port[0].params, "irreversible.power");
         for (int c = 0; c < 8 && i == 2; ++c) {
             for (int j = 0; j < 4; ++j) {
                 const bool own = c % 4 == j;
                 const double size = j < 3 ? 0.5 : 0.2;
                 G->value[c * 4 + j] = own ? (c < 4 ? size : -size) : 0;
-                split->value[j] = 0;
+                split->value[j] = power->value[j] = 0;
             }
         }
         roll(&w, z[i]);
@@ -341,7 +428,9 @@ int main(void) {
         cmocka_unit_test(constant_friction_is_a_constant),
         cmocka_unit_test(friction_by_differences_is_a_constant),
         cmocka_unit_test(conduction_is_a_constant),
+        cmocka_unit_test(powers_of_temperature_are_constants),
         cmocka_unit_test(temperatures_and_heat_capacities_are_positive),
+        cmocka_unit_test(thermal_energies_have_discrete_derivatives),
         cmocka_unit_test(couplings_agree_with_each_other),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -557,10 +557,51 @@ static void test_bad_mesh(void **state) {
     assert_int_equal(failures, 0);
 }
 
+// What any system may need (README): text, spec and text again.
+static void test_physics_round_trip(void **state) {
+    (void)state;
+    static const char text[] =
+        "constants: {m: 2.0, g: {learned: 0.1}, K: {learned: 1.5, positive: true}}\n"
+        "energy:\n"
+        "  - \"|p|^2/(2*m)\"\n"
+        "  - {features: [x], thermal: [s, r], hidden: [4], exponentials: 3, temperature: 290.0}\n"
+        "  - {features: [x], hidden: [4], scaled: true}\n"
+        "entropy: {given: [s, r]}\n"
+        "reversible: {given: [[m, m, cross], [\"x[0]\", \"p[1]\", \"g\"]]}\n"
+        "irreversible:\n"
+        "  given: [[p, v, K]]\n"
+        "  learned: {acts_on: [p, v], rank: 2, heats: [s, r]}\n";
+    pm_arena arena = {0};
+    pm_part_spec spec = part_of(text, &arena);
+    for (int pass = 0; pass < 2; ++pass) {
+        assert_true(spec.constants->count == 3 && spec.constants->value[2] == 1.5);
+        assert_int_equal(spec.constants->learned[0], PM_CONSTANT_KNOWN);
+        assert_int_equal(spec.constants->learned[1], PM_CONSTANT_LEARNED);
+        assert_int_equal(spec.constants->learned[2], PM_CONSTANT_POSITIVE);
+        const pm_network_spec *thermal = &spec.energy.term[0];
+        assert_names(thermal->nfeature, thermal->feature, "x s r");
+        assert_true(thermal->nthermal == 2 && thermal->exponentials == 3 && thermal->scaled);
+        assert_true(thermal->temperature == 290);
+        assert_true(spec.energy.term[1].scaled && spec.energy.term[1].nthermal == 0);
+        assert_true(spec.reversible.given[0].cross && !spec.reversible.given[1].cross);
+        assert_names(spec.irreversible.nheats, spec.irreversible.heats, "s r");
+        const char *written = pm_part_spec_write(&spec, &arena);
+        assert_non_null(written);
+        spec = part_of(written, &arena);
+        assert_string_equal(pm_part_spec_write(&spec, &arena), written);
+    }
+    static const char given[] = "irreversible: {given: [[p, v, 0.5]], heats: [s]}\n";
+    spec = part_of(given, &arena);
+    spec = part_of(pm_part_spec_write(&spec, &arena), &arena);
+    assert_names(spec.irreversible.nheats, spec.irreversible.heats, "s");
+    pm_arena_free(&arena);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_physics_round_trip),
         cmocka_unit_test(test_free_form),
         cmocka_unit_test(test_port),
         cmocka_unit_test(test_matrix),

@@ -8,6 +8,7 @@
 #include "base/digest.h"
 #include "base/options.h"
 #include "learn/normalization.h"
+#include "learn/spectrum.h"
 #include "learn/start.h"
 #include "learn/symmetry.h"
 
@@ -109,7 +110,9 @@ static pm_status optimise(pm_fit *f, pm_objective *objective) {
     }
     printf("   squared residual: median %.3e mean %.3e\n", median, mean);
     fflush(stdout);
-    return PM_OK;
+    return f->training->plain || f->stage < f->training->nstage - 1
+               ? PM_OK
+               : pm_spectrum_report(objective, stdout);
 }
 
 // With images of them, if the training file says so.

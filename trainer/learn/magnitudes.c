@@ -49,7 +49,8 @@ bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
         return false;
     }
     const int at = subsystem->first + found->first;
-    *result = (pm_group_magnitude){m->deviation[at], m->rate[at], m->energy[part]};
+    *result =
+        (pm_group_magnitude){m->deviation[at], m->rate[at], m->energy[part], m->temperature[part]};
     return true;
 }
 
@@ -126,9 +127,19 @@ static double heat_content(const pm_magnitudes *m, const pm_system *system, int 
     return content;
 }
 
+static double temperature_of(const pm_system *system, int part) {
+    const pm_potential_spec *energy = &system->part[part].spec.energy;
+    double temperature = 0;
+    for (int i = 0; i < energy->nterm; ++i) {
+        temperature += energy->term[i].nthermal > 0 ? energy->term[i].temperature : 0;
+    }
+    return temperature > 0 ? temperature : PM_DEFAULT_TEMPERATURE;
+}
+
 static void find_energies(pm_magnitudes *m, const pm_system *system, estimate *e) {
     for (int i = 0; i < m->scene->nsubsystem; ++i) {
         m->energy[i] = 1;
+        m->temperature[i] = temperature_of(system, i);
         estimate_part(m, system, i, e);
     }
     for (int i = 0; i < m->scene->nport; ++i) {
@@ -147,8 +158,10 @@ pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm
     m->deviation = pm_arena_array(&m->arena, nz, sizeof *m->deviation);
     m->rate = pm_arena_array(&m->arena, nz, sizeof *m->rate);
     m->energy = pm_arena_array(&m->arena, count, sizeof *m->energy);
+    m->temperature = pm_arena_array(&m->arena, count, sizeof *m->temperature);
     estimate *e = pm_arena_array(&m->arena, count, sizeof *e);
-    if (m->deviation == NULL || m->rate == NULL || m->energy == NULL || e == NULL) {
+    if (m->deviation == NULL || m->rate == NULL || m->energy == NULL || m->temperature == NULL ||
+        e == NULL) {
         pm_magnitudes_free(m);
         return pm_fail(PM_ENOMEM, "out of memory for normalisation");
     }

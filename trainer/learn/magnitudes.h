@@ -13,11 +13,12 @@ typedef struct pm_magnitudes {
     double *rate;          // [nz] root mean square of the rate, likewise
     double *energy; // [nsubsystem] J: from given reversible pairs where the model has some, else
                     // the typical heat content, else 1
+    double *temperature; // [nsubsystem] K, where thermal energies start; else 300
 } pm_magnitudes;
 
 // The magnitudes of one group.
 typedef struct pm_group_magnitude {
-    double deviation, rate, energy;
+    double deviation, rate, energy, temperature;
 } pm_group_magnitude;
 
 // Samples are windows of one step. PM_ENOMEM.

@@ -101,6 +101,9 @@ static void look_up_magnitudes(const collection *c, const pm_normaliser *n, set 
         for (int k = 0; k < n->nheats; ++k) {
             s->heated[i] = s->heated[i] || strcmp(n->heats[k], n->expression[i]) == 0;
         }
+        if (s->heated[i] && found) {
+            *entry_of(c, n->prefix, "temperature")->value = s->magnitude[i].temperature;
+        }
     }
 }
 

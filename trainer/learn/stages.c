@@ -6,6 +6,8 @@
 // Gauss-Newton needs the normal equations of all weights; beyond so many, Adam.
 #define MOST_WEIGHTS 4000
 #define RESIDUALS_PER_WEIGHT 4
+// Iterations cost as the square of the weights: of fewer than so many there may be more.
+#define MANY_WEIGHTS 800
 #define SMALLEST_BATCH 512
 #define LARGEST_BATCH 4000
 
@@ -44,9 +46,10 @@ void pm_stages_auto(pm_training *t, const pm_stage *common) {
         add(t, common, "adam", 60, 64)->loss.substeps = 1;
         return;
     }
-    add(t, common, "gauss_newton", 60, batch)->loss.residual = PM_RESIDUAL_DERIVATIVE;
-    add(t, common, "gauss_newton", 30, batch)->loss.substeps = 1;
-    pm_stage *last = add(t, common, "gauss_newton", 15, batch);
+    const int often = weights < MANY_WEIGHTS / 2 ? 3 : weights < MANY_WEIGHTS ? 2 : 1;
+    add(t, common, "gauss_newton", 60 * often, batch)->loss.residual = PM_RESIDUAL_DERIVATIVE;
+    add(t, common, "gauss_newton", 30 * often, batch)->loss.substeps = 1;
+    pm_stage *last = add(t, common, "gauss_newton", 15 * often, batch);
     last->loss.substeps = (common->loss.substeps + 1) / 2;
     last->loss.robust = 3;
 }

@@ -404,6 +404,9 @@ static uint32_t digest_stage(const pm_training *t, const pm_stage *s) {
 static pm_status make_digest(pm_training *t) {
     uint64_t digest = pm_digest_integer(PM_DIGEST_INIT, (int64_t)t->seed);
     digest = pm_digest_integer(digest, t->square);
+    digest = pm_digest_integer(digest, t->plain);
+    digest = pm_digest_integer(digest, t->tries);
+    digest = pm_digest_integer(digest, t->try_iterations);
     for (int i = 0; i < t->scene->nsubsystem; ++i) {
         const char *text = pm_part_spec_write(&t->system->part[i].spec, &t->arena);
         digest = pm_digest_text(digest, text == NULL ? "" : text);

@@ -1,0 +1,323 @@
+// Training does not depend on the units of columns and of time, and no start is dead: of every
+// form, after two iterations (hidden layers wait for the first) every block of weights has moved.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "learn/normalization.h"
+#include "learn/objective.h"
+#include "learn/start.h"
+#include "learn/training.h"
+
+#define NTRAJECTORY 6
+#define NTIME 30
+#define NZ 6
+#define DT 0.1
+#define ITERATIONS 5
+#define MAX_ITERATIONS 20
+// Rounding, amplified by the normal equations of some iterations.
+#define SAME_CURVE 1e-5
+
+static const char *const columns[NZ] = {"x1", "p1", "s1", "x2", "p2", "s2"};
+
+// Two oscillators with friction, of which the first drives the second, and conduction.
+static void rates(const double *z, double *rate) {
+    const double T1 = 300 * exp(z[2] / 0.4), T2 = 300 * exp(z[5] / 0.25);
+    const double force = 1.5 * z[3] + z[3] * z[3] * z[3], heat = 0.05 * (T2 - T1);
+    rate[0] = z[1];
+    rate[1] = -2 * z[0] + force - 0.1 * z[1];
+    rate[2] = (0.1 * z[1] * z[1] + heat) / T1;
+    rate[3] = z[4] / 0.7 - z[1];
+    rate[4] = -force - 0.2 * z[4] / 0.7;
+    rate[5] = (0.2 * z[4] * z[4] / 0.49 - heat) / T2;
+}
+
+static void step(double *z, double h) {
+    double k[4][NZ], at[NZ];
+    for (int stage = 0; stage < 4; ++stage) {
+        const double part = stage == 0 ? 0 : stage == 3 ? h : h / 2;
+        for (int c = 0; c < NZ; ++c) {
+            at[c] = z[c] + (stage == 0 ? 0 : part * k[stage - 1][c]);
+        }
+        rates(at, k[stage]);
+    }
+    for (int c = 0; c < NZ; ++c) {
+        z[c] += h / 6 * (k[0][c] + 2 * k[1][c] + 2 * k[2][c] + k[3][c]);
+    }
+}
+
+static pm_dataset *make_data(const double *unit, double time) {
+    pm_dataset *data = NULL;
+    assert_int_equal(pm_dataset_new(&data, NTRAJECTORY, NTIME, NZ, DT * time, columns), PM_OK);
+    pm_rng rng;
+    pm_rng_init(&rng, 3, 1);
+    for (int i = 0; i < NTRAJECTORY; ++i) {
+        double z[NZ];
+        for (int c = 0; c < NZ; ++c) {
+            z[c] = (c % 3 == 2 ? 0.01 : 0.7) * pm_rng_normal(&rng);
+        }
+        for (int j = 0; j < NTIME; ++j) {
+            for (int c = 0; c < NZ; ++c) {
+                pm_dataset_state(data, i, j)[c] = unit[c] * z[c];
+            }
+            for (int k = 0; k < 10; ++k) {
+                step(z, DT / 10);
+            }
+        }
+    }
+    return data;
+}
+
+static void write_file(const char *path, const char *text) {
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+// A training of the two oscillators with these models.
+static pm_training *boundary_input(double time, const char *part, const char *port,
+                                   const char *law) {
+    char folder[] = "/tmp/portmet-units-XXXXXX", path[64], scene[64], text[4096];
+    pm_training *t = NULL;
+    assert_non_null(mkdtemp(folder));
+    snprintf(scene, sizeof scene, "%s/scene.yaml", folder);
+    snprintf(path, sizeof path, "%s/train.yaml", folder);
+    snprintf(
+        text, sizeof text,
+        "scene: two\ntime: {dt: %.17g, steps: 20, integrator: rk4}\nsubsystems:\n"
+        "  a: {weights: a.h5, state: {x: {unit: m, columns: [x1]}, p: {unit: kg m/s, columns: "
+        "[p1]}, s: {unit: J/K, columns: [s1]}}}\n"
+        "  b: {weights: b.h5, state: {x: {unit: m, columns: [x2]}, p: {unit: kg m/s, columns: "
+        "[p2]}, s: {unit: J/K, columns: [s2]}}}\nports:\n"
+        "  j: {law: %s, between: [a, b], weights: j.h5, expose: {a: [x, p, s], b: [x, p, s]}}\n",
+        DT * time, law);
+    write_file(scene, text);
+    snprintf(
+        text, sizeof text,
+        "scene: scene.yaml\nmodels:\n  part:\n%s  port:\n    law: %s\n%s"
+        "subsystems: {a: part, b: part}\nports: {j: port}\n"
+        "stages: [{optimiser: gauss_newton, iterations: %d, batch: 60, residual: derivative}]\n",
+        part, law, port, ITERATIONS);
+    write_file(path, text);
+    const pm_status status = pm_training_load(&t, path);
+    if (status != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    remove(path);
+    remove(scene);
+    remove(folder);
+    return t;
+}
+
+typedef struct curve {
+    int count;
+    double loss[MAX_ITERATIONS];
+} curve;
+
+static pm_status record(void *context, const pm_optimisation *o, double loss) {
+    curve *c = context;
+    (void)o;
+    c->loss[c->count++] = loss;
+    return PM_OK;
+}
+
+// Trains from the seed's draw for some iterations; *theta [2][size]: before and after.
+static curve train(pm_training *t, const pm_dataset *data, int iterations, double **theta) {
+    curve c = {0};
+    pm_samples samples;
+    pm_objective *objective = NULL;
+    assert_int_equal(
+        pm_samples_make(&samples, t->scene, data, 0, NTRAJECTORY, PM_RESIDUAL_STEP, 1, 1), PM_OK);
+    double *scratch = calloc(100000, sizeof *scratch);
+    assert_non_null(scratch);
+    pm_start_draw(t, scratch);
+    assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
+    pm_samples_free(&samples);
+    assert_int_equal(
+        pm_samples_make(&samples, t->scene, data, 0, NTRAJECTORY, PM_RESIDUAL_DERIVATIVE, 1, 1),
+        PM_OK);
+    assert_int_equal(pm_objective_open(&objective, t->system, &samples, &t->stage[0].loss), PM_OK);
+    const size_t n = (size_t)pm_objective_size(objective);
+    *theta = calloc(2 * n, sizeof **theta);
+    double *moment = calloc(2 * n, sizeof *moment);
+    assert_true(*theta != NULL && moment != NULL && n > 1);
+    memcpy(*theta, scratch, n * sizeof **theta);
+    memcpy(*theta + n, scratch, n * sizeof **theta);
+    pm_optimisation o = {.objective = objective,
+                         .schedule = t->stage[0].schedule,
+                         .seed = 7,
+                         .theta = *theta + n,
+                         .moment = moment,
+                         .report = record,
+                         .context = &c};
+    o.schedule.iterations = iterations;
+    assert_int_equal(t->stage[0].optimiser->run(&o), PM_OK);
+    free(moment);
+    free(scratch);
+    pm_objective_close(objective);
+    pm_samples_free(&samples);
+    return c;
+}
+
+static const char hard_part[] = "    energy: {features: [x, p, s], hidden: [4], skip: quadratic}\n"
+                                "    entropy: {given: s}\n"
+                                "    reversible: {learned: {acts_on: [x, p, s]}}\n"
+                                "    irreversible: {learned: {acts_on: [x, p, s], rank: 2}}\n";
+static const char hard_port[] =
+    "    reversible: {learned: {acts_on: [a.x, a.p, b.x, b.p]}}\n"
+    "    irreversible: {learned: {acts_on: [a.p, a.s, b.p, b.s], rank: 2}}\n";
+static const char free_part[] = "    form: free\n    rate: {features: [x, p, s], hidden: [4]}\n";
+static const char free_port[] = "    form: free\n    rate: {features: [own.x, own.p, other.x, "
+                                "other.p, own.s, other.s], hidden: "
+                                "[4], skip: linear}\n";
+
+static void check_curves(const char *part, const char *port, const char *law) {
+    static const double unit[4][NZ] = {{1, 1, 1, 1, 1, 1},
+                                       {1000, 1, 1, 0.001, 1, 1},
+                                       {1, 0.01, 1000, 1, 5, 1000},
+                                       {1, 1, 1, 1, 1, 1}};
+    static const double time[4] = {1, 1, 1, 1000};
+    curve first = {0};
+    for (int i = 0; i < 4; ++i) {
+        double *theta;
+        pm_training *t = boundary_input(time[i], part, port, law);
+        pm_dataset *data = make_data(unit[i], time[i]);
+        const curve c = train(t, data, ITERATIONS, &theta);
+        first = i == 0 ? c : first;
+        for (int k = 0; k < ITERATIONS; ++k) {
+            if (!(fabs(c.loss[k] - first.loss[k]) <= SAME_CURVE * first.loss[k])) {
+                fail_msg("units %d, iteration %d: loss %.10g, expected %.10g", i, k, c.loss[k],
+                         first.loss[k]);
+            }
+        }
+        free(theta);
+        pm_dataset_free(data);
+        pm_training_free(t);
+    }
+}
+
+static void curves_do_not_depend_on_units(void **state) {
+    (void)state;
+    check_curves(hard_part, hard_port, "bracket");
+    check_curves(free_part, free_port, "exchange");
+}
+
+// The energy's own zero does nothing.
+static bool is_constant_of_energy(const pm_param_entry *entry) {
+    const char *end = strstr(entry->name, ".output.bias");
+    const bool potential =
+        strstr(entry->name, "energy.") != NULL || strstr(entry->name, "entropy.");
+    return potential && end != NULL && entry->cols == 1;
+}
+
+static void check_alive(const char *part, const char *port, const char *law) {
+    static const double unit[NZ] = {1, 1, 1, 1, 1, 1};
+    double *theta;
+    pm_training *t = boundary_input(1, part, port, law);
+    pm_dataset *data = make_data(unit, 1);
+    train(t, data, 2, &theta);
+    size_t n = 0, at = 0;
+    for (int i = 0; i < pm_system_components(t->system); ++i) {
+        n += pm_params_trained(pm_system_params(t->system, i));
+    }
+    for (int i = 0; i < pm_system_components(t->system); ++i) {
+        const pm_params *params = pm_system_params(t->system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const size_t size = entry->trained ? (size_t)entry->rows * (size_t)entry->cols : 0;
+            bool moved = size == 0 || is_constant_of_energy(entry);
+            for (size_t j = 0; j < size; ++j) {
+                moved = moved || theta[at + j] != theta[n + at + j];
+            }
+            if (!moved) {
+                fail_msg("component %d: %s has not moved; models:\n%s%s", i, entry->name, part,
+                         port);
+            }
+            at += size;
+        }
+    }
+    free(theta);
+    pm_dataset_free(data);
+    pm_training_free(t);
+}
+
+// Formulas whose constants are learned find those of the data, to the error of rates by
+// differences.
+static void constants_are_found(void **state) {
+    (void)state;
+    static const char part[] =
+        "    constants: {m: {learned: 1.3, positive: true}, k: {learned: 1.0, positive: true}, b: "
+        "{learned: 0.3}, c: {learned: 0.6, positive: true}, g: {learned: 0.05, positive: true}}\n"
+        "    energy: [\"p^2/(2*m)\", \"k*x^2/2 + b*x^4/4\", \"c*300*(exp(s/c) - 1)\"]\n"
+        "    entropy: {given: s}\n"
+        "    reversible: {given: [[x, p, 1.0]]}\n"
+        "    irreversible: {given: [[p, s, \"g*dE.s\"]]}\n";
+    static const char port[] = "    constants: {K: {learned: 0.2, positive: true}}\n"
+                               "    reversible: {given: [[a.p, b.x, 1.0]]}\n"
+                               "    irreversible: {given: [[a.s, b.s, \"K*b.dE.s/a.dE.s\"]]}\n";
+    static const char *const name[] = {"m", "k", "b", "c", "g"};
+    static const double unit[NZ] = {1, 1, 1, 1, 1, 1};
+    static const double expected[3][5] = {{1, 2, 0, 0.4, 0.1}, {0.7, 1.5, 1, 0.25, 0.2}, {0.05}};
+    double *theta;
+    pm_training *t = boundary_input(1, part, port, "bracket");
+    pm_dataset *data = make_data(unit, 1);
+    assert_int_equal(t->tries, 1); // nothing is drawn
+    train(t, data, MAX_ITERATIONS, &theta);
+    for (int i = 0; i < 3; ++i) {
+        const pm_params *params = pm_system_params(t->system, i);
+        for (int k = 0; k < (i < 2 ? 5 : 1); ++k) {
+            char full[32];
+            snprintf(full, sizeof full, "constant.%s", i < 2 ? name[k] : "K");
+            const double stored = *pm_params_find(params, full)->value;
+            const double value = strcmp(full, "constant.b") == 0 ? stored : exp(stored);
+            if (fabs(value - expected[i][k]) > 0.02) {
+                fail_msg("component %d: %s is %g, expected %g", i, full, value, expected[i][k]);
+            }
+        }
+    }
+    free(theta);
+    pm_dataset_free(data);
+    pm_training_free(t);
+}
+
+static void no_start_is_dead(void **state) {
+    (void)state;
+    static const char *const skips[] = {"none", "linear", "quadratic"};
+    for (int i = 0; i < 3; ++i) {
+        char part[1024];
+        snprintf(
+            part, sizeof part,
+            "    energy: {features: [x, p, s], hidden: [4], skip: %s}\n    entropy: {given: s}\n"
+            "    reversible: {learned: {acts_on: [x, p, s], features: [x, p], hidden: [3], skip: "
+            "%s}}\n    irreversible: {learned: {acts_on: [x, p, s], features: [x], hidden: [3], "
+            "skip: %s}}\n",
+            skips[i], skips[i], skips[i]);
+        check_alive(part, hard_port, "bracket");
+        snprintf(part, sizeof part,
+                 "    form: soft\n    energy: {features: [x, p, s], hidden: [4], skip: %s}\n"
+                 "    entropy: {features: [x, p, s], hidden: [4], skip: %s}\n"
+                 "    reversible: {learned: {acts_on: [x, p, s], features: [x, p], hidden: [3]}}\n"
+                 "    irreversible: {learned: {acts_on: [x, p, s], features: [x], hidden: [3]}}\n",
+                 skips[i], skips[i]);
+        check_alive(part, hard_port, "bracket");
+    }
+    check_alive(hard_part, hard_port, "bracket");
+    check_alive(free_part, free_port, "exchange");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(curves_do_not_depend_on_units),
+        cmocka_unit_test(constants_are_found),
+        cmocka_unit_test(no_start_is_dead),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

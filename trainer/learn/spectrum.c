@@ -1,0 +1,180 @@
+// Eigenvalues of the Gauss-Newton matrix with a unit diagonal.
+#include "learn/spectrum.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "learn/gauss_newton_matrix.h"
+
+#define MOST_WEIGHTS 1500   // of whose matrix a row is summed up
+#define MOST_DECOMPOSED 500 // of which eigenvectors are found
+#define SAMPLES 512
+// Eigenvalues below this, of a matrix whose mean eigenvalue is 1, are those of flat directions.
+#define FLAT 1e-10
+#define MOST_NAMED 4
+#define WARMER 0.01 // relative
+
+// A block of weights, and its share in the flat directions.
+typedef struct block {
+    const char *component, *name;
+    size_t first, size;
+    double share;
+} block;
+
+static const char *component_name(const pm_system *system, int i) {
+    const pm_scene *scene = system->scene;
+    return i < scene->nsubsystem ? scene->subsystem[i].name
+                                 : scene->port[i - scene->nsubsystem].name;
+}
+
+// All blocks of trained weights in order; block may be NULL. Returns their number.
+static int list_blocks(const pm_system *system, block *list) {
+    int count = 0;
+    size_t at = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const size_t size = (size_t)entry->rows * (size_t)entry->cols;
+            if (entry->trained && list != NULL) {
+                list[count] = (block){component_name(system, i), entry->name, at, size, 0};
+            }
+            count += entry->trained;
+            at += entry->trained ? size : 0;
+        }
+    }
+    return count;
+}
+
+static int compare(const void *a, const void *b) {
+    const block *x = a, *y = b;
+    return (x->share < y->share) - (x->share > y->share);
+}
+
+// Whether this block holds the logarithms of temperatures: the first number is not one.
+static bool is_temperature(const block *b) {
+    const char *end = strstr(b->name, ".body.");
+    return strncmp(b->name, "energy.", 7) == 0 && end != NULL &&
+           (strcmp(end, ".body.output.bias") == 0 || strcmp(end, ".body.constant") == 0);
+}
+
+// The root mean square change of residuals, in units of the data's steps, when all temperatures are
+// warmer; negative: none is learned.
+static double effect_of_warmth(int n, const double *hessian, int nblock, const block *list) {
+    double sum = 0;
+    bool any = false;
+    for (int a = 0; a < nblock; ++a) {
+        for (int b = 0; b < nblock; ++b) {
+            if (!is_temperature(&list[a]) || !is_temperature(&list[b])) {
+                continue;
+            }
+            any = true;
+            for (size_t i = 1; i < list[a].size; ++i) {
+                for (size_t j = 1; j < list[b].size; ++j) {
+                    const size_t row = list[a].first + i, column = list[b].first + j;
+                    sum +=
+                        hessian[row < column ? row * (size_t)n + column : column * (size_t)n + row];
+                }
+            }
+        }
+    }
+    return any ? WARMER * sqrt(fmax(sum, 0)) : -1;
+}
+
+// Divides the matrix by its diagonal's roots; a weight of no effect gets 0.
+static void scale_matrix(int n, double *h, double *root) {
+    for (int i = 0; i < n; ++i) {
+        root[i] = sqrt(fmax(h[(ptrdiff_t)i * n + i], 0));
+    }
+    for (int i = 0; i < n; ++i) {
+        for (int j = i; j < n; ++j) {
+            double *entry = &h[(ptrdiff_t)i * n + j];
+            *entry = root[i] > 0 && root[j] > 0 ? *entry / (root[i] * root[j]) : 0;
+            h[(ptrdiff_t)j * n + i] = *entry;
+        }
+    }
+}
+
+static pm_status report_flat(int n, double *h, int nblock, block *list, FILE *out) {
+    double *value = malloc((size_t)n * sizeof *value);
+    double *vector = malloc((size_t)n * (size_t)n * sizeof *vector);
+    pm_status status = PM_OK;
+    if (value == NULL || vector == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a spectrum");
+        goto done;
+    }
+    scale_matrix(n, h, value);
+    if (!pm_eigen_largest(n, h, n, value, vector)) {
+        goto done; // a report is not worth an error
+    }
+    int flat = 0;
+    for (int k = 0; k < n; ++k) {
+        if (value[k] > FLAT) {
+            continue;
+        }
+        ++flat;
+        for (int b = 0; b < nblock; ++b) {
+            for (size_t i = 0; i < list[b].size; ++i) {
+                const double part = vector[(size_t)k * (size_t)n + list[b].first + i];
+                list[b].share += part * part;
+            }
+        }
+    }
+    qsort(list, (size_t)nblock, sizeof *list, compare);
+    fprintf(out, "flat directions: %d of %d%s", flat, n, flat > 0 ? ", most in" : "");
+    for (int b = 0; b < nblock && b < MOST_NAMED && list[b].share > 0.5; ++b) {
+        fprintf(out, "%s %s %s (%.0f)", b == 0 ? "" : ",", list[b].component, list[b].name,
+                list[b].share);
+    }
+    fputc('\n', out);
+done:
+    free(value);
+    free(vector);
+    return status;
+}
+
+static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal, FILE *out) {
+    const int n = pm_objective_size(objective), all = pm_objective_samples(objective);
+    const pm_system *system = pm_objective_context(objective).system;
+    const int nblock = list_blocks(system, NULL);
+    double *hessian = malloc((size_t)n * (size_t)n * sizeof *hessian);
+    double *gradient = malloc((size_t)n * sizeof *gradient);
+    block *list = calloc((size_t)nblock + 1, sizeof *list);
+    pm_status status = PM_OK;
+    int index[SAMPLES], count = 0;
+    if (hessian == NULL || gradient == NULL || list == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a spectrum");
+        goto done;
+    }
+    for (; count < SAMPLES && count < all; ++count) {
+        index[count] = (int)((long)count * all / (all < SAMPLES ? all : SAMPLES));
+    }
+    list_blocks(system, list);
+    pm_gauss_newton_matrix_evaluate(normal, count, index, gradient, hessian);
+    const double effect = effect_of_warmth(n, hessian, nblock, list);
+    if (effect >= 0) {
+        fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n",
+                effect);
+    }
+    status = n <= MOST_DECOMPOSED ? report_flat(n, hessian, nblock, list, out) : PM_OK;
+    fflush(out);
+done:
+    free(hessian);
+    free(gradient);
+    free(list);
+    return status;
+}
+
+pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
+    const int n = pm_objective_size(objective);
+    pm_gauss_newton_matrix *normal = NULL;
+    if (n == 0 || n > MOST_WEIGHTS) {
+        return PM_OK;
+    }
+    PM_TRY(pm_gauss_newton_matrix_open(&normal, objective));
+    const pm_status status = report(objective, normal, out);
+    pm_gauss_newton_matrix_close(normal);
+    return status;
+}
