@@ -6,11 +6,11 @@
 #include "base/options.h"
 #include "propose/propose_files.h"
 
-typedef struct arguments {
+typedef struct propose_arguments {
     const char *scene, *data, *output, *form;
-} arguments;
+} propose_arguments;
 
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
+static pm_status read_arguments(propose_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
         {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to look at (HDF5)"},
         {"--output", "-o", "FILE", NULL, &a->output, true, "training file to write (YAML)"},
@@ -49,7 +49,7 @@ static pm_status read_form(const char *text, pm_form *form) {
 
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop; // nothing here takes long
-    arguments a;
+    propose_arguments a;
     memset(&a, 0, sizeof a);
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
