@@ -1,7 +1,7 @@
 // A neighbour's fluxes, and the positions of each port's components in them.
 #include "lockstep/flux_link.h"
 
-#include "sim/integrator.h"
+#include "scene/integrator.h"
 #include "transport/channel.h"
 
 // Counts the ends and components that come before one end in a process's messages; with port_id -1

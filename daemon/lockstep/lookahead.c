@@ -1,7 +1,7 @@
 // The lookahead follows from the scene: its window, its number of rounds, and its checkpoints.
 #include "lockstep/lookahead.h"
 
-#include "sim/integrator.h"
+#include "scene/integrator.h"
 
 #define MOST_STEPS 16 // half of them make one report
 

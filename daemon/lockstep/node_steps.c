@@ -8,7 +8,7 @@
 #define REPORT_INTERVAL 0.02 // s between two reports at most, while steps are computed
 
 static double time_of(const pm_lockstep_node *node, int64_t step) {
-    return node->t0 + (double)step * node->endpoint.system->scene->dt;
+    return pm_scene_time(node->endpoint.system->scene, node->t0, step);
 }
 
 int64_t pm_node_round_key(const pm_lockstep_node *node) {

@@ -16,7 +16,7 @@ static void begin(const pm_report_window *window, int64_t step) {
     slot->missing = scene->nprocess;
     memset(slot->has, 0, (size_t)scene->nprocess * sizeof *slot->has);
     slot->sample->step = (long)step;
-    slot->sample->time = (double)step * scene->dt;
+    slot->sample->time = pm_scene_time(scene, 0, step);
 }
 
 pm_status pm_report_window_init(pm_report_window *window, pm_arena *arena, const pm_scene *scene,
