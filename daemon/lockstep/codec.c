@@ -263,7 +263,7 @@ static pm_drop decode(const wire_type *type, void *message, const void *data, si
         if (f->kind == FIELD_DOUBLE) {
             drop = read_words(&r, 1, true, m + f->offset);
         } else if (f->kind == FIELD_DOUBLES || f->kind == FIELD_I64S) {
-            // The count was found to be one that the caller's memory holds.
+            // The count was decoded and checked before: the caller's memory holds as many numbers.
             const size_t count = (size_t)get_count(m, f->count);
             drop = read_words(&r, count, f->kind == FIELD_DOUBLES, get_array(m, f->offset));
         } else if (f->kind == FIELD_TEXT) {

@@ -1,7 +1,7 @@
-// The inside of a coordinator, private to its four files: lockstep_coordinator.c polls, grants and
-// books steps and ends the run; coordinator_messages.c handles messages; coordinator_checkpoint.c
-// saves and loads the checkpoint; coordinator_state.c holds what these three share. Calls go in
-// this order, never back.
+// The inside of a coordinator, private to its four files and to tests: lockstep_coordinator.c
+// polls, grants and books steps and ends the run; coordinator_messages.c handles messages;
+// coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds what these
+// three share. Calls go in this order, never back.
 //
 // The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING, which
 // `completed` and `held` divide. `patience` and `checkpoint` are those of the scene. A coordinator

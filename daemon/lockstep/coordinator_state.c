@@ -57,10 +57,6 @@ pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *c) {
     return pm_endpoint_result(&c->endpoint);
 }
 
-long pm_lockstep_coordinator_step(const pm_lockstep_coordinator *c) {
-    return (long)c->completed;
-}
-
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *c) {
     return &c->ledger;
 }

@@ -15,7 +15,7 @@ static pm_status parse(const char *path, const char *text, int64_t *steps) {
     errno = 0;
     const long long value = strtoll(text, &end, 10);
     if (end == text && text[strspn(text, " \t\n")] == 0) {
-        *steps = 0; // somebody is about to write it
+        *steps = 0; // empty: the number is yet to be written
         return PM_OK;
     }
     if (errno != 0 || end == text || end[strspn(end, " \t\n")] != 0 || value < 0) {

@@ -1,6 +1,6 @@
-// A gate holds a run at a step, so that somebody can act there: look at it, stop a process, pull a
-// cable. A file holds the number of steps that may be granted. While the run stands at the gate,
-// the coordinator reads the file again every few milliseconds; otherwise it does not read it.
+// A gate holds a run at a step, so that a user or a test can act there: inspect it, stop a process,
+// pull a cable. A file holds the number of steps that may be granted. While the run stands at the
+// gate, the coordinator reads the file again every few milliseconds; otherwise it does not read it.
 #ifndef PM_LOCKSTEP_GATE_H
 #define PM_LOCKSTEP_GATE_H
 

@@ -88,9 +88,6 @@ bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator
 // returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
-// The number of steps completed; -1 before the initial state is known.
-long pm_lockstep_coordinator_step(const pm_lockstep_coordinator *coordinator);
-
 // The ledger of the completed steps, the transport that the coordinator was opened on, and what it
 // did with the messages that it received.
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);

@@ -57,9 +57,6 @@ bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
 // the state became non-finite; PM_EFILE: the checkpoint; after ABORT the coordinator's code.
 pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
 
-// The number of steps completed.
-long pm_lockstep_node_step(const pm_lockstep_node *node);
-
 // The transport that the node was opened on, and what it did with the messages that it received.
 pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node);
 const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node);

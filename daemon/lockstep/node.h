@@ -1,6 +1,6 @@
-// The inside of a node, private to its four files: lockstep_node.c polls, waits and ends;
-// node_messages.c handles messages; node_steps.c computes rounds and steps; node_state.c holds what
-// these three share. Calls go in this order, never back.
+// The inside of a node, private to its four files and to tests: lockstep_node.c polls, waits and
+// ends; node_messages.c handles messages; node_steps.c computes rounds and steps; node_state.c
+// holds what these three share. Calls go in this order, never back.
 //
 // The state machine. A round begins as soon as the round before it is complete and its step is
 // granted. `patience` and `checkpoint` are those of the scene.

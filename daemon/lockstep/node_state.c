@@ -34,10 +34,6 @@ pm_status pm_lockstep_node_result(const pm_lockstep_node *node) {
     return pm_endpoint_result(&node->endpoint);
 }
 
-long pm_lockstep_node_step(const pm_lockstep_node *node) {
-    return (long)node->step;
-}
-
 pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node) {
     return node->endpoint.transport;
 }

@@ -26,7 +26,8 @@ static void count_numbers(const pm_scene *scene, int process_id, int *npart, int
     }
 }
 
-int pm_report_message_rows(const pm_scene *scene, int process_id) {
+// The number of steps in a report of this process, at most.
+static int most_rows(const pm_scene *scene, int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);
     const size_t size = sizeof(double) * (10 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
@@ -39,7 +40,7 @@ pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, con
                                   int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);
-    const int rows = pm_report_message_rows(scene, process_id);
+    const int rows = most_rows(scene, process_id);
     *report = (portmet_report_t){
         .npart = rows * npart, .nend = rows * nend, .nz = rows * nz, .message = ""};
     const size_t p = (size_t)report->npart, e = (size_t)report->nend, z = (size_t)report->nz;
@@ -76,7 +77,7 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
     r->process = &scene->process[process_id];
     r->transport = transport;
     count_numbers(scene, process_id, &r->npart, &r->nend, &r->nz);
-    r->capacity = pm_report_message_rows(scene, process_id);
+    r->capacity = most_rows(scene, process_id);
     PM_TRY(pm_channel_process(r->sent.channel, scene, "REPORT", process_id));
     PM_TRY(pm_report_message_alloc(&r->done, arena, scene, process_id));
     // The coordinator may miss the report of any granted step, and a report may hold only one.

@@ -24,11 +24,8 @@ typedef struct pm_reporter {
     size_t notice_capacity;
 } pm_reporter;
 
-// The number of steps in a report of this process, at most.
-int pm_report_message_rows(const pm_scene *scene, int process_id);
-
-// Makes a report message with memory from the arena for that many steps; its counts npart, nend and
-// nz are then the largest it may have. PM_ENOMEM.
+// Makes a report message with memory from the arena for as many steps as a report of this process
+// may hold; its counts npart, nend and nz are then the largest it may have. PM_ENOMEM.
 pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
                                   int process_id);
 

@@ -44,7 +44,7 @@ start_on() {
     started="$started $pid"
 }
 
-# cut HOST: nothing goes in or out.
+# cut HOST: drops and counts all messages in either direction.
 cut() {
     on "$1" nft add table ip cut 2>/dev/null || return
     for hook in input output; do
@@ -53,7 +53,7 @@ cut() {
     done
 }
 
-# has_lost HOST HOOK: whether something was to go out (output), or to come in (input), since the cut.
+# has_lost HOST HOOK: whether a message was to go out (output), or to come in (input), since the cut.
 has_lost() {
     on "$1" nft list chain ip cut "$2" | grep -q 'packets [1-9]'
 }
@@ -65,27 +65,30 @@ mend() {
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
     fail "in process"
 
-# Two hosts, or three: the coordinator is here.
+# Two hosts, or three: the coordinator is here. While the cable is cut, the coordinator says that the run
+# pauses, and no step is made; when it is mended, the run goes on.
+sed '/^time:/i lockstep: {patience: 1000}' "$scene" >"$folder/scene_patient.yaml"
 for hosts in 2 3; do
-    start_on $hosts left node "$scene" left --url "$url"
+    start_on $hosts left node "$folder/scene_patient.yaml" left --url "$url"
     left=$pid
-    start_on 2 right node "$scene" right --url "$url"
+    start_on 2 right node "$folder/scene_patient.yaml" right --url "$url"
     right=$pid
     record=$folder/hosts_$hosts.h5
     name=hosts_$hosts
     open_gate $name 100
-    start $name coordinator "$scene" --steps $steps --url "$url" --record "$record" \
+    start $name coordinator "$folder/scene_patient.yaml" --steps $steps --url "$url" --record "$record" \
         --gate "$folder/$name.gate"
     coordinator=$pid
     held $name 100
     if cut 2; then
-        # Grants do not arrive, and what is asked for again and again is lost in both directions.
         open_gate $name 200
         for hook in input output; do
             wait_until 30 has_lost 2 $hook || fail "nothing was lost: $hook"
         done
+        awaits $name "the run pauses after step 100: no word from .*right"
         says $name "held after step 200" && fail "$name: steps were made across a cut cable"
         mend 2
+        awaits $name "the run goes on"
     else
         open_gate $name 200
     fi

@@ -1,5 +1,5 @@
-// A coordinator and its nodes on one hub, in virtual time; what they compute is compared with the
-// plain loop, sample by sample. For tests of the lock-step protocol.
+// A coordinator and its nodes on one hub, in virtual time, for tests of the lock-step protocol.
+// Every sample is compared with that of the plain loop (sim/monolithic.h).
 #ifndef PM_TESTS_CLUSTER_FIXTURE_H
 #define PM_TESTS_CLUSTER_FIXTURE_H
 
@@ -12,72 +12,79 @@
 #define CHECKPOINT 7 // steps between two checkpoints
 #define QUICK_CHECKPOINT 12
 #define PATIENCE 2.0 // s, virtual
-#define TICK 0.001   // s by which time moves when nobody has a message
+#define TICK 0.001   // s by which time advances when no endpoint has a message
 
 typedef struct cluster {
     fixture f;
     pm_monolithic *assembly; // the plain loop, stepped by the observer
     long steps_seen;
     long allocations_at_step_5;
-    long fail_at_step; // the observer fails there; -1: never
+    long fail_at_step; // the observer fails at this step; -1: never
     double now;        // s, virtual
-    int64_t session;   // that all were started for
+    int64_t session;   // for which all processes are started
     long steps;        // of the run
     int nlink, count;  // subsystems, and the processes that serve them
     pm_transport *transport[MAX_NODES];
     pm_lockstep_node *node[MAX_NODES]; // NULL: absent
     pm_transport *coordinator_transport;
     pm_lockstep_coordinator *coordinator;
-    long (*count_allocations)(void); // NULL: not of interest
-    char silent[64];                 // who the coordinator said was silent, last
-    int pauses;                      // how often it said so, or that the run goes on
+    long (*count_allocations)(void); // NULL: allocations are not counted
+    char silent[64];                 // the nodes that the coordinator last called silent
+    int pauses;                      // calls of the observer's pause
     const char *gate;                // NULL: none
-    long held_at;                    // the step after which the coordinator said that it is held
-    int holds;                       // how often it said so
+    long held_at;                    // the step of the last call of the observer's hold
+    int holds;                       // calls of the observer's hold
     pm_hub *hub;
-    const char *folder; // for checkpoints; NULL: none are kept
+    const char *folder; // of checkpoints; NULL: none are kept
     char path[MAX_NODES + 1][128];
 } cluster;
 
-// A hub, and everything but the nodes: scene and plain loop with `count` links, each its own
-// process, or dealt out to `count` processes; endpoints, coordinator.
+// Opens a hub; scene, plain loop, endpoints and coordinator for `count` links, one in each process,
+// or for `nlink` links that are distributed to `count` processes. `faults` may be NULL.
 pm_hub *cluster_hub(const pm_hub_faults *faults);
 void cluster_open(cluster *c, int count, int window, pm_hub *hub, int64_t session);
 void cluster_open_dealt(cluster *c, int nlink, int count, int window, pm_hub *hub);
-// A chain of `count` whose steps have one round each, so that fluxes tell of them and reports wait;
-// unless `folder` is NULL all keep checkpoints there.
+// Opens a chain of `count` links whose steps have one round each, so that fluxes show progress and
+// reports hold several steps. With `folder`, all processes keep checkpoints there.
 void cluster_open_quick(cluster *c, int count, int window, pm_hub *hub, int64_t session,
                         const char *folder);
-// As cluster_open_all, but all keep checkpoints in `folder`.
+// As cluster_open_all; all processes keep checkpoints in `folder`.
 void cluster_open_keeping(cluster *c, int count, int window, pm_hub *hub, int64_t session,
                           const char *folder);
-// Node i of the cluster, whose scene and weights are `system`.
+// Opens node i of the cluster with the scene and weights `system`.
 void cluster_add(cluster *c, int i, const pm_system *system, int64_t session);
-// Both, with all nodes.
+// As cluster_open, with all nodes.
 void cluster_open_all(cluster *c, int count, int window, pm_hub *hub, int64_t session);
 void cluster_close(cluster *c);
 
-// Node i, or with i = count the coordinator, is gone without a word; and started again as it was.
+// Closes node i, or the coordinator if i = count, without a message; starts it again with the same
+// options; tells whether it is there.
 void cluster_kill(cluster *c, int i);
 void cluster_return(cluster *c, int i);
 bool cluster_has(const cluster *c, int i);
 
 bool cluster_is_over(const cluster *c);
-// Everybody's turn; the number of messages handed out. Time passes when there are none; a cluster
-// that goes on for too long fails the test.
+// Passes the waiting messages to every endpoint and polls it. Returns the number of messages; time
+// advances when there are none. A run that takes too long fails the test.
 int cluster_turn(cluster *c);
-// Runs on until all are finished; the virtual seconds that took.
+// The number of steps that a node, or the coordinator, has completed; of the latter -1 before the
+// initial state is known.
+long cluster_node_step(const pm_lockstep_node *node);
+long cluster_coordinator_step(const pm_lockstep_coordinator *coordinator);
+
+// Runs until all have finished. Returns the virtual time that took, s.
 double cluster_run(cluster *c);
-// Until `step` steps are complete.
+// Runs until `step` steps are complete.
 void cluster_run_to(cluster *c, long step);
-// For `seconds`, without node `absent`.
+// Runs for `seconds`, without polling node `absent`.
 void cluster_run_without(cluster *c, int absent, double seconds);
 
-// Coordinator and nodes ended well, and all samples were compared.
+// Asserts that coordinator and nodes ended well, and that all samples were compared.
 void assert_all_ok(cluster *c);
-// `status` is `expected`, and pm_error() contains `part`.
+// Asserts that `status` is `expected`, and that pm_error() contains `part`.
 void assert_error(pm_status status, pm_status expected, const char *part);
-// Coordinator and nodes ended with `code`; the coordinator's error contains `part`.
+// Asserts that coordinator and nodes ended with `code`, and that the coordinator's error contains
+// `part`.
 void assert_all_failed(const cluster *c, pm_status code, const char *part);
 
 #endif

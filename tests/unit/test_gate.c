@@ -61,9 +61,9 @@ static void stage_close(stage *t) {
 
 static void turn_at_most(cluster *c, long step) {
     cluster_turn(c);
-    assert_true(pm_lockstep_coordinator_step(c->coordinator) <= step);
+    assert_true(cluster_coordinator_step(c->coordinator) <= step);
     for (int i = 0; i < c->count; ++i) {
-        assert_true(c->node[i] == NULL || pm_lockstep_node_step(c->node[i]) <= step);
+        assert_true(c->node[i] == NULL || cluster_node_step(c->node[i]) <= step);
     }
 }
 
@@ -80,7 +80,7 @@ static void run_to_hold(cluster *c, long step) {
     }
     assert_int_equal(c->held_at, step);
     for (int i = 0; i < c->count; ++i) {
-        assert_int_equal(pm_lockstep_node_step(c->node[i]), step);
+        assert_int_equal(cluster_node_step(c->node[i]), step);
     }
 }
 
@@ -188,7 +188,7 @@ static void test_death_at_the_gate(void **context) {
             }
             assert_int_equal(t.c.holds, holds + (victim == t.c.count));
             assert_int_equal(t.c.held_at, step);
-            assert_int_equal(pm_lockstep_coordinator_step(t.c.coordinator), step);
+            assert_int_equal(cluster_coordinator_step(t.c.coordinator), step);
         }
         open_gate(&t, STEPS);
         cluster_run(&t.c);
@@ -212,7 +212,7 @@ static void check_closing(bool gone) {
     cluster_kill(&t.c, t.c.count);
     cluster_return(&t.c, t.c.count);
     run_for(&t.c, 1, 10);
-    const long step = pm_lockstep_coordinator_step(t.c.coordinator);
+    const long step = cluster_coordinator_step(t.c.coordinator);
     assert_int_equal(step, CHECKPOINT); // as the coordinator's checkpoint has it
     assert_int_equal(t.c.holds, 2);
     assert_int_equal(t.c.held_at, step);

@@ -266,7 +266,7 @@ static void test_later_coordinator_grants_anew(void **context) {
                 pm_lockstep_node_poll(c.node[k], c.now);
             }
         }
-        assert_int_equal(pm_lockstep_node_step(c.node[0]), ticks[i].step);
+        assert_int_equal(cluster_node_step(c.node[0]), ticks[i].step);
     }
     cluster_close(&c);
     pm_transport_close(stranger);
@@ -355,7 +355,7 @@ static int64_t last_shown(double tolerance) {
             pm_lockstep_node_poll(c.node[k], c.now);
         }
     }
-    assert_int_equal(pm_lockstep_node_step(c.node[0]), 6);
+    assert_int_equal(cluster_node_step(c.node[0]), 6);
     assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
     cluster_close(&c);
     pm_transport_close(stranger);

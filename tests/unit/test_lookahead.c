@@ -84,7 +84,7 @@ static void test_nobody_is_ahead_by_more_than_the_window(void **context) {
                 cluster_turn(&c);
                 long first = STEPS, last = 0;
                 for (int i = 0; i < count; ++i) {
-                    const long step = pm_lockstep_node_step(c.node[i]);
+                    const long step = cluster_node_step(c.node[i]);
                     first = step < first ? step : first;
                     last = step > last ? step : last;
                 }
@@ -115,10 +115,10 @@ static void test_reports_wait(void **context) {
         assert_int_equal(
             pm_transport_subscribe(stranger, "chain_REPORT_link2", count_message, &reports), PM_OK);
         cluster_open_quick(&c, count, 1, hub, 0, NULL);
-        while (pm_lockstep_coordinator_step(c.coordinator) < STEPS) {
+        while (cluster_coordinator_step(c.coordinator) < STEPS) {
             cluster_turn(&c);
-            assert_true(pm_lockstep_node_step(c.node[1]) <=
-                        pm_lockstep_coordinator_step(c.coordinator) + LEAD);
+            assert_true(cluster_node_step(c.node[1]) <=
+                        cluster_coordinator_step(c.coordinator) + LEAD);
         }
         assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
         // The initial state, one soon after it, as no time passes here, and the last.
@@ -140,10 +140,10 @@ static void test_slow_steps_are_reported(void **context) {
     cluster_run_to(&c, 5);
     for (long step = 6; step < STEPS; ++step) {
         c.now += 0.05;
-        while (pm_lockstep_node_step(c.node[0]) <= step) {
+        while (cluster_node_step(c.node[0]) <= step) {
             cluster_turn(&c);
         }
-        assert_true(pm_lockstep_coordinator_step(c.coordinator) >= step - 1);
+        assert_true(cluster_coordinator_step(c.coordinator) >= step - 1);
     }
     cluster_run(&c);
     assert_all_ok(&c);
@@ -239,7 +239,7 @@ static long run_nodes_to(cluster *c, long step) {
         cluster_turn(c);
         all = STEPS;
         for (int i = 0; i < c->count; ++i) {
-            const long own = pm_lockstep_node_step(c->node[i]);
+            const long own = cluster_node_step(c->node[i]);
             all = own < all ? own : all;
             done = done || own >= step;
         }
@@ -276,7 +276,7 @@ static void test_earliest_failure_counts(void **context) {
         const long all = run_nodes_to(&c, step);
         c.fail_at_step = all;
         pm_lockstep_node_fail(c.node[1], PM_ENUMERIC, "z[2] is nan");
-        if (pm_lockstep_coordinator_step(c.coordinator) < all) {
+        if (cluster_coordinator_step(c.coordinator) < all) {
             cluster_run(&c);
             assert_error(pm_lockstep_coordinator_result(c.coordinator), PM_EFILE,
                          "the recording is full");

@@ -214,8 +214,8 @@ static void test_patience_with_who_computes_again(void **context) {
     stage_open(&t, 3, 1, NULL);
     cluster_run_to(&t.c, 2 * CHECKPOINT - 1);
     const double start = t.c.now;
-    for (int deaths = 0; pm_lockstep_coordinator_step(t.c.coordinator) < 2 * CHECKPOINT;) {
-        if (deaths < 3 && pm_lockstep_node_step(t.c.node[1]) == 2 * CHECKPOINT - 1) {
+    for (int deaths = 0; cluster_coordinator_step(t.c.coordinator) < 2 * CHECKPOINT;) {
+        if (deaths < 3 && cluster_node_step(t.c.node[1]) == 2 * CHECKPOINT - 1) {
             cluster_kill(&t.c, 1);
             cluster_return(&t.c, 1);
             ++deaths;
@@ -273,14 +273,14 @@ static void test_old_requests_change_nothing(void **context) {
         assert_true(r.count > 0);
         long before[3];
         for (int i = 0; i < 3; ++i) {
-            before[i] = pm_lockstep_node_step(t.c.node[i]);
+            before[i] = cluster_node_step(t.c.node[i]);
         }
         for (int i = 0; i < r.count; ++i) {
             pm_transport_publish(stranger, "chain_REQUEST", r.data[i], r.size[i]);
         }
         for (int i = 0; i < 3; ++i) {
             assert_int_equal(pm_transport_wait(t.c.transport[i], 0, NULL), PM_OK);
-            assert_true(pm_lockstep_node_step(t.c.node[i]) >= before[i]);
+            assert_true(cluster_node_step(t.c.node[i]) >= before[i]);
         }
         cluster_run(&t.c);
         assert_all_ok(&t.c);
