@@ -1,5 +1,4 @@
-// Messages from the network: the same bytes as lcm-gen's encoders, and nothing hostile gets
-// through.
+// The codec writes the same bytes as lcm-gen's encoders, and drops every malformed message.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
-// LCM datagrams: what parses, what is put together again, and what the kernel's filter lets through
-// (on a socket pair, where a filter works as on a UDP socket). Against liblcm itself:
-// tests/distributed/test_receive.sh.
+// LCM datagrams: parsing, reassembly of fragments, and the kernel's filter (on a socket pair, where
+// a filter works as on a UDP socket). tests/distributed/test_receive.sh compares with liblcm
+// itself.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

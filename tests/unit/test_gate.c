@@ -1,5 +1,5 @@
 // The gate over the memory transport, in virtual time: no process completes a step beyond it, a run
-// can be held for as long as anybody likes, and the bits stay the same.
+// can be held for any time, and the bits stay the same.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -36,7 +36,7 @@ static void open_gate(const stage *t, long step) {
     write_gate(t, text);
 }
 
-// The file is absent at first. With `quick`, fluxes tell of steps and reports wait
+// The file is absent at first. With `quick`, fluxes show progress and reports hold several steps
 // (lockstep/lookahead.h).
 static void stage_open(stage *t, int count, int window, bool quick, const pm_hub_faults *faults) {
     scratch_open(&t->s);
@@ -73,7 +73,7 @@ static void run_for(cluster *c, double seconds, long step) {
     }
 }
 
-// Until the coordinator says that it is held, and it is held after `step`.
+// Runs until the coordinator says that the run is held, and checks that it is held after `step`.
 static void run_to_hold(cluster *c, long step) {
     for (const int holds = c->holds; c->holds == holds;) {
         turn_at_most(c, step);
@@ -84,7 +84,7 @@ static void run_to_hold(cluster *c, long step) {
     }
 }
 
-// At every step, whatever the window and whoever tells of steps, also where messages are lost.
+// The gate stands at every step in turn, for several windows, with and without lost messages.
 static void test_nobody_passes(void **context) {
     (void)context;
     for (int i = 0; i < 24; ++i) {
@@ -111,7 +111,7 @@ static void count_message(void *context, const char *channel, const void *data, 
     *(int *)context += 1;
 }
 
-// However long: nobody loses its patience, and the network is quiet.
+// A long hold ends no run, and few messages are sent meanwhile.
 static void test_a_long_hold(void **context) {
     (void)context;
     static const char *const channels[] = {
@@ -148,7 +148,7 @@ static void test_a_long_hold(void **context) {
     }
 }
 
-// While it is held, a silent node is named; it is waited for no longer than elsewhere.
+// While the run is held, a silent node is named, and given up after the usual patience.
 static void test_a_silent_node_is_named(void **context) {
     (void)context;
     stage t;
@@ -170,7 +170,8 @@ static void test_a_silent_node_is_named(void **context) {
     stage_close(&t);
 }
 
-// Each of them, while the run stands at the gate; a coordinator that returns reads the file again.
+// Each process in turn dies and returns at the gate; a coordinator that returns reads the file
+// again.
 static void test_death_at_the_gate(void **context) {
     (void)context;
     for (int i = 0; i < 16; ++i) {
@@ -197,8 +198,7 @@ static void test_death_at_the_gate(void **context) {
     }
 }
 
-// A number that is less than what was done before, or a file that is gone, holds the run where it
-// is.
+// A number smaller than the steps done, or a removed file, holds the run where it is.
 static void check_closing(bool gone) {
     stage t;
     stage_open(&t, 2, 1, false, NULL);
@@ -266,7 +266,7 @@ static void test_what_a_file_says(void **context) {
     scratch_close(&t.s);
 }
 
-// A run ends where its file stops making sense.
+// A file that holds no number ends the run.
 static void test_a_bad_file_ends_the_run(void **context) {
     (void)context;
     stage t;

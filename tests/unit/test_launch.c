@@ -1,4 +1,4 @@
-// Child processes: this program starts itself, and with arguments it is the child.
+// Child processes. This program starts itself; with arguments it is the child.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -120,7 +120,7 @@ static void test_foreign_code_and_signal_are_transport_failures(void **state) {
     assert_none_left();
 }
 
-// Killed again and again: started again, at shrinking haste, and given up.
+// A child that is killed again and again is started again after growing pauses, then given up.
 static void test_child_that_keeps_dying_is_given_up(void **state) {
     (void)state;
     pm_launch *launch = NULL;

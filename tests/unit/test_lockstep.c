@@ -1,5 +1,5 @@
 // The lock-step protocol over the memory transport, in virtual time: the same bits as the plain
-// loop whatever the network does to messages, and a clear end whatever happens to a node.
+// loop for any faults of the network, and a clear error for any failure of a node.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -34,7 +34,7 @@ static void test_same_bits_as_plain_loop(void **context) {
     }
 }
 
-// However the subsystems are dealt out to processes, and whatever happens between these.
+// The subsystems are distributed to processes in several ways, with and without faults.
 static void test_same_bits_in_any_processes(void **context) {
     (void)context;
     for (int count = 1; count < MAX_NODES; ++count) {
@@ -90,7 +90,7 @@ static void count_message(void *context, const char *channel, const void *data, 
     *(int *)context += 1;
 }
 
-// Who is missing is asked, nobody else hears it; only after a long wait all do.
+// A request reaches only the silent process and the coordinator; after a long wait it reaches all.
 static void test_requests_wake_few(void **context) {
     (void)context;
     static const char *const channel[] = {"chain_REQUEST_link3", "chain_REQUEST_TICK",

@@ -1,5 +1,5 @@
-// Messages that are hostile, foreign, late or forged: each is dropped for its own reason, counted,
-// and changes no bit. And the names of channels.
+// Messages that are malformed, foreign, late or forged: each is dropped for its own reason,
+// counted, and changes no bit. The names of channels are tested here, too.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -234,7 +234,7 @@ static void test_forged_messages_are_dropped(void **context) {
     pm_hub_close(hub);
 }
 
-// A coordinator that has returned may grant less than the one before it: nobody computes beyond
+// A coordinator that has returned may grant less than the one before it: no node computes beyond
 // that.
 static void test_later_coordinator_grants_anew(void **context) {
     (void)context;

@@ -1,5 +1,5 @@
-// Runs ahead of their reports: nobody is further ahead of another for it, the bits are the same,
-// and nothing that was computed goes untold when a run fails.
+// Grants ahead of reports: no process gets further ahead of another, the bits are the same, and
+// every step that was computed is reported when a run fails.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -67,7 +67,7 @@ static void test_same_bits(void **context) {
     }
 }
 
-// Whoever is slow, and however little the window says of it.
+// Each process in turn is slow, with several windows.
 static void test_nobody_is_ahead_by_more_than_the_window(void **context) {
     (void)context;
     pm_rng rng;
@@ -103,7 +103,7 @@ static void count_message(void *context, const char *channel, const void *data, 
     *(int *)context += 1;
 }
 
-// Of several steps each, and none is late by more than the lookahead.
+// Reports hold several steps each, and none is late by more than the lookahead.
 static void test_reports_wait(void **context) {
     (void)context;
     for (int count = 2; count <= MAX_NODES; ++count) {
@@ -131,7 +131,7 @@ static void test_reports_wait(void **context) {
     }
 }
 
-// Where steps take long they are told of one by one.
+// Long steps are reported one by one.
 static void test_slow_steps_are_reported(void **context) {
     (void)context;
     pm_hub *hub = cluster_hub(NULL);
@@ -151,7 +151,7 @@ static void test_slow_steps_are_reported(void **context) {
     pm_hub_close(hub);
 }
 
-// Who asks for the flux that link2 owes.
+// Counts who requests the missing flux of link2.
 static void note_asker(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
     char *askers = context;
@@ -162,8 +162,8 @@ static void note_asker(void *context, const char *channel, const void *data, siz
     }
 }
 
-// Everybody who misses a flux asks for it, granted or not: one answer serves all, and the grant
-// comes of it.
+// Every process that misses a flux requests it, with or without a grant. One answer serves all, and
+// leads to the next grant.
 static void test_the_flux_is_asked_for(void **context) {
     (void)context;
     char askers[] = "-----"; // the coordinator, link1 to link4
@@ -185,7 +185,7 @@ static void test_the_flux_is_asked_for(void **context) {
     pm_hub_close(hub);
 }
 
-// A flux can tell of no step but those granted, in this run.
+// A flux shows progress only if its step is granted and its session is that of the run.
 static void test_forged_fluxes_grant_nothing(void **context) {
     (void)context;
     static const struct {
@@ -232,7 +232,7 @@ static void test_forged_fluxes_grant_nothing(void **context) {
 
 // --- the end of runs that fail ---
 
-// Until a node has computed `step` steps; how many all have.
+// Runs until a node has computed `step` steps. Returns how many all nodes have computed.
 static long run_nodes_to(cluster *c, long step) {
     long all = 0;
     for (bool done = false; !done;) {
@@ -247,7 +247,7 @@ static long run_nodes_to(cluster *c, long step) {
     return all;
 }
 
-// All that everybody computed is told before the end, by who fails and by the others.
+// Before the end, the failing node and the others report every step that they computed.
 static void test_failure_leaves_nothing_untold(void **context) {
     (void)context;
     for (int count = 2; count <= MAX_NODES; ++count) {
@@ -266,7 +266,7 @@ static void test_failure_leaves_nothing_untold(void **context) {
     }
 }
 
-// What was wrong with an earlier step is what the run failed for, although it is found later.
+// The earliest failure is the reason for the end of the run, even if it is found later.
 static void test_earliest_failure_counts(void **context) {
     (void)context;
     for (long step = 3; step < 3 + LEAD; ++step) {
@@ -287,7 +287,7 @@ static void test_earliest_failure_counts(void **context) {
     }
 }
 
-// Also where reports of later steps are there already.
+// The same, where reports of later steps are there already.
 static void test_nothing_is_booked_after_a_failure(void **context) {
     (void)context;
     for (long step = 3; step < 14; ++step) {

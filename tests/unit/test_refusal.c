@@ -1,5 +1,5 @@
-// Who may take part: a second coordinator, a second node of the same name, and nodes that differ
-// are refused by name, and the run that is under way goes on as if nothing had been.
+// A second coordinator, a second node of the same name, and nodes that differ are refused by name,
+// and the run that is under way continues undisturbed.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,7 +12,7 @@
 #include "tests/support/cluster_fixture.h"
 #include "tests/support/scratch.h"
 
-// Turns of a cluster and of one more node, until that has ended.
+// Drives a cluster and one more node until that node has ended.
 static pm_status run_stranger(cluster *c, pm_lockstep_node *node, pm_transport *transport) {
     while (!pm_lockstep_node_finished(node)) {
         assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
@@ -43,7 +43,7 @@ static void finish(cluster *c) {
     cluster_close(c);
 }
 
-// While the first waits, and in the middle of its run; with checkpoints, too.
+// A second node comes while the first waits, or during its run; with and without checkpoints.
 static void test_second_node(void **context) {
     (void)context;
     for (int at = 0; at < 4; ++at) {
@@ -75,8 +75,8 @@ static void test_second_node(void **context) {
     }
 }
 
-// The same, but its hello is not heard, and it hears ticks before anything else; only a checkpoint
-// of the session makes it join.
+// The same, but its hello is lost, and it receives a tick first. It joins only with a checkpoint of
+// the session.
 static pm_status join_unheard(cluster *c, int i, const char *checkpoint, bool joins) {
     pm_transport *transport;
     pm_lockstep_node *node;
@@ -113,7 +113,7 @@ static void test_second_node_that_is_not_heard(void **context) {
     }
 }
 
-// Both hear the first tick before they are heard: the later report is refused.
+// Both receive the first tick before any message of theirs arrives: the later report is refused.
 static void test_two_nodes_at_once(void **context) {
     (void)context;
     pm_hub *hub = cluster_hub(NULL);
@@ -140,7 +140,7 @@ static void test_two_nodes_at_once(void **context) {
     pm_hub_close(hub);
 }
 
-// Other weights, or other checkpoints: sent away from a run that has begun.
+// A node with other weights or other checkpoints is refused by a run that has begun.
 static void test_nodes_that_differ(void **context) {
     (void)context;
     pm_hub *hub = cluster_hub(NULL);
@@ -194,7 +194,7 @@ static void test_other_version(void **context) {
     pm_hub_close(hub);
 }
 
-// The first gathers, or runs; sessions keep apart.
+// A second coordinator comes while the first waits for nodes or runs; other sessions do not matter.
 static void test_second_coordinator(void **context) {
     (void)context;
     for (int at = 0; at < 3; ++at) {

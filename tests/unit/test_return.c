@@ -1,5 +1,5 @@
-// Death and return over the memory transport, in virtual time: whoever is killed, whenever and how
-// often, and started again from its checkpoint, the run ends with the same bits.
+// Death and return over the memory transport, in virtual time: processes are killed at any step,
+// once or often, and restarted from their checkpoints, and the run ends with the same bits.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,7 +27,7 @@ static void stage_open(stage *t, int count, int window, const pm_hub_faults *fau
     cluster_open_keeping(&t->c, count, window, t->hub, SESSION, t->s.folder);
 }
 
-// With steps of one round, whose reports wait.
+// A chain with steps of one round, whose reports hold several steps.
 static void stage_open_quick(stage *t, int count, int window, const pm_hub_faults *faults) {
     scratch_open(&t->s);
     t->hub = cluster_hub(faults);
@@ -40,7 +40,7 @@ static void stage_close(stage *t) {
     scratch_close(&t->s);
 }
 
-// Without anybody dying. Checkpoints stay: who dies now must find its own.
+// A run without deaths. The checkpoint files stay for a process that dies at the end.
 static void test_undisturbed(void **context) {
     (void)context;
     stage t;
@@ -51,12 +51,12 @@ static void test_undisturbed(void **context) {
     stage_close(&t);
 }
 
-// Who dies later may find on its return that all is done.
+// A process that dies late may find at its return that the run is complete.
 static long last_death(bool quick) {
     return quick ? STEPS - QUICK_CHECKPOINT / 2 : STEPS;
 }
 
-// Each of them, after every step, for a while.
+// Each process in turn is absent for a while after every step.
 static void test_each_at_every_step(void **context) {
     (void)context;
     for (int k = 0; k < 8; ++k) {
@@ -78,7 +78,7 @@ static void test_each_at_every_step(void **context) {
     }
 }
 
-// All of them at once: everything goes on from the files.
+// All processes die at once, and continue from the files.
 static void test_all_at_once(void **context) {
     (void)context;
     for (int k = 0; k < 2; ++k) {
@@ -100,7 +100,7 @@ static void test_all_at_once(void **context) {
     }
 }
 
-// Kills at random, several at a time, on a network that loses, repeats and reorders.
+// Random kills, several at a time, on a network that loses, repeats and reorders messages.
 static void play(uint64_t seed, const pm_hub_faults *faults) {
     enum { KILLS = 25 };
     pm_rng rng;
@@ -140,7 +140,7 @@ static void test_at_random(void **context) {
     }
 }
 
-// The coordinator, when all steps are done: it ends the run once more.
+// The coordinator dies when all steps are done, and ends the run once more.
 static void test_coordinator_at_the_end(void **context) {
     (void)context;
     for (int turns = 0; turns < 4; ++turns) {
@@ -158,7 +158,8 @@ static void test_coordinator_at_the_end(void **context) {
     }
 }
 
-// One that dies between two checkpoints finds reports of more steps than it has granted.
+// A coordinator that dies between two checkpoints receives reports of steps that it has not
+// granted.
 static void test_coordinator_and_long_reports(void **context) {
     (void)context;
     for (int count = 2; count <= MAX_NODES; ++count) {
@@ -173,8 +174,8 @@ static void test_coordinator_and_long_reports(void **context) {
     }
 }
 
-// A node that returns while the run is being ended learns so. One that starts without checkpoints
-// does not take the last run's end for its own.
+// A node that returns during the end of the run receives END. A node without checkpoints ignores
+// the END of an earlier run.
 static void test_node_at_the_end(void **context) {
     (void)context;
     for (int keeps = 0; keeps < 2; ++keeps) {
@@ -207,7 +208,7 @@ static void test_node_at_the_end(void **context) {
     }
 }
 
-// Computing again what was lost may take longer than the patience with a silent process.
+// Recomputing lost steps may take longer than the patience with a silent process.
 static void test_patience_with_who_computes_again(void **context) {
     (void)context;
     stage t;
@@ -252,7 +253,7 @@ static void record(void *context, const char *channel, const void *data, size_t 
     }
 }
 
-// Requests of one who returned, sent again when it has what it asked for: nobody goes back.
+// Replayed requests of a process that returned, after they were answered, roll nobody back.
 static void test_old_requests_change_nothing(void **context) {
     (void)context;
     for (int who = 0; who < 4; ++who) {
@@ -291,7 +292,7 @@ static void test_old_requests_change_nothing(void **context) {
 
 // --- another number of steps ---
 
-// A run that is taken up again may be made shorter, or longer, than it was to be.
+// A run that continues from checkpoints may have fewer or more steps than before.
 static void test_other_number_of_steps(void **context) {
     (void)context;
     static const long steps[] = {STEPS - 4, STEPS + 9};

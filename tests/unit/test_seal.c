@@ -1,5 +1,5 @@
-// Seals on messages, the file of the key, and the transport that uses both. Over real LCM:
-// tests/distributed/test_key.sh.
+// Seals of messages, the key file, and the transport that uses both. Seals over real LCM are tested
+// in tests/distributed/test_key.sh.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

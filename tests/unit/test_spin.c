@@ -1,4 +1,4 @@
-// When a wait looks before it sleeps, in virtual time.
+// When a wait polls before it sleeps, in virtual time.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

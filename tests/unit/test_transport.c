@@ -1,5 +1,5 @@
-// The memory transport and its faults; what is refused before LCM is asked. Messages over real LCM:
-// tests/distributed.
+// The memory transport and its faults, and URLs that are refused before LCM is called. Messages
+// over real LCM are tested in tests/distributed.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// When a process that waits asks again, in virtual time.
+// When a process that waits requests the missing message, in virtual time.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
