@@ -51,13 +51,18 @@ static int substeps_for(const pm_draft *d, double turn) {
 // Batches are several times what the weights need: data without noise need no more.
 static void write_stages(const pm_draft *d) {
     FILE *f = d->file;
-    fprintf(
-        f, "# Several starts are tried on derivatives, which needs no steps; the best is fitted to "
-           "them further,\n# then to single steps, coarse and fine.\n"
-           "loss: {residual: step}\n"
-           "stages:\n"
-           "  - {optimiser: gauss_newton, iterations: 40, batch: 512, residual: derivative}\n");
-    fprintf(f, "  - {optimiser: gauss_newton, iterations: 60, batch: 1024, substeps: %d}\n",
+    fputs(
+        d->p->form == PM_FREE
+            ? "# A network alone starts well anywhere. It is fitted to derivatives, then to single "
+              "steps.\nstart: {tries: 1}\n"
+            : "# Several starts are tried on derivatives, which needs no steps; the best is fitted "
+              "to them\n# further, then to single steps, coarse and fine.\n",
+        f);
+    const int batch = d->p->form == PM_FREE ? 2048 : 1024; // it has more weights
+    fprintf(f, "loss: {residual: step}\nstages:\n");
+    fprintf(f, "  - {optimiser: gauss_newton, iterations: 40, batch: %d, residual: derivative}\n",
+            d->p->form == PM_FREE ? 2048 : 512);
+    fprintf(f, "  - {optimiser: gauss_newton, iterations: 60, batch: %d, substeps: %d}\n", batch,
             substeps_for(d, COARSE));
     fprintf(f, "  - {optimiser: gauss_newton, iterations: 40, batch: 3000, substeps: %d}\n",
             substeps_for(d, FINE));
