@@ -14,15 +14,15 @@
 //                               hello, another digest            CLOSING    REFUSE to the sender
 //                               every report is there            STEPPING   tick, ledger
 // STEPPING   reports of         every report of a step is there  STEPPING   tick, ledger
-//            granted steps,     flux: a process got on           STEPPING   tick if it may grant
+//            granted steps,     flux: a process made progress    STEPPING   tick if it may grant
 //            or fluxes that     request for a tick               STEPPING   tick
 //            show progress      nothing left to grant: gate      HELD       tell the observer
 //                               every report of the last step    CLOSING    ledger
 // HELD       a larger number    the file was read: larger        STEPPING   tick
 //            in the gate file   time to request (waiting.h)      HELD       tick: a sign of life
-// these      (any of them)      time to request, not HELD        the same   request for fluxes,
-//   three                                                                   then for reports
-//                               a process silent for 2 s         the same   tell the observer
+// any of                        time to request, not HELD        the same   request for fluxes,
+// these                                                                     then for reports
+// three                         a process silent for 2 s         the same   tell the observer
 //                               a process silent for patience    CLOSING
 //                               no progress in 3 patience,       CLOSING
 //                                 though all show life

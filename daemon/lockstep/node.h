@@ -32,10 +32,10 @@
 // LEAVING  nothing            END or ABORT again                 LEAVING   BYE
 //                             request, still buffered            LEAVING   flux or report again
 //                             0.15 s passed                      FINISHED
-// HELLO,                      hello of a later node of its name  the same  REFUSE to the sender
+// HELLO or                    hello of a later node of its name  the same  REFUSE to the sender
 // RUNNING                     own failure, interrupt             FAILING
-// all of                      REFUSE of this node                FINISHED
-//   these
+// HELLO to                    REFUSE of this node                FINISHED
+// FAILING
 #ifndef PM_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_NODE_H
 

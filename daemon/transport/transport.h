@@ -1,9 +1,8 @@
 // Carries messages, as bytes, between processes or within one. The URL chooses how:
-//   udpm://, mpudpm://   LCM over UDP multicast, best effort (transport_lcm.c). Messages to udpm
-//   are
-//                        received on a filtered socket of this program (receiver.h), unless the URL
-//                        says "?receive=lcm".
+//   udpm://, mpudpm://   LCM over UDP multicast, best effort (transport_lcm.c)
 //   memory://            between the endpoints of one hub in this thread (transport_memory.c)
+// With udpm, messages arrive on a filtered socket of this program (receiver.h), unless the URL says
+// "?receive=lcm".
 // A transport is a table of functions (transport_table.h) and one line in transport.c. With a key,
 // a transport that seals and checks messages (transport_sealed.c) stands in front of any of them.
 //

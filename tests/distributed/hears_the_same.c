@@ -1,6 +1,6 @@
-// What one transport publishes on a multicast network, an endpoint on liblcm's receiver and one on
-// our own must hear alike: short messages, fragmented ones, nothing of other channels, nothing of
-// foreign bytes. Run in a private network.
+// Compares liblcm's receiver with this program's. Both must receive the same messages that a
+// transport publishes, short and fragmented, and neither messages of other channels nor foreign
+// bytes. Runs in a private network.
 #include <arpa/inet.h>
 #include <poll.h>
 #include <stdbool.h>

@@ -1,7 +1,7 @@
 // relay PROCESS SECONDS SEED: a bad cable, for tests in private networks. Carries the datagrams of
-// LCM's default group between this network and that of another process, and with some of them sends
-// one more later, or lets others overtake. It says "carries" when it does. At its end, at the
-// latest after SECONDS, it tells how often.
+// LCM's default group between this network and that of another process. It repeats some of them
+// later, and delays some so that others overtake. It prints "carries" when it is ready. At its end,
+// at the latest after SECONDS, it prints how many it repeated and delayed.
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -1,5 +1,5 @@
-// same_recording A B: do two HDF5 files hold the same datasets, bit by bit? The files themselves
-// differ, as HDF5 notes the time of writing.
+// same_recording A B: compares the datasets of two HDF5 files, bit by bit. The files themselves
+// differ, since HDF5 stores the time of writing.
 #include <hdf5.h>
 #include <stdio.h>
 #include <stdlib.h>

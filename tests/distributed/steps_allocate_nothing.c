@@ -1,7 +1,7 @@
-// The steps of a run over LCM allocate nothing in our code, checkpoints and seals included:
-// coordinator and nodes in one thread, each with its own endpoint, on liblcm's receiver and on our
-// own. Counted are calls from our code, and stdio's; what liblcm takes for itself is not ours. Run
-// in a private network, with a folder for the checkpoints.
+// Checks that the steps of a run over LCM allocate nothing in this program's code, with checkpoints
+// and seals. Coordinator and nodes run in one thread, each with its own endpoint, on liblcm's
+// receiver and on this program's. Allocations by this program and by stdio count; those of liblcm
+// do not. Runs in a private network, with a folder for the checkpoints.
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>

@@ -1,9 +1,8 @@
-// stranger MODE SECONDS: somebody on the network who means ill, for tests in a private one. In
-// either mode it sends datagrams of 92 bytes whose array counts crash LCM's own decoders, and
-// garbage on the scene's channels. With MODE "echo" it also sends everything that it hears again:
-// cut, with a bit turned, on another channel, and as it was, at once and much later. That no scene
-// survives without a key. After each round of its own it prints how many there were, and how many
-// messages it has sent again.
+// stranger MODE SECONDS: an attacker, for tests in a private network. In either mode it sends
+// datagrams of 92 bytes whose array counts crash LCM's own decoders, and garbage on the scene's
+// channels. With MODE "echo" it also sends every message that it receives again: cut, with a bit
+// turned, on another channel, and unchanged, at once and much later. No scene without a key
+// survives that. After each round it prints the number of rounds and of messages sent again.
 #include <arpa/inet.h>
 #include <poll.h>
 #include <stdbool.h>

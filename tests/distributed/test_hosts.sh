@@ -1,7 +1,7 @@
 #!/bin/sh
 # test_hosts.sh PORTMETD MAKE_SCENE SAME_RECORDING: nodes on two and on three hosts, here network
-# namespaces joined by virtual cables. A cable that is cut for a moment changes nothing. Scenes side by
-# side do not hear each other.
+# namespaces joined by virtual cables. A cut cable makes the run pause, and changes no bit when it is mended.
+# Scenes side by side do not disturb each other.
 . "$(dirname "$0")/network.sh"
 url='udpm://239.255.76.67:7667?ttl=1'
 steps=300

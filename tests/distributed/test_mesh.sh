@@ -1,6 +1,6 @@
 #!/bin/sh
 # test_mesh.sh PORTMETD MAKE_SCENE SAME_RECORDING PORTMET_TRAIN: two bodies that are networks on a mesh,
-# one of them under a load, run over LCM with the bits of a single process.
+# one of them with a boundary input, run over LCM with the bits of a single process.
 . "$(dirname "$0")/network.sh"
 train=$4
 configs=$(dirname "$0")/../../configs

@@ -1,6 +1,6 @@
 #!/bin/sh
-# test_receive.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME: our own receiving socket hears what
-# liblcm hears, and a scene whose processes receive in different ways computes the same bits.
+# test_receive.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME: the program's own socket receives the
+# same messages as liblcm, and a scene whose processes receive in different ways computes the same bits.
 . "$(dirname "$0")/network.sh"
 
 "$4" || fail "hears_the_same"

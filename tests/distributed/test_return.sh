@@ -20,7 +20,7 @@ strict=$folder/scene_strict.yaml
 sed -e '/^lockstep:/d' -e 's/^time:.*/time: {dt: 0.001, steps: 20, integrator: euler}/' \
     -e '/^time:/i lockstep: {window: 1, checkpoint: 50}' -e 's/^scene: .*/scene: strict/' "$chain" >"$strict"
 
-# An implicit integrator, a part under a load, one at rest, and sealed messages.
+# An implicit integrator, a part with a boundary input, one at rest, and sealed messages.
 mixed=$folder/scene_mixed.yaml
 head -c 32 /dev/urandom >"$folder/mixed.key"
 chmod 600 "$folder/mixed.key"

@@ -1,7 +1,7 @@
 #!/bin/sh
 # test_scenes.sh PORTMETD MAKE_SCENE SAME_RECORDING: scenes assembled from the shipped weights run, stay
 # close to their references and keep both laws: parts used many times (chains), a circle of three
-# subsystems and ports (gas containers), known parts, contact, parts under a load and assembled after it.
+# subsystems and ports (gas containers), known parts, contact, parts with boundary inputs.
 # In processes over LCM the bits are the same.
 . "$(dirname "$0")/network.sh"
 configs=$(dirname "$0")/../../configs
