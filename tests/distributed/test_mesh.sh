@@ -61,7 +61,10 @@ ports: {joint: joint, grip: grip}
 loss: {residual: step}
 stages: [{optimiser: adam, iterations: 1, batch: 4, rate: 1.0e-3}]
 EOF
-does fit "$folder/train.yaml" --data "$folder/nodes.h5" -o "$folder/weights"
+# One iteration makes weights, though not good ones: the exit code 13 says so.
+"$train" fit "$folder/train.yaml" --data "$folder/nodes.h5" -o "$folder/weights" >"$folder/fit.out" 2>&1
+code=$?
+[ $code -eq 0 ] || [ $code -eq 13 ] || fail "fit: exit code $code: $(cat "$folder/fit.out")"
 
 "$portmetd" run "$folder/mesh.yaml" --in-process --quiet --record "$folder/plain.h5" || fail "in process"
 start run run "$folder/mesh.yaml" --quiet --record "$folder/lcm.h5"
