@@ -27,7 +27,7 @@ static pm_status build_all(const pm_setup *setup, int *rounds) {
 static void print_header(const pm_setup *setup, int rounds) {
     const pm_scene *scene = setup->scene;
     printf("scene %s (%s)\n", scene->name, scene->path);
-    printf("  time       %d steps of %g s, %s, ", scene->steps, scene->dt, scene->integrator);
+    printf("  time       %d steps of %g s, %s, ", scene->steps, scene->dt, scene->integrator->name);
     if (scene->tolerance > 0) {
         printf("substeps for a tolerance of %g, at least %d\n", scene->tolerance, scene->substeps);
     } else {

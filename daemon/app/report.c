@@ -254,7 +254,7 @@ void pm_report_print(const pm_report *report, const pm_ledger *ledger, const cha
                      double seconds) {
     const pm_scene *scene = report->setup->scene;
     printf("%s: %ld steps of %g s, %s with ", scene->name, report->steps, scene->dt,
-           scene->integrator);
+           scene->integrator->name);
     if (scene->tolerance > 0) {
         printf("substeps for a tolerance of %g; ", scene->tolerance);
     } else {

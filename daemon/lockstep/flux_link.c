@@ -30,7 +30,7 @@ pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_
                                 int process_id) {
     int nend, ny;
     measure(scene, process_id, -1, PM_END_A, &nend, &ny);
-    const pm_integrator *integrator = pm_integrator_find(scene->integrator);
+    const pm_integrator *integrator = scene->integrator;
     const int nresponse = integrator != NULL && integrator->discrete ? ny : 0;
     const size_t count = 2 * (size_t)nend + 3 * (size_t)ny + (size_t)nresponse;
     double *memory = pm_arena_array(arena, count, sizeof(double));

@@ -6,7 +6,7 @@
 #define MOST_STEPS 16 // half of them make one report
 
 static bool has_one_round(const pm_scene *scene) {
-    const pm_integrator *integrator = pm_integrator_find(scene->integrator);
+    const pm_integrator *integrator = scene->integrator;
     return integrator != NULL && integrator->nstage == 1 && scene->substeps == 1;
 }
 

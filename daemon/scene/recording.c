@@ -179,7 +179,7 @@ static pm_status create_all(pm_recording *r) {
     PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 1));
     PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
-    PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator->name));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
     PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
     for (int i = 0; i < r->ncolumn; ++i) {

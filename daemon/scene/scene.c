@@ -36,12 +36,13 @@ static pm_status read_integrator(pm_scene_reader *r, pm_yaml time) {
     pm_scene *scene = r->scene;
     pm_yaml value;
     PM_TRY(pm_yaml_require(time, "integrator", &value));
-    PM_TRY(pm_yaml_text(value, r->arena, &scene->integrator));
+    const char *name = NULL;
+    PM_TRY(pm_yaml_text(value, r->arena, &name));
     PM_TRY(pm_scene_read_at(r, value, &scene->integrator_at));
-    return pm_integrator_find(scene->integrator) != NULL
-               ? PM_OK
-               : pm_yaml_fail(value, "expected one of %s, found \"%.64s\"", pm_integrator_names(),
-                              scene->integrator);
+    scene->integrator = pm_integrator_find(name);
+    return scene->integrator != NULL ? PM_OK
+                                     : pm_yaml_fail(value, "expected one of %s, found \"%.64s\"",
+                                                    pm_integrator_names(), name);
 }
 
 static pm_status read_time(pm_scene_reader *r) {

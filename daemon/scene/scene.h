@@ -12,6 +12,7 @@
 #include "base/arena.h"
 #include "base/status.h"
 #include "model/spec.h"
+#include "scene/integrator.h"
 
 // In all structures below a member `x_at` is the place, "file:line:column", at which the scene
 // gives x, for errors that are found after the scene was read.
@@ -79,13 +80,14 @@ typedef struct pm_scene {
     const char *key_file, *key_file_at; // key that seals messages (transport/seal.h); NULL: none
     double dt;                          // s, of a step
     int steps;
-    const char *integrator, *integrator_at; // a name in the table of integrator.h
-    int substeps;                           // per step; the fewest if there is a tolerance
-    double tolerance;                       // relative error of a substep; 0: substeps are fixed
-    int window;                             // steps that a process may be ahead of another
-    double patience;                        // s to wait for a silent peer before giving up
-    int checkpoint;                         // steps between two checkpoints of a process
-    const char *reference, *reference_at;   // dataset to compare with; NULL: none
+    const pm_integrator *integrator; // of the table in integrator.h; nobody frees it
+    const char *integrator_at;
+    int substeps;                         // per step; the fewest if there is a tolerance
+    double tolerance;                     // relative error of a substep; 0: substeps are fixed
+    int window;                           // steps that a process may be ahead of another
+    double patience;                      // s to wait for a silent peer before giving up
+    int checkpoint;                       // steps between two checkpoints of a process
+    const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
     const char *reference_trajectory_at;        // place of the whole reference if none is named
     double energy_tolerance, entropy_tolerance; // relative residuals of both laws on a hard port

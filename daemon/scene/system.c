@@ -167,7 +167,7 @@ static uint64_t digest_system(const pm_system *system) {
     digest = pm_digest_integer(digest, scene->checkpoint);
     digest =
         pm_digest_doubles(digest, &scene->largest_departure, 1); // beyond which a node ends the run
-    digest = pm_digest_text(digest, scene->integrator);
+    digest = pm_digest_text(digest, scene->integrator->name);
     digest = pm_digest_integer(digest, scene->substeps);
     digest = pm_digest_doubles(digest, &scene->tolerance, 1);
     digest = pm_digest_integer(digest, scene->nsubsystem);

@@ -17,7 +17,7 @@ static pm_status check_rate(const pm_scene *scene, const pm_network_spec *rate,
                             const pm_provenance *p, const char *at, const char *name) {
     const double step = scene->dt / scene->substeps;
     if (!hold_for_one_step(rate, p) ||
-        (strcmp(p->integrator, scene->integrator) == 0 && scene->tolerance == 0 &&
+        (strcmp(p->integrator, scene->integrator->name) == 0 && scene->tolerance == 0 &&
          fabs(p->step - step) <= SAME_STEP * step)) {
         return PM_OK;
     }
@@ -25,7 +25,7 @@ static pm_status check_rate(const pm_scene *scene, const pm_network_spec *rate,
                    "%s: %s: the weights %s say what happens within a step of %.9g s of "
                    "%.40s, and hold for no other; the scene takes steps of %s%.9g s of %s",
                    at, name, p->path, p->step, p->integrator, scene->tolerance > 0 ? "up to " : "",
-                   step, scene->integrator);
+                   step, scene->integrator->name);
 }
 
 pm_status pm_system_check_steps(const pm_system *system) {

@@ -18,13 +18,13 @@ pm_status pm_step_controller_init(pm_step_controller *controller, const pm_scene
     const bool chosen = scene->tolerance > 0;
     *controller = (pm_step_controller){
         .scene = scene,
-        .integrator = pm_integrator_find(scene->integrator),
+        .integrator = scene->integrator,
         .substeps = chosen ? whole(scene, MOST_RISE * scene->substeps) : scene->substeps};
     if (chosen && controller->integrator->embedded == 0) {
         return pm_fail(
             PM_ECONFIG,
             "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",
-            scene->integrator_at, scene->integrator);
+            scene->integrator_at, scene->integrator->name);
     }
     return chosen && scene->substeps > PM_MOST_SUBSTEPS
                ? pm_fail(PM_ECONFIG,

@@ -46,7 +46,7 @@ static pm_status open_state(pm_subsystem *s) {
 
 static pm_status open_all(pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
-    s->integrator = pm_integrator_find(scene->integrator);
+    s->integrator = scene->integrator;
     s->substeps = scene->substeps;
     s->h = scene->dt / scene->substeps;
     const pm_part *part = &s->system->part[s->id];

@@ -55,7 +55,7 @@ static pm_status roll_out(const bench *b, setting how, double *z, double *drift,
     pm_monolithic *assembly = NULL;
     pm_status status = PM_OK;
     long steps = 0;
-    b->scene->integrator = how.integrator;
+    b->scene->integrator = pm_integrator_find(how.integrator);
     b->scene->substeps = how.substeps;
     for (int i = 0; i < 2; ++i) {
         b->scene->subsystem[i].substeps = how.own[i];

@@ -91,7 +91,7 @@ static void start_of(const pm_chain *chain, double *z) {
 
 static void roll_out(const pendula *p, const double *start, const char *method, int substeps,
                      double z[STEPS + 1][NZ]) {
-    p->scene->integrator = method;
+    p->scene->integrator = pm_integrator_find(method);
     p->scene->substeps = substeps;
     pm_monolithic *assembly = NULL;
     require(pm_monolithic_open(&assembly, p->system));
@@ -202,7 +202,7 @@ static void given_pairs_dissipate(void **state) {
     require(pm_monolithic_open(&assembly, system));
     pm_monolithic_set_state(assembly, start);
     const double T[] = {300 * exp(0.1 / 5), 250 * exp(-0.2 / 4)}, v2 = 13.0 / 4;
-    scene->integrator = "euler";
+    scene->integrator = pm_integrator_find("euler");
     scene->dt = 1e-6;
     pm_monolithic *tiny = NULL;
     require(pm_monolithic_open(&tiny, system));

@@ -89,7 +89,7 @@ static void open(boundary_inputs *l, uint64_t seed, const char *integrator, doub
     // The two ends of `tip` differ in their order of groups: the model's layouts follow the scene.
     random_system_of_text(&l->w, seed, loaded, random_system_part, random_system_port);
     calm(&l->w);
-    l->w.scene->integrator = integrator;
+    l->w.scene->integrator = pm_integrator_find(integrator);
     l->w.scene->substeps = strcmp(integrator, "euler") == 0 ? 1 : 2;
     l->w.scene->dt = dt;
     require(l, pm_dataset_new(&l->data, 1, NTIME, NCOLUMN, dt * stride, columns));
@@ -241,7 +241,7 @@ static void a_part_cannot_tell_a_boundary_input_from_a_neighbour(void **state) {
         random_system_of_text(&pair, seed, random_system_scene, random_system_part,
                               random_system_port);
         random_system_of_text(&one, seed, alone, random_system_part, random_system_port);
-        pair.scene->integrator = "euler";
+        pair.scene->integrator = pm_integrator_find("euler");
         copy_params(&pair.system->part[1].params, &one.system->part[0].params);
         copy_params(&pair.system->port[0].params, &one.system->port[0].params);
         pm_dataset *data = show(&pair);

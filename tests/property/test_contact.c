@@ -162,7 +162,7 @@ static void open(scene *s, const char *text, const double *start, const char *in
                  int substeps) {
     *s = (scene){0};
     require(pm_scene_parse(&s->scene, text, "contact.yaml"));
-    s->scene->integrator = integrator;
+    s->scene->integrator = pm_integrator_find(integrator);
     s->scene->substeps = substeps;
     require(pm_system_load(&s->system, s->scene, NULL));
     require(pm_monolithic_open(&s->assembly, s->system));

@@ -82,7 +82,7 @@ typedef struct run {
 static void boundary_input(run *r, const char *text, const char *integrator) {
     *r = (run){0};
     require(pm_scene_parse(&r->scene, text, "floor.yaml"));
-    r->scene->integrator = integrator;
+    r->scene->integrator = pm_integrator_find(integrator);
     require(pm_system_load(&r->system, r->scene, NULL));
 }
 

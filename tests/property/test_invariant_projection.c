@@ -44,7 +44,7 @@ static double entropy_of(const pm_sample *sample, int i) {
 }
 
 static departure roll_out(const random_system *w, const char *integrator, double dt) {
-    w->scene->integrator = integrator;
+    w->scene->integrator = pm_integrator_find(integrator);
     w->scene->dt = dt;
     w->scene->substeps = 2;
     pm_monolithic *assembly = NULL;

@@ -63,7 +63,7 @@ static outcome roll_out(setting how) {
     outcome o;
     require(pm_scene_parse(&scene, text, "vibration.yaml"));
     require(pm_system_load(&system, scene, NULL));
-    scene->integrator = how.integrator;
+    scene->integrator = pm_integrator_find(how.integrator);
     scene->substeps = how.substeps;
     scene->subsystem[0].substeps = how.own;
     require(pm_monolithic_open(&assembly, system));
@@ -139,7 +139,7 @@ static void only_multirate_integrators_have_own_steps(void **state) {
     pm_monolithic *assembly = NULL;
     require(pm_scene_parse(&scene, text, "vibration.yaml"));
     require(pm_system_load(&system, scene, NULL));
-    scene->integrator = "rk4";
+    scene->integrator = pm_integrator_find("rk4");
     scene->subsystem[0].substeps = 2;
     scene->subsystem[0].substeps_at = "vibration.yaml:17:20";
     assert_int_equal(pm_monolithic_open(&assembly, system), PM_ECONFIG);

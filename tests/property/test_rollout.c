@@ -106,7 +106,7 @@ static void rotating_the_start_rotates_the_rollout(void **state) {
 // --- order of convergence ---
 
 static void steps_of(random_system *w, const char *integrator, double dt) {
-    w->scene->integrator = integrator;
+    w->scene->integrator = pm_integrator_find(integrator);
     w->scene->dt = dt;
     w->scene->substeps = 1;
 }
@@ -172,8 +172,8 @@ static void graph_step(const random_system *w, const double *z0, double *z) {
     for (int i = 0; i < 2; ++i) {
         part[i] = pm_slice(g, input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
     }
-    pm_build_step(g, w->system, pm_integrator_find(scene->integrator), scene->dt / scene->substeps,
-                  scene->substeps, part, PM_NO_NODE, &degeneracy, &work);
+    pm_build_step(g, w->system, scene->integrator, scene->dt / scene->substeps, scene->substeps,
+                  part, PM_NO_NODE, &degeneracy, &work);
     const pm_node output = pm_concat(g, 2, part);
     assert_int_equal(pm_program_open(&program, g, 1, &output, 1), PM_OK);
     memcpy(pm_program_value(program, input), z0, (size_t)scene->nz * sizeof *z0);
@@ -213,7 +213,7 @@ static void trainer_takes_the_same_step(void **state) {
         random_system w;
         double served[MAX_NZ], trained[MAX_NZ];
         random_system_random(&w, seed, seed % 2 == 0 ? PM_HARD : PM_SOFT);
-        w.scene->integrator = integrator[seed % 4];
+        w.scene->integrator = pm_integrator_find(integrator[seed % 4]);
         w.scene->substeps = 1 + (int)(seed % 3);
         const bool ran_away = try_roll_out(&w, w.z, 1, served) != PM_OK;
         finite += ran_away ? 0 : 1;

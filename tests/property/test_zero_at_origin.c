@@ -78,7 +78,7 @@ static void check_samples(const random_system *w, const pm_sample *x, const pm_s
 static void check_against_new(const char *integrator, uint64_t seed) {
     random_system w;
     open_chain(&w, seed);
-    w.scene->integrator = integrator;
+    w.scene->integrator = pm_integrator_find(integrator);
     pm_monolithic *kept = open(&w), *anew = open(&w);
     for (int i = 0; i < STEPS; ++i) {
         double z[COUNT * NZ];
@@ -181,7 +181,7 @@ static void check_return(const char *integrator, bool still) {
     } else {
         open_chain(&w, 1);
     }
-    w.scene->integrator = integrator;
+    w.scene->integrator = pm_integrator_find(integrator);
     pm_subsystem *kept[COUNT], *returned[COUNT];
     for (int i = 0; i < COUNT; ++i) {
         assert_int_equal(pm_subsystem_open(&kept[i], w.system, i), PM_OK);

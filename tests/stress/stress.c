@@ -92,7 +92,7 @@ static pm_status subject_open(subject *s, const stress *t, const char *name) {
 
 static void set_time(const subject *s, double dt, const char *integrator, int substeps) {
     s->scene->dt = dt;
-    s->scene->integrator = integrator;
+    s->scene->integrator = pm_integrator_find(integrator);
     s->scene->substeps = substeps;
 }
 

@@ -159,7 +159,7 @@ void cluster_open_dealt(cluster *c, int nlink, int count, int window, pm_hub *hu
 void cluster_open_quick(cluster *c, int count, int window, pm_hub *hub, int64_t session,
                         const char *folder) {
     begin(c, count, count, window, hub, session, folder);
-    c->f.scene->integrator = "euler";
+    c->f.scene->integrator = pm_integrator_find("euler");
     c->f.scene->substeps = 1;
     c->f.scene->checkpoint = QUICK_CHECKPOINT;
     open_rest(c);

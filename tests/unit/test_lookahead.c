@@ -36,7 +36,7 @@ static void test_which_scenes_may(void **context) {
         fixture_open(&f, cases[i].count, 1);
         f.scene->window = cases[i].window;
         f.scene->checkpoint = cases[i].checkpoint;
-        f.scene->integrator = "euler";
+        f.scene->integrator = pm_integrator_find("euler");
         f.scene->substeps = cases[i].substeps;
         f.scene->tolerance = cases[i].tolerance;
         if (pm_lookahead(f.scene) != cases[i].lookahead ||

@@ -30,8 +30,9 @@ static pm_scene_subsystem subsystem[2] = {
      .first = 3},
 };
 static pm_scene_port port[1] = {{.name = "joint", .subsystem = {1, 0}}};
+static const pm_integrator method = {.name = "rk4"};
 static const pm_scene scene = {.name = "trial",
-                               .integrator = "rk4",
+                               .integrator = &method,
                                .dt = 0.5,
                                .substeps = 2,
                                .nsubsystem = 2,
@@ -264,7 +265,7 @@ static void components_of_large_states_are_named_by_group(void **state) {
                    .nz = 10001,
                    .group = {{.name = "q", .unit = "m", .size = 10000}, {"s", "J/K", 1, 10000}}}};
     pm_scene large = {
-        .name = "large", .integrator = "euler", .nsubsystem = 1, .subsystem = &body, .nz = 10001};
+        .name = "large", .integrator = &method, .nsubsystem = 1, .subsystem = &body, .nz = 10001};
     pm_recording *recording = NULL;
     assert_int_equal(pm_recording_open(&recording, path, &large), PM_OK);
     assert_int_equal(pm_recording_close(recording), PM_OK);

@@ -56,7 +56,7 @@ static void test_settings(void **state) {
     assert_string_equal(scene->url, "udpm://239.255.76.67:7667?ttl=1");
     assert_true(scene->dt == 0.3);
     assert_int_equal(scene->steps, 200);
-    assert_string_equal(scene->integrator, "rk4");
+    assert_string_equal(scene->integrator->name, "rk4");
     assert_string_equal(scene->integrator_at, "dir/t.yaml:3:41");
     assert_int_equal(scene->substeps, 8);
     assert_string_equal(scene->reference, "dir/ref.h5");
@@ -322,7 +322,8 @@ static const yaml_case bad_driven[] = {
     {"x: {unit: m, dE: [1e3]}", "x: {unit: m, dS: [1e3]}", "{unit: m", "x: missing key \"dE\""},
     {"x: {unit: m, dE", "x: {dE", "{dE", "x: missing key \"unit\""},
     {"dS: 1}", "dS: [1, 0]}", "[1, 0]", "dS: expected 1 as under \"dE\", found 2"},
-    {"[pivot, a]", "[pivot, hand]", "[pivot, hand]", "a subsystem at one end, found two boundary inputs"},
+    {"[pivot, a]", "[pivot, hand]", "[pivot, hand]",
+     "a subsystem at one end, found two boundary inputs"},
     {"[pivot, a]", "[pivo, a]", "pivo, a",
      "no subsystem or boundary input \"pivo\"; there are: a, pivot, hand"},
     {"pivot: [s, p]", "pivot: [s, q]", "q], a", "pivot has no group \"q\"; groups: p, s"},

@@ -174,7 +174,7 @@ void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained,
     print_thermo(e, thermo);
     print_laws(e, &s);
     const pm_scene *scene = e->system->scene;
-    printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator);
+    printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator->name);
     if (scene->tolerance > 0) {
         printf("tolerance %g)\n", scene->tolerance);
     } else {

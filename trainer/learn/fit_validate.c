@@ -19,7 +19,7 @@ static int rollouts_of(const pm_fit *f) {
 
 int pm_fit_interval(const pm_fit *f, const pm_stage *stage) {
     const pm_scene *scene = f->training->scene;
-    const pm_integrator *served = pm_integrator_find(scene->integrator);
+    const pm_integrator *served = scene->integrator;
     const pm_loss *loss = &stage->loss;
     const double samples = (double)f->split.ntraining * f->dataset->ntime;
     const bool least_squares = strcmp(stage->optimiser->name, "gauss_newton") == 0;

@@ -296,14 +296,10 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
 static pm_status read_stages(pm_training *t, pm_yaml root) {
     static const char *const loss_keys[] = {LOSS_KEYS, NULL};
     pm_stage common = {.loss = {.residual = PM_RESIDUAL_STEP,
-                                .integrator = pm_integrator_find(t->scene->integrator),
+                                .integrator = t->scene->integrator,
                                 .substeps = t->scene->substeps,
                                 .degeneracy = 1},
                        .unroll = 1};
-    if (common.loss.integrator == NULL) {
-        return pm_fail(PM_ECONFIG, "%s: unknown integrator \"%s\", expected one of: %s",
-                       t->scene->integrator_at, t->scene->integrator, pm_integrator_names());
-    }
     const pm_yaml loss = pm_yaml_get(root, "loss");
     if (pm_yaml_exists(loss)) {
         PM_TRY(pm_yaml_allow(loss, loss_keys));

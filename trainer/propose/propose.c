@@ -24,7 +24,7 @@ static void write_head(const pm_draft *d) {
     fprintf(f, "# The fastest variable changes its rate at %.3g per s: %.3g per step of %g s. ",
             d->look.fastest, d->look.fastest * d->p->scene->dt, d->p->scene->dt);
     const double wanted = ceil(d->look.fastest * d->p->scene->dt / RESOLVED);
-    fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", d->p->scene->integrator,
+    fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", d->p->scene->integrator->name,
             d->p->scene->substeps,
             wanted <= d->p->scene->substeps
                 ? "that is enough"

@@ -124,9 +124,8 @@ static pm_status measure_rollouts(const pm_evaluation *e, const pm_truth *truth,
 // The residuals that every training of the scene would best have made small, whatever it did.
 static pm_status measure_step(pm_system *system, const pm_dataset *dataset, study_score *score) {
     const pm_scene *scene = system->scene;
-    const pm_loss loss = {.residual = PM_RESIDUAL_STEP,
-                          .integrator = pm_integrator_find(scene->integrator),
-                          .substeps = scene->substeps};
+    const pm_loss loss = {
+        .residual = PM_RESIDUAL_STEP, .integrator = scene->integrator, .substeps = scene->substeps};
     pm_samples samples = {.count = 0};
     pm_objective *objective = NULL;
     double *gradient = NULL;

@@ -102,7 +102,7 @@ static pm_box box_of_errors(const pm_evaluation *e, const pm_dataset *truth) {
 
 static pm_status roll_out(const bench *b, const char *method, int substeps, pm_evaluation **e) {
     const pm_evaluate_how how = {.threads = 1};
-    b->scene->integrator = method;
+    b->scene->integrator = pm_integrator_find(method);
     b->scene->substeps = substeps;
     b->scene->tolerance = b->tolerance;
     return pm_evaluate(e, b->system, b->physics, 0, TRAJECTORIES, &how);
