@@ -9,7 +9,9 @@
 // where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
 // frame). An irreversible pair that is given is degenerate as it stands (spec.h) and is added to
 // that. P is equation (2) of the hard form, a projection orthogonal in scaled coordinates.
-// It is applied twice, since the first pass leaves the rounding of what it takes away.
+// A learned irreversible operator that names the groups which take up its heat is built by
+// dissipation.h instead, and couplings that are known by given.h.
+// The projection is applied twice, since the first pass leaves the rounding of what it takes away.
 #ifndef PM_MODEL_OPERATOR_H
 #define PM_MODEL_OPERATOR_H
 

@@ -1,6 +1,7 @@
 // The `model:` block, the same text in a training file and in a weights file's attribute:
 //
-//   constants: {m: 2.0}             # numbers that formulas name
+//   constants: {m: 2.0, g: {learned: 0.1, positive: true}}  # numbers that formulas name, known or
+//                                 # learned from where they start
 //   form: hard                      # default; or soft; or free, which has nothing but a rate
 //   energy:                         # a formula, a network, {given: groups}, or a list of them,
 //     - "|p|^2/(2*m)"               # summed; or none
@@ -10,7 +11,8 @@
 //     given: [[q, p, 1.0]]          # both; or none
 //     learned: {acts_on: [p, s], along: ["q/|q|^2"], features: ["ln|q|"], hidden: [8]}
 //   irreversible:
-//     given: [[p, s, "0.1*dE.s"]]   # coefficients are numbers or formulas
+//     given: [[p, s, "0.1*dE.s"]]   # coefficients are numbers or formulas (spec.h: cross products,
+//                                 # components "m[0]", friction by differences)
 //     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
 //   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
 //   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh/mesh.h),
