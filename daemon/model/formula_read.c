@@ -11,26 +11,26 @@
 #define MAX_DEPTH 32 // of brackets and signs
 #define MAX_WHOLE 16 // exponents that are products
 
-typedef struct reader {
+typedef struct formula_reader {
     const pm_formula *formula;
     const pm_symbols *symbols;
     const char *at; // what is still to be read
     int depth;
     bool vectors; // are possible here
     pm_formula_steps *steps;
-} reader;
+} formula_reader;
 
-static pm_status fail(const reader *r, const char *expected) {
+static pm_status fail(const formula_reader *r, const char *expected) {
     const bool end = *r->at == '\0';
     return pm_fail(PM_ECONFIG, "formula \"%.100s\": expected %s at %s%.20s%s", r->formula->text,
                    expected, end ? "its end" : "\"", r->at, end ? "" : "\"");
 }
 
-static void skip_blanks(reader *r) {
+static void skip_blanks(formula_reader *r) {
     r->at += strspn(r->at, " ");
 }
 
-static bool take(reader *r, char c) {
+static bool take(formula_reader *r, char c) {
     skip_blanks(r);
     if (*r->at != c) {
         return false;
@@ -39,7 +39,7 @@ static bool take(reader *r, char c) {
     return true;
 }
 
-static pm_status add_step(reader *r, pm_step s, int *result) {
+static pm_status add_step(formula_reader *r, pm_step s, int *result) {
     if (r->steps->count == PM_MAX_STEPS) {
         return pm_fail(PM_ECONFIG, "formula \"%.100s\": more than %d operations", r->formula->text,
                        PM_MAX_STEPS);
@@ -74,7 +74,7 @@ static double compute(pm_step_kind kind, double a, double b) {
 }
 
 // Of numbers alone it is a number.
-static pm_status add_operation(reader *r, pm_step_kind kind, int a, int b, int *result) {
+static pm_status add_operation(formula_reader *r, pm_step_kind kind, int a, int b, int *result) {
     const int width = r->steps->step[a].width, other = r->steps->step[b].width;
     pm_step s = {.kind = kind, .width = width > other ? width : other, .a = a, .b = b};
     if (width != other && width != 1 && other != 1) {
@@ -92,9 +92,9 @@ static pm_status add_operation(reader *r, pm_step_kind kind, int a, int b, int *
     return add_step(r, s, result);
 }
 
-static pm_status read_sum(reader *r, int *result);
+static pm_status read_sum(formula_reader *r, int *result);
 
-static pm_status read_number(reader *r, int *result) {
+static pm_status read_number(formula_reader *r, int *result) {
     char *end;
     const pm_step s = {.kind = PM_STEP_NUMBER, .width = 1, .number = strtod(r->at, &end)};
     if (!isfinite(s.number)) {
@@ -108,7 +108,7 @@ static bool is_name_character(char c) {
     return isalnum((unsigned char)c) || c == '_' || c == '.';
 }
 
-static pm_status read_name(reader *r, char name[PM_MAX_NAME]) {
+static pm_status read_name(formula_reader *r, char name[PM_MAX_NAME]) {
     size_t length = 0;
     skip_blanks(r);
     while (is_name_character(r->at[length])) {
@@ -123,7 +123,7 @@ static pm_status read_name(reader *r, char name[PM_MAX_NAME]) {
     return PM_OK;
 }
 
-static pm_status add_feature(reader *r, pm_step s, int *result) {
+static pm_status add_feature(formula_reader *r, pm_step s, int *result) {
     PM_TRY(pm_feature_size(s.feature, r->symbols, &s.size));
     if (s.component >= s.size) {
         return pm_fail(PM_ECONFIG, "formula \"%.100s\": %s has %d components, the first is %s[0]",
@@ -145,7 +145,7 @@ static bool is_lone_name(const char *at) {
 }
 
 // After |min( of something else than a name: ..., 0)|^2.
-static pm_status read_negative_squared(reader *r, int *result) {
+static pm_status read_negative_squared(formula_reader *r, int *result) {
     const bool outer = r->vectors;
     pm_step s = {.kind = PM_STEP_NEGATIVE_SQUARED, .width = 1};
     r->vectors = true;
@@ -160,7 +160,7 @@ static pm_status read_negative_squared(reader *r, int *result) {
 }
 
 // |x|, |min(x,0)| or <x,y>, as a feature; with a square the former, which are smooth.
-static pm_status read_invariant(reader *r, int *result) {
+static pm_status read_invariant(formula_reader *r, int *result) {
     char x[PM_MAX_NAME], y[PM_MAX_NAME];
     pm_step s = {.kind = PM_STEP_FEATURE};
     const bool norm = *r->at++ == '|';
@@ -193,12 +193,12 @@ static pm_status read_invariant(reader *r, int *result) {
     return add_feature(r, s, result);
 }
 
-static pm_status read_bracket(reader *r, int *result) {
+static pm_status read_bracket(formula_reader *r, int *result) {
     PM_TRY(read_sum(r, result));
     return take(r, ')') ? PM_OK : fail(r, "\")\"");
 }
 
-static pm_status read_function(reader *r, const char *name, int *result) {
+static pm_status read_function(formula_reader *r, const char *name, int *result) {
     static const struct {
         const char *name;
         pm_step_kind kind;
@@ -220,7 +220,7 @@ static bool is_known(const pm_constants *constants, int i) {
     return constants->learned == NULL || constants->learned[i] == PM_CONSTANT_KNOWN;
 }
 
-static pm_status read_named(reader *r, int *result) {
+static pm_status read_named(formula_reader *r, int *result) {
     const pm_constants *constants = r->formula->constants;
     pm_step s = {.kind = PM_STEP_FEATURE};
     PM_TRY(read_name(r, s.feature));
@@ -255,7 +255,7 @@ static pm_status read_named(reader *r, int *result) {
     return add_feature(r, s, result);
 }
 
-static pm_status read_operand(reader *r, int *result) {
+static pm_status read_operand(formula_reader *r, int *result) {
     skip_blanks(r);
     if (isdigit((unsigned char)*r->at) || *r->at == '.') {
         return read_number(r, result);
@@ -267,7 +267,7 @@ static pm_status read_operand(reader *r, int *result) {
 }
 
 // base^exponent as products, or else as exp(exponent ln(base)).
-static pm_status add_power(reader *r, int base, double exponent, int *result) {
+static pm_status add_power(formula_reader *r, int base, double exponent, int *result) {
     const int whole = fabs(exponent) <= MAX_WHOLE ? (int)exponent : 0;
     pm_step number = {.kind = PM_STEP_NUMBER, .width = 1, .number = 1};
     if (whole != exponent) {
@@ -289,9 +289,9 @@ static pm_status add_power(reader *r, int base, double exponent, int *result) {
     return whole == 0 ? PM_OK : add_operation(r, PM_STEP_DIVIDE, *result, power, result);
 }
 
-static pm_status read_signed(reader *r, int *result);
+static pm_status read_signed(formula_reader *r, int *result);
 
-static pm_status read_power(reader *r, int *result) {
+static pm_status read_power(formula_reader *r, int *result) {
     int exponent = 0;
     PM_TRY(read_operand(r, result));
     if (!take(r, '^')) {
@@ -311,7 +311,7 @@ static pm_status read_power(reader *r, int *result) {
     return add_power(r, *result, e->number, result);
 }
 
-static pm_status read_signed(reader *r, int *result) {
+static pm_status read_signed(formula_reader *r, int *result) {
     if (++r->depth > MAX_DEPTH) {
         return pm_fail(PM_ECONFIG,
                        "formula \"%.100s\": more than %d brackets and signs in one "
@@ -331,7 +331,7 @@ static pm_status read_signed(reader *r, int *result) {
     return PM_OK;
 }
 
-static pm_status read_product(reader *r, int *result) {
+static pm_status read_product(formula_reader *r, int *result) {
     PM_TRY(read_signed(r, result));
     for (;;) {
         const bool times = take(r, '*');
@@ -344,7 +344,7 @@ static pm_status read_product(reader *r, int *result) {
     }
 }
 
-static pm_status read_sum(reader *r, int *result) {
+static pm_status read_sum(formula_reader *r, int *result) {
     PM_TRY(read_product(r, result));
     for (;;) {
         const bool plus = take(r, '+');
@@ -357,7 +357,7 @@ static pm_status read_sum(reader *r, int *result) {
     }
 }
 
-static pm_status check_constants(const reader *r) {
+static pm_status check_constants(const formula_reader *r) {
     const pm_constants *constants = r->formula->constants;
     for (int i = 0; constants != NULL && i < constants->count; ++i) {
         int count = is_known(constants, i) ? 1 : 0; // a learned one is a symbol itself
@@ -374,7 +374,8 @@ static pm_status check_constants(const reader *r) {
 
 pm_status pm_formula_read(pm_formula_steps *steps, const pm_formula *formula,
                           const pm_symbols *symbols) {
-    reader r = {.formula = formula, .symbols = symbols, .at = formula->text, .steps = steps};
+    formula_reader r = {
+        .formula = formula, .symbols = symbols, .at = formula->text, .steps = steps};
     steps->count = 0;
     PM_TRY(check_constants(&r));
     PM_TRY(read_sum(&r, &steps->whole));

@@ -1,66 +1,9 @@
-// Pairs as they are named, checked and built.
+// Given pairs: their checks, and the graphs of their rates.
 #include "model/given.h"
-
-#include <ctype.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "model/formula.h"
 
-// --- names ---
-
-// Splits "m[2]" into the group's name and the component; -1: the whole group. False: neither.
-static bool split_name(const char *name, char group[PM_MAX_NAME], int *component) {
-    const char *bracket = strchr(name, '[');
-    const size_t length = bracket == NULL ? strlen(name) : (size_t)(bracket - name);
-    if (length == 0 || length >= PM_MAX_NAME) {
-        return false;
-    }
-    memcpy(group, name, length);
-    group[length] = '\0';
-    *component = -1;
-    if (bracket == NULL) {
-        return true;
-    }
-    const size_t digits = strspn(bracket + 1, "0123456789");
-    *component = digits > 0 && digits <= 6 ? atoi(bracket + 1) : -1;
-    return *component >= 0 && strcmp(bracket + 1 + digits, "]") == 0;
-}
-
-static bool is_of(const char *name, const char *group) {
-    char own[PM_MAX_NAME];
-    int component;
-    return split_name(name, own, &component) && strcmp(own, group) == 0;
-}
-
-bool pm_given_names(const pm_operator_spec *spec, const char *group) {
-    for (int i = 0; i < spec->ngiven; ++i) {
-        if (is_of(spec->given[i].row, group) || is_of(spec->given[i].col, group)) {
-            return true;
-        }
-    }
-    return false;
-}
-
-// By `heats`, or where the operator names none by the unit.
-static bool takes_heat(const pm_operator_spec *spec, const pm_site_group *group) {
-    return spec->nheats > 0 ? pm_is_listed(spec->nheats, spec->heats, group->name) : group->entropy;
-}
-
-bool pm_given_is_difference(const pm_operator_spec *spec, int i, const pm_site *site) {
-    const pm_given_pair *pair = &spec->given[i];
-    bool some = false, own = false;
-    for (int k = 0; k < site->ngroup; ++k) {
-        const bool heat = takes_heat(spec, &site->group[k]);
-        some = some || heat;
-        own = own || (heat && (is_of(pair->row, site->group[k].name) ||
-                               is_of(pair->col, site->group[k].name)));
-    }
-    return some && !own;
-}
-
-// Components of a support that a name stands for.
+// The components of a support that a name in a pair stands for.
 typedef struct place {
     int group, first, size; // group: position in the support, its ngroup where there is none
 } place;
@@ -69,7 +12,7 @@ static place place_of(const pm_support *s, const char *name) {
     char group[PM_MAX_NAME];
     int component;
     place p = {s->ngroup, 0, 0};
-    if (!split_name(name, group, &component)) {
+    if (!pm_given_split(name, group, &component)) {
         return p;
     }
     const int at = pm_support_find(s, group);
@@ -142,7 +85,7 @@ static pm_node part_of(const builder *b, pm_node x, place p) {
     return pm_slice(b->g, x, p.first, p.size);
 }
 
-// x times `sign` and the coefficient of a pair.
+// Returns x times `sign` times the coefficient of a pair.
 static pm_node multiply(const builder *b, const pm_given_pair *pair, double sign, pm_node x) {
     if (pair->formula.text == NULL) {
         return pm_scale(b->g, x, sign * pair->coefficient);
@@ -192,17 +135,18 @@ pm_node pm_given_reversible(pm_graph *g, const pm_operator_spec *spec, const pm_
     return rate;
 }
 
-// What takes up heat of a friction by difference, equal parts of its power.
+// Adds the heat of a friction by a difference: equal parts of its power go to all components that
+// take up heat.
 static pm_node add_heat(const builder *b, pm_node rate, pm_node power, pm_node n) {
     int count = 0;
     for (int i = 0; i < b->support->ngroup; ++i) {
         const pm_site_group *group = b->support->group[i];
-        count += takes_heat(b->spec, group) ? group->size : 0;
+        count += pm_given_takes_heat(b->spec, group) ? group->size : 0;
     }
     for (int i = 0; i < b->support->ngroup; ++i) {
         const pm_site_group *group = b->support->group[i];
         const place p = {i, b->support->first[i], group->size};
-        if (takes_heat(b->spec, group)) {
+        if (pm_given_takes_heat(b->spec, group)) {
             const pm_node share = pm_scale(b->g, power, 1.0 / count);
             rate = add(b, rate, p, pm_div(b->g, share, part_of(b, n, p)));
         }

@@ -6,8 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model/thermal.h"
-
 // Spread of the initial values: biases put the kinks of the hidden layers where the data are.
 // Output weights start at zero, so that training first finds what the skip alone can do; with
 // hidden layers that interfere from the start, second-order training was seen to crawl.
@@ -71,9 +69,6 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
     const declaration d = {params, prefix};
     const double spread = spec->spread > 0 ? spec->spread : SKIP_SPREAD;
     parameter_name full;
-    if (spec->nthermal > 0) {
-        return pm_thermal_declare(spec, symbols, params, prefix);
-    }
     if (spec->nfeature == 0) {
         return declare(&d, "constant", 1, nout, true, spread, start);
     }
@@ -125,11 +120,9 @@ static pm_node activate(pm_graph *g, pm_activation activation, pm_node x) {
     case PM_SOFTPLUS:
         return pm_softplus(g, x);
     case PM_SILU:
-        return pm_silu(g, x);
-    case PM_EXP:
         break;
     }
-    return pm_exp(g, x);
+    return pm_silu(g, x);
 }
 
 static pm_node build_hidden(pm_graph *g, const pm_network_spec *spec, pm_node x,
@@ -193,10 +186,7 @@ static pm_node build_from_rest(pm_graph *g, const pm_network_spec *spec, pm_node
 
 pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
                               const pm_params *params, const char *prefix) {
-    assert(!spec->zero_at_origin || nout == 1);
-    if (spec->nthermal > 0) {
-        return pm_thermal_build_from(g, spec, features, params, prefix);
-    }
+    assert(spec->nthermal == 0 && (!spec->zero_at_origin || nout == 1));
     return spec->zero_at_origin ? build_from_rest(g, spec, features, params, prefix)
                                 : build_layers(g, spec, features, nout, params, prefix);
 }

@@ -9,7 +9,7 @@
 // The state's groups by name, and its co-energies "dE.<group>", "dS.<group>".
 static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS) {
     pm_site site = {0};
-    pm_site_add(&site, &part->layout, "");
+    pm_site_add(&site, &part->layout, "", 0);
     pm_symbols_add(&site.symbols, g, &part->layout, "", z);
     pm_symbols_add(&site.symbols, g, &part->layout, "dE.", dE);
     pm_symbols_add(&site.symbols, g, &part->layout, "dS.", dS);

@@ -22,33 +22,39 @@ static pm_status declare_term(const pm_network_spec *term, const pm_symbols *sym
     if (term->message != NULL) {
         return pm_message_declare_sum(term, symbols, params, prefix);
     }
-    PM_TRY(pm_network_declare(term, symbols, 1, NULL, params, prefix));
+    PM_TRY(term->nthermal > 0 ? pm_thermal_declare(term, symbols, params, prefix)
+                              : pm_network_declare(term, symbols, 1, NULL, params, prefix));
     char unit[sizeof(term_prefix) + 8];
     snprintf(unit, sizeof unit, "%s.unit", prefix);
     return term->scaled ? pm_params_add(params, unit, 1, 1, false, 0, 1) : PM_OK;
 }
 
-// A network's output in the unit of energy, where it carries one. (A thermal one has it inside.)
+// Returns the output of a network times the parameter "<prefix>.unit", where the network has one.
 static pm_node scale_term(pm_graph *g, const pm_network_spec *term, const pm_params *params,
                           const char *prefix, pm_node out) {
-    return term->scaled && term->nthermal == 0
-               ? pm_mul(g, out, pm_network_param(g, params, prefix, "unit"))
-               : out;
+    return term->scaled ? pm_mul(g, out, pm_network_param(g, params, prefix, "unit")) : out;
 }
 
-// The output in its unit from the values of the features.
+// Returns the value of a term [1][1] from the values of its features.
 static pm_node build_from(pm_graph *g, const pm_network_spec *term, pm_node features,
                           const pm_params *params, const char *prefix) {
-    return scale_term(g, term, params, prefix,
-                      pm_network_build_from(g, term, features, 1, params, prefix));
+    return term->nthermal > 0
+               ? pm_thermal_build_from(g, term, features, params, prefix)
+               : scale_term(g, term, params, prefix,
+                            pm_network_build_from(g, term, features, 1, params, prefix));
 }
 
 static pm_node build_term(pm_graph *g, const pm_network_spec *term, const pm_symbols *symbols,
                           const pm_params *params, const char *prefix) {
-    return term->message != NULL
-               ? pm_message_build_sum(g, term, symbols, params, prefix)
-               : scale_term(g, term, params, prefix,
-                            pm_network_build(g, term, symbols, 1, params, prefix));
+    if (term->message != NULL) {
+        return pm_message_build_sum(g, term, symbols, params, prefix);
+    }
+    if (term->nfeature > 0) {
+        const pm_node features = pm_features_build(g, term->nfeature, term->feature, symbols);
+        return build_from(g, term, features, params, prefix);
+    }
+    return scale_term(g, term, params, prefix,
+                      pm_network_build(g, term, symbols, 1, params, prefix));
 }
 
 bool pm_potential_exists(const pm_potential_spec *spec) {

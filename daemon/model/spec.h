@@ -97,8 +97,8 @@ typedef struct pm_derived_spec {
 
 // --- networks ---
 
-// PM_EXP is for formulas that are known, such as that of an ideal gas, and weights set by hand.
-typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU, PM_EXP } pm_activation;
+// The function after each hidden layer: tanh(x), ln(1 + exp(x)), x/(1 + exp(-x)).
+typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU } pm_activation;
 
 // What is added to the hidden layers' output: nothing, a linear form of the normalised features, or
 // a quadratic one. A good skip lets the hidden layers learn only what is left, and extrapolates.

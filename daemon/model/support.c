@@ -1,36 +1,9 @@
-// Sites and supports.
+// Which groups of a site an operator touches, and which of them take up heat.
 #include "model/support.h"
 
-#include <stdio.h>
 #include <string.h>
 
-#include "model/given.h"
-
-// "J/K", "kJ/K", ...
-static bool is_entropy_unit(const char *unit) {
-    const size_t length = unit == NULL ? 0 : strlen(unit);
-    return length >= 3 && strcmp(unit + length - 3, "J/K") == 0;
-}
-
-void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix) {
-    for (int i = 0; i < layout->ngroup; ++i) {
-        pm_site_group *group = &site->group[site->ngroup++];
-        snprintf(group->name, sizeof group->name, "%s%s", prefix, layout->group[i].name);
-        group->first = site->n;
-        group->size = layout->group[i].size;
-        group->entropy = is_entropy_unit(layout->group[i].unit);
-        site->n += group->size;
-    }
-}
-
-bool pm_is_listed(int count, const char *const *list, const char *name) {
-    for (int i = 0; i < count; ++i) {
-        if (strcmp(list[i], name) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
+#include "model/given_pair.h"
 
 bool pm_support_is_heated(const pm_operator_spec *spec, const pm_site *site,
                           const pm_site_group *group) {
@@ -53,7 +26,8 @@ int pm_support_heats(const pm_operator_spec *spec, const pm_site *site) {
     return count;
 }
 
-// The only entropy that takes up heat moves by what the others lose: no process of its own is left.
+// The only entropy that takes up heat changes by what the other variables lose, so that the learned
+// factor has no component of its own for it.
 static bool is_idle(const pm_operator_spec *spec, const pm_site *site, const char *name) {
     return pm_is_listed(spec->nheats, spec->heats, name) && pm_support_heats(spec, site) == 1;
 }

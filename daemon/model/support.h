@@ -1,46 +1,33 @@
-// Where an operator acts: the groups of one state, or of both ends of a port side by side, and of
-// these the ones that it touches.
+// The support of an operator: the groups of a site that it touches, side by side. An operator is
+// built over its support, and its rate is then placed into the site.
 #ifndef PM_MODEL_SUPPORT_H
 #define PM_MODEL_SUPPORT_H
 
-#include "model/feature.h"
+#include "model/site.h"
 
-// A site: all groups, and the symbols that features and formulas may use.
-typedef struct pm_site_group {
-    char name[PM_MAX_NAME];
-    int first, size;
-    bool entropy; // by its unit, J/K or a multiple of it
-} pm_site_group;
-
-typedef struct pm_site {
-    int ngroup;
-    pm_site_group group[2 * PM_MAX_GROUPS];
-    int n; // components in all
-    pm_symbols symbols;
-} pm_site;
-
-// Appends the groups of `layout` as "<prefix><group>".
-void pm_site_add(pm_site *site, const pm_layout *layout, const char *prefix);
-
-// The site's groups that an operator touches, in the site's order, side by side.
+// The groups stand in the order of the site. Borrowed from the site.
 typedef struct pm_support {
     int ngroup;
     const pm_site_group *group[2 * PM_MAX_GROUPS];
-    bool learned[2 * PM_MAX_GROUPS]; // in acts_on, and not idle
-    int first[2 * PM_MAX_GROUPS];    // in the support
-    int n;
+    bool learned[2 * PM_MAX_GROUPS]; // the learned matrix has rows for this group
+    int first[2 * PM_MAX_GROUPS];    // position of its first component in the support
+    int n;                           // components of all groups
 } pm_support;
 
+// Returns the support of an operator. A group belongs to it if acts_on or against lists it, if a
+// given pair names it, or if it takes up heat of an irreversible operator. The learned matrix has
+// rows for the listed groups, except for a single entropy that takes up all the heat
+// (dissipation.h): its rate follows from the others.
 pm_support pm_support_of(const pm_operator_spec *spec, bool irreversible, const pm_site *site);
-// The position of a group in the support; ngroup: not there.
+// Returns the position of a group in the support, or support->ngroup if it is not there.
 int pm_support_find(const pm_support *support, const char *name);
 
-// Whether an irreversible operator's heat goes into this group (spec.h).
+// Returns true if heat of an irreversible operator goes into this group: `heats` lists it, or,
+// where `heats` is empty, it is an entropy and some given pair is friction by a difference
+// (spec.h).
 bool pm_support_is_heated(const pm_operator_spec *spec, const pm_site *site,
                           const pm_site_group *group);
-// Components of all groups that take up heat by the operator's `heats`.
+// Returns the number of components of all groups that `heats` lists.
 int pm_support_heats(const pm_operator_spec *spec, const pm_site *site);
-
-bool pm_is_listed(int count, const char *const *list, const char *name);
 
 #endif

@@ -26,7 +26,7 @@
 // an energy `scaled: true`, with a unit of its own. A learned irreversible operator with `heats:
 // [s]` gives what it dissipates to these entropies (model/dissipation.h).
 //
-// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu, exp),
+// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu),
 // skip none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
 // groups "a.q", co-energies "a.dE.s" (model/spec.h); its learned L may act on groups of one end
 // `against: [b.q]` those of the other. With `law: contact` it has nothing else but
@@ -38,14 +38,17 @@
 #include "model/spec.h"
 #include "store/yaml.h"
 
-// Reads a block into plain data; everything it points to is in the arena. PM_ECONFIG, PM_ENOMEM.
-// `constants`, a mapping or absent, adds to those of the block, and comes before them.
-// Names of groups and features are checked later, against the layout (pm_part_declare).
+// Read a block into plain data; everything that the spec points to lives in the arena. `constants`,
+// a mapping or absent, comes before the constants of the block, and replaces those of the same
+// name. Groups and features are checked later, against the layout (pm_part_declare,
+// pm_port_declare). PM_ECONFIG with the place in the file, PM_ENOMEM; on failure *spec is
+// untouched.
 pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec);
 pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec);
 
-// The block as YAML text in the arena, such that reading it gives the same spec. NULL: out of
-// memory.
+// Return the spec as YAML text in the arena, or NULL if memory runs out. Reading the text gives an
+// equal spec; numbers that only a weights file holds are not part of it. The text is part of the
+// digest of weights.
 const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena);
 const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena);
 

@@ -116,7 +116,7 @@ static void operators_are_skew_or_positive_and_degenerate(void **state) {
         for (int i = 0; i < 4; ++i) {
             *input[i] = pm_input(b.g, true, 1, b.part->layout.nz);
         }
-        pm_site_add(&b.site, &b.part->layout, "");
+        pm_site_add(&b.site, &b.part->layout, "", 0);
         pm_symbols_add(&b.site.symbols, b.g, &b.part->layout, "", b.z);
         const pm_part_spec *spec = &b.part->spec;
         check_operator(&b, &(pm_operator){&spec->reversible, PM_REVERSIBLE, PM_HARD, "reversible"});

@@ -261,14 +261,15 @@ static void temperatures_and_heat_capacities_are_positive(void **state) {
         for (int i = 0; i < 3; ++i) {
             pm_symbols_add_one(&symbols, features[i], 1, pm_slice(g, z, i, 1));
         }
-        assert_int_equal(pm_network_declare(&spec, &symbols, 1, NULL, &params, "e"), PM_OK);
+        assert_int_equal(pm_thermal_declare(&spec, &symbols, &params, "e"), PM_OK);
         for (int i = 0; i < params.count; ++i) {
             for (int k = 0; k < params.entry[i].rows * params.entry[i].cols; ++k) {
                 params.entry[i].value[k] += params.entry[i].trained ? pm_rng_normal(&rng) : 0;
             }
         }
         pm_node out[3], slope;
-        pm_gradient(g, pm_network_build(g, &spec, &symbols, 1, &params, "e"), PM_NO_NODE, 1, &z,
+        const pm_node values = pm_features_build(g, 3, features, &symbols);
+        pm_gradient(g, pm_thermal_build_from(g, &spec, values, &params, "e"), PM_NO_NODE, 1, &z,
                     &slope);
         out[0] = slope;
         pm_gradient(g, pm_slice(g, slope, 1, 1), PM_NO_NODE, 1, &z, &out[1]);

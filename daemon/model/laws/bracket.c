@@ -13,7 +13,7 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, const pm_port_nod
     pm_site site = {0};
     for (int i = 0; i < 2; ++i) {
         const pm_layout *layout = &port->layout[i];
-        pm_site_add(&site, layout, prefix[i][0]);
+        pm_site_add(&site, layout, prefix[i][0], i);
         pm_symbols_add(&site.symbols, g, layout, prefix[i][0], end[i].y);
         pm_symbols_add(&site.symbols, g, layout, prefix[i][1], end[i].e);
         pm_symbols_add(&site.symbols, g, layout, prefix[i][2], end[i].eta);

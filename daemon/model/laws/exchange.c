@@ -31,7 +31,7 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
     const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
     const pm_layout *mine = &port->layout[own], *theirs = &port->layout[other];
     pm_site site = {0};
-    pm_site_add(&site, mine, "own.");
+    pm_site_add(&site, mine, "own.", 0);
     pm_symbols_add(&site.symbols, g, mine, "own.", end[own].y);
     pm_symbols_add(&site.symbols, g, theirs, "other.", end[other].y);
     pm_symbols_add(&site.symbols, g, theirs, "other.dE.", end[other].e);

@@ -1,0 +1,238 @@
+// Checks an operator's spec, declares its parameters, and visits the constants that training fixes.
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "model/dissipation.h"
+#include "model/given.h"
+#include "model/mesh/message.h"
+#include "model/operator_shape.h"
+
+// The factor of a learned M starts from entries of this size: at zero it would have no gradient.
+// The signs of its rows alternate, since the projection removes what all rows have in common. (On a
+// mesh the weights of the decoder are drawn.)
+#define FACTOR_START 1.0
+#define MAX_ENTRIES (1 << 24) // of a learned matrix
+
+bool pm_operator_exists(const pm_operator_spec *spec) {
+    return spec->ngiven > 0 || spec->learned;
+}
+
+// Returns true if group i of the support is of the end at which no group of acts_on is.
+static bool is_other_end(const pm_operator_spec *spec, const pm_support *s, int i) {
+    for (int k = 0; k < spec->nacts; ++k) {
+        if (s->group[pm_support_find(s, spec->acts_on[k])]->end == s->group[i]->end) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static pm_status check_heats(const pm_operator *op, const pm_site *site) {
+    const pm_operator_spec *spec = op->spec;
+    if (spec->nheats == 0 || !spec->learned) {
+        return PM_OK;
+    }
+    if (op->form != PM_HARD || spec->network.message != NULL) {
+        return pm_fail(PM_ECONFIG, "%s: heats belongs to form: hard, not on a mesh", op->prefix);
+    }
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
+    for (int i = 0; i < s.ngroup; ++i) {
+        if (s.learned[i]) {
+            return pm_support_heats(spec, site) <= PM_MAX_HEATS
+                       ? PM_OK
+                       : pm_fail(PM_ECONFIG, "%s: at most %d components can take up heat",
+                                 op->prefix, PM_MAX_HEATS);
+        }
+    }
+    return pm_fail(PM_ECONFIG, "%s: a single entropy has nothing to exchange heat with",
+                   op->prefix);
+}
+
+static pm_status check_groups(const pm_operator *op, const pm_site *site) {
+    const pm_operator_spec *spec = op->spec;
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
+    for (int i = 0; i < spec->nacts; ++i) {
+        if (pm_support_find(&s, spec->acts_on[i]) == s.ngroup) {
+            return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is not a group here",
+                           op->prefix, spec->acts_on[i]);
+        }
+    }
+    for (int i = 0; i < spec->nheats; ++i) {
+        if (pm_support_find(&s, spec->heats[i]) == s.ngroup) {
+            return pm_fail(PM_ECONFIG, "%s: heats names \"%s\", which is not a group here",
+                           op->prefix, spec->heats[i]);
+        }
+    }
+    PM_TRY(check_heats(op, site));
+    for (int i = 0; i < spec->nagainst; ++i) {
+        const int at = pm_support_find(&s, spec->against[i]);
+        if (at == s.ngroup || !is_other_end(spec, &s, at)) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: against names \"%s\", which is not a group of the other end",
+                           op->prefix, spec->against[i]);
+        }
+    }
+    return pm_given_check(spec, op->kind == PM_REVERSIBLE, site, op->prefix);
+}
+
+// On a mesh an operator acts on fields, and has no frame.
+static pm_status check_nodal(const pm_operator *op, const pm_support *s) {
+    const int nnode = pm_operator_shape_of(op, s).count;
+    if (op->spec->network.message == NULL) {
+        return PM_OK;
+    }
+    if (op->spec->nalong > 0 || op->spec->nagainst > 0) {
+        return pm_fail(PM_ECONFIG, "%s: an operator on a mesh has no along and no against",
+                       op->prefix);
+    }
+    for (int i = 0; i < s->ngroup; ++i) {
+        if (s->learned[i] && s->group[i]->size % nnode != 0) {
+            return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is no field on %d nodes",
+                           op->prefix, s->group[i]->name, nnode);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_formulas(const pm_operator_spec *spec, const pm_site *site) {
+    for (int i = 0; i < spec->ngiven; ++i) {
+        if (spec->given[i].formula.text != NULL) {
+            PM_TRY(pm_formula_check(&spec->given[i].formula, &site->symbols));
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status check_along(const pm_operator *op, const pm_site *site, const pm_support *s) {
+    const pm_operator_spec *spec = op->spec;
+    int total = 0;
+    PM_TRY(pm_features_size(spec->nalong, spec->along, &site->symbols, &total));
+    for (int k = 0; k < spec->nalong; ++k) {
+        int size = 0;
+        PM_TRY(pm_feature_size(spec->along[k], &site->symbols, &size));
+        if (size * spec->nalong != total) {
+            return pm_fail(PM_ECONFIG, "%s: the vectors of along differ in size: \"%s\" has %d",
+                           op->prefix, spec->along[k], size);
+        }
+        for (int i = 0; i < s->ngroup; ++i) {
+            if (s->learned[i] && s->group[i]->size > 1 && s->group[i]->size != size) {
+                return pm_fail(PM_ECONFIG, "%s: \"%s\" has %d components, %s has %d", op->prefix,
+                               spec->along[k], size, s->group[i]->name, s->group[i]->size);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// How the heat of each process is shared among entropies, and how it depends on temperature.
+static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
+    const int nheat = pm_support_heats(op->spec, site);
+    pm_operator_name name;
+    PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "temperature"), 1, 1, false, 0,
+                         PM_DEFAULT_TEMPERATURE));
+    PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "power"), 1, op->spec->rank,
+                         true, 0, 0));
+    return nheat < 2 ? PM_OK
+                     : pm_params_add(params, pm_operator_join(name, op->prefix, "split"),
+                                     op->spec->rank, nheat - 1, true, 0, 0);
+}
+
+static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const pm_support *s,
+                                pm_params *params) {
+    pm_operator_name name;
+    pm_operator_join(name, op->prefix, "matrix");
+    const pm_network_spec *network = &op->spec->network;
+    const pm_operator_shape shape = pm_operator_shape_of(op, s);
+    if ((int64_t)shape.rows * shape.columns > MAX_ENTRIES) {
+        return pm_spec_locate(op->spec->at,
+                              pm_fail(PM_ECONFIG,
+                                      "%s: a learned matrix of %d x %d, at most %d "
+                                      "entries are possible",
+                                      op->prefix, shape.rows, shape.columns, MAX_ENTRIES));
+    }
+    const int nout = shape.rows * shape.columns;
+    if (op->spec->nheats > 0) {
+        PM_TRY(declare_split(op, site, params));
+    }
+    if (network->message != NULL) {
+        return pm_message_declare_nodes(network, &site->symbols, nout, params, name);
+    }
+    if (op->kind == PM_REVERSIBLE) {
+        return pm_network_declare(network, &site->symbols, nout, NULL, params, name);
+    }
+    double *start = malloc((size_t)nout * sizeof *start);
+    if (start == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for an operator");
+    }
+    for (int i = 0; i < nout; ++i) {
+        start[i] = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
+        start[i] = op->spec->nheats > 0 ? 0 : start[i]; // drawn, with the network's spread
+    }
+    const pm_status status = pm_network_declare(network, &site->symbols, nout, start, params, name);
+    free(start);
+    return status;
+}
+
+pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_params *params) {
+    const pm_operator_spec *spec = op->spec;
+    if (!pm_operator_exists(spec)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_spec_locate(spec->at, check_groups(op, site)));
+    PM_TRY(check_formulas(spec, site));
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
+    PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
+    PM_TRY(pm_spec_locate(spec->at, check_nodal(op, &s)));
+    pm_operator_name name;
+    PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "scale"), 1, s.n, false, 0, 1));
+    if (spec->nalong > 0) {
+        pm_operator_join(name, op->prefix, "along");
+        PM_TRY(pm_params_add(params, name, 1, spec->nalong, false, 0, 1));
+    }
+    return spec->learned ? declare_matrix(op, site, &s, params) : PM_OK;
+}
+
+pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
+                            void *context) {
+    const pm_operator_spec *spec = op->spec;
+    if (!pm_operator_exists(spec)) {
+        return PM_OK;
+    }
+    const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
+    const char *group[2 * PM_MAX_GROUPS];
+    for (int i = 0; i < s.ngroup; ++i) {
+        group[i] = s.group[i]->name;
+    }
+    const pm_normaliser scale = {.kind = op->kind == PM_REVERSIBLE ? PM_NORMALISE_SCALE
+                                                                   : PM_NORMALISE_FRICTION,
+                                 .prefix = op->prefix,
+                                 .count = s.ngroup,
+                                 .expression = group,
+                                 .symbols = &site->symbols,
+                                 .nheats = spec->nheats,
+                                 .heats = spec->heats};
+    PM_TRY(visit(context, &scale));
+    if (spec->nalong > 0) {
+        const pm_normaliser along = {.kind = PM_NORMALISE_ALONG,
+                                     .prefix = op->prefix,
+                                     .count = spec->nalong,
+                                     .expression = spec->along,
+                                     .symbols = &site->symbols};
+        PM_TRY(visit(context, &along));
+    }
+    pm_operator_name name;
+    if (spec->learned && spec->network.message != NULL) {
+        return pm_message_visit(&spec->network, &site->symbols,
+                                pm_operator_join(name, op->prefix, "matrix"), visit, context);
+    }
+    if (spec->learned && spec->network.nfeature > 0) {
+        const pm_normaliser features = {.kind = PM_NORMALISE_FEATURES,
+                                        .prefix = pm_operator_join(name, op->prefix, "matrix"),
+                                        .count = spec->network.nfeature,
+                                        .expression = spec->network.feature,
+                                        .symbols = &site->symbols};
+        PM_TRY(visit(context, &features));
+    }
+    return PM_OK;
+}

@@ -1,0 +1,27 @@
+// The shape of the learned matrix of an operator, for the two files that implement operator.h.
+//
+// The matrix is C [rows][columns] of a reversible operator or the factor G [rows][columns] of an
+// irreversible one. Its rows are those of the frame (spec.h). On a mesh there is one matrix for
+// each node, and rows and columns are those of one node.
+#ifndef PM_MODEL_OPERATOR_SHAPE_H
+#define PM_MODEL_OPERATOR_SHAPE_H
+
+#include "model/operator.h"
+
+typedef struct pm_operator_shape {
+    int count; // matrices: 1, or one for each node of the mesh
+    int rows;
+    int columns; // irreversible: the rank; with `against`: the rows of the other end; else = rows
+} pm_operator_shape;
+
+pm_operator_shape pm_operator_shape_of(const pm_operator *op, const pm_support *support);
+
+// Returns the rows that a group of this size has in the frame: one for each vector of `along` if
+// the group is a vector, else one for each component.
+int pm_operator_frame_rows(const pm_operator_spec *spec, int group_size);
+
+// Writes "<prefix>.<name>", the name of a parameter, to the buffer and returns it.
+typedef char pm_operator_name[96];
+const char *pm_operator_join(pm_operator_name buffer, const char *prefix, const char *name);
+
+#endif
