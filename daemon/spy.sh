@@ -23,6 +23,7 @@ done
 types=${XDG_CACHE_HOME:-$HOME/.cache}/portmet/spy
 mkdir -p "$types"
 logs=$types
+[ -n "${DISPLAY:-}" ] || { echo "spy.sh: lcm-spy needs a display, and DISPLAY names none" >&2; exit 2; }
 need_packages liblcm-bin liblcm-java default-jdk libjchart2d-java
 
 java=/usr/share/java

@@ -1,4 +1,4 @@
-// What a step of 32 pairs costs when some of them are at zero_at_origin: the cost follows what
+// What a step of 32 pairs costs when some of them are at rest: the cost follows what
 // moves, not what the scene declares.
 //   run_bench_skipping CSV
 #include <stdio.h>

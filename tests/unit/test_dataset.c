@@ -305,29 +305,6 @@ static void a_layout_may_hold_ranges(void **state) {
     assert_load_fails(path, PM_EDATA, "state_layout: expected a range PREFIX[A:B]");
 }
 
-static void the_public_double_pendulum_loads_as_it_is(void **state) {
-    (void)state;
-    const char *folder = getenv("PM_PUBLIC_DATA");
-    char path[512];
-    snprintf(path, sizeof path, "%s/double_pendulum.h5", folder ? folder : "../shared/data");
-    if (access(path, R_OK) != 0) {
-        print_message("%s is not here\n", path);
-        skip();
-    }
-    pm_dataset *d = NULL;
-    if (pm_dataset_load(&d, path) != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-    assert_int_equal(d->ntrajectory, 40);
-    assert_int_equal(d->ntime, 200);
-    assert_int_equal(d->ncolumn, 10);
-    assert_true(fabs(d->dt - 0.3) < 1e-15);
-    assert_string_equal(d->column[0], "q1x");
-    assert_string_equal(d->column[9], "s2");
-    assert_true(d->nnote >= 3);
-    pm_dataset_free(d);
-}
-
 int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
@@ -354,7 +331,6 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_layout_may_hold_ranges, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(repeated_columns_are_refused, scratch_setup,
                                         scratch_teardown),
-        cmocka_unit_test(the_public_double_pendulum_loads_as_it_is),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
