@@ -107,7 +107,7 @@ static pm_status measure(pm_training *t, const pm_dataset *dataset, const char *
     pm_loss loss = t->stage[0].loss;
     loss.substeps = SUBSTEPS;
     PM_TRY_DONE(pm_samples_make(&samples, t->scene, dataset, 0, TRAJECTORIES, loss.residual, 1,
-                                pm_loss_load_order(&loss)));
+                                pm_loss_input_order(&loss)));
     PM_TRY_DONE(pm_objective_open(&objective, t->system, &samples, &loss));
     const int size = pm_objective_size(objective);
     start = calloc((size_t)size, sizeof *start);

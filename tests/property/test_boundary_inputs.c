@@ -277,7 +277,7 @@ static void fill_window(const boundary_inputs *l, const pm_samples *samples, dou
     memset(window, 0, (size_t)pm_samples_width(samples) * sizeof *window);
     memcpy(window, l->w.z, NZ * sizeof *window);
     for (int step = 0; step < samples->unroll; ++step) {
-        memcpy(window + pm_samples_load(samples, step),
+        memcpy(window + pm_samples_input(samples, step),
                pm_boundary_input_interval(&l->boundary_input, step),
                nboundary_input * sizeof *window);
     }
@@ -302,7 +302,7 @@ static void trainer_takes_the_same_steps(void **state) {
                                     .unroll = 2,
                                     .nz = NZ,
                                     .nboundary_input = l.w.scene->nprescribed,
-                                    .input_order = pm_loss_load_order(&loss),
+                                    .input_order = pm_loss_input_order(&loss),
                                     .scale = scale};
         // One step of euler sees a load at its beginning alone.
         assert_int_equal(samples.input_order, seed % 5 == 0 ? 1 : PM_BOUNDARY_INPUT_ORDER);

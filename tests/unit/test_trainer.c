@@ -233,7 +233,7 @@ static void windows_carry_their_loads(void **state) {
         const int trajectory = 1 + i / (NTIME - 3), first = i % (NTIME - 3);
         for (int step = 0; step < 3; ++step) {
             const double *boundary_input = samples.z + (ptrdiff_t)i * pm_samples_width(&samples) +
-                                           pm_samples_load(&samples, step);
+                                           pm_samples_input(&samples, step);
             double middle = 0; // of dE
             for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k >= 0; --k) {
                 middle = 0.5 * middle + boundary_input[3 * k + 1];
@@ -250,14 +250,14 @@ static void windows_carry_their_loads(void **state) {
     assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * 3);
     assert_int_equal(pm_samples_left_out(&samples), 3 * 3 * (PM_BOUNDARY_INPUT_ORDER - 1));
     for (int step = 0; step < 3; ++step) {
-        const double *boundary_input = samples.z + pm_samples_load(&samples, step);
+        const double *boundary_input = samples.z + pm_samples_input(&samples, step);
         random_system_check(&b.w, "at its beginning", boundary_input[1], value_at(1, 2, step * DT),
                             1e-12);
         assert_true(boundary_input[2] == 1);
     }
     pm_samples_free(&samples);
     make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);
-    const double *boundary_input = samples.z + pm_samples_load(&samples, 0);
+    const double *boundary_input = samples.z + pm_samples_input(&samples, 0);
     random_system_check(&b.w, "at the derivative's state", boundary_input[1],
                         value_at(1, 2, 2 * DT), 1e-12);
     pm_samples_free(&samples);

@@ -1,16 +1,18 @@
-// An evaluation as tables for a person and as JSON for a program, on standard output.
+// Prints an evaluation on standard output, as tables or as JSON.
 #ifndef PM_TRAINER_EVALUATE_EVALUATE_REPORT_H
 #define PM_TRAINER_EVALUATE_EVALUATE_REPORT_H
 
 #include "evaluate/evaluate.h"
 #include "evaluate/thermo.h"
 
-// `trained`: on trajectories that training saw, whose errors are shown beside; NULL: none.
+// Prints tables of errors, of thermodynamic quantities and of both laws. `trained` is an evaluation
+// on trajectories that training used, whose errors are printed as well; or NULL.
 void pm_evaluation_print(const pm_evaluation *evaluation, const pm_evaluation *trained,
                          const pm_thermo *thermo);
 
-// One object; numbers that are not finite become null. SI units; errors as fractions. seen: which
-// trajectories of the dataset training saw (evaluate/seen.h); NULL: not known.
+// Prints one JSON object in SI units, with errors as fractions. Numbers that are not finite become
+// null. seen [ntrajectory of the dataset] says which trajectories training used (evaluate/seen.h);
+// NULL: not known.
 void pm_evaluation_print_json(const pm_evaluation *evaluation, const pm_evaluation *trained,
                               const pm_thermo *thermo, const bool *seen);
 

@@ -1,7 +1,7 @@
-// What thermodynamics is about, scored over the rollouts of an evaluation: the entropy that is
-// produced, and what flows into each part and through each port. Truth is what the model makes of
-// the true states: its own energies and entropies there. Where an entropy is a given variable of
-// the state, that is the truth itself.
+// Scores the thermodynamic quantities of the rollouts of an evaluation: the entropy produced, the
+// energy and entropy of each subsystem, and the power through each port. The reference values are
+// the model's own energies and entropies in the true states. Where an entropy is a given variable
+// of the state, its reference value is the truth itself.
 #ifndef PM_TRAINER_EVALUATE_THERMO_H
 #define PM_TRAINER_EVALUATE_THERMO_H
 
@@ -9,27 +9,33 @@
 
 // One quantity over all rollouts.
 typedef struct pm_thermo_row {
-    const char *kind; // "production", "energy", "entropy" of a part, "power" of a port
-    const char *name; // of the part or port; "" for the whole system
-    // Magnitudes of the relative errors, one per rollout: median, mean, largest; and the median of
-    // the signed ones (of the production alone, else 0). Infinite where rollouts were not finite.
+    const char *kind; // "production", "energy" or "entropy" of a subsystem, "power" of a port
+    const char *name; // of the subsystem or port; "" for the whole system
+    // Median, mean and largest of the absolute values of the relative errors of all rollouts, and
+    // for the production the median of the signed errors (else 0). Infinite where a rollout is not
+    // finite.
     double median, mean, largest, bias;
-    double typical; // the median magnitude of the true quantity, J, J/K or W
+    double typical; // the median absolute reference value, J, J/K or W
 } pm_thermo_row;
 
 typedef struct pm_thermo {
     pm_arena arena;
     int count;
     pm_thermo_row *row;      // [count]
-    double coldest, warmest; // K, over all rollouts; both 0 where there is no entropy
-    bool given;              // every part's entropy is given, or a formula: its truth is known
+    double coldest, warmest; // K, over all rollouts; both 0 if there is no entropy
+    bool given;              // the entropy of every subsystem is given or a formula
 } pm_thermo;
 
-// The production is the change of the total entropy over a rollout; with loads, of the parts alone.
-// The energy and the entropy of a part: its change since the beginning, as a relative L2 error over
-// time. The power of a port, W, where energies of parts decide it: where no ports close a ring, and
-// none is a load; likewise, over the steps. There are no rows where energy is not defined.
-// PM_ENOMEM. The caller frees.
+// Computes these rows:
+// - production: the change of the total entropy over a rollout. With boundary inputs it is that of
+// the
+//   subsystems alone.
+// - energy, entropy: the change of a subsystem since the beginning, as a relative L2 error over
+// time.
+// - power: the mean power through a port over each step, W, as a relative L2 error over time. It is
+//   determined by the energies of subsystems only if the ports form no ring there and no boundary
+//   input is connected; other ports have no row.
+// There are no rows if energy is not defined. The caller frees. PM_ENOMEM.
 pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *evaluation);
 void pm_thermo_free(pm_thermo *thermo);
 

@@ -1,6 +1,6 @@
-// What a training file leaves open: how energies, operators and their starts are parametrised so
-// that a first guess learns well. `defaults: plain` in the training file leaves models as they are
-// written.
+// The physical defaults of a training file: rewrites the models as they are written in the file
+// such that a first guess learns well. With `defaults: plain` in the training file these functions
+// are not called and models stay as they are written.
 #ifndef PM_TRAINER_LEARN_DEFAULTS_H
 #define PM_TRAINER_LEARN_DEFAULTS_H
 
@@ -9,13 +9,16 @@
 #include "model/port.h"
 #include "scene/system.h"
 
-// Of a part with a given entropy s: an energy's network of s becomes thermal (model/thermal.h) and
-// starts at the temperature that a linear form of s in the energy gave, which goes; a learned
-// irreversible operator heats s (model/dissipation.h). All energies carry units. PM_ENOMEM.
+// Rewrites the model of a subsystem with the state `layout`. In a subsystem with a given entropy s,
+// energy networks that have s among their features become thermal (model/thermal.h): they start at
+// the temperature that a linear form of s in the energy gives, and that linear form is removed. A
+// learned irreversible operator heats s (model/dissipation.h). All energies get a unit that
+// learn/normalization.h fixes from the data. New arrays of `spec` live in the arena. PM_ENOMEM.
 pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena *arena);
 
-// Of a port whose ends' parts have their specs: a learned irreversible operator heats the entropies
-// that both ends expose. PM_ENOMEM.
+// Rewrites the model of port number `port`. The models of the subsystems at both ends must have
+// been rewritten before. A learned irreversible operator heats the entropies that the ends expose.
+// New arrays of `spec` live in the arena. PM_ENOMEM.
 pm_status pm_default_port(pm_port_spec *spec, const pm_system *system, int port, pm_arena *arena);
 
 #endif

@@ -132,7 +132,7 @@ static pm_status make_samples(pm_fit *f, pm_residual residual, int unroll, int i
 static pm_status run_stage(pm_fit *f) {
     const pm_stage *stage = &f->training->stage[f->stage];
     pm_samples samples;
-    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, pm_loss_load_order(&stage->loss),
+    PM_TRY(make_samples(f, stage->loss.residual, stage->unroll, pm_loss_input_order(&stage->loss),
                         &samples));
     pm_samples_rescale(&samples, stage->loss.scale);
     pm_objective *objective = NULL;

@@ -1,12 +1,14 @@
-// Networks at rest (spec.h) as what they are without that word: as fast as any.
+// Folds the tangent of networks marked `zero_at_origin` (model/spec.h) into their skip weights, so
+// that evaluating them costs no more than a plain network.
 #ifndef PM_TRAINER_LEARN_FOLD_TANGENT_H
 #define PM_TRAINER_LEARN_FOLD_TANGENT_H
 
 #include "model/part.h"
 
-// Takes the tangent at features of 0 from the linear form and the bias of each network at rest in
-// the part's energy and entropy, which is the same function then, no longer marked; they must have
-// a skip. Specs are made in the arena. PM_ENOMEM.
+// For each marked network in the part's energy and entropy, subtracts the value at zero features
+// from the output bias and the gradient there from the linear skip, and removes the mark. The part
+// then computes the same function as before. Marked networks must have a skip. The changed specs
+// live in the arena. PM_ENOMEM.
 pm_status pm_fold_tangent(pm_part *part, pm_arena *arena);
 
 #endif

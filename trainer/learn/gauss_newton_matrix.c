@@ -15,7 +15,7 @@
 // Keeps the root of the degeneracy differentiable at zero.
 #define SMALLEST_DEGENERACY 1e-20
 
-typedef struct lane {
+typedef struct jacobian_lane {
     pm_gauss_newton_matrix *normal;
     int id;
     pm_program *program;
@@ -24,7 +24,7 @@ typedef struct lane {
     double *gradient; // [size]
     int count;
     const int *index;
-} lane;
+} jacobian_lane;
 
 struct pm_gauss_newton_matrix {
     pm_objective *objective;
@@ -33,7 +33,7 @@ struct pm_gauss_newton_matrix {
     pm_node input, residual; // residual [1][nresidual]
     pm_node *derivative;     // [nresidual][nentry], PM_NO_NODE where independent
     int *entry_size;         // [nentry]
-    lane lane[LANES];
+    jacobian_lane lane[LANES];
 };
 
 // --- opening ---
@@ -94,7 +94,7 @@ static pm_status open_lanes(pm_gauss_newton_matrix *n, pm_graph *g, int noutput,
                             const pm_node *output) {
     const size_t size = (size_t)n->size;
     for (int i = 0; i < LANES; ++i) {
-        lane *l = &n->lane[i];
+        jacobian_lane *l = &n->lane[i];
         l->normal = n;
         l->id = i;
         PM_TRY(pm_program_open(&l->program, g, noutput, output, CHUNK));
@@ -176,7 +176,7 @@ void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal) {
 // --- evaluation ---
 
 // The weighted Jacobian rows of one residual for all samples of a chunk.
-static void fill_rows(lane *l, int residual, int batch, const double *root) {
+static void fill_rows(jacobian_lane *l, int residual, int batch, const double *root) {
     const pm_gauss_newton_matrix *n = l->normal;
     size_t first = 0;
     for (int i = 0; i < n->nentry; ++i) {
@@ -194,7 +194,7 @@ static void fill_rows(lane *l, int residual, int batch, const double *root) {
     }
 }
 
-static void add_gradient(lane *l, int batch, const double *root) {
+static void add_gradient(jacobian_lane *l, int batch, const double *root) {
     const pm_gauss_newton_matrix *n = l->normal;
     const double *value = pm_program_value(l->program, n->residual);
     for (int r = 0; r < n->nresidual; ++r) {
@@ -210,7 +210,7 @@ static void add_gradient(lane *l, int batch, const double *root) {
 }
 
 static void *work(void *context) {
-    lane *l = context;
+    jacobian_lane *l = context;
     const pm_gauss_newton_matrix *n = l->normal;
     const pm_samples *samples = n->context.samples;
     const size_t width = (size_t)pm_samples_width(samples);

@@ -6,7 +6,7 @@
 
 #include "learn/step_graph.h"
 
-int pm_loss_load_order(const pm_loss *loss) {
+int pm_loss_input_order(const pm_loss *loss) {
     if (loss->residual == PM_RESIDUAL_DERIVATIVE) {
         return 1;
     }
@@ -41,7 +41,7 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
         const pm_node boundary_input =
             samples->nboundary_input == 0
                 ? PM_NO_NODE
-                : pm_slice(g, nodes->input, pm_samples_load(samples, step),
+                : pm_slice(g, nodes->input, pm_samples_input(samples, step),
                            samples->input_order * samples->nboundary_input);
         pm_build_step(g, system, rk, scene->dt / substeps, substeps, s->z, boundary_input,
                       &nodes->degeneracy, &s->work);
@@ -58,7 +58,7 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
 pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_samples *samples,
                               const pm_loss *loss, pm_loss_nodes *nodes) {
     const size_t count = (size_t)system->scene->nsubsystem;
-    assert(samples->nboundary_input == 0 || samples->input_order >= pm_loss_load_order(loss));
+    assert(samples->nboundary_input == 0 || samples->input_order >= pm_loss_input_order(loss));
     scratch s = {
         .z = calloc(count, sizeof *s.z),
         .residual = calloc((size_t)samples->unroll, sizeof *s.residual),

@@ -1,4 +1,5 @@
-// The residuals of a system on a window of states, as a graph.
+// Builds the residuals of a system on a window of states as a graph: the integrated states, or the
+// rates, minus the data, divided by a scale.
 #ifndef PM_TRAINER_LEARN_LOSS_GRAPH_H
 #define PM_TRAINER_LEARN_LOSS_GRAPH_H
 
@@ -9,24 +10,25 @@
 
 typedef struct pm_loss {
     pm_residual residual;
-    const pm_integrator *integrator;
-    int substeps;        // per dt
-    double degeneracy;   // weight
-    const double *scale; // [nz] of residuals, where > 0 in place of the samples'; or NULL
-    double robust;       // d in units of the median sample's root mean square residual; 0: plain
+    const pm_integrator *integrator; // borrowed
+    int substeps;                    // steps of the integrator in one dt
+    double degeneracy;               // weight of the degeneracy penalty in the soft form
+    const double *scale; // [nz] replaces the scale of the samples where it is > 0; or NULL
+    double robust;       // d, in units of the root of the median squared residual; 0: not robust
 } pm_loss;
 
 typedef struct pm_loss_nodes {
-    pm_node input;      // [1][pm_samples_width] batched: a window of learn/samples.h
+    pm_node input;      // [1][pm_samples_width] batched: a window (learn/samples.h)
     pm_node residual;   // [1][unroll nz]: (z - z_data) / scale after each step
-    pm_node degeneracy; // [1][1]: mean squared degeneracy residual; PM_NO_NODE in the hard form
+    pm_node degeneracy; // [1][1]: |L dS|^2 + |M dE|^2, scaled, mean; PM_NO_NODE in the hard form
 } pm_loss_nodes;
 
-// How much a loss reads of what loads prescribe over a step: 1, its beginning, or
-// PM_BOUNDARY_INPUT_ORDER.
-int pm_loss_load_order(const pm_loss *loss);
+// The number of polynomial coefficients of the boundary inputs that the loss reads for each step: 1
+// (their values at the beginning of the step) or PM_BOUNDARY_INPUT_ORDER.
+int pm_loss_input_order(const pm_loss *loss);
 
-// The samples have as much of the loads as the loss reads. PM_ENOMEM.
+// Adds the residuals of one window to the graph. The windows of `samples` must hold at least
+// pm_loss_input_order coefficients of the boundary inputs. PM_ENOMEM.
 pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_samples *samples,
                               const pm_loss *loss, pm_loss_nodes *nodes);
 

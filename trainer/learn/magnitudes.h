@@ -1,5 +1,5 @@
-// How large states, rates and energies of the training data are: the units in which learned
-// operators and energies start, so that nothing depends on the units of the columns or of time.
+// The typical sizes of states, rates and energies in the training data. Learned operators and
+// energies start in these units, so that training does not depend on the units of columns and time.
 #ifndef PM_TRAINER_LEARN_MAGNITUDES_H
 #define PM_TRAINER_LEARN_MAGNITUDES_H
 
@@ -8,24 +8,26 @@
 
 typedef struct pm_magnitudes {
     const pm_scene *scene; // borrowed
-    pm_arena arena;        // owns what follows
-    double *deviation;     // [nz] standard deviation, pooled over each group
-    double *rate;          // [nz] root mean square of the rate, likewise
-    double *energy; // [nsubsystem] J: from given reversible pairs where the model has some, else
-                    // the typical heat content, else 1
-    double *temperature; // [nsubsystem] K, where thermal energies start; else 300
+    pm_arena arena;        // owns the arrays below
+    double *deviation;     // [nz] standard deviation, pooled over the components of each group
+    double *rate;          // [nz] root mean square of the rate, 1/s, pooled likewise
+    double *energy; // [nsubsystem] J: the estimate from given reversible pairs if the model has
+                    // any, else the typical heat content, else 1
+    double *temperature; // [nsubsystem] K, the starting temperature of thermal energies; else 300
 } pm_magnitudes;
 
-// The magnitudes of one group.
+// The magnitudes of one group, in the units of pm_magnitudes.
 typedef struct pm_group_magnitude {
     double deviation, rate, energy, temperature;
 } pm_group_magnitude;
 
-// Samples are windows of one step. PM_ENOMEM.
+// Computes the magnitudes from samples, which must be windows of one step. The caller frees.
+// PM_ENOMEM.
 pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm_samples *samples);
 void pm_magnitudes_free(pm_magnitudes *m);
 
-// Of a group of a part, or of a port's end by its prefixed name ("a.q"); false: the world shows it.
+// Looks up a group of a subsystem by its name, or a group of a port by its prefixed name ("a.q").
+// Both return false if there is no such group or if it belongs to a boundary input.
 bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
                            pm_group_magnitude *result);
 bool pm_magnitudes_of_port(const pm_magnitudes *m, int port, const char *group,

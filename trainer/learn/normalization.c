@@ -395,9 +395,9 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples,
     pm_build_coenergies(g, system, state);
     const pm_node boundary_input = samples->nboundary_input == 0
                                        ? PM_NO_NODE
-                                       : pm_slice(g, window, pm_samples_load(samples, 0),
+                                       : pm_slice(g, window, pm_samples_input(samples, 0),
                                                   samples->input_order * samples->nboundary_input);
-    PM_TRY_DONE(visit_all(c, system, state, pm_build_load(g, system, boundary_input, 0)));
+    PM_TRY_DONE(visit_all(c, system, state, pm_build_boundary_input(g, system, boundary_input, 0)));
     PM_TRY_DONE(run_and_fix(c, window, samples));
 done:
     pm_graph_close(g);

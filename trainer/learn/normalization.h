@@ -1,15 +1,17 @@
-// Fixes what a model carries besides its weights: means and deviations of features, scales of
-// operators, lengths of frame vectors, the region of states (training_range.h), all from the states
-// of the training data.
+// Fixes the constants that a model has besides its weights: means and deviations of features,
+// scales of operators, lengths of `along` vectors, patterns of mesh networks, and the range of the
+// training states (model/training_range.h). All are statistics of the training data.
 #ifndef PM_TRAINER_LEARN_NORMALIZATION_H
 #define PM_TRAINER_LEARN_NORMALIZATION_H
 
 #include "learn/samples.h"
 #include "scene/system.h"
 
-// Sets the constants of every part and port of the system. Features of co-energies are normalised
-// with the weights as they are. `plain`: scales of operators follow the size of states alone, not
-// that of rates and energies, so that they depend on units. PM_ENOMEM.
+// Sets these constants for every subsystem and port of the system that the scene does not define
+// itself. Features that contain co-energies are evaluated with the present weights. With `plain`
+// the scales of operators follow the size of states alone; otherwise they also follow the size of
+// rates and energies (learn/magnitudes.h), so that training does not depend on units. PM_ECONFIG
+// (too many networks), PM_EDATA (too few states for the patterns), PM_ENOMEM.
 pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain);
 
 #endif

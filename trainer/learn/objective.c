@@ -18,7 +18,7 @@
 #define CHUNK_BYTES 33554432
 
 // What a lane owns: a program of the graph, and its share of the sums.
-typedef struct lane {
+typedef struct loss_lane {
     pm_objective *objective;
     int id;
     pm_program *program;
@@ -28,7 +28,7 @@ typedef struct lane {
     // The work at hand.
     int count;
     const int *index;
-} lane;
+} loss_lane;
 
 struct pm_objective {
     pm_system *system;
@@ -43,7 +43,7 @@ struct pm_objective {
     int nentry;
     pm_node *entry_gradient; // [nentry] per trained entry, PM_NO_NODE if the loss ignores it
     const pm_param_entry **entry;
-    lane lane[LANES];
+    loss_lane lane[LANES];
     double *square; // [samples->count] per-sample residuals
 };
 
@@ -102,7 +102,7 @@ static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
     }
     PM_TRY_DONE(choose_chunk(o, g, count, output));
     for (int i = 0; i < LANES; ++i) {
-        lane *l = &o->lane[i];
+        loss_lane *l = &o->lane[i];
         l->objective = o;
         l->id = i;
         PM_TRY_DONE(pm_program_open(&l->program, g, count, output, o->chunk));
@@ -230,7 +230,7 @@ void pm_objective_set_weights(pm_objective *o, const double *theta) {
 
 // --- evaluation ---
 
-static void add_gradient(lane *l) {
+static void add_gradient(loss_lane *l) {
     const pm_objective *o = l->objective;
     double *to = l->gradient;
     for (int i = 0; i < o->nentry; ++i) {
@@ -252,7 +252,7 @@ static int chunk_of(int count, int most) {
 }
 
 static void *work(void *context) {
-    lane *l = context;
+    loss_lane *l = context;
     const int chunk = chunk_of(l->count, l->objective->chunk);
     const pm_objective *o = l->objective;
     const size_t width = (size_t)pm_samples_width(o->samples);

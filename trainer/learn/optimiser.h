@@ -1,4 +1,4 @@
-// Optimisers: one file each and one line in the table of learn/optimiser.c.
+// The interface of optimisers. Each is one file and one line in the table of learn/optimiser.c.
 #ifndef PM_TRAINER_LEARN_OPTIMISER_H
 #define PM_TRAINER_LEARN_OPTIMISER_H
 
@@ -7,38 +7,41 @@
 #include "learn/objective.h"
 
 typedef struct pm_schedule {
-    int iterations;               // adam: epochs
+    int iterations;               // adam: the number of epochs
     int batch;                    // adam, gauss_newton: samples per update
-    double first_rate, last_rate; // adam: learning rate, falling along a cosine
-    double beta2;                 // adam: how much of the mean square of gradients stays
-    int memory;                   // lbfgs: pairs kept
-    bool guarded; // gauss_newton: a step that the next batch shows to be wild is undone
+    double first_rate, last_rate; // adam: learning rate, decreasing along a half cosine
+    double beta2;                 // adam: decay of the mean square of the gradients
+    int memory;                   // lbfgs: the number of stored correction pairs
+    bool guarded; // gauss_newton: undo a step after which the next batch has a much larger loss
 } pm_schedule;
 
-// One stage of a training under way. A stage can be left whenever it reports and taken up again
+// A training stage in progress. A stage can be interrupted whenever it reports, and can be resumed
 // from theta, moment, done, batches and loss.
 typedef struct pm_optimisation {
-    pm_objective *objective;
+    pm_objective *objective; // borrowed
     pm_schedule schedule;
-    uint64_t seed;  // of the shuffling
-    double *theta;  // [pm_objective_size] start and result
-    double *moment; // [2][pm_objective_size] what the optimiser remembers; zero at first
-    int done;       // iterations finished
-    int batches;    // adam: of the next one that are finished,
-    double loss;    // and the sum of their samples' losses
-    // Called after every iteration, and after every batch of one, with theta up to date; anything
-    // but PM_OK ends the stage.
+    uint64_t seed;  // decides the batches
+    double *theta;  // [pm_objective_size] initial weights and result
+    double *moment; // [2][pm_objective_size] the memory of the optimiser; zero at first
+    int done;       // completed iterations
+    int batches;    // adam: completed batches of the iteration in progress
+    double loss;    // adam: the sum of the losses of the samples in these batches
+    // Called after every iteration, and by adam after every batch, with theta up to date. The stage
+    // ends if it returns anything but PM_OK.
     pm_status (*report)(void *context, const struct pm_optimisation *optimisation, double loss);
     void *context;
 } pm_optimisation;
 
 typedef struct pm_optimiser {
     const char *name;
+    // Minimises the loss over the iterations that are left. Returns the status of `report`,
+    // PM_ENUMERIC if the loss is not finite, or PM_ENOMEM.
     pm_status (*run)(pm_optimisation *optimisation);
 } pm_optimiser;
 
-// The optimiser called `name`, or NULL; _names lists all.
+// Returns the optimiser with this name, or NULL.
 const pm_optimiser *pm_optimiser_find(const char *name);
+// All names, separated by commas, for error messages.
 const char *pm_optimiser_names(void);
 
 #endif

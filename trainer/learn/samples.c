@@ -70,7 +70,7 @@ static double *cut(const pm_samples *s, const double *state, const double *rate,
             memcpy(window, at, ((size_t)s->unroll + 1) * nz * sizeof *at);
         }
         for (int step = 0; step < s->unroll && s->nboundary_input > 0; ++step) {
-            memcpy(window + pm_samples_load(s, step),
+            memcpy(window + pm_samples_input(s, step),
                    pm_boundary_input_interval(boundary_input, j + step),
                    nboundary_input * sizeof *at);
         }

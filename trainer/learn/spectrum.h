@@ -1,5 +1,5 @@
-// What the data do not decide: directions of the weights along which no residual changes, by the
-// spectrum of the Gauss-Newton matrix.
+// Reports what the data do not determine: the directions in weight space along which no residual
+// changes, from the spectrum of the Gauss-Newton matrix (learn/gauss_newton_matrix.h).
 #ifndef PM_TRAINER_LEARN_SPECTRUM_H
 #define PM_TRAINER_LEARN_SPECTRUM_H
 
@@ -7,9 +7,10 @@
 
 #include "learn/objective.h"
 
-// At the present weights, on a sample of the data: how many directions are flat, which blocks of
-// weights they are made of, and by how much the residuals change if all learned temperatures were
-// higher by one per cent. Says nothing for more weights than a matrix is affordable of. PM_ENOMEM.
+// Prints two lines to `out`, evaluated at the present weights on some of the samples: by how much
+// the residuals would change if all learned temperatures were 1 % higher, and how many directions
+// are flat and in which blocks of weights. Prints nothing if there are more weights than such a
+// matrix can be computed for. PM_ENOMEM.
 pm_status pm_spectrum_report(pm_objective *objective, FILE *out);
 
 #endif

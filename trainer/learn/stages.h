@@ -1,11 +1,13 @@
-// The stages of a training that its file leaves to the program (`stages: auto`).
+// Chooses the stages of a training file that says `stages: auto` or has no `stages`.
 #ifndef PM_TRAINER_LEARN_STAGES_H
 #define PM_TRAINER_LEARN_STAGES_H
 
 #include "learn/training.h"
 
-// Fills training->stage from a derivative fit to steps, all else as in `common`. The models are
-// declared.
+// Fills training->stage and training->nstage: derivatives first, then steps of one substep, then
+// steps of half the substeps of `common` with a robust loss. All other settings are those of
+// `common`. Beyond some thousand weights Adam takes the place of Gauss-Newton. The models must have
+// been declared, because the sizes of the batches depend on the number of weights.
 void pm_stages_auto(pm_training *training, const pm_stage *common);
 
 #endif

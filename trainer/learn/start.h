@@ -1,7 +1,8 @@
-// Where a training starts: several draws of the weights are fitted to derivatives for some
-// iterations of Gauss-Newton, the worse half is dropped, and so on until one is left (successive
-// halving: Jamieson, Talwalkar, AISTATS 2016). Products of learned energies and operators have poor
-// local minima, of which a short fit tells; the result depends on the seed alone.
+// Chooses the initial weights of a training by successive halving (Jamieson, Talwalkar, AISTATS
+// 2016): several random draws are fitted to derivatives for some iterations of Gauss-Newton, the
+// worse half is dropped, and this is repeated until one is left. Products of learned energies and
+// operators have poor local minima, which a short fit reveals. The result depends on the seed
+// alone.
 #ifndef PM_TRAINER_LEARN_START_H
 #define PM_TRAINER_LEARN_START_H
 
@@ -10,13 +11,15 @@
 #include "learn/samples.h"
 #include "learn/training.h"
 
-// The seed's own draw of all weights, which are as declared before. theta: [size], all trained
-// numbers.
+// Draws all weights by the seed of the training. The system must hold the weights as declared.
+// Writes all trained numbers to theta [size].
 void pm_start_draw(pm_training *training, double *theta);
 
-// Moves theta, drawn before and normalised, to the best of training->tries starts by their loss on
-// the samples, which are of derivatives. Nothing to do with one try. A signal ends it with
-// PM_EINTERRUPTED.
+// Replaces theta [size] by the best of training->tries draws, judged by their loss on the samples,
+// which must be those of the derivative residual. `declared` [size] are the weights as declared,
+// from which every draw begins. The constants of the models must have been fixed
+// (learn/normalization.h). With one try theta stays as it is. PM_EINTERRUPTED if *stop becomes
+// nonzero; PM_ENOMEM.
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, const double *declared,
                           double *theta, const volatile sig_atomic_t *stop);
 

@@ -34,8 +34,8 @@ static pm_node place(pm_graph *g, const pm_scene_port *port, int end, pm_node ra
     return sum;
 }
 
-pm_node pm_build_load(pm_graph *g, const pm_system *system, pm_node boundary_input,
-                      double fraction) {
+pm_node pm_build_boundary_input(pm_graph *g, const pm_system *system, pm_node boundary_input,
+                                double fraction) {
     const int n = system->scene->nprescribed;
     if (boundary_input == PM_NO_NODE) {
         return PM_NO_NODE;
@@ -165,7 +165,7 @@ void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk
             }
             const double fraction = (substep + pm_integrator_time(rk, stage)) / substeps;
             pm_build_rates(g, system, work->state,
-                           pm_build_load(g, system, boundary_input, fraction), work->last,
+                           pm_build_boundary_input(g, system, boundary_input, fraction), work->last,
                            degeneracy);
             for (int i = 0; i < count; ++i) {
                 work->k[i * rk->nstage + stage] = work->state[i].zdot;

@@ -1,5 +1,5 @@
-// One step of a whole system as a graph, for training: the same model expressions and the same
-// Runge-Kutta tableau as sim/subsystem.h, batched over samples and open to differentiation.
+// One step of a whole system as a graph, for training. It evaluates the same model expressions and
+// the same Runge-Kutta tableau as sim/subsystem.h, batched over samples, and can be differentiated.
 #ifndef PM_TRAINER_LEARN_STEP_GRAPH_H
 #define PM_TRAINER_LEARN_STEP_GRAPH_H
 
@@ -8,40 +8,47 @@
 #include "scene/integrator.h"
 #include "scene/system.h"
 
-// One subsystem at a stage: the state z at which operators and ports are taken, the states between
-// which co-energies are (from: PM_NO_NODE unless discrete), dE, dS, the response of dE to a rate,
-// and the time derivative. PM_NO_NODE where absent.
+// One subsystem at a stage of the integrator. Nodes that do not apply are PM_NO_NODE.
 typedef struct pm_state_nodes {
-    pm_node z, from, to, dE, dS, response, zdot;
+    pm_node z;        // [1][nz] the state at which operators and ports are evaluated
+    pm_node from, to; // [1][nz] the two states of a discrete gradient; else `from` is PM_NO_NODE
+    pm_node dE, dS;   // [1][nz]
+    pm_node response; // the linear response of dE to a rate
+    pm_node zdot;     // [1][nz]
 } pm_state_nodes;
 
-// Fills dE and dS of state [nsubsystem] from `from` and `to`.
+// Computes dE and dS of state [nsubsystem] from `from` and `to`.
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state);
 
-// What all loads prescribe [1][nprescribed] at a fraction of the interval whose polynomials are
-// `load` [1][PM_BOUNDARY_INPUT_ORDER nprescribed] (scene/boundary_input.h), of which the fraction 0
-// needs the first nprescribed alone. PM_NO_NODE: there are no loads.
-pm_node pm_build_load(pm_graph *g, const pm_system *system, pm_node boundary_input,
-                      double fraction);
+// Returns the values [1][nprescribed] of all boundary inputs at a fraction (0 to 1) of a step.
+// `boundary_input` [1][PM_BOUNDARY_INPUT_ORDER nprescribed] are their polynomials over the step
+// (scene/boundary_input.h); fraction 0 needs the first nprescribed numbers alone. Returns
+// PM_NO_NODE if `boundary_input` is PM_NO_NODE, that is, without boundary inputs.
+pm_node pm_build_boundary_input(pm_graph *g, const pm_system *system, pm_node boundary_input,
+                                double fraction);
 
-// What a port shows at both ends, from the subsystems' states and what the loads prescribe.
+// Collects what both ends of a port expose, from the states of the subsystems and the values of the
+// boundary inputs.
 void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
                          const pm_state_nodes *state, pm_node prescribed, pm_port_nodes end[2]);
 
-// Fills zdot from z, dE and dS, and what the loads prescribe; adds the squared degeneracy residuals
-// to *degeneracy. `last` [nport]: the irreversible rates of the iteration before, replaced by those
-// of this one (prediction.h); all PM_NO_NODE at first.
+// Computes zdot of state [nsubsystem] from z, dE, dS and the values of the boundary inputs, and
+// adds the squared degeneracy residuals to *degeneracy. `last` [nport] holds the irreversible rates
+// of the previous iteration of the prediction (prediction.h), all PM_NO_NODE at first, and receives
+// those of this one.
 void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node prescribed,
                     pm_node *last, pm_node *degeneracy);
 
-// Replaces z [nsubsystem] by the states after `substeps` steps of length h, over which the loads
-// are `load` (as in pm_build_load). `work` has room for nsubsystem states, nsubsystem * rk->nstage
-// and nport nodes, and nz of one subsystem.
+// Work space of pm_build_step, owned by the caller.
 typedef struct pm_step_work {
-    pm_state_nodes *state;
-    pm_node *k, *last;
-    bool *responding;
+    pm_state_nodes *state; // [nsubsystem]
+    pm_node *k;            // [nsubsystem * rk->nstage]
+    pm_node *last;         // [nport]
+    bool *responding;      // [largest nz of a subsystem]
 } pm_step_work;
+
+// Replaces z [nsubsystem] by the states after `substeps` steps of h seconds each, and adds the
+// squared degeneracy residuals to *degeneracy. `boundary_input` is that of pm_build_boundary_input.
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
                    int substeps, pm_node *z, pm_node boundary_input, pm_node *degeneracy,
                    const pm_step_work *work);

@@ -1,4 +1,5 @@
-// A training file: which models the parts of a scene get, on which data, and by which stages.
+// A training file as it was read: the models of the subsystems and ports of a scene, the data, and
+// the stages of the training. trainer/TRAINING.md explains its keys.
 #ifndef PM_TRAINER_LEARN_TRAINING_H
 #define PM_TRAINER_LEARN_TRAINING_H
 
@@ -14,33 +15,33 @@ typedef struct pm_stage {
     const pm_optimiser *optimiser;
     pm_schedule schedule;
     pm_loss loss;
-    int unroll;
+    int unroll; // steps in a window
 } pm_stage;
 
 typedef struct pm_training {
-    pm_arena arena; // owns all that follows
+    pm_arena arena; // owns all texts and arrays below
     const char *path;
     pm_scene *scene;
-    pm_system *system;          // models declared, weights not yet drawn
-    const char *data, *data_at; // dataset, or NULL: only from the command line; and its place,
-                                // "file:line:column", for errors found later
+    pm_system *system; // the models are declared, the weights not yet drawn
+    // The members that end in _at are places, "file:line:column", for errors that are found later.
+    const char *data, *data_at;                 // the dataset, or NULL: named on the command line
     const char *trajectories, *trajectories_at; // "A:B", or NULL: all
-    const char *validation, *validation_at;     // a list, "none", or NULL: as learn/split.h says
+    const char *validation, *validation_at;     // a list, "none", or NULL (learn/split.h)
     uint64_t seed;
-    bool square; // samples have symmetric images (learn/symmetry.h)
-    bool plain;  // models are as they are written (learn/defaults.h)
-    int tries,
-        try_iterations; // starts to choose from, and iterations of each at first (learn/start.h)
+    bool square;        // samples have symmetric copies (learn/symmetry.h)
+    bool plain;         // models stay as they are written (learn/defaults.h)
+    int tries;          // initial draws to choose from (learn/start.h)
+    int try_iterations; // iterations of each draw in the first round
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];
-    uint64_t digest; // of everything that decides the result but the data and the stages
-    // Of each stage, without its number of iterations: a stage may become longer when a training is
-    // taken up again. 32 bits, so that a double holds it.
+    uint64_t digest; // of all that decides the result, except the data and the stages
+    // The digest of each stage, without its number of iterations: a resumed training may have
+    // longer stages. It has 32 bits, so that a double can hold it.
     uint32_t stage_digest[PM_MAX_TRAINING_STAGES];
 } pm_training;
 
-// Reads and checks a training file and declares the models. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The
-// caller frees.
+// Reads and checks a training file and its scene, and declares the models. The caller frees.
+// PM_EFILE, PM_ECONFIG with the place in the file, PM_ENOMEM.
 pm_status pm_training_load(pm_training **training, const char *path);
 void pm_training_free(pm_training *training); // NULL is allowed
 

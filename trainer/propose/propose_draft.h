@@ -1,4 +1,4 @@
-// A training file as it is being proposed, shared by the files that write its parts.
+// A training file while it is being written, shared by the files that write its sections.
 #ifndef PM_TRAINER_PROPOSE_PROPOSE_DRAFT_H
 #define PM_TRAINER_PROPOSE_PROPOSE_DRAFT_H
 
@@ -12,16 +12,17 @@ typedef struct pm_draft {
     const pm_proposal *p;
     pm_look look;
     pm_part_view *part; // [nsubsystem]
-    bool rotates;       // nothing depends on directions
+    bool rotates;       // the dynamics do not depend on directions
     int width;          // of hidden layers
 } pm_draft;
 
-// The name of a part's group.
+// The name of a group of a subsystem.
 const char *pm_draft_name(const pm_part_view *part, int group);
-// Whether friction, relaxation or leakage may act on it.
+// Whether friction, relaxation or leakage may act on the group.
 bool pm_draft_may_lose(const pm_part_view *part, int group);
 
-// A list of names in brackets, of which it writes what opens it and the entries.
+// Writes a list of names in brackets: _open writes `before` and the opening bracket, _add writes
+// `before` and `name`, after a comma where needed. The caller writes the closing bracket.
 typedef struct pm_draft_list {
     FILE *file;
     int count;
@@ -29,7 +30,7 @@ typedef struct pm_draft_list {
 pm_draft_list pm_draft_open(FILE *file, const char *before);
 void pm_draft_add(pm_draft_list *list, const char *before, const char *name);
 
-// The block of a part, and of a port, under `models`.
+// Write the model of a subsystem, and of a port, under the key `models`.
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
 

@@ -1,4 +1,4 @@
-// A proposal from files to files, as the commands propose and fit make it.
+// Proposals with file names as input and output, for the commands propose and fit.
 #ifndef PM_TRAINER_PROPOSE_PROPOSE_FILES_H
 #define PM_TRAINER_PROPOSE_PROPOSE_FILES_H
 
@@ -6,12 +6,12 @@
 
 #include "model/spec.h"
 
-// Writes the training file `output` for a scene and a dataset, and for the forms soft and free the
-// scene that it names beside it, "<output without its ending>_scene.yaml". Prints what it wrote.
-// As pm_propose.
+// Reads a scene and a dataset and writes the training file `output`. For the forms soft and free it
+// also writes the scene that this file names, "<output without its ending>_scene.yaml". Prints the
+// names of the files that it wrote. Fails like pm_propose.
 pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output);
 
-// Whether a YAML file is a scene, which says how time is stepped, and not a training file.
+// Returns whether a YAML file is a scene, not a training file: a scene has the key `time`.
 bool pm_propose_is_scene(const char *path);
 
 #endif

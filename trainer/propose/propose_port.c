@@ -1,11 +1,12 @@
-// The models of ports in a proposal.
+// Writes the model of a port in a proposed training file: its reversible and its irreversible
+// operator in the form hard, a network for the boundary term in the forms soft and free.
 #include <string.h>
 
 #include "propose/propose_draft.h"
 
 static const char *const ends[2] = {"a.", "b."};
 
-// Groups that an end exposes, or that the world shows.
+// The groups that one end of a port exposes, those of a subsystem or of a boundary input.
 static const pm_layout *shown(const pm_draft *d, int port, int end) {
     return &d->p->scene->port[port].layout[end];
 }
@@ -15,9 +16,11 @@ static bool is_entropy_unit(const pm_group *group) {
     return pm_unit_equal(&entropy, &unit);
 }
 
-// What a load does to a part cannot be looked up in the states of parts.
-static void write_load_pairs(const pm_draft *d, int port) {
-    fprintf(d->file, "    reversible:\n      # What the load does to the part is learned.\n");
+// Writes a learned coupling with a boundary input, whose values are not among the states that
+// propose/look.h examines.
+static void write_boundary_input_pairs(const pm_draft *d, int port) {
+    fprintf(d->file,
+            "    reversible:\n      # How the boundary input acts on the subsystem is learned.\n");
     for (int end = 0; end < 2; ++end) {
         const pm_layout *layout = shown(d, port, end);
         pm_draft_list l =
@@ -40,85 +43,90 @@ static int count_mechanical(const pm_layout *layout) {
     return count;
 }
 
-static void write_pairs(const pm_draft *d, int port) {
+// Writes the pairs whose coefficient the data show; what is left over is what friction does.
+static void write_given_pairs(FILE *f, const pm_part_view *a, const pm_part_view *b,
+                              const pm_port_view *view) {
+    fprintf(f,
+            "      # The data show that a momentum of one end moves a position of the other end.\n"
+            "      given: [");
+    for (int i = 0, n = 0; i < view->count; ++i) {
+        const pm_pair_view *p = &view->pair[i];
+        if (p->coefficient != 0) {
+            fprintf(f, p->momentum_first ? "%s[a.%s, b.%s, %.1f]" : "%s[b.%s, a.%s, %.1f]",
+                    n++ > 0 ? ", " : "",
+                    p->momentum_first ? pm_draft_name(a, p->a) : pm_draft_name(b, p->b),
+                    p->momentum_first ? pm_draft_name(b, p->b) : pm_draft_name(a, p->a),
+                    p->coefficient);
+        }
+    }
+    fprintf(f, "]\n");
+}
+
+// Writes the list of those groups of one end that some pair of the view names.
+static void write_named_groups(FILE *f, const char *before, const pm_part_view *part, int end,
+                               const pm_port_view *view) {
+    pm_draft_list l = pm_draft_open(f, before);
+    for (int g = 0; g < part->count; ++g) {
+        bool named = false;
+        for (int i = 0; i < view->count; ++i) {
+            named = named || (end == 0 ? view->pair[i].a : view->pair[i].b) == g;
+        }
+        if (named) {
+            pm_draft_add(&l, ends[end], pm_draft_name(part, g));
+        }
+    }
+}
+
+// Writes the reversible operator of a port between two subsystems, or of one with a boundary input.
+static void write_reversible(const pm_draft *d, int port) {
     FILE *f = d->file;
     const pm_scene_port *scene = &d->p->scene->port[port];
     if (scene->subsystem[0] < 0 || scene->subsystem[1] < 0) {
         if (count_mechanical(&scene->layout[0]) > 0 && count_mechanical(&scene->layout[1]) > 0) {
-            write_load_pairs(d, port);
+            write_boundary_input_pairs(d, port);
         }
         return;
     }
     pm_port_view view;
     pm_view_port(&d->look, d->part, port, &view);
-    int given = 0, loose = 0;
-    for (int i = 0; i < view.count; ++i) {
-        given += view.pair[i].coefficient != 0;
-        loose += view.pair[i].coefficient == 0;
-    }
     if (view.count == 0) {
-        fprintf(f, "    # No variable of one end moves one of the other without loss.\n");
+        fprintf(f,
+                "    # No variable of one end moves a variable of the other end without loss.\n");
         return;
     }
     const pm_part_view *a = &d->part[scene->subsystem[0]], *b = &d->part[scene->subsystem[1]];
+    bool given = false;
+    for (int i = 0; i < view.count; ++i) {
+        given = given || view.pair[i].coefficient != 0;
+    }
     fprintf(f, "    reversible:\n");
-    if (given > 0) {
-        fprintf(f,
-                "      # The data show that the momentum carries the other end's position along.\n"
-                "      given: [");
-        for (int i = 0, n = 0; i < view.count; ++i) {
-            const pm_pair_view *p = &view.pair[i];
-            if (p->coefficient != 0) {
-                fprintf(f, p->momentum_first ? "%s[a.%s, b.%s, %.1f]" : "%s[b.%s, a.%s, %.1f]",
-                        n++ > 0 ? ", " : "",
-                        p->momentum_first ? pm_draft_name(a, p->a) : pm_draft_name(b, p->b),
-                        p->momentum_first ? pm_draft_name(b, p->b) : pm_draft_name(a, p->a),
-                        p->coefficient);
-            }
-        }
-        fprintf(f, "]\n");
-        return; // what is left is what friction does
+    if (given) {
+        write_given_pairs(f, a, b, &view);
+        return;
     }
-    fprintf(f, "      # In these data rates of one end follow variables of the other; by how much "
-               "is learned.\n");
-    pm_draft_list l = pm_draft_open(f, "      learned: {acts_on: ");
-    for (int g = 0; g < a->count; ++g) {
-        bool named = false;
-        for (int i = 0; i < view.count; ++i) {
-            named = named || view.pair[i].a == g;
-        }
-        if (named) {
-            pm_draft_add(&l, "a.", pm_draft_name(a, g));
-        }
-    }
-    l = pm_draft_open(f, "], against: ");
-    for (int g = 0; g < b->count; ++g) {
-        bool named = false;
-        for (int i = 0; i < view.count; ++i) {
-            named = named || view.pair[i].b == g;
-        }
-        if (named) {
-            pm_draft_add(&l, "b.", pm_draft_name(b, g));
-        }
-    }
+    fprintf(f,
+            "      # In the data, rates of one end follow variables of the other end. The strength "
+            "is learned.\n");
+    write_named_groups(f, "      learned: {acts_on: ", a, 0, &view);
+    write_named_groups(f, "], against: ", b, 1, &view);
     fprintf(f, "]}\n");
 }
 
-// Whether a load prescribes the dS of a group: without, it takes no part in what dissipates.
-static bool world_has_entropy(const pm_draft *d, int port, int end, const pm_group *group) {
+// Whether dS of this group is known. A boundary input without dS takes no part in dissipation.
+static bool has_coentropy(const pm_draft *d, int port, int end, const pm_group *group) {
     const pm_scene_port *scene = &d->p->scene->port[port];
     if (scene->subsystem[end] >= 0) {
         return true;
     }
-    const pm_scene_boundary_input *world = &d->p->scene->boundary_input[scene->boundary_input[end]];
-    return world->value[2 * world->layout.nz + scene->component[end][group->first]].at != NULL;
+    const pm_scene_boundary_input *input = &d->p->scene->boundary_input[scene->boundary_input[end]];
+    return input->value[2 * input->layout.nz + scene->component[end][group->first]].at != NULL;
 }
 
 static bool port_heats(const pm_draft *d, int port, int end, const pm_group *group) {
-    return is_entropy_unit(group) && world_has_entropy(d, port, end, group);
+    return is_entropy_unit(group) && has_coentropy(d, port, end, group);
 }
 
-// Whether a port's friction may act on what an end shows.
+// Whether the dissipation of a port may act on this group of one end.
 static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *group) {
     const int id = d->p->scene->port[port].subsystem[end];
     for (int g = 0; id >= 0 && g < d->part[id].count; ++g) {
@@ -126,7 +134,7 @@ static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *
             return pm_draft_may_lose(&d->part[id], g);
         }
     }
-    return !is_entropy_unit(group) && world_has_entropy(d, port, end, group);
+    return !is_entropy_unit(group) && has_coentropy(d, port, end, group);
 }
 
 static void write_port_irreversible(const pm_draft *d, int port) {
@@ -140,11 +148,11 @@ static void write_port_irreversible(const pm_draft *d, int port) {
                 port_may_lose(d, port, end, &layout->group[g]) ? layout->group[g].size : 0;
         }
     }
-    // As many processes as there are variables: with just enough of them, fits stop at poor minima.
+    // As many processes as variables: with the smallest sufficient number, fits end in poor minima.
     const int both = lossy[0] + lossy[1];
     const int rank = both + (heats > 1 ? heats - 1 : 0);
     if (heats == 0 || rank == 0) {
-        fprintf(f, "    # No heat passes here: an entropy would have to be exposed.\n");
+        fprintf(f, "    # No heat passes through this port, since it exposes no entropy.\n");
         return;
     }
     pm_draft_list l = pm_draft_open(f, "    irreversible: {learned: {acts_on: ");
@@ -175,7 +183,7 @@ static void write_port_irreversible(const pm_draft *d, int port) {
     fprintf(f, "}}   # %s%s\n", both > 0 ? "friction between the ends" : "",
             heats < 2  ? ""
             : both > 0 ? ", and heat"
-                       : "heat, by a conductance that may vary");
+                       : "heat; the conductance may vary with the entropies");
 }
 
 static void write_exchange(const pm_draft *d, int port) {
@@ -194,7 +202,7 @@ void pm_draft_port(const pm_draft *d, int port) {
     fprintf(d->file, "  %s:\n    law: %s\n", d->p->scene->port[port].name,
             d->p->form == PM_HARD ? "bracket" : "exchange");
     if (d->p->form == PM_HARD) {
-        write_pairs(d, port);
+        write_reversible(d, port);
         write_port_irreversible(d, port);
     } else {
         write_exchange(d, port);

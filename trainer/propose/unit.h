@@ -1,4 +1,4 @@
-// Units as powers of the base units, as far as text such as "kg m^2/s", "J/(K mol)" or "V s" tells.
+// Units as powers of the base units, read from texts such as "kg m^2/s", "J/(K mol)" or "V s".
 #ifndef PM_TRAINER_PROPOSE_UNIT_H
 #define PM_TRAINER_PROPOSE_UNIT_H
 
@@ -8,16 +8,17 @@ enum { PM_UNIT_KG, PM_UNIT_M, PM_UNIT_S, PM_UNIT_A, PM_UNIT_K, PM_UNIT_MOL, PM_U
 
 typedef struct pm_unit {
     bool known;
-    int power[PM_UNIT_BASES]; // of kg, m, s, A, K, mol; angles are numbers
+    int power[PM_UNIT_BASES]; // of kg, m, s, A, K, mol; angles are dimensionless
 } pm_unit;
 
-// Symbols joined by blanks, '*' or '.', with powers "^2", "^-1" or "2" behind them; what follows a
-// '/' divides: one symbol, or several in parentheses. "1" and "" are numbers. Not known: a symbol
-// that is none of SI's without a prefix.
+// Reads symbols that are joined by blanks, '*' or '.', each with an optional power "^2", "^-1" or
+// "2". A '/' divides by the next symbol, or by several in parentheses. "1" and "" are
+// dimensionless. The result is not `known` if a symbol is not an SI unit without a prefix.
 pm_unit pm_unit_parse(const char *text);
 
-// Whether both are known, and the same.
+// Returns whether both units are known and equal.
 bool pm_unit_equal(const pm_unit *a, const pm_unit *b);
+// Returns the product, which is known if both factors are.
 pm_unit pm_unit_product(const pm_unit *a, const pm_unit *b);
 
 #endif

@@ -131,7 +131,7 @@ static pm_status measure_step(pm_system *system, const pm_dataset *dataset, stud
     double *gradient = NULL;
     pm_status status;
     PM_TRY_DONE(pm_samples_make(&samples, scene, dataset, 0, dataset->ntrajectory, loss.residual, 1,
-                                pm_loss_load_order(&loss)));
+                                pm_loss_input_order(&loss)));
     PM_TRY_DONE(pm_objective_open(&objective, system, &samples, &loss));
     score->weights = pm_objective_size(objective);
     gradient = calloc((size_t)score->weights + 1, sizeof *gradient);
