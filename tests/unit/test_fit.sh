@@ -203,7 +203,7 @@ says 'those of stage 1 after'
 config longer '{optimiser: gauss_newton, iterations: 20, batch: 200, substeps: 2}'
 cp -r "$folder/honest" "$folder/longer"
 fit longer longer --resume || fail "longer --resume"
-says '^goes on in stage 1 after 12 iterations'
+says '^resumes stage 1 after 12 iterations'
 fit longer at_once || fail "fit longer"
 same_weights "longer" longer at_once
 # Weights know what they were trained on; validation kept none back here.

@@ -236,10 +236,10 @@ static void what_is_not_square_is_refused(void **state) {
         {part,
          "law: exchange\nform: free\nmesh: {size: [3, 1, 1], elements: [1, 2, 2]}\n"
          "rate: {nodes: [own.u], width: 1, passes: 0}\n",
-         "symmetry: grip is on another mesh than the models before"},
+         "symmetry: grip has another mesh than the models before it"},
         {"mesh: {size: [3, 1, 1.5], elements: [2, 2, 2]}\nenergy: {nodes: u, width: 1, passes: "
          "0}\n",
-         grip, "symmetry: grip is on another mesh than the models before"},
+         grip, "symmetry: grip has another mesh than the models before it"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
         random_system w;

@@ -1,11 +1,11 @@
-// Rewriting models as they were read.
+// Rewrites models as they were read: thermal energies, heated operators, and the sizes of their
+// first random weights.
 #include "learn/defaults.h"
 
 #include <string.h>
 
-// Learned constants and skips start from normal numbers of this size: entries of operators in units
-// that make 1 a typical rate (learn/magnitudes.h), and departures of an energy from its first
-// minimum.
+// Standard deviations of the first random weights of learned constants and skips. Entries of
+// operators are in units in which 1 is a typical rate (learn/magnitudes.h).
 #define OPERATOR_SPREAD 0.3
 #define ENERGY_SPREAD 0.1
 
@@ -22,8 +22,8 @@ static bool is_listed(int count, const char *const *list, const char *name) {
     return false;
 }
 
-// Whether the entropy is known to be this group, or a sum with it: given, or a formula that is a
-// name.
+// Whether the entropy is this group, or a sum that contains it with a positive coefficient: a given
+// linear form, or a formula that is the name of the group.
 static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
     if (entropy->nterm > 0) {
         return false;
@@ -41,7 +41,7 @@ static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
 
 // --- energies ---
 
-// Moves the entropies among a term's features to the end, as those in which it is thermal.
+// Moves the entropies among the features of a term to the end and makes the term thermal in them.
 static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *entropy,
                               pm_arena *arena) {
     const char **feature = pm_arena_array(arena, (size_t)term->nfeature + 1, sizeof *feature);
@@ -65,7 +65,7 @@ static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *en
     return PM_OK;
 }
 
-// Thermal terms in which this entropy is one of the features.
+// The number of thermal terms that have this entropy among their features.
 static int count_thermal(const pm_potential_spec *energy, const char *group) {
     int count = 0;
     for (int i = 0; i < energy->nterm; ++i) {
@@ -76,8 +76,8 @@ static int count_thermal(const pm_potential_spec *energy, const char *group) {
     return count;
 }
 
-// A linear form of an entropy in the energy says where its temperature starts: beside it that of
-// the thermal terms would not be the whole. Removes it.
+// Turns a linear form of an entropy in the energy into the starting temperature of the thermal
+// terms and removes it. If it stayed, the temperature would be the sum of both.
 static pm_status absorb_given(pm_potential_spec *energy, pm_network_spec *term, pm_arena *arena) {
     const char **given = pm_arena_array(arena, (size_t)energy->ngiven + 1, sizeof *given);
     double *kept = pm_arena_array(arena, (size_t)energy->ngiven + 1, sizeof *kept);
@@ -148,7 +148,8 @@ static void default_spread(pm_operator_spec *op) {
     }
 }
 
-// Whether a learned operator with these heats has something to act on.
+// Whether a learned operator can heat these entropies: it must have a variable to act on besides a
+// single entropy.
 static bool can_heat(const pm_operator_spec *op, pm_form form, int components, int count,
                      const char *const *heats) {
     bool other = components > 1;
@@ -182,18 +183,18 @@ pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena 
     return PM_OK;
 }
 
-// Whether what an end of a port shows as `group` is an entropy: of its part, or of the world.
+// Whether a group of one end of a port is an entropy, of a subsystem or of a boundary input.
 static bool shows_entropy(const pm_system *system, int port, int end, const char *group) {
     const pm_scene_port *scene = &system->scene->port[port];
     if (scene->subsystem[end] >= 0) {
         return is_entropy(&system->part[scene->subsystem[end]].spec.entropy, group);
     }
-    const pm_scene_boundary_input *world =
+    const pm_scene_boundary_input *input =
         &system->scene->boundary_input[scene->boundary_input[end]];
-    const pm_group *found = pm_layout_find(&world->layout, group);
+    const pm_group *found = pm_layout_find(&input->layout, group);
     const pm_scene_prescribed *dS =
-        found == NULL ? NULL : &world->value[2 * world->layout.nz + found->first];
-    return dS != NULL && world->entropy && (dS->column != NULL || dS->number > 0);
+        found == NULL ? NULL : &input->value[2 * input->layout.nz + found->first];
+    return dS != NULL && input->entropy && (dS->column != NULL || dS->number > 0);
 }
 
 pm_status pm_default_port(pm_port_spec *spec, const pm_system *system, int port, pm_arena *arena) {

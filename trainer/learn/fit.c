@@ -1,4 +1,5 @@
-// Training stage by stage: data, start, reports, and the stages themselves.
+// A fit from its training file to its last stage: loads and divides the data, chooses the initial
+// weights, runs the stages, and saves and validates between iterations.
 #include "learn/fit.h"
 
 #include <math.h>
@@ -43,7 +44,7 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
     }
     if (*f->stop) {
         PM_TRY(pm_fit_save(f, false));
-        return pm_fail(PM_EINTERRUPTED, "interrupted; go on with --resume");
+        return pm_fail(PM_EINTERRUPTED, "interrupted; continue with --resume");
     }
     if (is_over(f)) {
         return pm_fail(PM_EINTERRUPTED, "the time for training is over");
@@ -53,7 +54,7 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
 
 // --- stages ---
 
-// Evaluates every sample, for the residuals.
+// Evaluates the loss of every sample, so that all residuals are up to date.
 static pm_status evaluate_all(const pm_fit *f, pm_objective *objective) {
     double *gradient = malloc(((size_t)f->size + 1) * sizeof *gradient);
     if (gradient == NULL) {
@@ -64,10 +65,11 @@ static pm_status evaluate_all(const pm_fit *f, pm_objective *objective) {
     return PM_OK;
 }
 
+// Prepares a stage that begins or is resumed: sets the weights and the robust scale.
 static pm_status take_up(pm_fit *f, pm_objective *objective) {
     pm_objective_set_weights(objective, f->theta);
     PM_TRY(evaluate_all(f, objective));
-    if (f->position[PM_FIT_DONE] > 0 || f->position[PM_FIT_BATCHES] > 0) { // taken up again
+    if (f->position[PM_FIT_DONE] > 0 || f->position[PM_FIT_BATCHES] > 0) { // resumed
         pm_objective_set_robust_square(objective, f->position[PM_FIT_ROBUST]);
     } else {
         PM_TRY(pm_objective_rescale(objective, 0, NULL));
@@ -115,7 +117,7 @@ static pm_status optimise(pm_fit *f, pm_objective *objective) {
                : pm_spectrum_report(objective, stdout);
 }
 
-// With images of them, if the training file says so.
+// Makes the samples of the training part, with symmetric copies if the training file says so.
 static pm_status make_samples(pm_fit *f, pm_residual residual, int unroll, int input_order,
                               pm_samples *samples) {
     pm_symmetry *symmetry = NULL;
@@ -146,7 +148,7 @@ static pm_status run_stage(pm_fit *f) {
     return status;
 }
 
-// The checkpoint of the last stage stays, so that a longer one can go on from it.
+// The checkpoint of the last stage remains, so that a longer last stage can be resumed from it.
 static pm_status run_stages(pm_fit *f) {
     for (f->stage = (int)f->position[PM_FIT_STAGE]; !f->expired; ++f->stage) {
         PM_TRY(run_stage(f));
@@ -187,7 +189,8 @@ static pm_status load_dataset(pm_fit *f, const char *path) {
     return PM_OK;
 }
 
-// The command line's word, or the training file's, whose errors have their place there.
+// Takes the lists of the command line, or else those of the training file. Errors in the latter
+// name their place in the file.
 static pm_status split_data(pm_fit *f) {
     const pm_fit_arguments *a = f->arguments;
     const pm_training *t = f->training;
@@ -211,7 +214,8 @@ static pm_status load_data(pm_fit *f) {
             return pm_fail(status, "%s: %s", f->training->data_at, pm_error());
         }
     } else {
-        return pm_fail(PM_EUSAGE, "%s names no data: give --data FILE", f->arguments->config);
+        return pm_fail(PM_EUSAGE, "%s names no data; name them with --data FILE",
+                       f->arguments->config);
     }
     PM_TRY(split_data(f));
     PM_TRY(pm_split_reorder(&f->split, f->dataset));
@@ -245,7 +249,7 @@ static pm_status search_start(pm_fit *f, const double *declared) {
     }
     pm_status status = make_samples(f, PM_RESIDUAL_DERIVATIVE, 1, 1, &samples);
     if (status == PM_EDATA) {
-        return PM_OK; // trajectories too short for rates: the seed's own draw is the start
+        return PM_OK; // the trajectories are too short for rates: keep the first draw
     }
     PM_TRY(status);
     status = pm_start_search(f->training, &samples, declared, f->theta, f->stop);
@@ -253,7 +257,7 @@ static pm_status search_start(pm_fit *f, const double *declared) {
     return status;
 }
 
-// Draws the weights and fixes the normalisation; theta holds the start.
+// Draws the weights, fixes the normalisation, and writes the chosen initial weights to theta.
 static pm_status initialise(pm_fit *f) {
     pm_system *system = f->training->system;
     double *declared = malloc(((size_t)f->size + 1) * sizeof *declared), *theta = declared;

@@ -1,4 +1,5 @@
-// What a fit leaves in its folder: the checkpoint to go on from, and the best weights so far.
+// Writes the folder of a fit: the checkpoint for --resume, and the best weights so far as one file
+// for each subsystem and port.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,13 +13,14 @@ static const char *base_name(const char *path) {
     return slash == NULL ? path : slash + 1;
 }
 
-// Of all parts, then all ports; NULL: its model is known.
+// The weights file of a component, counting subsystems first, then ports. NULL: the scene has a
+// model of it.
 static const char *weights_of(const pm_scene *scene, int component) {
     const int n = scene->nsubsystem;
     return component < n ? scene->subsystem[component].weights : scene->port[component - n].weights;
 }
 
-// One file per component: two that share a name would overwrite each other.
+// Two components with the same file name would overwrite each other's weights.
 pm_status pm_fit_check_names(const pm_scene *scene) {
     const int n = scene->nsubsystem, count = n + scene->nport;
     for (int i = 0; i < count; ++i) {
@@ -52,7 +54,7 @@ const double *pm_fit_kept(const pm_fit *f) {
     return f->position[PM_FIT_BEST] >= 0 ? f->best : f->theta;
 }
 
-// What all weights of the fit have in common.
+// The provenance that all weights files of the fit share.
 static pm_provenance provenance_of(const pm_fit *f) {
     const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
     const bool steps = loss->residual == PM_RESIDUAL_STEP;
@@ -69,7 +71,8 @@ static pm_provenance provenance_of(const pm_fit *f) {
                            .seconds = f->position[PM_FIT_SECONDS]};
 }
 
-// Weights at rest are written settled; the training goes on with them as they are.
+// Writes the weights with their tangents folded in (learn/fold_tangent.h). The training continues
+// with the original ones.
 static pm_status save_part(pm_fit *f, int id, const char *path, pm_provenance *p) {
     pm_part *part = &f->training->system->part[id];
     const pm_scene_subsystem *scene = &f->training->scene->subsystem[id];
@@ -106,7 +109,7 @@ static pm_status save_component(pm_fit *f, int id, pm_provenance *p, bool loud) 
     return PM_OK;
 }
 
-// The system's weights are afterwards what they were.
+// Writes the kept weights. The system has its present weights again afterwards.
 static pm_status save_weights(pm_fit *f, bool loud) {
     pm_system *system = f->training->system;
     double *before = malloc(((size_t)f->size + 1) * sizeof *before), *at = before;
@@ -147,7 +150,8 @@ pm_status pm_fit_save(pm_fit *f, bool loud) {
     return save_weights(f, loud);
 }
 
-// Stages that are over, and the one under way, must be what they were, but for their length.
+// Completed stages and the stage in progress must be the same as in the checkpoint, except for
+// their number of iterations.
 static pm_status check_stages(const pm_fit *f, const double *own) {
     const int stage = (int)f->position[PM_FIT_STAGE];
     for (int i = 0; i <= stage; ++i) {
@@ -168,7 +172,7 @@ pm_status pm_fit_load(pm_fit *f) {
     PM_TRY(pm_checkpoint_load(f->checkpoint, "fit", f->digest, 4, field));
     PM_TRY(check_stages(f, own));
     memcpy(f->position + PM_FIT_DIGEST, own, sizeof own);
-    printf("goes on in stage %d after %d iterations\n", (int)f->position[PM_FIT_STAGE] + 1,
+    printf("resumes stage %d after %d iterations\n", (int)f->position[PM_FIT_STAGE] + 1,
            (int)f->position[PM_FIT_DONE]);
     return PM_OK;
 }

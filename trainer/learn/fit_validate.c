@@ -1,4 +1,5 @@
-// Rollouts on the validation part as a training goes, the best weights, and the curves.
+// Validates a fit in progress: rollouts on the validation part decide which weights are kept, and
+// fit.csv records losses and errors.
 #include <math.h>
 #include <string.h>
 #include <unistd.h>
@@ -6,11 +7,12 @@
 #include "evaluate/gnuplot.h"
 #include "learn/fit.h"
 
-#define MOST_ROLLOUTS 8     // of one validation
+#define MOST_ROLLOUTS 8     // in one validation
 #define MOST_VALIDATIONS 10 // in a stage
-#define FEWEST_ROWS 3       // of fit.csv, that are drawn
-#define SHARE 0.1           // of the time, at most, but for one at the end of each stage
-// How many operations of a training one of a rollout counts as, which goes sample by sample.
+#define FEWEST_ROWS 3       // of fit.csv, below which it is not drawn
+#define SHARE 0.1           // of the time at most, besides one validation at the end of each stage
+// The cost of an operation of a rollout, which runs sample by sample, in operations of the
+// training, which runs in batches.
 #define ROLLOUT_COST 4
 
 static int rollouts_of(const pm_fit *f) {
@@ -109,7 +111,7 @@ void pm_fit_write_curves(pm_fit *f, const char *optimiser, double loss, double s
 void pm_fit_draw_curves(const pm_fit *f) {
     char path[4096];
     if (f->nrow < FEWEST_ROWS) {
-        return; // gnuplot would complain
+        return; // gnuplot warns about empty ranges
     }
     snprintf(path, sizeof path, "%s/fit.gp", f->arguments->output);
     FILE *file = fopen(path, "w");
@@ -127,10 +129,10 @@ void pm_fit_draw_curves(const pm_fit *f) {
                   "plot 'fit.csv' using 4:5 every ::1 with lines linecolor '#0072b2' title 'loss'");
     if (f->nscore > 0) {
         fprintf(file, ", 'fit.csv' using 4:6 every ::1 with points pointtype 7 linecolor '#d55e00' "
-                      "title 'rollouts on the validation part, error over that of persistence'");
+                      "title 'rollouts on the validation part: error relative to persistence'");
     }
     fputc('\n', file);
     if (fclose(file) == 0) {
-        (void)pm_gnuplot_run(f->arguments->output, "fit.gp"); // a picture is a convenience
+        (void)pm_gnuplot_run(f->arguments->output, "fit.gp"); // a fit does not fail for its picture
     }
 }

@@ -1,4 +1,5 @@
-// f(x) - f(0) - f'(0) x, in the normalised features (x - mean)/deviation that the linear form has.
+// Computes f(x) - f(0) - f'(0) x. The linear skip acts on normalised features (x - mean)/deviation,
+// so that slopes are multiplied by the deviation.
 #include "learn/fold_tangent.h"
 
 #include <stdio.h>
@@ -12,7 +13,7 @@ static double *numbers_of(const pm_part *part, const char *prefix, const char *n
     return pm_params_find(&part->params, full)->value;
 }
 
-// The numbers of the network change as it is evaluated for the last time.
+// Subtracts the value and the slope at zero features from the output bias and the linear skip.
 static void subtract_tangent(const pm_part *part, const char *prefix, int count, double value,
                              const double *slope) {
     const double *mean = numbers_of(part, prefix, "mean");
@@ -26,8 +27,8 @@ static void subtract_tangent(const pm_part *part, const char *prefix, int count,
     }
 }
 
-static pm_status settle_network(const pm_part *part, const pm_network_spec *network,
-                                const char *prefix) {
+static pm_status fold_network(const pm_part *part, const pm_network_spec *network,
+                              const char *prefix) {
     pm_graph *g = NULL;
     pm_program *program = NULL;
     char mean[128];
@@ -50,24 +51,24 @@ done:
     return status;
 }
 
-static pm_status settle_potential(const pm_part *part, pm_potential_spec *potential,
-                                  const char *name, pm_arena *arena) {
+static pm_status fold_potential(const pm_part *part, pm_potential_spec *potential, const char *name,
+                                pm_arena *arena) {
     pm_network_spec *term = pm_arena_array(arena, (size_t)potential->nterm, sizeof *term);
     if (term == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for networks at rest");
+        return pm_fail(PM_ENOMEM, "out of memory for networks with zero_at_origin");
     }
     for (int i = 0; i < potential->nterm; ++i) {
         char prefix[32];
         snprintf(prefix, sizeof prefix, "%s.%d", name, i);
         term[i] = potential->term[i];
         term[i].zero_at_origin = false;
-        PM_TRY(potential->term[i].zero_at_origin ? settle_network(part, &term[i], prefix) : PM_OK);
+        PM_TRY(potential->term[i].zero_at_origin ? fold_network(part, &term[i], prefix) : PM_OK);
     }
     potential->term = term;
     return PM_OK;
 }
 
 pm_status pm_fold_tangent(pm_part *part, pm_arena *arena) {
-    PM_TRY(settle_potential(part, &part->spec.energy, "energy", arena));
-    return settle_potential(part, &part->spec.entropy, "entropy", arena);
+    PM_TRY(fold_potential(part, &part->spec.energy, "energy", arena));
+    return fold_potential(part, &part->spec.entropy, "entropy", arena);
 }

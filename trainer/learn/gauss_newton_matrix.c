@@ -1,5 +1,6 @@
-// Jacobians by reverse accumulation, one pass per residual, with the weights repeated per sample so
-// that gradients stay apart. Two lanes, as in learn/objective.c.
+// Computes Jacobians by reverse accumulation: one pass for each residual, with the weights repeated
+// for each sample so that the gradients of samples stay separate. Two lanes, one thread each, as in
+// learn/objective.c.
 #include "learn/gauss_newton_matrix.h"
 
 #include <math.h>
@@ -38,7 +39,7 @@ struct pm_gauss_newton_matrix {
 
 // --- opening ---
 
-// Every trained matrix as a node of g; returns their number.
+// Adds every trained matrix as a node of g and returns their number. With leaf NULL it only counts.
 static int list_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int *size) {
     int count = 0;
     for (int i = 0; i < pm_system_components(system); ++i) {
@@ -57,7 +58,7 @@ static int list_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int
     return count;
 }
 
-// The residuals of a sample whose squares add up to its loss.
+// The residuals of one sample, whose squares sum to its loss.
 static pm_node build_residuals(pm_graph *g, const pm_loss_context *c, pm_node *input) {
     pm_loss_nodes nodes;
     if (pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes) != PM_OK) {
@@ -175,7 +176,8 @@ void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal) {
 
 // --- evaluation ---
 
-// The weighted Jacobian rows of one residual for all samples of a chunk.
+// Fills the Jacobian rows of one residual for all samples of a chunk, multiplied by the roots of
+// their robust weights, root [batch].
 static void fill_rows(jacobian_lane *l, int residual, int batch, const double *root) {
     const pm_gauss_newton_matrix *n = l->normal;
     size_t first = 0;

@@ -1,4 +1,4 @@
-// Unrolling steps from the first state of a window and comparing with the others.
+// Integrates from the first state of a window over its steps and subtracts the other states.
 #include "learn/loss_graph.h"
 
 #include <assert.h>
@@ -17,7 +17,7 @@ int pm_loss_input_order(const pm_loss *loss) {
     return later ? PM_BOUNDARY_INPUT_ORDER : 1;
 }
 
-// What is needed while building; all [nsubsystem] or [unroll].
+// Work space while building; all arrays are [nsubsystem] or [unroll].
 typedef struct scratch {
     pm_node *z, *residual;
     pm_step_work work;

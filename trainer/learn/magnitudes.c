@@ -1,10 +1,11 @@
-// Statistics of the states, and energies that fit given couplings to the rates seen.
+// Statistics of the states and rates, and estimates of energies from given couplings: a coupling
+// x_dot = c dE/dy of typical rate r implies an energy of about r y/c.
 #include "learn/magnitudes.h"
 
 #include <math.h>
 #include <string.h>
 
-// Estimates of a part's energy, whose geometric mean counts.
+// The estimates of the energy of one subsystem, of which the geometric mean is used.
 typedef struct estimate {
     double sum;
     int count;
@@ -54,7 +55,8 @@ bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
     return true;
 }
 
-// The part whose group this is, and the group's name there; -1: none.
+// Returns the subsystem that a prefixed name such as "a.q" of a port belongs to, and its name
+// there; -1: none.
 static int part_of_end(const pm_scene_port *port, const char *name, const char **group) {
     const int end = name[0] == 'b';
     *group = name + 2;
@@ -70,8 +72,8 @@ bool pm_magnitudes_of_port(const pm_magnitudes *m, int port, const char *group,
 
 // --- energies ---
 
-// A rate that a coupling of strength c drives by the co-energy of another group: energy over the
-// latter's deviation, times c.
+// Adds the estimate from a rate that a coupling drives by the co-energy of another group: the
+// co-energy is about the energy divided by the deviation of that group.
 static void add_estimate(estimate *e, const pm_group_magnitude *driven,
                          const pm_group_magnitude *driving, double coefficient) {
     const double energy = driven->rate * driving->deviation / fabs(coefficient);
@@ -111,7 +113,7 @@ static void estimate_port(const pm_magnitudes *m, const pm_system *system, int p
     }
 }
 
-// What the entropies of a part's thermal energies hold: temperature times their deviation.
+// The typical heat content of a subsystem: the temperature times the deviation of its entropies.
 static double heat_content(const pm_magnitudes *m, const pm_system *system, int part) {
     const pm_potential_spec *energy = &system->part[part].spec.energy;
     double content = 0;

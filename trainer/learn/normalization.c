@@ -1,4 +1,5 @@
-// Statistics of the expressions that models name, computed by running their graphs on the data.
+// Computes statistics of the features and operators of all models by evaluating their graphs on the
+// training data.
 #include "learn/normalization.h"
 
 #include <math.h>
@@ -13,17 +14,18 @@
 #include "model/training_range.h"
 
 #define MAX_SETS 256
-// A feature that varies by less than this part of its mean never varies: it gets deviation 1.
+// A feature that varies by less than this fraction of its mean counts as constant and gets
+// deviation 1.
 #define SMALLEST_DEVIATION 1e-12
 
-// Numbers in the windows that statistics are taken from at most; of more, some are taken.
+// The most numbers in the windows that are examined. If there are more, some windows are chosen.
 #define MOST_NUMBERS 100000000
-// What is small counts as if it were this large, relative to what is typical.
+// Snapshots shorter than this fraction of the typical length are scaled as if they were that long.
 #define SMALLEST_SNAPSHOT 0.1
-// Differences of temperature that drive heat, relative to the temperature.
+// A typical difference of temperature that drives heat, relative to the temperature.
 #define TYPICAL_WARMTH 0.05
 
-// One set of constants: where its values go, and the node that gives the data.
+// One set of constants: the parameters to fill, and the node that computes the data.
 typedef struct set {
     pm_normaliser_kind kind;
     pm_param_entry *mean, *deviation; // all but features use `deviation` alone
@@ -51,7 +53,7 @@ static pm_param_entry *entry_of(const collection *c, const char *prefix, const c
     return pm_params_find(c->params, full);
 }
 
-// The group that the other end of a port calls the same: "b.s" for "a.s".
+// The group of the same name at the other end of a port: "b.s" for "a.s"; -1: none.
 static int find_twin(const pm_normaliser *n, int own) {
     const char *dot = strchr(n->expression[own], '.');
     for (int i = 0; i < n->count && dot != NULL; ++i) {
@@ -63,7 +65,8 @@ static int find_twin(const pm_normaliser *n, int own) {
     return -1;
 }
 
-// A network of a part's energy, or of its boundary term's; an entropy is smaller by a temperature.
+// Fixes the unit of an energy network of a subsystem or of a boundary term. The unit of an entropy
+// is that of the energy divided by a temperature.
 static void fix_unit(const collection *c, const pm_normaliser *n) {
     const bool boundary = c->part < 0;
     const int part =
@@ -77,8 +80,8 @@ static bool is_scale(pm_normaliser_kind kind) {
     return kind == PM_NORMALISE_SCALE || kind == PM_NORMALISE_FRICTION || kind == PM_NORMALISE_RATE;
 }
 
-// Of a group of a part, of either end of a port, or of the own end of a boundary term, which the
-// prefix of its parameters names.
+// Looks up the magnitude of a group of a subsystem, of either end of a port, or of the own end of a
+// boundary term, which the prefix of its parameters names.
 static bool find_magnitude(const collection *c, const pm_normaliser *n, const char *name,
                            pm_group_magnitude *result) {
     if (c->part >= 0) {
@@ -90,7 +93,7 @@ static bool find_magnitude(const collection *c, const pm_normaliser *n, const ch
     return pm_magnitudes_of_port(c->magnitudes, c->port, full, result);
 }
 
-// What the world shows is as large as what the other end shows under the same name.
+// A group of a boundary input has the magnitude of the group of the same name at the other end.
 static void look_up_magnitudes(const collection *c, const pm_normaliser *n, set *s) {
     for (int i = 0; i < n->count; ++i) {
         const char *name[2] = {n->expression[i], s->twin[i] < 0 ? NULL : n->expression[s->twin[i]]};
@@ -151,7 +154,7 @@ static void fix_features(const set *s, const double *value, int count, int cols)
     }
 }
 
-// Root mean square over components [first, first + size); 0 only if all are.
+// The root mean square over components [first, first + size).
 static double pooled_rms(const double *value, int count, int cols, int first, int size) {
     double square = 0;
     for (int i = 0; i < count; ++i) {
@@ -169,8 +172,7 @@ static void fix_scale(const set *s, const double *value, int count, int cols) {
         typical[k] = pooled_rms(value, count, cols, first, s->size[k]);
     }
     for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
-        // The world shows no state at its end of a load: what it trades counts as it does at the
-        // subsystem's.
+        // A boundary input has no state. Its end gets the scale of the group at the other end.
         const double own = typical[k] > 0 || s->twin[k] < 0 ? typical[k] : typical[s->twin[k]];
         const double rms = own > 0 ? own : 1;
         for (int c = first; c < first + s->size[k]; ++c) {
@@ -183,10 +185,11 @@ static void fix_scale(const set *s, const double *value, int count, int cols) {
     }
 }
 
-// The scales of an operator, such that entries of size 1 of its matrix give rates as large as the
-// data's: with the frequency w of the groups, L_ij dE_j = k_i k_j E/x_j is w x_i for k = x
-// sqrt(w/E). Friction likewise; of irreversible operators in the metric of all groups the driving
-// dS is smaller by a temperature. Conduction of k^2 W/K moves entropy by k^2 dT/T.
+// Fixes the scales k of an operator such that matrix entries of size 1 give rates as large as those
+// of the data. With the frequency w of the groups, L_ij dE_j = k_i k_j E/x_j equals w x_i for k = x
+// sqrt(w/E). The same holds for friction. Irreversible operators in the metric of all groups are
+// driven by dS, which is smaller than dE by a temperature. Conduction of k^2 W/K moves entropy at
+// the rate k^2 dT/T.
 static void fix_scale_by_rates(const set *s) {
     double frequency = 0, known = 0;
     bool heats = false;
@@ -222,7 +225,7 @@ static void fix_along(const set *s, const double *value, int count, int cols) {
     }
 }
 
-// Snapshots [count][cols] divided by their lengths, so that small ones count as large ones do.
+// Divides snapshots [count][cols] by their lengths, so that all count equally.
 static void scale_snapshots(const double *value, int count, int cols, double *snapshot) {
     const double typical = pooled_rms(value, count, cols, 0, cols);
     for (int i = 0; i < count; ++i) {
@@ -235,8 +238,8 @@ static void scale_snapshots(const double *value, int count, int cols, double *sn
     }
 }
 
-// The leading directions of the snapshots, by the eigenvectors of their products (Sirovich, Q.
-// Appl. Math. 45 (1987) 561). Rounded to what a weights file may keep.
+// Finds the leading directions of the snapshots from the eigenvectors of their scalar products
+// (Sirovich, Q. Appl. Math. 45 (1987) 561), rounded to single precision.
 static pm_status find_patterns(const set *s, const double *snapshot, int count, int cols) {
     const int npattern = s->deviation->cols;
     double *product = malloc((size_t)count * (size_t)count * sizeof *product);
@@ -315,7 +318,7 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
         c->part = i;
         c->port = -1;
         if (system->scene->subsystem[i].model != NULL) {
-            continue; // known, and stepped as it stands
+            continue; // the scene defines this model
         }
         PM_TRY(pm_part_visit(&system->part[i], c->g, state[i].z, state[i].dE, state[i].dS, collect,
                              c));
@@ -334,17 +337,18 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
     return PM_OK;
 }
 
-// Every window, or as many as memory should hold, evenly chosen, each as another of its images.
+// The number of windows to examine: all, or as many as fit into memory.
 static int choose_windows(const pm_samples *samples) {
     const int most = MOST_NUMBERS / (pm_samples_width(samples) + pm_samples_left_out(samples)) + 1;
     return samples->count < most ? samples->count : most;
 }
 
+// Writes evenly chosen windows, each as another one of its symmetric copies.
 static void write_windows(const pm_samples *samples, int count, double *window) {
-    const int images = pm_samples_symmetry_copies(samples) / samples->count;
+    const int copies = pm_samples_symmetry_copies(samples) / samples->count;
     for (int i = 0; i < count; ++i) {
         const int which = (int)((long)i * samples->count / count);
-        pm_samples_window(samples, which + i % images * samples->count,
+        pm_samples_window(samples, which + i % copies * samples->count,
                           window + (size_t)i * (size_t)pm_samples_width(samples));
     }
 }
@@ -406,7 +410,7 @@ done:
     return status;
 }
 
-static pm_status find_regions(pm_system *system, const pm_samples *samples) {
+static pm_status find_training_ranges(pm_system *system, const pm_samples *samples) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         PM_TRY(pm_training_range_declare(&system->part[i]));
         for (int k = 0; k < samples->count; ++k) {
@@ -419,9 +423,10 @@ static pm_status find_regions(pm_system *system, const pm_samples *samples) {
 
 pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain) {
     pm_magnitudes magnitudes = {.scene = system->scene};
-    PM_TRY(find_regions(system, samples));
+    PM_TRY(find_training_ranges(system, samples));
     PM_TRY(plain ? PM_OK : pm_magnitudes_find(&magnitudes, system, samples));
-    // The first pass normalises what co-energies are made of, the second features of co-energies.
+    // The first pass fixes the constants of energies and entropies, the second those of features
+    // that contain co-energies.
     pm_status status = one_pass(system, samples, &magnitudes, plain);
     if (status == PM_OK) {
         status = one_pass(system, samples, &magnitudes, plain);

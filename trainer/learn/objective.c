@@ -1,4 +1,5 @@
-// Building the loss graph and running it over chunks of samples in two lanes.
+// Builds the graph of the loss and its gradient, and evaluates it over chunks of samples in two
+// lanes, one thread each.
 #include "learn/objective.h"
 
 #include <math.h>
@@ -11,13 +12,13 @@
 
 // Keeps the robust scale away from zero when the fit is exact to rounding.
 #define SMALLEST_MEDIAN 1e-28
-#define LANES 2 // threads; fixed, so that sums have one order
-// Samples per run of the graph: at most so many, and such that its values take no more than so many
-// bytes, as they should stay in the cache.
+#define LANES 2 // threads; a fixed number, so that the order of sums is fixed
+// The most samples per run of the graph, and the most bytes that its values may take, so that they
+// stay in the cache.
 #define CHUNK 128
 #define CHUNK_BYTES 33554432
 
-// What a lane owns: a program of the graph, and its share of the sums.
+// One thread: its own program of the graph, and its share of the sums.
 typedef struct loss_lane {
     pm_objective *objective;
     int id;
@@ -25,7 +26,7 @@ typedef struct loss_lane {
     double *window; // [chunk][pm_samples_width], the program's input
     double loss;
     double *gradient; // [size]
-    // The work at hand.
+    // The samples of the present evaluation.
     int count;
     const int *index;
 } loss_lane;
@@ -61,7 +62,7 @@ static void build_loss(pm_objective *o, pm_graph *g, const pm_loss_nodes *nodes)
         loss = pm_add(g, loss, pm_scale(g, degeneracy, o->loss.degeneracy));
     }
     o->sum = pm_sum_to(g, loss, (pm_shape){false, 1, 1});
-    pm_node *leaf = o->entry_gradient; // overwritten by the gradients in place
+    pm_node *leaf = o->entry_gradient; // plan_lanes replaces these nodes by their gradients
     for (int i = 0; i < o->nentry; ++i) {
         leaf[i] = pm_weight(g, o->entry[i]->value, o->entry[i]->rows, o->entry[i]->cols);
     }
@@ -245,7 +246,7 @@ static void add_gradient(loss_lane *l) {
     }
 }
 
-// Samples per run, such that all lanes have about as many.
+// The number of samples per run such that all lanes have about the same number.
 static int chunk_of(int count, int most) {
     const int runs = LANES * ((count + LANES * most - 1) / (LANES * most));
     return (count + runs - 1) / runs;
@@ -293,7 +294,7 @@ double pm_objective_evaluate(pm_objective *o, int count, const int *index, doubl
         if (started[i]) {
             pthread_join(thread[i], NULL);
         } else {
-            work(&o->lane[i]); // no thread to be had: the same sums, later
+            work(&o->lane[i]); // no thread could be started: compute the same sums here
         }
         loss += o->lane[i].loss;
         for (int j = 0; j < o->size; ++j) {

@@ -1,4 +1,4 @@
-// Adam over shuffled batches.
+// Adam on shuffled batches (Kingma, Ba, ICLR 2015), with a learning rate that falls along a cosine.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,8 +15,8 @@ static double rate_at(const pm_schedule *s, double fraction) {
     return exp(weight * log(s->first_rate) + (1 - weight) * log(s->last_rate));
 }
 
-// All samples in random order, each as one of its `images`.
-static void shuffle(int *index, int count, int images, uint64_t seed, int epoch) {
+// Fills index [count] with all samples in random order, each as a random one of its `copies`.
+static void shuffle(int *index, int count, int copies, uint64_t seed, int epoch) {
     pm_rng rng;
     pm_rng_init(&rng, seed, (uint64_t)epoch);
     for (int i = 0; i < count; ++i) {
@@ -28,8 +28,8 @@ static void shuffle(int *index, int count, int images, uint64_t seed, int epoch)
         index[i] = index[j];
         index[j] = kept;
     }
-    for (int i = 0; i < count && images > 1; ++i) {
-        index[i] += count * (int)pm_rng_below(&rng, (uint64_t)images);
+    for (int i = 0; i < count && copies > 1; ++i) {
+        index[i] += count * (int)pm_rng_below(&rng, (uint64_t)copies);
     }
 }
 
@@ -47,7 +47,7 @@ static void update(pm_optimisation *o, const double *gradient, double rate, long
     pm_objective_set_weights(o->objective, o->theta);
 }
 
-// What is left of the epoch; the mean loss of all of it.
+// Runs the batches of the epoch that are left, and returns the mean loss over the whole epoch.
 static pm_status run_epoch(pm_optimisation *o, int count, int *index, double *gradient,
                            double *loss) {
     const pm_schedule *s = &o->schedule;

@@ -13,10 +13,10 @@
 #define FIRST_DAMPING 1e-2
 #define SMALLEST_DAMPING 1e-12
 #define LARGEST_DAMPING 1e8
-#define RELAX 0.3 // damping after a step that helped
+#define RELAX 0.3 // factor of the damping after a step that lowered the loss
 #define STIFFEN 4 // and after one that did not
-// A step that helped one batch is undone where the next batch has a loss so many times larger,
-// which it had not before the step.
+// A step is undone if the loss of the next batch is this many times that of the batch of the step,
+// and this many times its own loss before the step.
 #define WILD 10
 #define WILD_STIFFEN 64
 
@@ -24,14 +24,14 @@ typedef struct solver {
     pm_optimisation *o;
     pm_gauss_newton_matrix *normal;
     int size, batch;
-    double *damping; // kept in the optimisation's moment, so that a stage can be taken up again
-    int *index;      // [samples] the batch is its beginning
+    double *damping; // lives in the moment of the optimisation, so that a stage can be resumed
+    int *index;      // [samples]; its first `batch` entries are the batch
     double *gradient, *hessian, *damped, *step, *trial; // [size], [size][size], ...
 } solver;
 
-// Moves a fresh batch to the front of the index, each sample as one of its images.
+// Moves a fresh random batch to the front of the index, each sample as a random symmetric copy.
 static void draw_batch(solver *s, int count) {
-    const int images = pm_objective_symmetry_copies(s->o->objective) / count;
+    const int copies = pm_objective_symmetry_copies(s->o->objective) / count;
     pm_rng rng;
     pm_rng_init(&rng, s->o->seed, (uint64_t)s->o->done);
     for (int i = 0; i < count; ++i) {
@@ -43,8 +43,8 @@ static void draw_batch(solver *s, int count) {
         s->index[i] = s->index[j];
         s->index[j] = kept;
     }
-    for (int i = 0; i < s->batch && images > 1; ++i) {
-        s->index[i] += count * (int)pm_rng_below(&rng, (uint64_t)images);
+    for (int i = 0; i < s->batch && copies > 1; ++i) {
+        s->index[i] += count * (int)pm_rng_below(&rng, (uint64_t)copies);
     }
 }
 
@@ -53,7 +53,7 @@ static double loss_at(solver *s, const double *theta) {
     return pm_objective_evaluate(s->o->objective, s->batch, s->index, s->trial + s->size);
 }
 
-// The damped step, or false if the equations cannot be solved with this damping.
+// Computes the damped step. Returns false if the equations cannot be solved with this damping.
 static bool solve(solver *s) {
     const size_t n = (size_t)s->size;
     memcpy(s->damped, s->hessian, n * n * sizeof *s->damped);
@@ -69,8 +69,8 @@ static bool solve(solver *s) {
     return pm_cholesky_solve(s->size, s->damped, s->step);
 }
 
-// Kept for the next iteration in what the optimisation remembers: the weights before a step, and
-// the loss after it (none: 0), which fit behind the damping.
+// Stores the loss after a step and the weights before it in the moment of the optimisation, behind
+// the damping, for undo_wild_step in the next iteration.
 static void keep(solver *s, double loss) {
     if (s->o->schedule.guarded && s->size > 1) {
         s->o->moment[1] = loss;
@@ -78,6 +78,7 @@ static void keep(solver *s, double loss) {
     }
 }
 
+// Undoes the last step if the present batch shows that it made the loss much larger.
 static void undo_wild_step(solver *s) {
     pm_optimisation *o = s->o;
     const double *before = o->moment + s->size;
@@ -95,11 +96,12 @@ static void undo_wild_step(solver *s) {
     }
 }
 
-// One iteration: tries steps with growing damping until one lowers the batch's loss.
+// One iteration: tries steps with increasing damping until one lowers the loss of the batch.
 static pm_status iterate(solver *s, double *loss) {
     pm_optimisation *o = s->o;
     undo_wild_step(s);
-    // The robust scale follows the residuals down; both losses are then taken with the same scale.
+    // The robust scale follows the residuals. The losses before and after the step use the same
+    // scale.
     loss_at(s, o->theta);
     PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
     const double before = loss_at(s, o->theta);
@@ -139,7 +141,8 @@ static pm_status open_solver(solver *s, pm_optimisation *o) {
     s->hessian = malloc(n * n * sizeof *s->hessian);
     s->damped = malloc(n * n * sizeof *s->damped);
     s->step = malloc(n * sizeof *s->step);
-    s->trial = malloc(2 * n * sizeof *s->trial); // and the gradient at it, which nobody reads
+    s->trial =
+        malloc(2 * n * sizeof *s->trial); // the second half receives gradients that are not used
     if (s->index == NULL || s->gradient == NULL || s->hessian == NULL || s->damped == NULL ||
         s->step == NULL || s->trial == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for Gauss-Newton with %zu weights", n);

@@ -1,4 +1,5 @@
-// L-BFGS by libLBFGS. Taken up again after an interruption it starts with an empty memory.
+// L-BFGS by libLBFGS (Liu, Nocedal, Math. Program. 45 (1989) 503) on all samples at once. After an
+// interruption it resumes with an empty memory.
 #include <lbfgs.h>
 #include <math.h>
 #include <string.h>
@@ -16,7 +17,7 @@ static lbfgsfloatval_t evaluate(void *instance, const lbfgsfloatval_t *x, lbfgsf
     const run *r = instance;
     pm_objective_set_weights(r->o->objective, x);
     const double loss = pm_objective_evaluate(r->o->objective, 0, NULL, gradient);
-    // A line search that went too far sees a wall, not a NaN.
+    // A line search that goes too far must see a large number, not a NaN.
     return isfinite(loss) ? loss : 1e300;
 }
 
@@ -49,11 +50,11 @@ pm_status pm_lbfgs_run(pm_optimisation *optimisation) {
     parameter.max_iterations = o->schedule.iterations - o->done;
     parameter.epsilon = 1e-14; // the stage ends by its iterations, or when rounding stops progress
     parameter.max_linesearch = 40;
-    // Halving steps copes with a wall; the default's interpolation through it gives up.
+    // Halving the step works where the loss is not finite; the default interpolation fails there.
     parameter.linesearch = LBFGS_LINESEARCH_BACKTRACKING_STRONG_WOLFE;
     run r = {o, PM_OK};
-    // Its return value tells why it ended. Every reason short of `report` leaves the best theta so
-    // far, from which the next stage goes on.
+    // The return value says why it ended, and is ignored: theta holds the best weights so far in
+    // any case, and the next stage continues from them.
     lbfgs(n, x, NULL, evaluate, progress, &r, &parameter);
     lbfgs_free(x);
     pm_objective_set_weights(o->objective, o->theta);

@@ -1,4 +1,5 @@
-// Cutting trajectories into windows.
+// Cuts trajectories into windows of states and boundary inputs, and computes the scales of
+// residuals.
 #include "learn/samples.h"
 
 #include <math.h>
@@ -10,12 +11,12 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for training samples");
 }
 
-// Rates by differences need two neighbours on either side.
+// Central differences need two neighbouring states on either side.
 static int margin_of(pm_residual residual, const pm_dataset *d) {
     return residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL ? 2 : 0;
 }
 
-// z + dt zdot, with the rates, or by differences if `rate` is NULL.
+// Computes z + dt zdot from the given rates, or by central differences if `rate` is NULL.
 static void euler_target(const double *state, const double *rate, double dt, int nz,
                          double *target) {
     if (rate != NULL) {
@@ -31,7 +32,7 @@ static void euler_target(const double *state, const double *rate, double dt, int
     }
 }
 
-// Every group of every subsystem gets one scale, so that vectors keep their direction.
+// Every group gets one scale for all components, so that scaled vectors keep their direction.
 static void pool_scales(pm_samples *s, const pm_scene *scene, const double *square, long count) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_layout *layout = &scene->subsystem[i].layout;
@@ -58,7 +59,7 @@ static double *cut(const pm_samples *s, const double *state, const double *rate,
     const size_t nz = (size_t)s->nz,
                  nboundary_input = (size_t)s->input_order * (size_t)s->nboundary_input;
     const int margin = margin_of(residual, d);
-    // A load has no interval behind the last state.
+    // Boundary inputs have no interval after the last state.
     const int last = d->ntime - (margin > 0 ? margin : s->unroll);
     for (int j = margin; j < last; ++j) {
         const double *at = state + (size_t)j * nz;

@@ -1,4 +1,5 @@
-// Eigenvalues of the Gauss-Newton matrix with a unit diagonal.
+// Computes the eigenvalues of the Gauss-Newton matrix, scaled to a unit diagonal, and attributes
+// the flat directions to blocks of weights.
 #include "learn/spectrum.h"
 
 #include <math.h>
@@ -8,15 +9,15 @@
 #include "base/linalg.h"
 #include "learn/gauss_newton_matrix.h"
 
-#define MOST_WEIGHTS 1500   // of whose matrix a row is summed up
-#define MOST_DECOMPOSED 500 // of which eigenvectors are found
+#define MOST_WEIGHTS 1500   // beyond which the matrix is not computed
+#define MOST_DECOMPOSED 500 // beyond which eigenvectors are not computed
 #define SAMPLES 512
-// Eigenvalues below this, of a matrix whose mean eigenvalue is 1, are those of flat directions.
+// Directions with eigenvalues below this are flat; the mean eigenvalue is 1.
 #define FLAT 1e-10
 #define MOST_NAMED 4
 #define WARMER 0.01 // relative
 
-// A block of weights, and its share in the flat directions.
+// A block of weights, and the number of flat directions that it accounts for.
 typedef struct block {
     const char *component, *name;
     size_t first, size;
@@ -29,7 +30,7 @@ static const char *component_name(const pm_system *system, int i) {
                                  : scene->port[i - scene->nsubsystem].name;
 }
 
-// All blocks of trained weights in order; block may be NULL. Returns their number.
+// Lists all blocks of trained weights in order and returns their number. `list` may be NULL.
 static int list_blocks(const pm_system *system, block *list) {
     int count = 0;
     size_t at = 0;
@@ -53,15 +54,15 @@ static int compare(const void *a, const void *b) {
     return (x->share < y->share) - (x->share > y->share);
 }
 
-// Whether this block holds the logarithms of temperatures: the first number is not one.
+// Whether this block holds logarithms of temperatures, in all entries but the first.
 static bool is_temperature(const block *b) {
     const char *end = strstr(b->name, ".body.");
     return strncmp(b->name, "energy.", 7) == 0 && end != NULL &&
            (strcmp(end, ".body.output.bias") == 0 || strcmp(end, ".body.constant") == 0);
 }
 
-// The root mean square change of residuals, in units of the data's steps, when all temperatures are
-// warmer; negative: none is learned.
+// The root mean square change of the scaled residuals when all temperatures rise by WARMER;
+// negative: no temperature is learned.
 static double effect_of_warmth(int n, const double *hessian, int nblock, const block *list) {
     double sum = 0;
     bool any = false;
@@ -83,7 +84,7 @@ static double effect_of_warmth(int n, const double *hessian, int nblock, const b
     return any ? WARMER * sqrt(fmax(sum, 0)) : -1;
 }
 
-// Divides the matrix by its diagonal's roots; a weight of no effect gets 0.
+// Scales the matrix to a unit diagonal. Rows of weights without any effect become 0.
 static void scale_matrix(int n, double *h, double *root) {
     for (int i = 0; i < n; ++i) {
         root[i] = sqrt(fmax(h[(ptrdiff_t)i * n + i], 0));
@@ -107,7 +108,7 @@ static pm_status report_flat(int n, double *h, int nblock, block *list, FILE *ou
     }
     scale_matrix(n, h, value);
     if (!pm_eigen_largest(n, h, n, value, vector)) {
-        goto done; // a report is not worth an error
+        goto done; // a report must not fail a fit
     }
     int flat = 0;
     for (int k = 0; k < n; ++k) {

@@ -1,4 +1,4 @@
-// Choosing trajectories, and sorting a dataset by the choice.
+// Chooses the trajectories of both parts from lists, and reorders a dataset accordingly.
 #include "learn/split.h"
 
 #include <stdbool.h>
@@ -7,13 +7,13 @@
 
 #include "base/options.h"
 
-#define ONE_IN 5 // trajectories are kept back for validation by default
+#define ONE_IN 5 // one in so many trajectories is kept back for validation by default
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory while choosing trajectories");
 }
 
-// Runs of neighbours as "A:B", others alone, in rising order.
+// Writes trajectories as a list: runs of neighbours as "A:B", in rising order.
 static const char *list_of(int n, const int *which, pm_arena *arena) {
     const char *text = "";
     for (int i = 0; i < n && text != NULL;) {
@@ -30,7 +30,7 @@ static const char *list_of(int n, const int *which, pm_arena *arena) {
     return text;
 }
 
-// Marks what is validated on among the `n` trajectories in `used`.
+// Sets kept [count] for the trajectories of used [n] that are kept back for validation.
 static pm_status mark_validation(const char *text, int count, int n, const int *used, int *work,
                                  bool *kept) {
     if (text == NULL) {
@@ -82,7 +82,8 @@ pm_status pm_split_choose(pm_split *split, int count, const char *trajectories,
     return split->training == NULL || split->validation == NULL ? no_memory() : PM_OK;
 }
 
-// Sorts blocks of `size` numbers; `work` has room for all that are chosen.
+// Moves the blocks of `size` numbers of the chosen trajectories into their new order. `work` has
+// room for all of them.
 static void gather(const pm_split *split, size_t size, double *value, double *work) {
     const int n = split->ntraining + split->nvalidation;
     for (int i = 0; i < n; ++i) {

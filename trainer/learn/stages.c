@@ -1,19 +1,21 @@
-// Derivatives first, which are cheap and have a wide basin; then one step of the integrator, whose
-// residuals know nothing of the error of differences; at last steps about as they are served.
-// Batches grow: the few samples that decide rollouts must be among them. A loss that is robust from
-// three times the median on left rare samples of two of seven circuits off by 1e5 times the median,
-// and rollouts through them by 5 and 18 %; a plain one leaves the median sample 50 times worse, so
-// the last one is robust from farther out.
+// The automatic stages. Derivatives come first: they are cheap, and good weights are found from far
+// away. Steps of one substep follow, whose residuals do not contain the error of the differences,
+// and finally steps close to those that are served. The batches grow, because the few samples that
+// dominate rollouts must be among them. The last loss is robust from 20 times the median on. From 3
+// times on, rare samples of two of seven circuits had residuals of 1e5 times the median and
+// rollouts through them errors of 5 and 18 %; without a robust loss the median residual was 50
+// times larger.
 #include "learn/stages.h"
 
-// Gauss-Newton needs the normal equations of all weights; beyond so many, Adam.
+// The most weights for Gauss-Newton, which solves the normal equations of all weights; Adam beyond.
 #define MOST_WEIGHTS 4000
-// Residuals for each weight in a batch of the three stages.
+// The number of residuals per weight in a batch of each stage.
 #define FIRST_RESIDUALS 4
 #define SECOND_RESIDUALS 8
 #define LAST_RESIDUALS 12
-#define ROBUST 20 // times the median, at the end
-// Iterations cost as the square of the weights: of fewer than so many there may be more.
+#define ROBUST 20 // of the last stage, in medians
+// The cost of an iteration grows with the square of the number of weights. Below this number there
+// are more iterations.
 #define MANY_WEIGHTS 800
 #define SMALLEST_BATCH 512
 #define LARGEST_BATCH 4000

@@ -1,4 +1,5 @@
-// Successive halving of starts.
+// Successive halving of random draws of the weights (Jamieson, Talwalkar, AISTATS 2016), by short
+// fits to derivatives.
 #include "learn/start.h"
 
 #include <math.h>
@@ -11,12 +12,12 @@
 #include "learn/objective.h"
 #include "learn/optimiser.h"
 
-// Residuals for each weight in the batches of a short fit, and samples in them at least.
+// The number of residuals per weight in a batch of a short fit, and the fewest samples in it.
 #define RESIDUALS_PER_WEIGHT 2
 #define SMALLEST_BATCH 256
-// Samples by whose loss starts are compared.
+// The number of samples on which candidates are compared.
 #define COMPARED 2048
-// Draws of other tries than the seed's own are this far apart from it and from each other.
+// The difference between the seeds of two candidates.
 #define SEED_STRIDE 1000003
 
 typedef struct candidate {
@@ -30,7 +31,7 @@ typedef struct search {
     pm_training *training;
     pm_objective *objective;
     int size, count;
-    candidate *candidate; // the first `count` are left
+    candidate *candidate; // the first `count` are still in the race
     const volatile sig_atomic_t *stop;
     pm_progress progress;
     int iterations; // of all candidates so far
@@ -57,10 +58,11 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
     (void)o;
     snprintf(detail, sizeof detail, "%d starts left, loss %.3e", s->count, loss);
     pm_progress_update(&s->progress, ++s->iterations, detail);
-    return *s->stop ? pm_fail(PM_EINTERRUPTED, "interrupted while looking for a start") : PM_OK;
+    return *s->stop ? pm_fail(PM_EINTERRUPTED, "interrupted while choosing the initial weights")
+                    : PM_OK;
 }
 
-// Some more iterations of one candidate, and its loss after them.
+// Runs some more iterations of one candidate and computes its loss after them.
 static pm_status advance(search *s, candidate *c, int iterations, double *gradient) {
     const pm_loss_context context = pm_objective_context(s->objective);
     const int wanted = RESIDUALS_PER_WEIGHT * s->size / context.samples->nz;
@@ -77,7 +79,7 @@ static pm_status advance(search *s, candidate *c, int iterations, double *gradie
     pm_objective_set_weights(s->objective, c->theta);
     const pm_status status = pm_optimiser_find("gauss_newton")->run(&o);
     c->done = o.done;
-    c->loss = INFINITY; // a start that cannot be evaluated is dropped, not an error
+    c->loss = INFINITY; // a candidate that cannot be evaluated is dropped
     PM_TRY(status == PM_ENUMERIC ? PM_OK : status);
     if (status == PM_OK) {
         const int count = context.samples->count;
@@ -92,7 +94,7 @@ static pm_status advance(search *s, candidate *c, int iterations, double *gradie
     return PM_OK;
 }
 
-// By loss, then by order, so that equal losses leave one result.
+// Compares by loss, then by number, so that the result is unique.
 static int compare(const void *a, const void *b) {
     const candidate *x = a, *y = b;
     return x->loss != y->loss ? (x->loss < y->loss ? -1 : 1) : x->id - y->id;
@@ -111,7 +113,7 @@ static pm_status halve(search *s, double *gradient) {
     return PM_OK;
 }
 
-// Iterations of all rounds together.
+// The number of iterations in all rounds.
 static int count_iterations(int tries, int iterations) {
     int sum = 0;
     for (; tries > 1; tries = (tries + 1) / 2) {
@@ -121,7 +123,7 @@ static int count_iterations(int tries, int iterations) {
     return sum;
 }
 
-// Draws all candidates; the first has the weights as they are.
+// Draws all candidates. The first one gets the present weights.
 static pm_status open_candidates(search *s, const double *declared, const double *theta) {
     pm_training *t = s->training;
     const size_t n = (size_t)s->size;

@@ -1,4 +1,4 @@
-// The step of sim/subsystem.c, written as graph expressions.
+// The step of sim/subsystem.c as graph expressions.
 #include "learn/step_graph.h"
 
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state) {
@@ -8,7 +8,7 @@ void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *s
     }
 }
 
-// The exposed components of a state or co-vector, group by group.
+// Selects the components of a state or co-vector that an end of a port exposes.
 static pm_node expose(pm_graph *g, const pm_scene_port *port, int end, pm_node vector) {
     if (vector == PM_NO_NODE) {
         return PM_NO_NODE;
@@ -22,7 +22,7 @@ static pm_node expose(pm_graph *g, const pm_scene_port *port, int end, pm_node v
     return pm_concat(g, layout->ngroup, part);
 }
 
-// The rate of the exposed components as a rate of the whole state.
+// Inserts the rate of the exposed components into a rate of the whole state; other entries are 0.
 static pm_node place(pm_graph *g, const pm_scene_port *port, int end, pm_node rate, int nz) {
     pm_node sum = PM_NO_NODE;
     const pm_layout *layout = &port->layout[end];
@@ -48,9 +48,10 @@ pm_node pm_build_boundary_input(pm_graph *g, const pm_system *system, pm_node bo
     return value;
 }
 
-// What the world shows at its end of a port, in place of a subsystem's state and co-energies.
-static pm_state_nodes world_nodes(pm_graph *g, const pm_scene_boundary_input *boundary_input,
-                                  pm_node prescribed) {
+// The values of a boundary input in the place of the state and co-energies of a subsystem.
+static pm_state_nodes boundary_input_nodes(pm_graph *g,
+                                           const pm_scene_boundary_input *boundary_input,
+                                           pm_node prescribed) {
     const int nz = boundary_input->layout.nz;
     return (pm_state_nodes){
         .z = pm_slice(g, prescribed, boundary_input->first, nz),
@@ -68,8 +69,8 @@ void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
         const pm_state_nodes s =
             scene->subsystem[i] >= 0
                 ? state[scene->subsystem[i]]
-                : world_nodes(g, &system->scene->boundary_input[scene->boundary_input[i]],
-                              prescribed);
+                : boundary_input_nodes(g, &system->scene->boundary_input[scene->boundary_input[i]],
+                                       prescribed);
         end[i] = (pm_port_nodes){expose(g, scene, i, s.z), expose(g, scene, i, s.dE),
                                  expose(g, scene, i, s.dS), expose(g, scene, i, s.response)};
     }
@@ -108,7 +109,7 @@ void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
     }
 }
 
-// How much each co-energy rises per unit of rate when the rate lasts for h.
+// Computes how much each co-energy rises per unit of a rate that lasts for h seconds.
 static void build_responses(pm_graph *g, const pm_system *system, pm_state_nodes *state, double h,
                             bool *responding) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
@@ -119,7 +120,7 @@ static void build_responses(pm_graph *g, const pm_system *system, pm_state_nodes
     }
 }
 
-// z + h sum_i weight_i k_i over n stages; zero weights are left out.
+// Computes z + h sum_i weight_i k_i over n stages, without terms of weight zero.
 static pm_node combine(pm_graph *g, pm_node z, double h, int n, const double *weight,
                        const pm_node *k) {
     pm_node sum = PM_NO_NODE;
@@ -131,7 +132,7 @@ static pm_node combine(pm_graph *g, pm_node z, double h, int n, const double *we
     return pm_add_or(g, z, sum);
 }
 
-// The subsystems at one stage: where, and between which states.
+// Sets the states of all subsystems at one stage of the integrator.
 static void place_stage(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
                         int stage, const pm_node *z, const pm_step_work *work) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
@@ -142,7 +143,7 @@ static void place_stage(pm_graph *g, const pm_system *system, const pm_integrato
         s->response = PM_NO_NODE;
         if (rk->discrete) {
             s->from = z[i];
-            // A node of its own: the response is the derivative by the new state alone.
+            // A separate node, because the response is the derivative by the new state alone.
             s->to = pm_offset(g, s->to, 0);
             s->z = pm_scale(g, pm_add(g, s->from, s->to), 0.5);
         }

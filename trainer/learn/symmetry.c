@@ -1,4 +1,4 @@
-// Where the fields of a window are, and their images.
+// Finds the fields of a window and computes its symmetric copies.
 #include "learn/symmetry.h"
 
 #include <string.h>
@@ -15,7 +15,7 @@ static pm_status take_mesh(const pm_mesh *one, const char *name, const pm_mesh *
         return PM_OK;
     }
     if (*mesh != NULL && !are_same(*mesh, one)) {
-        return pm_fail(PM_ECONFIG, "symmetry: %s is on another mesh than the models before", name);
+        return pm_fail(PM_ECONFIG, "symmetry: %s has another mesh than the models before it", name);
     }
     *mesh = one;
     return PM_OK;
@@ -75,8 +75,8 @@ static void list_layout(listing *l, const pm_layout *layout, int first) {
     }
 }
 
-// The states of a window, then what the loads prescribe over its steps, as learn/samples.h has
-// them.
+// Lists the fields of the states of a window, then those of the boundary inputs over its steps, in
+// the order of learn/samples.h.
 static void list_fields(listing *l, const pm_scene *scene, int unroll, int input_order) {
     const int nz = scene->nz, nboundary_input = scene->nprescribed;
     l->count = 0;

@@ -10,7 +10,7 @@
 #include "learn/training_stages.h"
 #include "scene/model_reader.h"
 
-// Starts to choose from, and their first iterations.
+// The number of initial draws, and the iterations of each in the first round.
 #define DEFAULT_TRIES 8
 #define DEFAULT_TRY_ITERATIONS 10
 #define MOST_WEIGHTS_OF_STARTS 3000
@@ -19,7 +19,7 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory while reading a training file");
 }
 
-// `path` as written in the training file, resolved against its folder.
+// Resolves a path of the training file against its folder.
 static const char *resolve(pm_training *t, const char *path) {
     const char *slash = strrchr(t->path, '/');
     if (path[0] == '/' || slash == NULL) {
@@ -30,7 +30,7 @@ static const char *resolve(pm_training *t, const char *path) {
 
 // --- models ---
 
-// The block of `models` that component `name` is mapped to by `mapping`.
+// Finds the block of `models` that `mapping` names for the component `name`.
 static pm_status find_model(pm_yaml root, pm_yaml mapping, const char *name, pm_arena *arena,
                             pm_yaml *model) {
     pm_yaml choice, models;
@@ -59,12 +59,12 @@ static pm_status check_names(pm_yaml mapping, const char *what, const pm_scene *
     return PM_OK;
 }
 
-// A model may serve several components: the error, which has its place, tells which one it was.
+// A model may serve several components. Adds to an error which one it was.
 static pm_status name_component(pm_status status, const char *name) {
     return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
 }
 
-// What the scene knows is not learned.
+// A component with a model in the scene must not have one in the training file.
 static pm_status check_unnamed(pm_yaml mapping, const char *name) {
     const pm_yaml choice = pm_yaml_get(mapping, name);
     return pm_yaml_exists(choice) ? pm_yaml_fail(choice, "the scene itself has a model of %s", name)
@@ -123,11 +123,12 @@ static pm_status read_models(pm_training *t, pm_yaml root) {
     return PM_OK;
 }
 
-// How many starts to choose from: by default several, where a short fit of each is affordable.
+// Reads the number of random draws. By default there are several, if they differ and if a short fit
+// of each is affordable.
 static pm_status read_start(pm_training *t, pm_yaml block) {
     static const char *const keys[] = {"tries", "iterations", NULL};
     size_t weights = 0;
-    bool drawn = false; // whether starts differ at all
+    bool drawn = false; // whether random draws differ at all
     for (int i = 0; i < pm_system_components(t->system); ++i) {
         const pm_params *params = pm_system_params(t->system, i);
         weights += pm_params_trained(params);
@@ -152,7 +153,7 @@ static pm_status read_start(pm_training *t, pm_yaml block) {
 
 // --- the file ---
 
-// A text and its place, if it is there.
+// Reads an optional text and its place.
 static pm_status read_placed(pm_training *t, pm_yaml block, const char *key, const char **text,
                              const char **at) {
     const pm_yaml value = pm_yaml_get(block, key);
@@ -194,7 +195,8 @@ static pm_status make_digest(pm_training *t) {
     return PM_OK;
 }
 
-// What is wrong inside the scene has its place there.
+// Loads the scene. Errors inside it name their place there; a missing file names the place of its
+// path.
 static pm_status load_scene(pm_training *t, pm_yaml at, const char *path) {
     const pm_status status = pm_scene_load(&t->scene, path);
     if (status != PM_EFILE) {

@@ -28,7 +28,7 @@ static pm_status read_integrator(pm_yaml value, pm_arena *arena, const pm_integr
     return PM_OK;
 }
 
-// One number for a group, or one for each of its components.
+// Reads one number for a group, or one for each of its components.
 static pm_status read_group_scale(pm_yaml value, pm_arena *arena, const pm_group *group,
                                   double *scale) {
     int count = 1;
@@ -52,7 +52,7 @@ static pm_status read_group_scale(pm_yaml value, pm_arena *arena, const pm_group
     return PM_OK;
 }
 
-// What is called so, or NULL.
+// Returns the subsystem with this name, or NULL.
 static const pm_scene_subsystem *find_subsystem(const pm_scene *scene, const char *name) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         if (strcmp(scene->subsystem[i].name, name) == 0) {
@@ -62,14 +62,14 @@ static const pm_scene_subsystem *find_subsystem(const pm_scene *scene, const cha
     return NULL;
 }
 
-// Entry i of a map and the text of its key.
+// Reads entry i of a map and the text of its key.
 static pm_status read_entry(pm_yaml map, int i, pm_arena *arena, pm_yaml *key, const char **name,
                             pm_yaml *value) {
     pm_yaml_entry(map, i, key, value);
     return pm_yaml_text(*key, arena, name);
 }
 
-// {subsystem: {group: scale}}; 0 for what is not named.
+// Reads {subsystem: {group: scale}} into scale [nz]; groups that are not named get 0.
 static pm_status read_scale(pm_yaml map, pm_training *t, const double **result) {
     double *scale = pm_arena_array(&t->arena, (size_t)t->scene->nz, sizeof *scale);
     if (scale == NULL) {
@@ -99,7 +99,7 @@ static pm_status read_scale(pm_yaml map, pm_training *t, const double **result) 
     return PM_OK;
 }
 
-// What a block says about the loss; what it does not say stays.
+// Reads the keys of the loss from a block. Settings without a key keep their value.
 static pm_status read_loss(pm_yaml block, pm_training *t, pm_loss *loss, int *unroll) {
     pm_arena *arena = &t->arena;
     static const char *const residuals[] = {"step", "derivative", NULL};
@@ -180,7 +180,7 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
     PM_TRY(read_loss(block, t, &stage->loss, &stage->unroll));
     return !stage->loss.integrator->multirate
                ? PM_OK
-               : pm_yaml_fail(block, "integrator %s steps, but does not train: name another",
+               : pm_yaml_fail(block, "integrator %s cannot be trained with; name another one",
                               stage->loss.integrator->name);
 }
 
@@ -200,7 +200,7 @@ pm_status pm_training_read_stages(pm_training *t, pm_yaml root) {
     if (!t->plain && (!pm_yaml_exists(stages) || pm_yaml_is_text(stages, "auto"))) {
         if (common.loss.integrator->multirate) {
             return pm_yaml_fail(root,
-                                "integrator %s steps, but does not train: name another in loss",
+                                "integrator %s cannot be trained with; name another one under loss",
                                 common.loss.integrator->name);
         }
         pm_stages_auto(t, &common);
