@@ -275,7 +275,7 @@ succeed '"trajectories": 1' evaluate "$scene" --json --data "$data" --record "$n
 succeed '"trained_groups": {' evaluate "$scene" --json --data "$data" --trained 0
 succeed '"high": 0, "mean": 0, "max": 0}' evaluate "$scene" --json --data "$new"
 succeed '"kind": "production", "name": "", "median": 0, "mean": 0, "max": 0, "bias": 0' evaluate "$scene" --json --data "$new"
-succeed "Truth is what the model makes of the true states; their entropies are given" evaluate "$scene" --data "$data"
+succeed "Reference: the model in the true states; their entropies are given" evaluate "$scene" --data "$data"
 expect 5 "nan.h5" evaluate "$scene" --data "$folder/nan.h5"
 expect 5 "scene.yaml:7:30: subsystem left: column \"q1\" is not in the dataset" evaluate "$scene" \
     --data configs/reference/double_pendulum.h5

@@ -1,4 +1,5 @@
-// portmet-train evaluate: scores rollouts of a scene against a dataset.
+// portmet-train evaluate: rolls out a scene from the first state of each trajectory of a dataset
+// and prints errors and both laws.
 #include "command/commands.h"
 
 #include <stdbool.h>
@@ -24,9 +25,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_option table[] = {
         {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to score against (HDF5)"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
-         "only these trajectories; without, those that training did not see"},
+         "only these trajectories; default: those not used in training"},
         {"--trained", NULL, "A:B", NULL, &a->trained, false,
-         "trajectories that training saw: their errors beside the others"},
+         "trajectories used in training, to print their errors as well"},
         {"--weights", "-w", "DIR", NULL, &a->weights, false,
          "take the weights files from DIR instead of where the scene says"},
         {"--record", NULL, "FILE", NULL, &a->record, false,
@@ -38,12 +39,12 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
     const pm_options options = {
         .usage = "portmet-train evaluate SCENE --data FILE [options]",
         .summary =
-            "Rolls a scene out from the first state of each trajectory and prints the relative L2\n"
-            "error of each group of variables, per trajectory and per snapshot: whiskers (1.5\n"
-            "interquartile ranges), quartiles, median; the errors of the entropy produced, of the\n"
-            "power through each port and of what each part holds; and how well both laws were\n"
-            "kept. Weights know the trajectories that they were trained on. Ends with\n"
-            "exit code 10 if a component that keeps a law by construction violates it.",
+            "Rolls a scene out from the first state of each trajectory. Prints the relative L2\n"
+            "error of each group of variables per trajectory and per snapshot (whiskers of 1.5\n"
+            "interquartile ranges, quartiles, median, mean), the errors of the entropy produced,\n"
+            "of the power through each port and of the energy and entropy of each subsystem, and\n"
+            "how well both laws were kept. The exit code is 10 if a component that keeps a law\n"
+            "by construction violates it.",
         .positional_name = "SCENE",
         .positional = &a->scene,
         .count = sizeof table / sizeof *table,
@@ -56,13 +57,13 @@ static void show_progress(void *context, int rollout) {
     pm_progress_update(context, rollout, NULL);
 }
 
-// What is evaluated: all of these belong to the command.
+// The objects of an evaluation, all owned by the command.
 typedef struct job {
     pm_scene *scene;
     pm_system *system;
     pm_dataset *truth;
-    bool *seen; // [ntrajectory] by training
-    int nseen;  // how many; -1: the weights do not know
+    bool *seen; // [ntrajectory] used in training
+    int nseen;  // their number; -1: the weights have no digests
     int *which; // [ntrajectory] work space
     pm_evaluation *evaluation, *trained;
     pm_thermo thermo;
@@ -85,7 +86,7 @@ static pm_status run(pm_evaluation **evaluation, const job *j, int count) {
     return status;
 }
 
-// How many of the `count` trajectories in `which` training saw.
+// The number of trajectories among which [count] that training used.
 static int count_seen(const job *j, int count) {
     int n = 0;
     for (int i = 0; i < count; ++i) {
@@ -94,8 +95,8 @@ static int count_seen(const job *j, int count) {
     return n;
 }
 
-// The trajectories that the command line names; else those that training did not see, or all if it
-// saw all of them. Says which on standard output, unless that is for JSON.
+// Chooses the trajectories of the command line, or else those that training did not use, or all if
+// it used all. Prints the choice, except with --json.
 static pm_status choose(job *j, const arguments *a, int *count) {
     PM_TRY(pm_options_list(a->trajectories, j->truth->ntrajectory, j->which, count));
     const int seen = count_seen(j, *count);

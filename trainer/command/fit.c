@@ -1,5 +1,5 @@
 // portmet-train fit: trains the models of a scene on a dataset, stage by stage, with checkpoints,
-// and says what came of it.
+// and prints a table of errors and a verdict.
 #include "command/commands.h"
 
 #include <limits.h>
@@ -18,25 +18,24 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
         {"--output", "-o", "DIR", NULL, &a->output, true,
          "folder for the weights, one file per subsystem and port"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "use only these, such as 0:40 or 0:4,7"},
+         "use only these trajectories, such as 0:40 or 0:4,7"},
         {"--validation", NULL, "LIST", NULL, &a->validation, false,
-         "validate on these, or on none; without, on every fifth"},
+         "keep these back for validation, or none; default: every fifth"},
         {"--black-box", NULL, NULL, &a->black_box, NULL, false,
-         "compare with a model without structure, trained as long"},
+         "also train a model without structure for the same time"},
         {"--resume", NULL, NULL, &a->resume, NULL, false,
-         "go on from DIR/fit.checkpoint; stages may be longer"},
+         "continue from DIR/fit.checkpoint; stages may be longer"},
     };
     const pm_options options = {
-        .usage = "portmet-train fit CONFIG [--data FILE] -o DIR [options]",
+        .usage = "portmet-train fit CONFIG|SCENE [--data FILE] -o DIR [options]",
         .summary =
-            "Trains the models that CONFIG gives to the parts of its scene, by its stages, and "
-            "writes\n"
-            "the weights to DIR. The same command gives the same weights: those whose rollouts on "
-            "the\n"
-            "validation part were best as the training went. DIR also gets fit.csv, the curves, "
-            "and\n"
-            "fit.png, where gnuplot is. Ends with a table and a verdict, and with exit code 13 if\n"
-            "rollouts are not finite or worse than a state that stays as it is.",
+            "Trains the models that CONFIG gives to the subsystems and ports of its scene and\n"
+            "writes their weights to DIR. From a SCENE it first proposes DIR/training.yaml (see\n"
+            "propose --help) and trains by it. The weights with the best rollouts on the\n"
+            "validation part are kept. The same command gives the same weights. DIR/fit.csv\n"
+            "records the losses and, with gnuplot, DIR/fit.png draws them. At the end a table\n"
+            "of errors and a verdict are printed. The exit code is 13 if rollouts are not finite\n"
+            "or worse than persistence, a state that stays as it is.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof option / sizeof *option,
@@ -46,13 +45,14 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// Of a scene alone: proposes the training file. The caller frees what it then reads.
+// If the argument is a scene, proposes its training file and continues with that. The caller frees
+// *training.
 static pm_status propose(pm_fit_arguments *a, char **training) {
     if (!pm_propose_is_scene(a->config)) {
         return PM_OK;
     }
     if (a->data == NULL) {
-        return pm_fail(PM_EUSAGE, "%s is a scene: give --data FILE to learn it from", a->config);
+        return pm_fail(PM_EUSAGE, "%s is a scene; name the dataset with --data FILE", a->config);
     }
     PM_TRY(pm_options_folder(a->output));
     const size_t size = strlen(a->output) + sizeof "/training.yaml";
@@ -75,8 +75,8 @@ static pm_status train(pm_fit *f, const pm_fit_arguments *a, const volatile sig_
     return pm_fit_save(f, loud);
 }
 
-// Proposes the form free for the same scene, trains it on the same data for the same time, and
-// measures it on the validation part.
+// Trains a model without structure (form free) for the same scene on the same data for the same
+// time, and measures it on the validation part.
 static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
                                  pm_measure *measure) {
     char folder[PATH_MAX], config[PATH_MAX + 16];

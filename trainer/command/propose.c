@@ -1,4 +1,4 @@
-// portmet-train propose: writes a training file for a scene and its data.
+// portmet-train propose: writes a training file for a scene from its units, ports and data.
 #include "command/commands.h"
 
 #include <string.h>
@@ -12,7 +12,7 @@ typedef struct propose_arguments {
 
 static pm_status read_arguments(propose_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to look at (HDF5)"},
+        {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to examine (HDF5)"},
         {"--output", "-o", "FILE", NULL, &a->output, true, "training file to write (YAML)"},
         {"--form", NULL, "FORM", NULL, &a->form, false,
          "hard (both laws hold; the default), soft, or free (a black box)"},
@@ -20,14 +20,11 @@ static pm_status read_arguments(propose_arguments *a, int argc, char **argv, boo
     const pm_options options = {
         .usage = "portmet-train propose SCENE --data FILE -o TRAINING [--form FORM]",
         .summary =
-            "Writes a training file for the parts and ports of SCENE that need weights, with "
-            "comments\n"
-            "that say why: from units (two variables whose product is J s are conjugate, J/K is "
-            "an\n"
-            "entropy), from ports, and from a look at the data (what moves with what, what is\n"
-            "conserved, how fast). It is a beginning: change it as you know better. For the forms "
-            "soft\n"
-            "and free a scene with ports of law exchange is written beside it.",
+            "Writes a training file for the subsystems and ports of SCENE that need weights, with\n"
+            "comments that give reasons: units (two variables whose product is J s are conjugate,\n"
+            "J/K is an entropy), ports, and statistics of the data (which rates follow which\n"
+            "variables, what is conserved, how fast rates change). Edit it where you know better.\n"
+            "For the forms soft and free a scene with ports of law exchange is written beside it.",
         .positional_name = "SCENE",
         .positional = &a->scene,
         .count = sizeof table / sizeof *table,

@@ -1,5 +1,5 @@
-// Rollouts over a dataset, shared out among threads: each thread has an assembly of its own and
-// takes the next trajectory, whose results go to a place of their own.
+// Rolls out trajectories in several threads. Each thread has its own copy of the simulation
+// (sim/monolithic.h) and takes the next trajectory, so that results do not depend on their number.
 #include "evaluate/evaluate.h"
 
 #include <math.h>
@@ -11,14 +11,14 @@
 #include "base/progress.h"
 #include "sim/monolithic.h"
 
-// Relative; dt comes as decimal text in one place and as a double in the other.
+// Relative. The scene has dt as decimal text, the dataset as a double.
 #define DT_TOLERANCE 1e-9
-// Temperatures are differences of energies over so much entropy, relative to the larger of it and
-// SMALL_ENTROPY: errors of rounding and of curvature are then both about 1e-8.
+// The step of the central difference dE/ds, relative to the larger of s and SMALL_ENTROPY. Rounding
+// and curvature then both cause relative errors of about 1e-8.
 #define TEMPERATURE_STEP 1e-5
 #define SMALL_ENTROPY 1e-3 // J/K
-#define TEMPERATURES 10    // states of a trajectory at which they are taken, about
-#define MOST_ENTROPIES 16  // components of a group for which they are
+#define TEMPERATURES 10    // the approximate number of states of a trajectory with temperatures
+#define MOST_ENTROPIES 16  // the most components of a group with temperatures
 
 // --- one rollout ---
 
@@ -30,7 +30,7 @@ static void book(pm_rollout *rollout, const pm_monolithic *assembly) {
     }
 }
 
-// What the parts hold in one state: predicted (0) or true (1).
+// Stores energy and entropy of the subsystems in one state, predicted (which = 0) or true (1).
 static void keep_parts(const pm_evaluation *e, pm_rollout *rollout, int which, int j,
                        const pm_sample *sample) {
     const size_t n = (size_t)e->system->scene->nsubsystem;
@@ -44,8 +44,7 @@ static double energy_of(pm_monolithic *assembly, const double *z, int subsystem)
     return pm_monolithic_sample(assembly)->energy[subsystem];
 }
 
-// dE/ds by a central difference, of the components of entropies at the state z, which comes back as
-// it was.
+// Computes the temperatures dE/ds at the state z by central differences. z is unchanged afterwards.
 static void take_temperatures(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
                               double *z) {
     for (int i = 0; i < e->system->scene->nsubsystem; ++i) {
@@ -72,7 +71,7 @@ static void take_temperatures(const pm_evaluation *e, pm_rollout *rollout, pm_mo
     }
 }
 
-// What the model says of the true states. `z` [nz] is work space.
+// Evaluates energies, entropies and temperatures in the true states. `z` [nz] is work space.
 static void look_at_truth(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
                           double *z) {
     const int ntime = e->truth->ntime, stride = ntime / TEMPERATURES + 1;
@@ -89,7 +88,8 @@ static void look_at_truth(const pm_evaluation *e, pm_rollout *rollout, pm_monoli
     }
 }
 
-// The state just reached, beside what the scene does not predict, such as loads.
+// Stores the predicted state. Columns that the scene does not predict, such as boundary inputs,
+// keep their data.
 static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index,
                        const pm_sample *sample) {
     const int j = rollout->reached++;
@@ -115,7 +115,7 @@ static bool advance(pm_rollout *rollout, pm_monolithic *assembly, int stride) {
     return true;
 }
 
-// Errors of a rollout that has left the range of numbers count as infinite, from there on.
+// Computes the errors of a rollout. They are infinite from its first state that is not finite.
 static void score(const pm_evaluation *e, pm_rollout *rollout, const double *predicted) {
     const int ngroup = e->columns.ngroup, ntime = e->truth->ntime;
     pm_score(&e->columns, ntime, e->truth->ncolumn, predicted,
@@ -132,7 +132,7 @@ static void score(const pm_evaluation *e, pm_rollout *rollout, const double *pre
     }
 }
 
-// `z` [nz] is work space.
+// Rolls out one trajectory. `z` [nz] is work space.
 static void roll(const pm_evaluation *e, pm_monolithic *assembly, pm_boundary_input *boundary_input,
                  int index, double *z) {
     pm_rollout *rollout = &e->rollout[index];
@@ -157,18 +157,18 @@ static void roll(const pm_evaluation *e, pm_monolithic *assembly, pm_boundary_in
     score(e, rollout, pm_dataset_state(e->predicted, index, 0));
 }
 
-// --- all of them ---
+// --- all rollouts ---
 
 typedef struct pool {
     pm_evaluation *evaluation;
     const pm_evaluate_how *how;
-    pthread_mutex_t lock; // of all that follows
+    pthread_mutex_t lock; // protects the members below
     int next, done;
     pm_status status; // the first failure, with its description
     char error[512];
 } pool;
 
-// The next rollout to do, or -1.
+// Returns the next rollout, or -1.
 static int take(pool *p) {
     pthread_mutex_lock(&p->lock);
     if (p->how->stop != NULL && *p->how->stop && p->status == PM_OK) {
@@ -225,7 +225,7 @@ done:
     return NULL;
 }
 
-// The calling thread works too, so that no thread at all need be had.
+// The calling thread works as well, so that the evaluation succeeds if no thread can be started.
 static pm_status run_pool(pm_evaluation *e, const pm_evaluate_how *how) {
     enum { MOST = 64 };
     pthread_t thread[MOST];

@@ -1,4 +1,4 @@
-// gnuplot scripts, and gnuplot run on them inside the folder.
+// Writes one gnuplot script for each picture of an evaluation, and runs gnuplot on them.
 #include "evaluate/evaluate_plot.h"
 
 #include <errno.h>
@@ -8,7 +8,7 @@
 #include "evaluate/evaluate_plot_data.h"
 #include "evaluate/gnuplot.h"
 
-// The colours of Okabe and Ito, which stay apart for every kind of eye.
+// The colours of Okabe and Ito, which remain distinguishable with colour blindness.
 static const char *const colours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                       "#e69f00", "#56b4e9", "#666666"};
 
@@ -16,12 +16,12 @@ static const char *colour_of(int i) {
     return colours[i % (int)(sizeof colours / sizeof *colours)];
 }
 
-// Of the truth, beyond which they would run together.
+// The most points of a true trajectory; more would overlap.
 #define MOST_POINTS 250
 
 // --- scripts ---
 
-// Opens a script for `name`.png of the given size: thin grey frame, light grid, no tics outside.
+// Opens the script of `name`.png with the given size in pixels and the common style.
 static pm_status open_script(FILE **file, const char *folder, const char *name, int width,
                              int height) {
     char path[64];
@@ -38,7 +38,7 @@ static pm_status open_script(FILE **file, const char *folder, const char *name, 
     return PM_OK;
 }
 
-// The unit of a group, wherever it is.
+// The unit of the first group with this name in any subsystem.
 static const char *unit_of(const pm_scene *scene, const char *group) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_group *found = pm_layout_find(&scene->subsystem[i].layout, group);
@@ -54,7 +54,7 @@ static void write_log_axis(FILE *file, const char *label) {
             label);
 }
 
-// A box per group, `shift` beside the group's place.
+// Draws a box for each group, shifted by `shift` from the position of the group.
 static void write_boxes(FILE *file, const pm_evaluation *e, const char *data, double shift,
                         double opacity) {
     for (int g = 0; g < e->columns.ngroup; ++g) {
@@ -100,7 +100,7 @@ static pm_status script_errors(const pm_evaluation *e, const pm_evaluation *trai
     return pm_plot_close(file, folder);
 }
 
-// Lines for what was predicted over points for the truth, a panel per group.
+// Draws predictions as lines and true states as points, in one panel for each group.
 static pm_status script_states(const pm_evaluation *e, const char *folder) {
     FILE *file;
     const pm_columns *c = &e->columns;
@@ -133,8 +133,8 @@ static pm_status script_states(const pm_evaluation *e, const char *folder) {
     return pm_plot_close(file, folder);
 }
 
-// A median line in its bands: quartiles, and with `extremes` lighter from smallest to largest.
-// `first` is the column of the smallest.
+// Draws the median as a line and the range between the quartiles as a band; with `extremes` also
+// the range from smallest to largest as a lighter band. `first` is the column of the smallest.
 static void write_band(FILE *file, const char *data, int first, const char *colour, bool extremes) {
     if (extremes) {
         fprintf(file,
@@ -194,7 +194,7 @@ static pm_status script_laws(const pm_evaluation *e, const char *folder) {
     return pm_plot_close(file, folder);
 }
 
-// --- all of it ---
+// --- all pictures ---
 
 pm_status pm_evaluation_plot(const pm_evaluation *e, const pm_evaluation *trained,
                              const char *folder) {

@@ -1,4 +1,5 @@
-// Columns of text. What a logarithmic axis cannot show is moved to its ends.
+// Writes errors, states and laws as text columns. Errors that a logarithmic axis cannot show are
+// moved to the ends of its range.
 #include "evaluate/evaluate_plot_data.h"
 
 #include <errno.h>
@@ -7,7 +8,7 @@
 #include <string.h>
 
 #define SMALLEST 1e-12
-#define LARGEST 1e3 // per cent: beyond that it no longer matters how wrong
+#define LARGEST 1e3 // per cent: the end of the axis
 
 pm_status pm_plot_open(FILE **file, const char *folder, const char *name) {
     char path[4096];
@@ -63,14 +64,14 @@ static pm_status write_states(const pm_evaluation *e, const char *folder) {
     return pm_plot_close(file, folder);
 }
 
-// Sorts the values of all rollouts and writes their spread.
+// Sorts the values of all rollouts and writes the columns of their distribution.
 static void write_spread(FILE *file, int count, double *value) {
     const pm_box box = pm_box_of(count, value);
     fprintf(file, " %.9g %.9g %.9g %.9g %.9g", value[0], box.first_quartile, box.median,
             box.third_quartile, value[count - 1]);
 }
 
-// `value` [count] is work space.
+// Writes growth.txt. `value` [count] is work space.
 static pm_status write_growth(const pm_evaluation *e, const char *folder, double *value) {
     FILE *file;
     PM_TRY(pm_plot_open(&file, folder, "growth.txt"));
@@ -88,7 +89,8 @@ static pm_status write_growth(const pm_evaluation *e, const char *folder, double
     return pm_plot_close(file, folder);
 }
 
-// Rollouts that have ended by then are left out.
+// Writes laws.txt. `value` [count] is work space. At each time, rollouts that are no longer finite
+// are left out.
 static pm_status write_laws(const pm_evaluation *e, const char *folder, double *value) {
     FILE *file;
     PM_TRY(pm_plot_open(&file, folder, "laws.txt"));

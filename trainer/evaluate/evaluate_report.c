@@ -1,13 +1,13 @@
-// Tables and JSON of an evaluation.
+// Prints the tables and the JSON object of an evaluation.
 #include "evaluate/evaluate_report.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-// What is worst over all rollouts.
+// The extremes of the laws over all rollouts.
 typedef struct summary {
-    const pm_rollout *energy, *entropy; // with the largest residual; NULL: no residual at all
+    const pm_rollout *energy, *entropy; // with the largest residual; NULL: all residuals are 0
     long violations, steps;
     double energy_drift, entropy_change, entropy_fall; // largest, mean, largest
     double seconds_per_step;                           // mean over the rollouts
@@ -101,7 +101,7 @@ static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
         }
         printf(" %9.3g %s\n", r->typical, unit);
     }
-    printf("  Truth is what the model makes of the true states%s.\n",
+    printf("  Reference: the model in the true states%s.\n",
            thermo->given ? "; their entropies are given"
                          : ", entropies included, which are learned");
     if (thermo->warmest != 0) {
@@ -109,7 +109,7 @@ static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
                thermo->warmest, thermo->coldest > 0 ? "" : ": NOT POSITIVE");
     }
     if (e->system->scene->nboundary_input > 0) {
-        printf("  What loads exchange is no part of the production here.\n");
+        printf("  The production does not include what boundary inputs exchange.\n");
     }
 }
 
@@ -198,7 +198,7 @@ static void json_text(const char *text) {
     putchar('"');
 }
 
-// "name": value and what follows it.
+// Prints "name": value and the text `after`.
 static void json_number(const char *name, double value, const char *after) {
     json_text(name);
     if (isfinite(value)) {

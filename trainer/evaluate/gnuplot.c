@@ -1,4 +1,4 @@
-// gnuplot as a child process.
+// Runs gnuplot as a child process.
 #include "evaluate/gnuplot.h"
 
 #include <errno.h>

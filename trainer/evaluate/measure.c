@@ -1,4 +1,5 @@
-// Scores of groups of parts: the columns of a scene, numbered by part and group.
+// Scores each group of each subsystem separately, where the columns of a scene pool groups of the
+// same name.
 #include "evaluate/measure.h"
 
 #include <math.h>
@@ -7,16 +8,16 @@
 
 #include "sim/monolithic.h"
 
-#define MOST_STEPS 400 // single steps that are taken
-#define SMALLEST 1e-9  // of an error over that of persistence, in the geometric mean
-#define LARGEST 1e4    // likewise; also where a rollout was not finite
-#define CONSTANT 1e-12 // an error of persistence below which nothing changes
+#define MOST_STEPS 400 // the most single steps
+#define SMALLEST 1e-9  // bounds of the ratio of an error to that of persistence in the mean
+#define LARGEST 1e4    // also the ratio of a rollout that is not finite
+#define CONSTANT 1e-12 // error of persistence below which a group counts as constant
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for scores");
 }
 
-// The columns of the evaluation, but with a group for each group of each part.
+// Makes one cell, and one group of `columns`, for each group of each subsystem.
 static pm_status make_cells(pm_measure *m, pm_columns *columns) {
     const pm_scene *scene = m->evaluation->system->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {
@@ -46,7 +47,7 @@ static pm_status make_cells(pm_measure *m, pm_columns *columns) {
 
 // --- rollouts ---
 
-// error, persistence: [count][ncell]. `still` [ntime][ncolumn] is work space.
+// Writes error and persistence [count][ncell]. `still` [ntime][ncolumn] is work space.
 static void score_rollouts(const pm_measure *m, const pm_columns *columns, double *error,
                            double *persistence, double *still) {
     const pm_evaluation *e = m->evaluation;
@@ -107,7 +108,7 @@ static pm_status measure_rollouts(pm_measure *m, const pm_columns *columns) {
 
 // --- single steps ---
 
-// The squares of the error and of the movement of each cell, of one step from state j.
+// Adds the squared error and the squared length of one step from a true state, for each cell.
 static pm_status add_step(const pm_measure *m, const pm_columns *columns, pm_monolithic *assembly,
                           const double *from, const double *to, double *work, double *square) {
     const pm_evaluation *e = m->evaluation;
@@ -154,7 +155,7 @@ static pm_status measure_steps(pm_measure *m, const pm_columns *columns) {
         return no_memory();
     }
     if (system->scene->nboundary_input > 0) {
-        return PM_OK; // loads are followed from the beginning of trajectories only
+        return PM_OK; // boundary inputs are integrated from the beginning of trajectories only
     }
     pm_monolithic *assembly = NULL;
     PM_TRY(pm_monolithic_open(&assembly, system));

@@ -1,4 +1,5 @@
-// Trajectories are known again by their digests, in whatever file and order they come.
+// Compares the digests of trajectories with those in the weights. The name of the file and the
+// order of its trajectories do not matter.
 #include "evaluate/seen.h"
 
 static bool has_seen(const pm_provenance *provenance, uint64_t digest) {

@@ -1,18 +1,19 @@
-// Entropy production, and what flows, from the energies and entropies of the parts over time.
+// Computes entropy production and powers from the energies and entropies of the subsystems over
+// time.
 #include "evaluate/thermo.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-// Relative to the largest change of any part: below it a quantity is taken for constant, and has no
-// row.
+// A quantity that changes by less than this fraction of the largest change of any subsystem counts
+// as constant and gets no row.
 #define NOTHING 1e-9
 
 typedef struct series {
     const pm_evaluation *e;
-    double *predicted, *truth;   // [ntime] of the quantity and rollout at hand
-    double *error, *sign, *size; // [count] of the quantity at hand
+    double *predicted, *truth;   // [ntime] of the present quantity and rollout
+    double *error, *sign, *size; // [count] of the present quantity
 } series;
 
 static pm_status no_memory(void) {
@@ -26,7 +27,7 @@ static double part_value(const pm_evaluation *e, const double *values, int which
 
 // --- the quantities over time ---
 
-// How much a part has gained since the beginning.
+// Computes the change of a subsystem since the beginning.
 static void gain(const series *s, const double *values, int part) {
     for (int j = 0; j < s->e->truth->ntime; ++j) {
         s->predicted[j] =
@@ -35,8 +36,8 @@ static void gain(const series *s, const double *values, int part) {
     }
 }
 
-// Marks the parts on end a's side of a port, without the port itself; false if end b is one of
-// them, or a load is: energies of parts do not decide what flows.
+// Marks the subsystems that are connected with end a when the port is removed. Returns false if end
+// b or a boundary input is among them: then energies of subsystems do not determine the power.
 static bool find_side(const pm_scene *scene, int port, bool *side) {
     memset(side, 0, (size_t)scene->nsubsystem * sizeof *side);
     if (scene->port[port].subsystem[0] < 0 || scene->port[port].subsystem[1] < 0) {
@@ -61,7 +62,7 @@ static bool find_side(const pm_scene *scene, int port, bool *side) {
     return !side[scene->port[port].subsystem[1]];
 }
 
-// The mean power into the side over each step.
+// Computes the mean power into the marked subsystems over each step.
 static void power(const series *s, const double *energy, const bool *side) {
     const pm_evaluation *e = s->e;
     for (int j = 0; j < e->truth->ntime; ++j) {
@@ -81,7 +82,7 @@ static void power(const series *s, const double *energy, const bool *side) {
 
 // --- scores ---
 
-// The relative L2 error over time of one rollout's quantity.
+// Computes the relative L2 error over time of the present quantity in one rollout.
 static void score_series(const series *s, int rollout) {
     double error = 0, norm = 0;
     const int ntime = s->e->truth->ntime;
@@ -130,7 +131,7 @@ static void add_row(pm_thermo *t, const series *s, const char *kind, const char 
     }
 }
 
-// A part that gains nothing has no rows; `values` of a rollout are at this offset.
+// Adds the row of the energy or the entropy of a subsystem, unless it is constant.
 static void add_part(pm_thermo *t, const series *s, bool entropy, int part) {
     double largest = 0;
     for (int i = 0; i < s->e->count; ++i) {

@@ -1,4 +1,5 @@
-// Statistics of states and rates, and small regressions.
+// Statistics of states and rates, linear regressions by normal equations, and a test for conserved
+// angular momentum.
 #include "propose/look.h"
 
 #include <math.h>
@@ -6,11 +7,11 @@
 
 #include "base/linalg.h"
 
-#define MOST_STATES 6000 // that are looked at
-#define MARGIN 2         // states at either end, which differences need
-#define MOVES 1e-9       // of its size: a change over one step below which a variable is constant
-#define NEAR_ZERO 0.02   // of the deviation
-#define SAME 2e-3        // of |q||p|: what of q x p may change where it is conserved
+#define MOST_STATES 6000 // the most examined states
+#define MARGIN 2         // states at either end, needed for central differences
+#define MOVES 1e-9       // relative change over one step below which a variable is constant
+#define NEAR_ZERO 0.02   // relative to the deviation
+#define SAME 2e-3        // relative to |q||p|: the change below which q x p is conserved
 
 static void take_rate(const pm_look *look, int i, int j, double *rate) {
     const pm_dataset *d = look->dataset;
@@ -30,7 +31,7 @@ static void take_rate(const pm_look *look, int i, int j, double *rate) {
     }
 }
 
-// How fast rates change: the largest over components of rms(rate' - rate)/(dt rms(rate)).
+// Finds the largest ratio rms(rate' - rate)/(dt rms(rate)) over all components.
 static void find_fastest(pm_look *look, const double *change) {
     const int nz = look->scene->nz;
     for (int c = 0; c < nz; ++c) {
@@ -49,7 +50,7 @@ pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *d
     const int nz = scene->nz, per = dataset->ntime - 2 * MARGIN - 1;
     *look = (pm_look){.scene = scene, .dataset = dataset};
     if (per < 1) {
-        return pm_fail(PM_EDATA, "trajectories of %d states are too short to look at",
+        return pm_fail(PM_EDATA, "trajectories of %d states are too short to examine",
                        dataset->ntime);
     }
     look->samples = dataset->ntrajectory * dataset->ntime;
@@ -123,7 +124,7 @@ pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
 
 // --- regression ---
 
-// Means over the states looked at, of one component of the rates or of the states.
+// The mean of one component of the rates or states over the examined states.
 static double mean_of(const pm_look *look, const double *values, int c) {
     double sum = 0;
     for (int k = 0; k < look->count; ++k) {
@@ -132,7 +133,7 @@ static double mean_of(const pm_look *look, const double *values, int c) {
     return sum / look->count;
 }
 
-// Sums of a least-squares problem of n unknowns.
+// The normal equations of a least-squares problem with n unknowns.
 typedef struct sums {
     int n;
     double matrix[PM_LOOK_SOURCES * PM_LOOK_SOURCES], right[PM_LOOK_SOURCES], square;
@@ -148,7 +149,8 @@ static void add_equation(sums *s, const double *x, double y) {
     s->square += y * y;
 }
 
-// The part of the squares that the solution leaves; 1 if there is none.
+// Solves the normal equations and returns the unexplained fraction of the squares; 1 if they are
+// singular.
 static double solve(sums *s, double *solution) {
     for (int a = 0; a < s->n; ++a) {
         s->matrix[a * s->n + a] = s->matrix[a * s->n + a] * (1 + 1e-10) + 1e-300;
@@ -165,7 +167,8 @@ static double solve(sums *s, double *solution) {
     return fmax(1 - explained / s->square, 0);
 }
 
-// Powers of the sources' components c, centred, in units of their deviations.
+// Writes the powers 1 to `degree` of component c of all sources, centred and divided by their
+// deviations.
 static void powers(const pm_look *look, int k, int c, int count, const pm_look_group *source,
                    int degree, const double *mean, double *x) {
     for (int a = 0; a < count; ++a) {
@@ -223,7 +226,7 @@ double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, 
 
 // --- rotation ---
 
-// q x p of one state, and what it would be if they were at right angles.
+// Adds q x p of one state to J and returns |q||p|.
 static double moment(const pm_look *look, const double *row, const pm_look_group *q,
                      const pm_look_group *p, double J[3]) {
     double a[3] = {0}, b[3] = {0};

@@ -1,4 +1,4 @@
-// Writing a training file.
+// Writes a proposed training file: head, models, mappings and stages.
 #include "propose/propose.h"
 
 #include <math.h>
@@ -6,9 +6,11 @@
 
 #include "propose/propose_draft.h"
 
-#define COARSE 0.6   // of a step times the fastest rate of change: of substeps in training,
-#define FINE 0.25    // and at its end
-#define RESOLVED 0.5 // of a step times the fastest rate of change, that one substep may have
+// Bounds on the substep times the fastest rate of change: in the second stage, in the last stage,
+// and in a scene that resolves its dynamics.
+#define COARSE 0.6
+#define FINE 0.25
+#define RESOLVED 0.5
 
 static void write_head(const pm_draft *d) {
     FILE *f = d->file;
@@ -18,21 +20,21 @@ static void write_head(const pm_draft *d) {
                                         "free: no structure at all, a baseline"};
     fprintf(
         f,
-        "# Proposed by portmet-train propose, from the units, the ports and %d trajectories of %d "
+        "# Proposed by portmet-train propose from the units, the ports and %d trajectories of %d "
         "states,\n# %g s apart. Form %s.\n",
         data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
-    fprintf(f, "# The fastest variable changes its rate at %.3g per s: %.3g per step of %g s. ",
+    fprintf(f, "# The fastest rate changes by a factor of %.3g per s, %.3g per step of %g s. ",
             d->look.fastest, d->look.fastest * d->p->scene->dt, d->p->scene->dt);
     const double wanted = ceil(d->look.fastest * d->p->scene->dt / RESOLVED);
     fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", d->p->scene->integrator->name,
             d->p->scene->substeps,
             wanted <= d->p->scene->substeps
                 ? "that is enough"
-                : "MORE would be better, such that each has at most 0.5");
+                : "MORE are needed, such that a substep changes it by at most 0.5");
     if (d->rotates) {
         fprintf(f,
-                "# The sum of q x p is conserved: nothing depends on directions, and vectors enter "
-                "energies by their lengths.\n");
+                "# The sum of q x p is conserved. Nothing depends on directions, so that energies "
+                "depend on the lengths of vectors.\n");
     }
     fprintf(f, "scene: %s\n", d->p->scene_path);
     fprintf(f, "data: {file: %s}   # every fifth trajectory is kept back for validation\n",
@@ -40,24 +42,25 @@ static void write_head(const pm_draft *d) {
     fprintf(f, "seed: 1\n\nmodels:\n");
 }
 
-// Substeps of a stage such that each turns the fastest variable by at most `turn`; no more than the
-// scene has, with which the weights are served.
+// The number of substeps such that a substep times the fastest rate of change is at most `turn`,
+// but no more than the scene has.
 static int substeps_for(const pm_draft *d, double turn) {
     const double wanted = ceil(d->look.fastest * d->p->scene->dt / turn);
     const int most = d->p->scene->substeps;
     return wanted < 1 ? 1 : wanted < most ? (int)wanted : most;
 }
 
-// Batches are several times what the weights need: data without noise need no more.
+// A batch has several times as many residuals as there are weights, which is enough without noise.
 static void write_stages(const pm_draft *d) {
     FILE *f = d->file;
-    fputs(
-        d->p->form == PM_FREE
-            ? "# A network alone starts well anywhere. It is fitted to derivatives, then to single "
-              "steps.\nstart: {tries: 1}\n"
-            : "# Several starts are tried on derivatives, which needs no steps; the best is fitted "
-              "to them\n# further, then to single steps, coarse and fine.\n",
-        f);
+    fputs(d->p->form == PM_FREE
+              ? "# A network alone needs no choice of initial weights. It is fitted to "
+                "derivatives, then to single "
+                "steps.\nstart: {tries: 1}\n"
+              : "# Several initial weights are tried on derivatives. The best ones are fitted to "
+                "derivatives "
+                "further,\n# then to single steps with coarse and with fine substeps.\n",
+          f);
     const int batch = d->p->form == PM_FREE ? 2048 : 1024; // it has more weights
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f, "  - {optimiser: gauss_newton, iterations: 40, batch: %d, residual: derivative}\n",

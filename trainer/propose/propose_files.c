@@ -1,4 +1,4 @@
-// Loading what a proposal looks at, and writing paths that hold wherever the file stands.
+// Loads the scene and the dataset of a proposal, and makes their paths absolute.
 #include "propose/propose_files.h"
 
 #include <limits.h>
@@ -10,7 +10,8 @@
 #include "propose/propose.h"
 #include "store/yaml.h"
 
-// Paths in a training file are relative to it: absolute ones hold everywhere. The caller frees.
+// Paths in a training file are relative to its folder. Absolute paths are valid everywhere. The
+// caller frees the result.
 static char *absolute(const char *path) {
     char *whole = realpath(path, NULL);
     return whole != NULL ? whole : strdup(path);
@@ -64,7 +65,7 @@ bool pm_propose_is_scene(const char *path) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
     if (pm_yaml_open(&document, path, &root) != PM_OK) {
-        return false; // whoever reads it says why
+        return false; // the reader of the file reports the error
     }
     const bool scene = pm_yaml_exists(pm_yaml_get(root, "time"));
     pm_yaml_close(document);

@@ -1,4 +1,5 @@
-// The models of parts in a proposal.
+// Writes the model of a subsystem in a proposed training file: comments on its variables, energy,
+// entropy and both operators.
 #include "propose/propose_draft.h"
 
 const char *pm_draft_name(const pm_part_view *v, int g) {
@@ -35,22 +36,22 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
     for (int g = 0; g < v->count; ++g) {
         const pm_group *group = v->group[g].group;
-        fprintf(f, "    # %s, %s: deviation %.3g, moves by %.3g per s", group->name,
+        fprintf(f, "    # %s, %s: deviation %.3g, rate %.3g per s", group->name,
                 *group->unit == '\0' ? "a number" : group->unit, v->group[g].deviation,
                 v->group[g].rate);
         switch (v->kind[g]) {
         case PM_VIEW_ENTROPY:
-            fprintf(f, "; its unit makes it an entropy");
+            fprintf(f, "; an entropy by its unit");
             break;
         case PM_VIEW_HEAT:
-            fprintf(f, "; its unit makes it what heats up, as there is no entropy");
+            fprintf(f, "; takes up heat by its unit, since there is no entropy");
             break;
         case PM_VIEW_POSITION:
-            fprintf(f, "; with %s conjugate: the product of their units is J s",
+            fprintf(f, "; conjugate to %s: the product of the units is J s",
                     pm_draft_name(v, v->mate[g]));
             fprintf(f, "%s",
                     v->linear[g]  ? "; its rate is linear in momenta"
-                    : v->apart[g] ? "; its rate is a function of momenta alone"
+                    : v->apart[g] ? "; its rate depends on momenta alone"
                                   : "");
             break;
         case PM_VIEW_SPIN:
@@ -61,10 +62,11 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
         }
         fprintf(f, "%s%s\n",
                 v->geometric[g] && v->kind[g] != PM_VIEW_POSITION
-                    ? "; moves as others carry it, without friction"
+                    ? "; other variables move it, friction does not act on it"
                     : "",
-                v->group[g].constant ? "; CONSTANT in these data: nothing can be learned of it"
-                                     : "");
+                v->group[g].constant
+                    ? "; CONSTANT in these data, so that nothing can be learned about it"
+                    : "");
     }
 }
 
@@ -78,8 +80,8 @@ static void add_entropies(pm_draft_list *l, const pm_part_view *v) {
     }
 }
 
-// A group as a feature: a vector by its length, where nothing depends on directions, and a volume
-// by its logarithm, as gases have it.
+// Adds a group as a feature: the length of a vector if nothing depends on directions, the logarithm
+// of a volume as in the entropy of gases, else the group itself.
 static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v, int g) {
     const pm_unit volume = pm_unit_parse("m^3");
     const bool length = d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0;
@@ -90,12 +92,13 @@ static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view 
     }
 }
 
-// Layers for so many inputs: more than a function of one or two variables needs is slow to train.
+// The hidden layers for a number of inputs. Networks that are too large train slowly.
 static const char *hidden_of(int inputs) {
     return inputs == 1 ? "[8, 8]" : inputs <= 3 ? "[12, 12]" : "[16, 16]";
 }
 
-// What is known to stand alone in the energy; done [count] marks these groups.
+// Writes the terms of the energy that depend on one group alone, and marks these groups in done
+// [count].
 static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
     for (int g = 0; g < v->count; ++g) {
         if (v->kind[g] == PM_VIEW_SPIN) { // rotation alone does not warm a body
@@ -110,7 +113,7 @@ static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
         done[p] = true;
         if (v->linear[g]) {
             fprintf(d->file, "      - {features: [\"|%s|^2\"], skip: linear}", pm_draft_name(v, p));
-            fprintf(d->file, "                  # kinetic, as velocities are linear in momenta\n");
+            fprintf(d->file, "                  # kinetic: velocities are linear in momenta\n");
         } else {
             fprintf(d->file, "      - {features: [%s], hidden: %s, skip: quadratic}\n",
                     pm_draft_name(v, p), hidden_of(v->group[p].group->size));
@@ -126,7 +129,7 @@ static int count_rest(const pm_part_view *v, const bool *done) {
     return count;
 }
 
-// The heat that one entropy stands for, and how the rest of the state bears on it.
+// Writes the thermal energy of one entropy, and its dependence on the rest of the state.
 static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, const bool *done) {
     pm_draft_list l = pm_draft_open(d->file, "      - {features: ");
     for (int g = 0; g < v->count; ++g) {
@@ -136,7 +139,7 @@ static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, co
     }
     const bool coupled = l.count > 0;
     pm_draft_add(&l, "", pm_draft_name(v, entropy));
-    fprintf(d->file, coupled ? "], skip: quadratic}   # heat, and what the rest does to it: "
+    fprintf(d->file, coupled ? "], skip: quadratic}   # heat, and its dependence on the rest: "
                                "temperatures are positive\n"
                              : "]}   # heat: temperatures are positive by construction\n");
 }
@@ -186,9 +189,9 @@ static void write_entropy(const pm_draft *d, const pm_part_view *v) {
         }
         fprintf(d->file, "], hidden: [12], skip: quadratic}\n");
     } else {
-        fprintf(d->file,
-                "    # No variable takes up heat: this part conserves its energy. If it should "
-                "not, the scene lacks an entropy.\n");
+        fprintf(d->file, "    # No variable takes up heat, so that this subsystem conserves its "
+                         "energy. If it should "
+                         "not, the scene lacks an entropy.\n");
     }
 }
 
@@ -225,7 +228,6 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
     fprintf(f, "]}\n");
 }
 
-// Whether friction, relaxation or leakage may act on it.
 bool pm_draft_may_lose(const pm_part_view *v, int g) {
     return v->kind[g] != PM_VIEW_ENTROPY && !v->geometric[g] && !v->group[g].constant;
 }
@@ -247,7 +249,7 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
     }
     add_entropies(&l, v);
     fprintf(d->file, "], rank: %d}}", rank);
-    fprintf(d->file, "   # a constant for each process that dissipates\n");
+    fprintf(d->file, "   # one constant for each dissipative process\n");
 }
 
 void pm_draft_part(const pm_draft *d, const pm_part_view *v) {

@@ -1,5 +1,4 @@
-// A scene whose ports exchange what forms without brackets need, and paths as other files name
-// them.
+// Copies a scene with ports of the law exchange, for the forms soft and free.
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,7 +18,7 @@ pm_status pm_propose_scene(const char *from, const char *path) {
     }
     char *line = NULL;
     size_t size = 0;
-    fprintf(out, "# %s with ports that exchange variables, as models without brackets have.\n",
+    fprintf(out, "# %s with ports of the law exchange, for models in the forms soft and free.\n",
             from);
     while (getline(&line, &size, in) > 0) {
         const char *law = strstr(line, "law: bracket");

@@ -1,13 +1,14 @@
-// Reading units and regressions.
+// Classifies the variables of a scene by their units, and finds conjugate pairs and couplings
+// through ports by linear regression of their rates.
 #include "propose/propose_view.h"
 
 #include <math.h>
 #include <string.h>
 
-#define EXACT 1e-3      // of a rate's variance that may stay unexplained where it is linear
-#define DEGREE 8        // of polynomials that stand for any function
-#define TRACE 1e-4      // of it that a coupling must explain to be one
-#define CLEAR 0.05      // of it that may stay unexplained where a coefficient is read off
+#define EXACT 1e-3      // unexplained fraction of the variance below which a rate is linear
+#define DEGREE 8        // of the polynomials that represent any function
+#define TRACE 1e-4      // fraction that a coupling must explain
+#define CLEAR 0.05      // unexplained fraction up to which a coefficient is trusted
 #define NEAR_WHOLE 0.15 // how far that is from a whole number at most
 
 static bool is_nonentropy(const pm_part_view *v, int g) {
@@ -36,7 +37,7 @@ static void add_source(sources *s, const pm_look_group *g, const pm_look_group *
     }
 }
 
-// Groups of the unit `unit` in this part and in those that share a port with it.
+// Finds the groups with the unit `unit` in this subsystem and in those that share a port with it.
 static sources find_sources(const pm_look *look, const pm_part_view *parts, int part, int target,
                             const pm_unit *unit) {
     const pm_scene *scene = look->scene;
@@ -60,7 +61,8 @@ static sources find_sources(const pm_look *look, const pm_part_view *parts, int 
 
 // --- parts ---
 
-// How well a group's rate is explained by its mate and the neighbours' groups of that unit.
+// Regression of the rate of a group on its mate and on groups of neighbours with the same unit as
+// the mate. Returns the unexplained fraction; *own is the coefficient of the mate.
 static double explain_by_mate(const pm_look *look, const pm_part_view *parts, int part, int g,
                               int mate, double *own) {
     double coefficient[8] = {0};
@@ -70,10 +72,10 @@ static double explain_by_mate(const pm_look *look, const pm_part_view *parts, in
     return rest;
 }
 
-// Which of a pair is the position: the one whose rate its mate explains better.
+// A conjugate pair. Its position is the variable whose rate the other one explains better.
 typedef struct pairing {
     int position, momentum;
-    double rest, own; // unexplained; the mate's coefficient
+    double rest, own; // unexplained fraction; coefficient of the mate
 } pairing;
 
 static pairing try_pair(const pm_look *look, const pm_part_view *parts, int part, int a, int b) {
@@ -105,7 +107,7 @@ static bool may_pair(const pm_part_view *v, int a, int b) {
            v->group[a].group->size == v->group[b].group->size && pm_unit_equal(&product, &action);
 }
 
-// Of several that could be conjugate, those that explain each other best.
+// Among several possible conjugate pairs, takes those that explain each other best.
 static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
     pm_part_view *v = &parts[part];
     const pm_unit action = pm_unit_parse("J s");
@@ -142,8 +144,8 @@ static bool is_length(const pm_unit *unit) {
     return only;
 }
 
-// Lengths and angles with a conjugate, and volumes that move in proportion to something else, have
-// no friction.
+// Friction does not act on lengths and angles with a conjugate variable, nor on lengths, areas and
+// volumes whose rate is proportional to another variable.
 static void find_geometric(const pm_look *look, pm_part_view *parts, int part) {
     pm_part_view *v = &parts[part];
     for (int g = 0; g < v->count; ++g) {
@@ -217,8 +219,8 @@ bool pm_view_rotates(const pm_look *look, const pm_part_view *parts) {
 
 // --- ports ---
 
-// How much more of the rate of `target` is explained when `source` joins the target's own part, and
-// the coefficient of `source` and of the target's mate.
+// Returns how much more of the rate of `target` is explained when `source` is added to the
+// variables of its own subsystem, and writes the coefficients of `source` and of the mate.
 static double gain(const pm_look *look, const pm_part_view *own, int target,
                    const pm_look_group *source, double *coefficient, double *of_mate,
                    double *rest) {
@@ -244,7 +246,8 @@ static double gain(const pm_look *look, const pm_part_view *own, int target,
     return without - *rest;
 }
 
-// A position that the neighbour's momentum carries along, as its own does, but for a whole number.
+// Whether the momentum of a neighbour moves a position as it moves its own: returns the coefficient
+// 1 or -1 relative to its own, or 0.
 static double whole_coefficient(const pm_look *look, const pm_part_view *carrier, int momentum,
                                 const pm_part_view *carried, int position) {
     double other, mate, rest = 1, at_home;
@@ -255,7 +258,7 @@ static double whole_coefficient(const pm_look *look, const pm_part_view *carrier
         rest > CLEAR) {
         return 0;
     }
-    // The carrier's own velocity per momentum; what else moves its position is of no account.
+    // The velocity per momentum of the neighbour itself, whatever else moves its position.
     const pm_look_group *source = &carrier->group[momentum];
     const double rest_home = pm_look_explain(look, &carrier->group[home], 1, source, &at_home);
     const double c = at_home == 0 || rest_home > 0.5 ? 0 : -other / at_home * carrier->sign[home];
@@ -267,7 +270,7 @@ static void view_pair(const pm_look *look, const pm_part_view *a, int ga, const 
                       int gb, pm_port_view *view) {
     double c, mate, rest = 1;
     if (pm_unit_equal(&a->unit[ga], &b->unit[gb])) {
-        return; // equal variables of two parts are coupled by friction, if at all
+        return; // only friction couples variables with equal units
     }
     const double to_b = whole_coefficient(look, a, ga, b, gb);
     const double to_a = whole_coefficient(look, b, gb, a, ga);

@@ -1,4 +1,4 @@
-// A table of symbols, and a small parser.
+// Parses units with a table of symbols.
 #include "propose/unit.h"
 
 #include <ctype.h>
@@ -35,7 +35,7 @@ static const symbol symbols[] = {
     {"T", {1, 0, -2, -1}},
 };
 
-// Multiplies by the power `sign` of a symbol of `length` letters.
+// Multiplies the unit by a power of the symbol `name` with `length` letters.
 static bool multiply(pm_unit *unit, const char *name, size_t length, int power) {
     for (size_t i = 0; i < sizeof symbols / sizeof *symbols; ++i) {
         if (strlen(symbols[i].name) == length && strncmp(symbols[i].name, name, length) == 0) {
@@ -48,7 +48,7 @@ static bool multiply(pm_unit *unit, const char *name, size_t length, int power) 
     return false;
 }
 
-// A symbol with its power; `sign` is -1 behind a '/'.
+// Reads a symbol with its power; `sign` is -1 after a '/'.
 static bool take_symbol(pm_unit *unit, const char **text, int sign) {
     const char *name = *text, *end = name;
     while (isalpha((unsigned char)*end)) {
@@ -67,7 +67,7 @@ static bool take_symbol(pm_unit *unit, const char **text, int sign) {
 
 pm_unit pm_unit_parse(const char *text) {
     pm_unit unit = {.known = true};
-    int sign = 1, within = 1; // of the next symbol; of what stands in parentheses
+    int sign = 1, within = 1; // for the next symbol; for symbols in parentheses
     bool inside = false;
     while (unit.known && *text != '\0') {
         if (*text == '/') {
