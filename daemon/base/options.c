@@ -24,6 +24,9 @@ static void print_help(const pm_options *options) {
         print_option(o->brief, o->name, o->value, o->help);
     }
     print_option("-h", "--help", NULL, "print this and exit");
+    printf(
+        "\nA value may also follow an equals sign, as in --name=value. Arguments after -- are not\n"
+        "options.\n");
 }
 
 // Finds the option that `argument` names; NULL: there is none. `glued` points to a value that "="

@@ -57,7 +57,7 @@ static void write_stages(const pm_draft *d) {
               ? "# A network alone needs no choice of initial weights. It is fitted to "
                 "derivatives, then to single "
                 "steps.\nstart: {tries: 1}\n"
-              : "# Several initial weights are tried on derivatives. The best ones are fitted to "
+              : "# Several initial weights are tried on derivatives. The best one is fitted to "
                 "derivatives "
                 "further,\n# then to single steps with coarse and with fine substeps.\n",
           f);
