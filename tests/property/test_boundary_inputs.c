@@ -1,5 +1,5 @@
-// Parts under a load: the random_system's end of a port obeys what every port does, its values are
-// those of any neighbour, and the trainer sees the same.
+// Subsystems with boundary inputs: their ports obey the same laws as all ports, a boundary input
+// acts like a neighbour with the same values, and the trainer computes the same steps.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -20,15 +20,14 @@
 #define PART_NZ 5
 #define NTIME 9
 #define SEEDS 20
-// The same sums, in another order.
+// The tolerance for equal sums in another order.
 #define STEP_TOLERANCE 1e-13
 #define CALM 0.3
 
 #define STATE "{q: {unit: m, size: 2}, p: {unit: kg, size: 2}, s: {unit: J, size: 1}}"
 #define EXPOSE "[q, p, s]"
 
-// Two parts side by side, and a random_system that pulls at one end of the first and at one of the
-// second.
+// Two subsystems joined by a port, and boundary inputs that act on the first and on the second.
 static const char loaded[] =
     "scene: loaded\n"
     "time: {dt: 0.02, steps: 8, integrator: rk4, substeps: 2}\n"
@@ -52,7 +51,7 @@ static const char loaded[] =
 static const char *const columns[] = {"u0", "u1", "u2", "u3", "u4", "u5"};
 #define NCOLUMN 6
 
-// A system under a load that follows sines, sampled every `stride` steps.
+// A system whose boundary inputs follow sines, sampled every `stride` steps.
 typedef struct boundary_inputs {
     random_system w;
     pm_dataset *data;
@@ -68,7 +67,7 @@ static void require(const boundary_inputs *l, pm_status status) {
     }
 }
 
-// Random potentials and exchanges may run away within a few steps.
+// With random potentials and exchanges, states may diverge within a few steps.
 static void calm(random_system *w) {
     for (int i = 0; i < w->scene->nz; ++i) {
         w->z[i] *= 0.5;
@@ -86,7 +85,7 @@ static void calm(random_system *w) {
 
 static void open(boundary_inputs *l, uint64_t seed, const char *integrator, double dt, int stride) {
     *l = (boundary_inputs){0};
-    // The two ends of `tip` differ in their order of groups: the model's layouts follow the scene.
+    // The two ends of `tip` have their groups in different orders. The layouts follow the scene.
     random_system_of_text(&l->w, seed, loaded, random_system_part, random_system_port);
     calm(&l->w);
     l->w.scene->integrator = pm_integrator_find(integrator);
@@ -131,8 +130,8 @@ static void run(boundary_inputs *l) {
 
 // --- laws ---
 
-// What goes out of a part comes into the random_system, and no port lowers entropy; a wrong
-// random_system is seen.
+// The energy that leaves a subsystem enters the boundary input, and no port lowers the entropy. A
+// wrong flux is detected.
 static void both_laws_hold_at_boundary_inputs(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= SEEDS; ++seed) {
@@ -143,7 +142,7 @@ static void both_laws_hold_at_boundary_inputs(void **state) {
         for (int port = 0; port < 3; port += 2) {
             const pm_flux *flux = &sample->flux[port][port == 0 ? 0 : 1];
             if (!(flux->energy_gross > 1e-9 && flux->entropy_gross > 1e-9)) {
-                random_system_fail(&l.w, "port %d: nothing is exchanged with the random_system",
+                random_system_fail(&l.w, "port %d: nothing is exchanged with the boundary input",
                                    port);
             }
         }
@@ -156,8 +155,9 @@ static void both_laws_hold_at_boundary_inputs(void **state) {
     }
 }
 
-// The total energy, what the random_system was given included, changes by the integrator's error
-// alone, and so does the state: sampling the load adds nothing that is seen.
+// The total energy, including what the boundary inputs received, changes by the error of the
+// integrator alone. The state has the same order of error, so that sampling the boundary inputs
+// adds none.
 static void energy_with_the_outside_is_kept(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 5; ++seed) {
@@ -186,9 +186,9 @@ static void energy_with_the_outside_is_kept(void **state) {
     }
 }
 
-// --- a load is a neighbour ---
+// --- a boundary input in the place of a neighbour ---
 
-// The pair, and its second part alone with the random_system in the place of the first.
+// The pair, and its second subsystem alone with a boundary input in the place of the first.
 static const char alone[] =
     "scene: alone\n"
     "time: {dt: 0.02, steps: 1, integrator: euler}\n"
@@ -213,7 +213,7 @@ static void copy_params(const pm_params *from, pm_params *to) {
     }
 }
 
-// Every state of the dataset is what part a shows at its end at z.
+// Every state of the dataset holds what subsystem a exposes at its end at z.
 static pm_dataset *show(const random_system *pair) {
     pm_subsystem *a = NULL;
     pm_dataset *data = NULL;
@@ -271,7 +271,7 @@ static void a_part_cannot_tell_a_boundary_input_from_a_neighbour(void **state) {
 // --- the trainer ---
 
 // A window as learn/samples.h lays it out: the states at the beginning and (here zero) after each
-// of two steps, then the loads of both.
+// of two steps, then the boundary inputs of both.
 static void fill_window(const boundary_inputs *l, const pm_samples *samples, double *window) {
     const size_t nboundary_input = (size_t)samples->input_order * (size_t)samples->nboundary_input;
     memset(window, 0, (size_t)pm_samples_width(samples) * sizeof *window);

@@ -1,5 +1,5 @@
-// The loss of the trainer: its gradient, its normal equations, and the same bits however its
-// threads run.
+// The loss of the trainer: its gradient, its normal equations, and equal bits for any order of its
+// threads.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,9 +21,9 @@
 #define NZ 10
 #define DIRECTIONS 12
 #define STEP 1e-5
-// Central differences: truncation STEP^2 times a third derivative, rounding 1e-16 / STEP.
+// The error of central differences: STEP^2 times a third derivative, and rounding of 1e-16 / STEP.
 #define TOLERANCE 1e-6
-// The same derivatives by two programs.
+// The tolerance for equal derivatives from two programs.
 #define SAME_TOLERANCE 1e-11
 
 static const char soft_part[] =
@@ -39,7 +39,7 @@ static const char soft_port[] =
     "reversible: {learned: {acts_on: [a.p, b.q], features: [a.s, b.s], hidden: [3]}}\n"
     "irreversible: {learned: {acts_on: [a.s, b.s]}}\n";
 
-// A loss of a random system on random windows.
+// The loss of a random system on random windows.
 typedef struct bench {
     random_system w;
     pm_samples samples;
@@ -101,7 +101,7 @@ static double *vector(int n) {
     return v;
 }
 
-// A direction in the space of weights; every other one is a single weight.
+// Draws a direction in weight space; every other one has a single nonzero weight.
 static void draw_direction(bench *b, int i, double *v) {
     memset(v, 0, (size_t)b->size * sizeof *v);
     if (i % 2 == 0) {
@@ -162,7 +162,7 @@ static void gradient_is_the_derivative_of_the_loss(void **state) {
 
 // --- the normal equations ---
 
-// The residuals of all samples whose squares add up to COUNT times the loss: [COUNT][1 + UNROLL NZ]
+// The residuals of all samples, whose squares sum to COUNT times the loss: [COUNT][1 + UNROLL NZ]
 typedef struct residuals {
     pm_graph *g;
     pm_program *program;
@@ -203,7 +203,7 @@ static void residuals_at(residuals *r, bench *b, double step, const double *v, d
     }
 }
 
-// J v, each sample's rows times the root of its weight.
+// Computes J v, where the rows of each sample are multiplied by the root of its weight.
 static void jacobian_times(residuals *r, bench *b, const double *v, double *Jv) {
     double *below = vector(COUNT * ROWS);
     residuals_at(r, b, -STEP, v, below);
@@ -215,7 +215,7 @@ static void jacobian_times(residuals *r, bench *b, const double *v, double *Jv) 
     free(below);
 }
 
-// u^T H v from the upper triangle.
+// Computes u^T H v from the upper triangle of H.
 static double form(int n, const double *H, const double *u, const double *v) {
     double sum = 0;
     for (int i = 0; i < n; ++i) {
@@ -262,7 +262,7 @@ static void check_normal(uint64_t seed, bool soft, double robust) {
         random_system_check(&b.w, "gradient of half the loss", gradient[k], b.gradient[k] / 2,
                             (soft ? 1e-8 : SAME_TOLERANCE) * size);
     }
-    // Weights of a robust loss are those of this evaluation, wherever the weights move next.
+    // The robust weights of samples are those of this evaluation, also after the weights change.
     check_hessian(&b, H);
     pm_gauss_newton_matrix_close(normal);
     free(gradient);
@@ -311,7 +311,7 @@ static pm_status go_on(void *context, const pm_optimisation *o, double loss) {
     return PM_OK;
 }
 
-// The loss at the system's weights, with this weight of the penalty.
+// Computes the loss at the weights of the system with this weight of the penalty.
 static double loss_with(bench *b, double degeneracy) {
     pm_objective *objective = NULL;
     pm_loss loss = b->loss;

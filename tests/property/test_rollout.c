@@ -1,4 +1,5 @@
-// What rollouts keep: rotations, the order of each integrator, and the trainer's step.
+// Laws of rollouts: rotated states give rotated rollouts, every integrator has its order, and the
+// step of the trainer equals that of the simulation.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -17,12 +18,12 @@
 
 #define NZ 10
 #define MAX_NZ 32
-#define WORLDS 60
-// The same sums, in another order.
+#define SYSTEMS 60
+// The tolerance for equal sums in another order.
 #define STEP_TOLERANCE 1e-13
 #define STATES 40 // that the normalisation is made from
 
-// Scales and means as training fixes them: from data, one scale for all components of a group.
+// Fixes scales and means from data as training does, with one scale for all components of a group.
 static void normalise(random_system *w) {
     double z[STATES * 2 * NZ], scale[NZ];
     for (int i = 0; i < STATES * 2 * NZ; ++i) {
@@ -36,7 +37,7 @@ static void normalise(random_system *w) {
     assert_int_equal(pm_normalization_of_system(w->system, &samples, true), PM_OK);
 }
 
-// The state after `steps` steps, as far as it is finite.
+// Computes the state after `steps` steps, if it is finite.
 static pm_status try_roll_out(const random_system *w, const double *z0, int steps, double *z) {
     pm_monolithic *assembly = NULL;
     assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
@@ -66,7 +67,7 @@ static double distance(int n, const double *x, const double *y) {
 
 // --- rotation ---
 
-// Turns q and p of both links, which stand at 0, 2, 5 and 7.
+// Rotates q and p of both links, which begin at 0, 2, 5 and 7.
 static void rotate(double angle, const double *z, double *rotated) {
     static const int vector[] = {0, 2, 5, 7};
     memcpy(rotated, z, NZ * sizeof *z);
@@ -111,7 +112,7 @@ static void steps_of(random_system *w, const char *integrator, double dt) {
     w->scene->substeps = 1;
 }
 
-// Errors of three worlds at one time, halving the step twice: 2^order smaller each time.
+// Halving the step reduces the error of three systems by a factor of 2^order, twice in a row.
 static void check_order(const pm_integrator *rk) {
     const double end = 0.16;
     double error[3] = {0, 0, 0};
@@ -143,7 +144,7 @@ static void check_order(const pm_integrator *rk) {
     }
 }
 
-// Every integrator in the table, by the names it lists.
+// Tests every integrator in the table by its listed name.
 static void integrators_converge_at_their_order(void **state) {
     (void)state;
     char names[256];
@@ -157,7 +158,7 @@ static void integrators_converge_at_their_order(void **state) {
 
 // --- the trainer's step ---
 
-// The step as a graph, run on one state.
+// Runs the step graph on one state.
 static void graph_step(const random_system *w, const double *z0, double *z) {
     const pm_scene *scene = w->scene;
     pm_graph *g = NULL;
@@ -183,8 +184,8 @@ static void graph_step(const random_system *w, const double *z0, double *z) {
     pm_graph_close(g);
 }
 
-// The laws of random_system_port act on momenta and temperatures, so that the exchange is
-// predicted.
+// The laws of random_system_port act on momenta and temperatures, so that the exchange needs
+// prediction.
 static void trainer_iterates_the_same_step(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 10; ++seed) {
@@ -209,7 +210,7 @@ static void trainer_takes_the_same_step(void **state) {
     (void)state;
     static const char *const integrator[] = {"euler", "heun", "rk4", "rk6"};
     int finite = 0;
-    for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
+    for (uint64_t seed = 1; seed <= SYSTEMS; ++seed) {
         random_system w;
         double served[MAX_NZ], trained[MAX_NZ];
         random_system_random(&w, seed, seed % 2 == 0 ? PM_HARD : PM_SOFT);
@@ -224,8 +225,8 @@ static void trainer_takes_the_same_step(void **state) {
         }
         random_system_close(&w);
     }
-    if (finite < WORLDS * 3 / 4) {
-        fail_msg("only %d of %d steps were finite", finite, WORLDS);
+    if (finite < SYSTEMS * 3 / 4) {
+        fail_msg("only %d of %d steps were finite", finite, SYSTEMS);
     }
 }
 

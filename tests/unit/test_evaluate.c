@@ -18,7 +18,7 @@
 
 static const char *const names[2][5] = {{"q1x", "q1y", "p1x", "p1y", "s1"},
                                         {"q2x", "q2y", "p2x", "p2y", "s2"}};
-// As in the public data: not in the order of the scene.
+// The columns are not in the order of the scene, as in the public data.
 static const char *const layout[NCOLUMN] = {"q1x", "q1y", "q2x", "q2y", "p1x",
                                             "p1y", "p2x", "p2y", "s1",  "s2"};
 
@@ -27,8 +27,8 @@ typedef struct bench {
     pm_dataset *data;
 } bench;
 
-// Two links whose dataset holds absolute positions, and the trajectories that they themselves make,
-// every `stride` steps.
+// Two links whose dataset holds absolute positions. Its trajectories are rollouts of these links,
+// stored every `stride` steps.
 static void bench_open(bench *b, int stride) {
     fixture_open(&b->f, 2, 3);
     pm_scene *scene = b->f.scene;
@@ -106,7 +106,8 @@ static void own_trajectories_score_zero(void **state) {
     }
 }
 
-// A truth that is (1 + d) times the rollout in p from state 1 on has an error of d / (1 + d) there.
+// If the true p is (1 + d) times that of the rollout from state 1 on, the error of p is d / (1 +
+// d).
 static void errors_are_relative(void **state) {
     (void)state;
     const double d = 0.02;

@@ -1,4 +1,5 @@
-// What a proposal rests on: units, regressions on data, and the choice of trajectories.
+// Proposals of training files: units, regressions on data, the proposed file, and the division of
+// trajectories into training and validation.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -82,10 +83,10 @@ static void a_dataset_is_sorted_by_the_choice(void **state) {
     pm_arena_free(&arena);
 }
 
-// --- a look at data, and a proposal ---
+// --- statistics of data, and a proposal ---
 
-// Two masses on springs, the second spring between them: x2 is how much longer it is. Names of
-// variables say nothing; the units and the data do.
+// Two masses on springs. The second spring joins them, and x2 is its extension. The names of
+// variables carry no information; the units and the data do.
 static const char scene_text[] = "scene: pair\n"
                                  "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 2}\n"
                                  "subsystems:\n"

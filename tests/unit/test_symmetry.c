@@ -16,8 +16,8 @@
 #include "learn/symmetry.h"
 #include "tests/support/random_system.h"
 
-// 2 x 2 x 2 bricks with 18 free nodes: scalars t, vectors u, tensors sigma, and x, which is no
-// field.
+// 2 x 2 x 2 bricks with 18 free nodes. The groups are scalars t, vectors u, tensors sigma, and x,
+// which is not a field.
 #define NNODE 18
 #define MESH "mesh: {size: [3, 1, 1], elements: [2, 2, 2]}\n"
 #define NZ (10 * NNODE + 2)

@@ -1,4 +1,4 @@
-// What training is made from: windows cut from trajectories, and the constants fixed before it.
+// The input of training: windows cut from trajectories, and the constants that are fixed before it.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -70,7 +70,7 @@ static void make(const bench *b, pm_samples *samples, pm_residual residual, int 
     }
 }
 
-// Trajectories 1 and 2, columns in the scene's order x, y, s.
+// Takes trajectories 1 and 2, with columns in the order x, y, s of the scene.
 static void windows_are_cut_in_order(void **state) {
     (void)state;
     bench b;
@@ -86,7 +86,7 @@ static void windows_are_cut_in_order(void **state) {
                                 value_at(1 + i / per_trajectory, 2 - k % 3, t), 0);
         }
     }
-    // The increments' root mean square, pooled over x and y.
+    // The root mean square of the increments, pooled over x and y.
     double square[2] = {0, 0};
     for (int i = 0; i < samples.count; ++i) {
         for (int c = 0; c < 3; ++c) {
@@ -121,7 +121,7 @@ static void derivatives_are_of_fourth_order(void **state) {
     bench_close(&b);
 }
 
-// Rates of the data take the place of differences, at every state but the last, whose loads end.
+// Rates of the dataset replace differences at every state but the last, where boundary inputs end.
 static void rates_of_the_data_are_taken(void **state) {
     (void)state;
     bench b;
@@ -200,7 +200,7 @@ static void constants_are_the_statistics_of_the_data(void **state) {
     bench_close(&b);
 }
 
-// --- loads ---
+// --- boundary inputs ---
 
 static const char loaded[] =
     "scene: one\n"
@@ -220,7 +220,7 @@ static void loaded_open(bench *b) {
     random_system_of_text(&b->w, 1, loaded, part, bath);
 }
 
-// Behind its states a window has the polynomials of its steps.
+// After its states a window holds the polynomials of the boundary inputs over its steps.
 static void windows_carry_their_loads(void **state) {
     (void)state;
     bench b;
@@ -244,7 +244,7 @@ static void windows_carry_their_loads(void **state) {
         }
     }
     pm_samples_free(&samples);
-    // Or only what they prescribe as each step begins.
+    // With input order 1 it holds only their values at the beginning of each step.
     assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 1, 3, PM_RESIDUAL_STEP, 3, 1),
                      PM_OK);
     assert_int_equal(pm_samples_width(&samples), 4 * 3 + 3 * 3);
@@ -264,8 +264,8 @@ static void windows_carry_their_loads(void **state) {
     bench_close(&b);
 }
 
-// A random_system that shows no state has the scale of the subsystem's group of that name.
-static void worlds_scale_as_what_they_load(void **state) {
+// A boundary input without a state gets the scale of the group of the same name in the subsystem.
+static void boundary_inputs_scale_like_the_subsystem(void **state) {
     (void)state;
     bench b;
     pm_samples samples;
@@ -290,7 +290,7 @@ static void worlds_scale_as_what_they_load(void **state) {
     bench_close(&b);
 }
 
-// The energy and the entropy of the part at q = (x, -x), s = x.
+// Computes energy and entropy of the part at q = (x, -x), s = x.
 static void potentials_at(const pm_part *p, double x, double value[2]) {
     pm_graph *g = NULL;
     pm_program *program = NULL;
@@ -307,7 +307,7 @@ static void potentials_at(const pm_part *p, double x, double value[2]) {
     pm_graph_close(g);
 }
 
-// A settled network is the same function, and no longer at rest by its word but by its numbers.
+// A network with its tangent folded in is the same function and is no longer marked zero_at_origin.
 static void settled_networks_are_the_same(void **state) {
     (void)state;
     static const char resting[] =
@@ -352,7 +352,7 @@ int main(void) {
         cmocka_unit_test(too_short_is_an_error),
         cmocka_unit_test(constants_are_the_statistics_of_the_data),
         cmocka_unit_test(windows_carry_their_loads),
-        cmocka_unit_test(worlds_scale_as_what_they_load),
+        cmocka_unit_test(boundary_inputs_scale_like_the_subsystem),
         cmocka_unit_test(settled_networks_are_the_same),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,11 +1,12 @@
-// The end of a fit: a table of what the weights are worth, and a verdict.
+// Prints the end of a fit: errors of steps and rollouts for each group, entropy production, both
+// laws, and a verdict relative to persistence.
 #include <math.h>
 #include <string.h>
 
 #include "learn/fit.h"
 
-// A group in which the model is worse than persistence counts if it is further off than this;
-// below, next to nothing happens in it.
+// A group that is worse than persistence is unfit only above this relative error. Below, the group
+// hardly changes.
 #define NEGLIGIBLE 0.01
 
 typedef struct report {
@@ -135,8 +136,8 @@ static pm_status judge(const report *r) {
                        where, group, part);
     }
     printf(
-        "Verdict: %s. On the %s part rollouts are off by %.3g %% of what a state that stays as it "
-        "is would be (geometric mean over groups)",
+        "Verdict: %s. On the %s part rollouts have %.3g %% of the error of a state that stays as "
+        "it is (geometric mean over groups)",
         m->score < 0.05  ? "good"
         : m->score < 0.3 ? "fair"
                          : "poor",
