@@ -43,7 +43,7 @@ static int count_mechanical(const pm_layout *layout) {
     return count;
 }
 
-// Writes the pairs whose coefficient the data show; what is left over is what friction does.
+// Writes the pairs whose coefficients the data show. Friction accounts for the rest.
 static void write_given_pairs(FILE *f, const pm_part_view *a, const pm_part_view *b,
                               const pm_port_view *view) {
     fprintf(f,
