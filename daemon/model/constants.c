@@ -1,4 +1,4 @@
-// Learned constants.
+// Learned constants as parameters and as symbols.
 #include "model/constants.h"
 
 #include <math.h>

@@ -1,16 +1,19 @@
-// Constants of formulas that training learns, as parameters "constant.<name>" [1][1] and as symbols
-// of one component: the value, or of a positive one its logarithm. Known constants are folded into
-// formulas when these are read, and do not appear here.
+// The constants of formulas that training learns. Each is a parameter "constant.<name>" [1][1],
+// which holds the value or, for a positive constant, its logarithm, and a symbol of one component
+// that formulas name. Known constants are folded into formulas when these are read; they are
+// neither parameters nor symbols.
 #ifndef PM_MODEL_CONSTANTS_H
 #define PM_MODEL_CONSTANTS_H
 
 #include "model/feature.h"
 #include "model/params.h"
 
-// Declares those that are learned. PM_ECONFIG: too many; PM_ENOMEM.
+// Declares the parameters of all learned constants, with their starting values. `constants` may be
+// NULL. PM_ECONFIG: there are too many; PM_ENOMEM.
 pm_status pm_constants_declare(const pm_constants *constants, pm_params *params);
 
-// Adds each learned constant as a symbol; g is NULL while a spec is only being checked.
+// Adds every learned constant to the symbols, with its value [1][1] as a node of g. g is NULL while
+// a spec is only being checked; the symbols then have no nodes.
 void pm_constants_add(const pm_constants *constants, pm_graph *g, const pm_params *params,
                       pm_symbols *symbols);
 

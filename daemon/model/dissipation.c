@@ -1,10 +1,10 @@
-// Processes as columns of a factor: what each moves, heats and dissipates.
+// Builds the rate of the processes of dissipation.h, all of them at once.
 #include "model/dissipation.h"
 
-// Keeps the roots differentiable where a temperature would be zero.
+// Keeps the square roots differentiable where a temperature is zero.
 #define SMALLEST_SQUARE 1e-200
 
-// The entropies' columns of x [rows][n], side by side.
+// Returns the columns of x [rows][n] at the places of the entropies, side by side [rows][nheat].
 static pm_node heats_of(pm_graph *g, const pm_dissipation *d, pm_node x) {
     pm_node part[PM_MAX_HEATS];
     for (int k = 0; k < d->nheat; ++k) {
@@ -13,7 +13,7 @@ static pm_node heats_of(pm_graph *g, const pm_dissipation *d, pm_node x) {
     return pm_concat(g, d->nheat, part);
 }
 
-// The other columns of x [rows][n], with zeros in the entropies' places.
+// Returns x [rows][n] with zeros at the places of the entropies.
 static pm_node others_of(pm_graph *g, const pm_dissipation *d, pm_node x) {
     const pm_shape shape = pm_graph_shape(g, x);
     pm_node part[2 * PM_MAX_HEATS + 1];
@@ -31,7 +31,7 @@ static pm_node others_of(pm_graph *g, const pm_dissipation *d, pm_node x) {
     return pm_concat(g, count, part);
 }
 
-// x [1][nheat] in the entropies' places of n columns.
+// Returns a row [1][n] with x [1][nheat] at the places of the entropies, and zeros elsewhere.
 static pm_node place_heats(pm_graph *g, const pm_dissipation *d, pm_node x, int n) {
     pm_node sum = PM_NO_NODE;
     for (int k = 0; k < d->nheat; ++k) {
@@ -44,7 +44,7 @@ static pm_node positive(pm_graph *g, pm_node x) {
     return pm_sqrt(g, pm_offset(g, pm_square(g, x), SMALLEST_SQUARE));
 }
 
-// lambda [rank][nheat]: positive numbers whose rows sum to 1.
+// Returns lambda [rank][nheat]: positive numbers, of which each row has the sum 1.
 static pm_node build_shares(pm_graph *g, const pm_dissipation *d, int rank) {
     if (d->split == PM_NO_NODE) {
         return pm_constant(g, 1.0 / d->nheat, rank, d->nheat);
@@ -55,7 +55,7 @@ static pm_node build_shares(pm_graph *g, const pm_dissipation *d, int rank) {
     return pm_div(g, weight, pm_dot(g, weight, one));
 }
 
-// Takes the rounding of the energy balance away from the heat.
+// Subtracts the rounding error of the energy balance n . rate from the heat.
 static pm_node balance(pm_graph *g, const pm_dissipation *d, pm_node rate, pm_node heat_normal) {
     const pm_node excess = pm_scale(g, pm_dot(g, rate, d->normal), 1.0 / d->nheat);
     const int n = pm_graph_shape(g, rate).cols;

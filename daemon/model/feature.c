@@ -1,4 +1,4 @@
-// Parsing and building feature expressions.
+// Parses feature expressions, and builds their values and discrete derivatives.
 #include "model/feature.h"
 
 #include <assert.h>
@@ -7,12 +7,12 @@
 #include <stdio.h>
 #include <string.h>
 
-// Keeps ln|x| and x/|x| finite at x = 0, far below any length that occurs (in the unit of x^2).
+// Keeps ln|x| and x/|x| finite at x = 0. In the unit of x^2 it is far below any length that occurs.
 #define SMALLEST_SQUARE 1e-24
 // Keeps a divided difference finite where both lengths are 0.
 #define SMALLEST_LENGTH 1e-100
-// Of the logarithmic mean: an error below 1e-16 for lengths within a factor of 2 from each other,
-// 1e-10 for a factor of 20.
+// With these numbers the error of the logarithmic mean is below 1e-16 for arguments within a factor
+// of 2 of each other, and below 1e-10 within a factor of 20.
 #define MEAN_STEPS 4
 #define MEAN_TERMS 6
 
@@ -70,7 +70,7 @@ static pm_node build_inverse(pm_graph *g, pm_node x, pm_node y) {
     return pm_div(g, x, pm_offset(g, norm_squared(g, x), SMALLEST_SQUARE));
 }
 
-// --- discrete derivatives: what the weight of a feature adds to the co-vectors of x and y ---
+// --- discrete derivatives: add the weight of a feature to the co-vectors of x and y ---
 
 // A vector at both ends of a step.
 typedef struct pair {
@@ -98,8 +98,8 @@ static void discrete_norm(pm_graph *g, pm_node weight, pair x, pair y, pm_node *
     *dx = pm_add_or(g, *dx, pm_mul(g, weight, pm_div(g, sum_of(g, x), lengths)));
 }
 
-// By the arithmetic-geometric steps of Borchardt: they keep the mean and draw a and b together,
-// until a series in the rest w ends it (Carlson, Math. Comp. 26 (1972) 543).
+// Borchardt's arithmetic-geometric steps keep the mean and draw a and b together; then a series in
+// the remaining difference w gives the mean (Carlson, Math. Comp. 26 (1972) 543).
 pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b) {
     pm_node arithmetic = pm_scale(g, pm_add(g, a, b), 0.5);
     pm_node geometric = pm_sqrt(g, pm_mul(g, a, b));
@@ -158,12 +158,12 @@ static void discrete_negative_norm(pm_graph *g, pm_node weight, pair x, pair y, 
         g, *dx, pm_mul(g, weight, pm_div(g, pm_negative_squared_slope(g, x.from, x.to), lengths)));
 }
 
-// What stands around and between the names; longer forms before their prefixes.
+// The text around and between the names. In the table a longer form stands before its prefixes.
 typedef struct feature_form {
     const char *before, *between, *after; // between: NULL for one name
     bool scalar;
     pm_node (*build)(pm_graph *g, pm_node x, pm_node y);
-    // NULL: has none.
+    // NULL: the form has no discrete derivative.
     void (*discrete)(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx, pm_node *dy);
 } feature_form;
 

@@ -1,4 +1,4 @@
-// Formulas as graphs, and their discrete derivatives.
+// Builds the values of formulas and their discrete derivatives.
 #include "model/formula_steps.h"
 
 // --- building ---
@@ -53,7 +53,7 @@ static pm_node mean(pm_graph *g, pm_node from, pm_node to) {
     return pm_scale(g, pm_add(g, from, to), 0.5);
 }
 
-// What a step's change is per change of its operands: change = slope_a change_a + slope_b change_b.
+// Computes the slopes of a step between two states: change = slope[0] change_a + slope[1] change_b.
 static void divided_difference(pm_graph *g, const pm_step *s, pm_node own_from, pm_node own_to,
                                const pm_node *from, const pm_node *to, pm_node slope[2]) {
     const pm_node one = pm_constant(g, 1, 1, 1);
@@ -93,7 +93,7 @@ static void divided_difference(pm_graph *g, const pm_step *s, pm_node own_from, 
     }
 }
 
-// weight + what the operand of `width` components has of `more`.
+// Adds `more` to the weight of an operand; an operand of one component receives the sum of `more`.
 static pm_node add_weight(pm_graph *g, pm_node weight, pm_node more, int width) {
     const pm_shape shape = {pm_graph_shape(g, more).batched, 1, width};
     return pm_add_or(g, weight, width == 1 ? pm_sum_to(g, more, shape) : more);

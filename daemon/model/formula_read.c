@@ -1,4 +1,4 @@
-// Reading formulas into steps.
+// Reads formulas into steps by recursive descent: sum, product, sign, power, operand.
 #include <assert.h>
 #include <ctype.h>
 #include <math.h>
@@ -8,15 +8,15 @@
 
 #include "model/formula_steps.h"
 
-#define MAX_DEPTH 32 // of brackets and signs
-#define MAX_WHOLE 16 // exponents that are products
+#define MAX_DEPTH 32 // brackets and signs within one another
+#define MAX_WHOLE 16 // largest integer exponent that becomes products
 
 typedef struct formula_reader {
     const pm_formula *formula;
     const pm_symbols *symbols;
-    const char *at; // what is still to be read
+    const char *at; // the text that remains to be read
     int depth;
-    bool vectors; // are possible here
+    bool vectors; // a vector may stand here, inside |min(...,0)|^2
     pm_formula_steps *steps;
 } formula_reader;
 
@@ -73,7 +73,7 @@ static double compute(pm_step_kind kind, double a, double b) {
     return NAN;
 }
 
-// Of numbers alone it is a number.
+// Adds an operation. An operation on two numbers becomes a number.
 static pm_status add_operation(formula_reader *r, pm_step_kind kind, int a, int b, int *result) {
     const int width = r->steps->step[a].width, other = r->steps->step[b].width;
     pm_step s = {.kind = kind, .width = width > other ? width : other, .a = a, .b = b};
@@ -85,8 +85,10 @@ static pm_status add_operation(formula_reader *r, pm_step_kind kind, int a, int 
         s.kind = PM_STEP_NUMBER;
         s.number = compute(kind, r->steps->step[a].number, r->steps->step[b].number);
         if (!isfinite(s.number)) {
-            return pm_fail(PM_ECONFIG, "formula \"%.100s\": a part of it is %g", r->formula->text,
-                           s.number);
+            return pm_fail(
+                PM_ECONFIG,
+                "formula \"%.100s\": an operation on numbers gives %g, expected a finite number",
+                r->formula->text, s.number);
         }
     }
     return add_step(r, s, result);
@@ -133,7 +135,7 @@ static pm_status add_feature(formula_reader *r, pm_step s, int *result) {
     return add_step(r, s, result);
 }
 
-// Whether a name is all that stands before a comma, a bracket or the end.
+// Returns true if the text up to the next comma, bracket or end is one name.
 static bool is_lone_name(const char *at) {
     at += strspn(at, " ");
     const bool name = isalpha((unsigned char)*at);
@@ -144,7 +146,7 @@ static bool is_lone_name(const char *at) {
     return name && (*at == ',' || *at == ')' || *at == '\0');
 }
 
-// After |min( of something else than a name: ..., 0)|^2.
+// Reads the remainder of |min(<sum>, 0)|^2 after "|min(".
 static pm_status read_negative_squared(formula_reader *r, int *result) {
     const bool outer = r->vectors;
     pm_step s = {.kind = PM_STEP_NEGATIVE_SQUARED, .width = 1};
@@ -159,7 +161,8 @@ static pm_status read_negative_squared(formula_reader *r, int *result) {
     return add_step(r, s, result);
 }
 
-// |x|, |min(x,0)| or <x,y>, as a feature; with a square the former, which are smooth.
+// Reads |x|, |min(x,0)| or <x,y> as a feature. read_power turns the square of the first two into
+// the feature of the square, which is smooth.
 static pm_status read_invariant(formula_reader *r, int *result) {
     char x[PM_MAX_NAME], y[PM_MAX_NAME];
     pm_step s = {.kind = PM_STEP_FEATURE};
@@ -215,7 +218,7 @@ static pm_status read_function(formula_reader *r, const char *name, int *result)
                    r->formula->text, name);
 }
 
-// A learned constant is a symbol (constants.h).
+// Returns false for a learned constant, which is a symbol (constants.h).
 static bool is_known(const pm_constants *constants, int i) {
     return constants->learned == NULL || constants->learned[i] == PM_CONSTANT_KNOWN;
 }
@@ -266,7 +269,7 @@ static pm_status read_operand(formula_reader *r, int *result) {
     return take(r, '(') ? read_bracket(r, result) : read_named(r, result);
 }
 
-// base^exponent as products, or else as exp(exponent ln(base)).
+// Adds base^exponent: products for small integers, else exp(exponent ln(base)).
 static pm_status add_power(formula_reader *r, int base, double exponent, int *result) {
     const int whole = fabs(exponent) <= MAX_WHOLE ? (int)exponent : 0;
     pm_step number = {.kind = PM_STEP_NUMBER, .width = 1, .number = 1};

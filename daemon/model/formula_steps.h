@@ -1,5 +1,6 @@
-// A formula as it was read: a list of steps, operands before what is made of them. For those who
-// make graphs of it (formula.c, contact_bound.c).
+// A formula after reading: a list of operations, in which operands come before their result. The
+// files that build graphs from formulas use it: formula.c and contact_bound.c. formula_read.c makes
+// it.
 #ifndef PM_MODEL_FORMULA_STEPS_H
 #define PM_MODEL_FORMULA_STEPS_H
 
@@ -10,7 +11,7 @@
 
 typedef enum pm_step_kind {
     PM_STEP_NUMBER,
-    PM_STEP_FEATURE, // component `component` of one
+    PM_STEP_FEATURE, // one component of a feature, or all of them
     PM_STEP_ADD,
     PM_STEP_SUBTRACT,
     PM_STEP_MULTIPLY,
@@ -21,12 +22,12 @@ typedef enum pm_step_kind {
     PM_STEP_NEGATIVE_SQUARED // sum over the components
 } pm_step_kind;
 
-#define PM_STEP_WHOLE (-1) // a feature's component: all of them
+#define PM_STEP_WHOLE (-1) // as the component of a feature: all components
 
 typedef struct pm_step {
     pm_step_kind kind;
     int width; // components of the result
-    int a, b;  // operands, by position
+    int a, b;  // positions of the operands
     double number;
     char feature[PM_MAX_STEP_FEATURE];
     int component, size; // of the feature
@@ -37,13 +38,14 @@ typedef struct pm_formula_steps {
     pm_step step[PM_MAX_STEPS];
 } pm_formula_steps;
 
-// PM_ECONFIG: as pm_formula_check, without the formula's place.
+// Reads the text of a formula. PM_ECONFIG: as pm_formula_check, but the message does not name the
+// place of the formula.
 pm_status pm_formula_read(pm_formula_steps *steps, const pm_formula *formula,
                           const pm_symbols *symbols);
-// The same for a formula that has passed pm_formula_check; and the value of each step, value
-// [count].
+// Reads a formula that has passed pm_formula_check, which cannot fail.
 void pm_formula_read_again(pm_formula_steps *steps, const pm_formula *formula,
                            const pm_symbols *symbols);
+// Builds the value [1][width] of every step: value [steps->count].
 void pm_formula_build_steps(pm_graph *g, const pm_formula_steps *steps, const pm_symbols *symbols,
                             pm_node *value);
 

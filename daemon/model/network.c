@@ -1,4 +1,4 @@
-// Multi-layer networks as graph expressions.
+// Declares and builds multi-layer networks.
 #include "model/network.h"
 
 #include <assert.h>
@@ -6,18 +6,19 @@
 #include <stdio.h>
 #include <string.h>
 
-// Spread of the initial values: biases put the kinks of the hidden layers where the data are.
-// Output weights start at zero, so that training first finds what the skip alone can do; with
-// hidden layers that interfere from the start, second-order training was seen to crawl.
+// Standard deviations of the initial values. Random biases spread the units of the hidden layers
+// over the data. Beside a skip the output weights start at zero, so that training first fits the
+// skip; second-order training is slow if hidden layers contribute from the start.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
-// Of a potential's hidden layers that nothing runs beside: at zero it would drive nothing.
+// Without a skip the output weights start like this, since a potential that is constant drives
+// nothing.
 #define OUTPUT_SPREAD 0.3
-// Half the curvature that an energy starts with, in its unit and in normalised features: most
-// energies have a minimum.
+// Half the initial curvature of an energy, in its unit and in normalised features: most energies
+// have a minimum.
 #define CURVATURE_START 0.5
 
-#define MAX_SQUARED 4096 // features, each of which a quadratic skip multiplies with each
+#define MAX_SQUARED 4096 // features whose products a quadratic skip may form
 
 typedef char parameter_name[160];
 
@@ -53,7 +54,7 @@ static pm_status declare_layer(const declaration *d, int layer, int nin, int nou
     return declare(d, name, 1, nout, true, BIAS_SPREAD, NULL);
 }
 
-// An energy, the first output, starts with a minimum.
+// Gives an energy, the first output, a minimum to start with.
 static void start_convex(const pm_network_spec *spec, pm_param_entry *quadratic) {
     int n = 0;
     while (n * n < quadratic->rows) {
@@ -166,14 +167,14 @@ static pm_node build_layers(pm_graph *g, const pm_network_spec *spec, pm_node fe
         out = pm_add_or(g, out, pm_matmul(g, products, false, weight, false));
     }
     const pm_node bias = pm_network_param(g, params, prefix, "output.bias");
-    // Without layers and skip only the bias is left: a constant all the same.
+    // Without hidden layers and skip the network is its bias.
     return out == PM_NO_NODE ? pm_broadcast_to(g, bias, (pm_shape){true, 1, nout})
                              : pm_add(g, out, bias);
 }
 
-// What the network is beyond its value and slope at features of 0.
-static pm_node build_from_rest(pm_graph *g, const pm_network_spec *spec, pm_node features,
-                               const pm_params *params, const char *prefix) {
+// Returns the output minus its tangent at features of 0 (zero_at_origin).
+static pm_node build_above_tangent(pm_graph *g, const pm_network_spec *spec, pm_node features,
+                                   const pm_params *params, const char *prefix) {
     const pm_node zero = pm_constant(g, 0, 1, 1);
     const pm_node origin = pm_broadcast_to(g, zero, pm_graph_shape(g, features));
     const pm_node there = build_layers(g, spec, origin, 1, params, prefix);
@@ -187,6 +188,6 @@ static pm_node build_from_rest(pm_graph *g, const pm_network_spec *spec, pm_node
 pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
                               const pm_params *params, const char *prefix) {
     assert(spec->nthermal == 0 && (!spec->zero_at_origin || nout == 1));
-    return spec->zero_at_origin ? build_from_rest(g, spec, features, params, prefix)
+    return spec->zero_at_origin ? build_above_tangent(g, spec, features, params, prefix)
                                 : build_layers(g, spec, features, nout, params, prefix);
 }

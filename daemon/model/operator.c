@@ -9,7 +9,7 @@
 // Keeps the projection finite where the normal vanishes and there is nothing to project out.
 #define SMALLEST_NORMAL 1e-300
 
-// Everything about one operator while its expression is built.
+// One operator while its expression is built.
 typedef struct construction {
     pm_graph *g;
     const pm_operator *op;
@@ -25,7 +25,7 @@ static pm_node part_of(const construction *c, pm_node x, int i) {
     return pm_slice(c->g, x, c->support.first[i], c->support.group[i]->size);
 }
 
-// The vectors of the frame as rows, each divided by its typical length.
+// Returns the vectors of `along` as rows [nalong][size], each divided by its typical length.
 static pm_node build_along(pm_graph *g, const pm_operator *op, const pm_site *site,
                            const pm_params *params) {
     const pm_operator_spec *spec = op->spec;
@@ -61,7 +61,7 @@ static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *s
                : matrix;
 }
 
-// U: components of the support, in scaled coordinates -> rows of the frame.
+// Applies U: scaled components of the support -> rows of the frame.
 static pm_node to_frame(const construction *c, pm_node scaled) {
     pm_node part[2 * PM_MAX_GROUPS];
     int count = 0;
@@ -76,8 +76,8 @@ static pm_node to_frame(const construction *c, pm_node scaled) {
     return pm_concat(c->g, count, part);
 }
 
-// U^T: rows of the frame -> components of the support, line by line; zero in groups that are only
-// given.
+// Applies U^T to each line: rows of the frame -> components of the support, with zeros in groups
+// that the learned matrix does not touch.
 static pm_node from_frame(const construction *c, pm_node rows) {
     const int lines = pm_graph_shape(c->g, rows).rows;
     pm_node part[2 * PM_MAX_GROUPS];
@@ -101,8 +101,9 @@ static int end_of(const construction *c, const char *group) {
     return c->support.group[pm_support_find(&c->support, group)]->end;
 }
 
-// Two ends' rows, one of which drives the other: C times those of `against` into those of acts_on,
-// and -C^T times the latter into the former.
+// Returns the rows of both ends for an operator with `against`, in which each end drives the other:
+// C times the rows of `against` for those of acts_on, and -C^T times the rows of acts_on for the
+// others.
 static pm_node apply_across(const construction *c, pm_node x) {
     pm_graph *g = c->g;
     const pm_operator_spec *spec = c->op->spec;
@@ -117,7 +118,7 @@ static pm_node apply_across(const construction *c, pm_node x) {
     return pm_concat(g, 2, part);
 }
 
-// Each node's matrix times its part of x.
+// Returns the matrix of each node times the components of x of that node.
 static pm_node apply_nodal(const construction *c, pm_node x) {
     int components[2 * PM_MAX_GROUPS];
     pm_nodal_fields fields = {pm_operator_shape_of(c->op, &c->support).count, 0, components};
@@ -131,7 +132,7 @@ static pm_node apply_nodal(const construction *c, pm_node x) {
                : pm_nodal_square(c->g, fields, c->op->spec->rank, c->matrix, x);
 }
 
-// The matrix times x, or G G^T x, for a row x.
+// Returns (C - C^T) x or G G^T x for a row x.
 static pm_node apply_matrix(const construction *c, pm_node x) {
     pm_graph *g = c->g;
     if (c->op->spec->network.message != NULL) {
@@ -146,7 +147,7 @@ static pm_node apply_matrix(const construction *c, pm_node x) {
     return pm_matmul(g, pm_matmul(g, x, false, c->matrix, false), false, c->matrix, true);
 }
 
-// K d over the support.
+// Returns K d over the support.
 static pm_node apply(const construction *c, pm_node d) {
     pm_node rate = c->op->kind == PM_REVERSIBLE
                        ? pm_given_reversible(c->g, c->op->spec, c->site, &c->support, d)
@@ -158,7 +159,7 @@ static pm_node apply(const construction *c, pm_node d) {
     return rate;
 }
 
-// P^T K P d: nothing of the rate is left along the normal.
+// Returns P^T K P d, which is orthogonal to the normal.
 static pm_node apply_projected(const construction *c, pm_node d, pm_node normal) {
     pm_graph *g = c->g;
     const pm_node weighted = pm_mul(g, normal, pm_square(g, c->scale)); // W n
@@ -173,7 +174,7 @@ static pm_node apply_projected(const construction *c, pm_node d, pm_node normal)
     return rate;
 }
 
-// The rate of an operator with `heats` (dissipation.h).
+// Returns the rate of an operator with `heats` (dissipation.h).
 static pm_node apply_dissipation(const construction *c, const pm_params *params, pm_node d,
                                  pm_node normal) {
     pm_graph *g = c->g;
@@ -199,7 +200,7 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
     return pm_dissipation_build(g, &dissipation);
 }
 
-// [1][site->n] -> [1][support.n] and back.
+// Restrict a row [1][site->n] to the support [1][support.n], and extend it again with zeros.
 static pm_node restrict_to(const construction *c, pm_node x) {
     pm_node part[2 * PM_MAX_GROUPS];
     for (int i = 0; i < c->support.ngroup; ++i) {
@@ -219,7 +220,8 @@ static pm_node extend(const construction *c, const pm_site *site, pm_node rate) 
     return pm_concat(c->g, site->ngroup, part);
 }
 
-// The rate over the support of all that needs a projection, or the penalty, to be degenerate.
+// Returns the rate over the support of the operator without given irreversible pairs: with the
+// projection in the hard form, and with the penalty in the soft form.
 static pm_node build_rate(const construction *c, pm_node d, pm_node normal, pm_node *degeneracy) {
     if (c->op->kind == PM_IRREVERSIBLE && c->matrix == PM_NO_NODE) {
         return PM_NO_NODE;

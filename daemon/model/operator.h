@@ -7,11 +7,11 @@
 //     hard:  rate = P^T K P d,   P = 1 - n (W n)^T / (n . W n),   so n . rate = 0 for any weights
 //     soft:  rate = K d,         and |K n|^2 is the penalty
 // where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
-// frame). An irreversible pair that is given is degenerate as it stands (spec.h) and is added to
-// that. P is equation (2) of the hard form, a projection orthogonal in scaled coordinates.
-// A learned irreversible operator that names the groups which take up its heat is built by
-// dissipation.h instead, and couplings that are known by given.h.
-// The projection is applied twice, since the first pass leaves the rounding of what it takes away.
+// frame). P is the projection of equation (2), orthogonal in scaled coordinates. It is applied
+// twice, since the first pass leaves rounding in proportion to the part that it removes. Given
+// irreversible pairs are degenerate by themselves and are added without projection (given.h). A
+// learned irreversible operator that names the groups which take up its heat needs no projection
+// either (dissipation.h).
 #ifndef PM_MODEL_OPERATOR_H
 #define PM_MODEL_OPERATOR_H
 
@@ -26,21 +26,27 @@ typedef struct pm_operator {
     const pm_operator_spec *spec;
     pm_operator_kind kind;
     pm_form form;
-    const char *prefix; // of its parameters: ".scale", ".along", ".matrix.<network>"
+    const char *prefix; // of its parameters "<prefix>.scale", ".along", ".matrix.<...>", and with
+                        // `heats` ".temperature", ".power", ".split"
 } pm_operator;
 
+// Returns true if the operator has given pairs or a learned matrix.
 bool pm_operator_exists(const pm_operator_spec *spec);
 
 // Checks the spec against the site and declares the parameters. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_params *params);
 
-// The rate [1][site->n] it causes. driving, normal: [1][site->n]. A missing normal (PM_NO_NODE)
-// asks for no degeneracy. PM_NO_NODE if there is no operator or nothing drives it. In the soft form
-// *degeneracy gains |K n|^2 in scaled coordinates (it may start as PM_NO_NODE).
+// Returns the rate [1][site->n] of the operator, in the units of the groups per second, or
+// PM_NO_NODE if there is no operator or no driving. driving, normal: [1][site->n]. If the normal is
+// PM_NO_NODE the operator need not be degenerate, and is not projected. In the soft form
+// *degeneracy gains |K n|^2 [1][1] in scaled coordinates; the caller may set it to PM_NO_NODE
+// first.
 pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
                           const pm_params *params, pm_node driving, pm_node normal,
                           pm_node *degeneracy);
 
+// Visits the constants that training fixes from the data: the scales, the lengths of `along`, and
+// those of the network. Passes on the status of `visit`.
 pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
                             void *context);
 

@@ -76,7 +76,7 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     return pm_given_check(spec, op->kind == PM_REVERSIBLE, site, op->prefix);
 }
 
-// On a mesh an operator acts on fields, and has no frame.
+// Checks that an operator on a mesh acts on fields and has no frame.
 static pm_status check_nodal(const pm_operator *op, const pm_support *s) {
     const int nnode = pm_operator_shape_of(op, s).count;
     if (op->spec->network.message == NULL) {
@@ -125,7 +125,8 @@ static pm_status check_along(const pm_operator *op, const pm_site *site, const p
     return PM_OK;
 }
 
-// How the heat of each process is shared among entropies, and how it depends on temperature.
+// Declares the shares of the heat of each process, and the exponents of its dependence on
+// temperature.
 static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
     const int nheat = pm_support_heats(op->spec, site);
     pm_operator_name name;
@@ -167,7 +168,9 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     }
     for (int i = 0; i < nout; ++i) {
         start[i] = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
-        start[i] = op->spec->nheats > 0 ? 0 : start[i]; // drawn, with the network's spread
+        start[i] = op->spec->nheats > 0
+                       ? 0
+                       : start[i]; // the entries are drawn with the spread of the network
     }
     const pm_status status = pm_network_declare(network, &site->symbols, nout, start, params, name);
     free(start);

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Of all parameters together: far above any model that can be trained, and memory that any host
-// has. Sizes come from files.
+// The most numbers of all parameters together. Sizes come from files, which may be wrong; no model
+// of this size can be trained, and every host has the memory.
 #define MAX_NUMBERS ((size_t)1 << 24)
 
 static size_t entry_size(const pm_param_entry *entry) {
@@ -31,7 +31,8 @@ pm_param_entry *pm_params_find(const pm_params *params, const char *name) {
     return NULL;
 }
 
-// `rows` x `cols` numbers more are not too many. Each is below 2^31, so their product fits.
+// Returns true if there is room for `rows` x `cols` numbers more. Both are below 2^31, so that
+// their product fits.
 static bool have_room(const pm_params *params, int rows, int cols) {
     size_t count = (size_t)rows * (size_t)cols;
     for (int i = 0; i < params->count && count <= MAX_NUMBERS; ++i) {

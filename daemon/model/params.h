@@ -1,6 +1,6 @@
-// The numbers a component carries: weights that training changes, and constants that it fixes from
-// the data before (normalisation, the region seen). Builders of networks name what they need; the
-// trainer or a weights file supplies the values.
+// The numbers of a component: weights, which training changes, and constants, which training fixes
+// from the data before (normalisation, training range). The functions that declare a model name the
+// parameters that they need; the trainer or a weights file supplies the values.
 #ifndef PM_MODEL_PARAMS_H
 #define PM_MODEL_PARAMS_H
 
@@ -13,12 +13,12 @@
 typedef struct pm_param_entry {
     char *name; // e.g. "energy.1.layer0.weight"
     int rows, cols;
-    bool trained;  // false: fixed from the data, not by the optimiser
-    double spread; // standard deviation of what pm_params_randomise adds
-    double *value; // [rows][cols], stays where it is until pm_params_free
+    bool trained;  // true: the optimiser changes it; false: it is fixed from the data
+    double spread; // standard deviation of the numbers that pm_params_randomise adds
+    double *value; // [rows][cols], owned; the pointer stays valid until pm_params_free
 } pm_param_entry;
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage, initialises it with zeros and frees it with pm_params_free.
 typedef struct pm_params {
     int count;
     pm_param_entry *entry;
@@ -26,24 +26,26 @@ typedef struct pm_params {
 
 void pm_params_free(pm_params *params);
 
-// The entry called `name`, or NULL.
+// Returns the entry called `name`, or NULL.
 pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 
-// Makes the entry called `name`, every value `start`, if it is not there yet. PM_ECONFIG: one of
-// another shape has this name; PM_ENOMEM: also, more than 2^24 numbers in all.
+// Adds an entry of this name and shape whose values are all `start`; an entry of this name that
+// exists already is left as it is. PM_ECONFIG: the existing entry has another shape. PM_ENOMEM:
+// memory runs out, or all entries together would have more than 2^24 numbers.
 pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
                         double spread, double start);
 
-// PM_ECONFIG: a number that neither training nor data determine was not given (it is not finite).
+// Checks that all numbers are finite. A number that neither training nor data determine, and that
+// the user has not given, is NaN. PM_ECONFIG.
 pm_status pm_params_check_given(const pm_params *params);
 
-// Adds normal numbers to the starting values of all trained entries, in order.
+// Adds normally distributed numbers to the values of all trained entries, in order.
 void pm_params_randomise(pm_params *params, pm_rng *rng);
 
-// Number of trained values in all.
+// Returns the number of values of all trained entries.
 size_t pm_params_trained(const pm_params *params);
 
-// Copies all trained values, in order of entries, to or from a flat vector.
+// Copy all trained values, in the order of entries, to or from theta [pm_params_trained].
 void pm_params_gather(const pm_params *params, double *theta);
 void pm_params_scatter(pm_params *params, const double *theta);
 

@@ -1,4 +1,4 @@
-// A subsystem's E, S and bulk term.
+// E, S and the bulk term of a subsystem, built from potentials and operators.
 #include "model/part.h"
 
 #include "model/constants.h"
@@ -6,7 +6,8 @@
 #include "model/potential.h"
 #include "model/unstructured_rate.h"
 
-// The state's groups by name, and its co-energies "dE.<group>", "dS.<group>".
+// Returns the site of the state: its groups, and the symbols of groups and co-energies, which are
+// called "dE.<group>" and "dS.<group>".
 static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS) {
     pm_site site = {0};
     pm_site_add(&site, &part->layout, "", 0);
@@ -38,8 +39,9 @@ static pm_status check_free(const pm_part_spec *spec) {
     if (spec->nderived > 0 || pm_potential_exists(&spec->energy) ||
         pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
         pm_operator_exists(&spec->irreversible)) {
-        return pm_fail(PM_ECONFIG, "form: free has a rate and nothing else: no images, energy, "
-                                   "entropy, reversible or irreversible operator");
+        return pm_fail(PM_ECONFIG,
+                       "form: free has a rate and nothing else: no derived variables, energy, "
+                       "entropy, reversible or irreversible operator");
     }
     return PM_OK;
 }

@@ -1,6 +1,6 @@
-// A learned subsystem: its layout, its model and its numbers; and the graph expressions of E, S and
-// the bulk term of equation (1): zdot = L dE + M dS.
-// Method: Hernandez, Badias, Chinesta, Cueto, Comput. Mech. 72 (2023) 553; hard form: operator.h.
+// A learned subsystem: its layout, its spec and its parameters; and the graph expressions of E, S
+// and the bulk term of equation (1): zdot = L dE + M dS. Method: Hernandez, Badias, Chinesta,
+// Cueto, Comput. Mech. 72 (2023) 553; hard form: operator.h.
 #ifndef PM_MODEL_PART_H
 #define PM_MODEL_PART_H
 
@@ -12,50 +12,55 @@
 
 typedef struct pm_part {
     pm_layout layout;
-    pm_part_spec spec; // points into the arena of whoever made it
+    pm_part_spec spec; // its pointers belong to the arena of the caller that made it
     pm_params params;
 } pm_part;
 
-// Checks the spec against the layout (unknown groups, bad feature expressions, sizes) and declares
-// every parameter in part->params with its initial value. PM_ECONFIG, PM_ENOMEM.
+// Checks the spec against the layout (names of groups, expressions, sizes) and declares every
+// parameter in part->params with its initial value. PM_ECONFIG, PM_ENOMEM; the caller frees the
+// part even then.
 pm_status pm_part_declare(pm_part *part);
-void pm_part_free(pm_part *part); // the parameters
+void pm_part_free(pm_part *part); // frees the parameters
 
-// False in the free form, where energy is not defined; E is then zero, and so are the fluxes.
+// Returns false for the free form, which defines no energy; E and all fluxes are then zero.
 bool pm_part_has_energy(const pm_part *part);
-// True if the subsystem has an entropy at all; otherwise S, M and eta are nowhere evaluated.
+// Returns true if the subsystem has an entropy. Without one, S, M and dS are never evaluated.
 bool pm_part_has_entropy(const pm_part *part);
 
-// Whether its energy or entropy, `potential`, depends on a group, itself or by an image of it.
+// Returns true if the energy or entropy `potential` of the part depends on a group, either directly
+// or through a derived variable.
 bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, const char *group);
 
-// The groups of a state z by name, and after them its images; z is PM_NO_NODE and g is NULL while a
-// spec is only being checked.
+// Returns the symbols of a state z [1][nz]: its groups, then its derived variables, then the
+// learned constants. z is PM_NO_NODE and g is NULL while a spec is only being checked.
 pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z);
 
-// E [1][1] and S [1][1] per batch item, for z [1][nz] batched. S is PM_NO_NODE without entropy.
+// Return E [1][1] in J and S [1][1] in J/K for z [1][nz] batched. S is PM_NO_NODE if there is no
+// entropy.
 pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z);
 pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
 
-// The co-energies dE and dS [1][nz] of a step from z_from to z_to: their discrete derivatives, or
-// the derivatives at z_to where z_from is PM_NO_NODE. PM_NO_NODE where E or S does not depend on z.
+// Computes the co-energies dE and dS [1][nz] of a step from z_from to z_to: the discrete
+// derivatives of E and S or, if z_from is PM_NO_NODE, the derivatives at z_to. *dE or *dS becomes
+// PM_NO_NODE if the potential does not depend on z.
 void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
                         pm_node *dS);
-// By how much dE rises when a component of z_to does: the diagonal of its derivative [1][nz], at
-// the components marked in `wanted` [nz], zero elsewhere. PM_NO_NODE if it is zero everywhere.
+// Returns the response of the co-energies: the diagonal [1][nz] of the derivative of dE with
+// respect to z_to, at the components marked in `wanted` [nz], and zero elsewhere. PM_NO_NODE if it
+// is zero everywhere.
 pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z_to,
                          const bool *wanted);
-// Whether the part has discrete derivatives: all its features do.
+// Returns true if the part has discrete derivatives, that is, if all its features have them.
 bool pm_part_is_discrete(const pm_part *part);
 
-// The bulk term [1][nz] (PM_NO_NODE if nothing acts), and the squared degeneracy residual
-// |L dS|^2 + |M dE|^2 [1][1] in scaled coordinates (PM_NO_NODE where the form makes it zero).
-// dE and dS may be PM_NO_NODE.
+// Returns the bulk term [1][nz], in units of z per second, or PM_NO_NODE if nothing acts. dE and dS
+// may be PM_NO_NODE. In the soft form *degeneracy gains the squared residual |L dS|^2 + |M dE|^2
+// [1][1] in scaled coordinates; the caller sets it to PM_NO_NODE first.
 pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
                      pm_node *degeneracy);
 
-// Calls `visit` for every set of constants that training fixes from the data first, with the
-// symbols to compute them from as nodes of g.
+// Calls `visit` for every set of constants that training fixes from the data (network.h). The
+// symbols from which they are computed are nodes of g. Passes on the status of `visit`.
 pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, pm_node dS,
                         pm_normaliser_visit *visit, void *context);
 

@@ -1,5 +1,6 @@
-// A port between two subsystems: the exposed groups of both ends, the law that couples them, and
-// its numbers. To add a law: one file law_<name>.c and one line in the table of port.c.
+// A port between two subsystems: the exposed groups of both ends, the law that couples them
+// (equation (3), or a boundary term of (1)), and its parameters. A new law is one file
+// laws/<name>.c and one line in the table of port.c.
 #ifndef PM_MODEL_PORT_H
 #define PM_MODEL_PORT_H
 
@@ -12,28 +13,29 @@ typedef enum pm_end { PM_END_A = 0, PM_END_B = 1 } pm_end;
 
 typedef struct pm_port_model pm_port_model;
 
-// What one end of a port shows to the other at a stage, as graph nodes: y [1][ny], the co-energies
-// e = dE/dy [1][ny] and eta = dS/dy [1][ny] (PM_NO_NODE if the subsystem has no entropy), and by
-// how much e rises during the step per unit of rate [1][ny] (prediction.h; PM_NO_NODE if no
-// integrator asks).
+// The quantities that one end of a port shows to the other at a stage, as graph nodes.
 typedef struct pm_port_nodes {
-    pm_node y, e, eta, response;
+    pm_node y;        // [1][ny] the exposed components of the state
+    pm_node e;        // [1][ny] dE/dy
+    pm_node eta;      // [1][ny] dS/dy; PM_NO_NODE: the subsystem has no entropy
+    pm_node response; // [1][ny] change of e during the step per unit of rate (prediction.h);
+                      // PM_NO_NODE: the integrator does not use it
 } pm_port_nodes;
 
 typedef struct pm_port_law {
     const char *name;
-    bool conservative; // the two ends' energy fluxes cancel by construction in the hard form
-    bool separate;     // the two ends' rates have no work in common: each end evaluates its own
+    bool conservative; // in the hard form the energy fluxes of both ends cancel by construction
+    bool separate;     // the rate of one end can be evaluated without that of the other
     // Checks the spec and declares the parameters.
     pm_status (*declare)(pm_port_model *port);
-    // The rate [1][ny] of the components exposed by `own`, given what both ends show, indexed by
-    // pm_end. May return PM_NO_NODE. `degeneracy` as in pm_part_bulk.
+    // Returns the rate [1][ny] of the components exposed by `own` from the quantities that both
+    // ends show, indexed by pm_end. PM_NO_NODE: nothing acts. `degeneracy` is that of pm_part_bulk.
     pm_node (*rate)(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
                     pm_node *degeneracy);
-    // The irreversible part of both ends' rates, side by side [1][ny_a + ny_b]; PM_NO_NODE: none.
-    // NULL: the law has no such part.
+    // Returns the irreversible part of the rates of both ends, side by side [1][ny_a + ny_b], or
+    // PM_NO_NODE if nothing acts. NULL: the law has no such part.
     pm_node (*irreversible)(pm_graph *g, const pm_port_model *port, const pm_port_nodes end[2]);
-    // As pm_part_visit.
+    // Visits the constants that training fixes, like pm_part_visit.
     pm_status (*visit)(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],
                        pm_normaliser_visit *visit, void *context);
 } pm_port_law;
@@ -45,12 +47,13 @@ struct pm_port_model {
     pm_params params;
 };
 
-// The law called `name`, or NULL. pm_port_law_names lists all, separated by ", ".
+// Returns the law called `name`, or NULL.
 const pm_port_law *pm_port_law_find(const char *name);
+// Returns the names of all laws, separated by ", ".
 const char *pm_port_law_names(void);
 
-// As pm_part_declare: looks up the law, checks the spec, declares parameters. PM_ECONFIG,
-// PM_ENOMEM.
+// Looks up the law, checks the spec against both layouts and declares every parameter in
+// port->params. PM_ECONFIG, PM_ENOMEM; the caller frees the port even then.
 pm_status pm_port_declare(pm_port_model *port);
 void pm_port_free(pm_port_model *port);
 

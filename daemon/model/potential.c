@@ -1,4 +1,4 @@
-// E and S as sums of terms.
+// Sums of formulas, linear forms and networks, and their discrete derivatives.
 #include "model/potential.h"
 
 #include <stdio.h>
@@ -7,7 +7,7 @@
 #include "model/mesh/message.h"
 #include "model/thermal.h"
 
-// Square of the smallest change of normalised features that a discrete slope is corrected for.
+// The square of the smallest change of normalised features for which a discrete slope is corrected.
 #define SMALLEST_CHANGE 1e-12
 
 typedef char term_prefix[96];
@@ -120,7 +120,7 @@ bool pm_potential_is_discrete(const pm_potential_spec *spec) {
     return all;
 }
 
-// The known linear form: its coefficients.
+// Adds the coefficients of the known linear form, which are its discrete derivative.
 static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, pm_node *covector) {
     for (int i = 0; i < spec->ngiven; ++i) {
@@ -132,9 +132,9 @@ static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_
     }
 }
 
-// The slope of a network between two values of its features: the derivative at their mean,
-// corrected along the change so that slope . change is the change of the output (Gonzalez 1996). A
-// change too small to be told from rounding needs no correction.
+// Returns the slope of a network between two values of its features: the derivative at their mean,
+// corrected along the change so that slope . change is the change of the output (Gonzalez 1996).
+// The correction fades out where the change is as small as rounding.
 static pm_node discrete_slope(pm_graph *g, const pm_network_spec *network, pm_node before,
                               pm_node after, const pm_params *params, const char *prefix) {
     const pm_node mean = pm_scale(g, pm_add(g, before, after), 0.5);

@@ -1,33 +1,38 @@
-// Scalar potentials E and S: sums of formulas, a known linear form and networks.
+// The scalar potentials E and S of equation (1): sums of formulas, of a known linear form, and of
+// networks.
 #ifndef PM_MODEL_POTENTIAL_H
 #define PM_MODEL_POTENTIAL_H
 
 #include "model/formula.h"
 #include "model/network.h"
 
+// Returns true if the potential has a summand of any kind.
 bool pm_potential_exists(const pm_potential_spec *spec);
-// Whether a summand names this group or image.
+// Returns true if a summand names this group or derived variable.
 bool pm_potential_mentions(const pm_potential_spec *spec, const char *name);
 
-// Checks groups and features and declares the parameters, "<prefix>.<term>.<...>". Given groups are
-// symbols like those in features.
+// Checks all names against the symbols and declares the parameters "<prefix>.<term>.<...>".
+// PM_ECONFIG, PM_ENOMEM.
 pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *symbols,
                                pm_params *params, const char *prefix);
 
-// The potential [1][1]; PM_NO_NODE if it does not exist.
+// Returns the potential [1][1] in J or J/K, or PM_NO_NODE if it does not exist.
 pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *symbols,
                            const pm_params *params, const char *prefix);
 
-// Its discrete derivative between the states of `from` and `to`, as covector[i] per symbol
-// (starting at PM_NO_NODE): the partial derivatives of each network at the mean of its features,
-// carried to the states by the features' own discrete derivatives, and corrected along the change
-// of the features (Gonzalez, J. Nonlinear Sci. 6, 1996), so that D . (z_to - z_from) = E_to -
-// E_from for any network.
+// Adds the discrete derivative D between the states of `from` and `to` to covector[i] [1][size of
+// symbol i], which the caller sets to PM_NO_NODE. D . (z_to - z_from) = E_to - E_from for any
+// network: D takes the derivative of the network at the mean of its features, corrects it along the
+// change of the features, and carries it to the states by the discrete derivatives of the features
+// (Gonzalez, J. Nonlinear Sci. 6 (1996) 449). The spec must pass pm_potential_is_discrete.
 void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, const pm_params *params, const char *prefix,
                            pm_node *covector);
+// Returns true if all summands have discrete derivatives. Networks on meshes have none.
 bool pm_potential_is_discrete(const pm_potential_spec *spec);
 
+// Visits the constants of all networks that training fixes from the data (network.h). Passes on the
+// status of `visit`.
 pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *symbols,
                              const char *prefix, pm_normaliser_visit *visit, void *context);
 

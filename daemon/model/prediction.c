@@ -1,4 +1,4 @@
-// Newton's method along the direction in which the exchange still has to change.
+// One step of Newton's method, along the direction in which the exchange still has to change.
 #include "model/prediction.h"
 
 #include <stdio.h>
@@ -6,7 +6,7 @@
 
 #include "model/given.h"
 
-// Keeps the slope finite where the exchange has nothing left to change.
+// Keeps the slope finite where the exchange has converged.
 #define SMALLEST_CHANGE 1e-100
 
 bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) {
@@ -24,7 +24,7 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     return acts && port->law->irreversible != NULL;
 }
 
-// Both ends' e, and their responses side by side as in rates [1][ny_a + ny_b].
+// The co-energies e of both ends, and their responses side by side [1][ny_a + ny_b].
 typedef struct exchange {
     pm_node e[2], response; // e: PM_NO_NODE where it does not respond
     int n[2];
@@ -43,25 +43,26 @@ static exchange exchange_of(pm_graph *g, const pm_port_model *port, const pm_por
     return x;
 }
 
-// The change of the rate that solves r = f(e + R (r - last)), R the response: with the lack
-// d = f(e) - last and J = df/de it is (1 - J R)^-1 d, taken along d. Measured by the power it
-// moves, d . R d, the slope is -R d . J R d / d . R d, and positive for a law that dissipates.
+// Returns the change of the rate by Newton's method for the equation r = f(e + R (r - last)), where
+// R is the response. With the defect d = f(e) - last and J = df/de the change is (1 - J R)^-1 d,
+// which is taken along d. Measured by the power d . R d, the slope is -R d . J R d / d . R d. It is
+// positive for a law that dissipates.
 static pm_node newton_change(pm_graph *g, const exchange *x, pm_node rate, pm_node last) {
-    const pm_node lack = last == PM_NO_NODE ? rate : pm_sub(g, rate, last);
-    const pm_node rise = pm_mul(g, lack, x->response);
+    const pm_node defect = last == PM_NO_NODE ? rate : pm_sub(g, rate, last);
+    const pm_node rise = pm_mul(g, defect, x->response);
     pm_node row[2];
     pm_gradient(g, rate, rise, 2, x->e, row); // R d . J
-    pm_node moved = pm_offset(g, pm_dot(g, lack, rise), SMALLEST_CHANGE), all = moved;
+    pm_node moved = pm_offset(g, pm_dot(g, defect, rise), SMALLEST_CHANGE), all = moved;
     for (int i = 0; i < 2; ++i) {
         if (row[i] != PM_NO_NODE) {
             const pm_node own_rise = pm_slice(g, rise, i == 0 ? 0 : x->n[0], x->n[i]);
             all = pm_sub(g, all, pm_dot(g, row[i], own_rise));
         }
     }
-    return pm_mul(g, lack, pm_div(g, moved, all));
+    return pm_mul(g, defect, pm_div(g, moved, all));
 }
 
-// The part of `wanted` along `direction`, measured by the power they move.
+// Returns the component of `wanted` along `direction` in the metric of the response R.
 static pm_node along(pm_graph *g, const exchange *x, pm_node direction, pm_node wanted) {
     const pm_node rise = pm_mul(g, direction, x->response);
     const pm_node square = pm_offset(g, pm_dot(g, direction, rise), SMALLEST_CHANGE);

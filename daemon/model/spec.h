@@ -1,7 +1,7 @@
-// What a learned component is made of, as plain data: the layout of a state and the choice of
-// potentials, operators and networks. Read from the `model:` block of a training file and from a
-// weights file (scene/model_reader.h writes and reads the same text in both); turned into graphs by
-// part.h and port.h. Everything lives in an arena the reader of the block owns.
+// The specification of a learned component as plain data: the layout of its state, and its
+// potentials, operators and networks. scene/model_reader.h reads it from the `model:` block of a
+// training file, and from the same text in a weights file; part.h and port.h make graphs of it. All
+// pointers belong to the arena that the caller passed to the reader.
 #ifndef PM_MODEL_SPEC_H
 #define PM_MODEL_SPEC_H
 
@@ -15,17 +15,18 @@
 #define PM_MAX_GROUPS 16
 #define PM_MAX_FEATURES 32
 #define PM_MAX_DERIVED 16
-#define PM_MAX_LEARNED 32 // constants of one model
+#define PM_MAX_LEARNED 32 // learned constants of one model
 #define PM_MAX_EXPONENTIALS 8
 #define PM_DEFAULT_EXPONENTIALS 2
 #define PM_DEFAULT_TEMPERATURE 300.0 // K
 
-// A named group of components that belong together: a vector (position, momentum) or a scalar.
+// A group: named components that belong together, such as a vector (position, momentum) or a
+// scalar.
 typedef struct pm_group {
     const char *name; // identifier, e.g. "q"
     const char *unit; // e.g. "kg m/s"
     int size;         // components
-    int first;        // of its first component in the state
+    int first;        // position of its first component in the state
 } pm_group;
 
 typedef struct pm_layout {
@@ -34,23 +35,24 @@ typedef struct pm_layout {
     int nz; // components in all
 } pm_layout;
 
-// The group called `name`, or NULL.
+// Returns the group called `name`, or NULL.
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name);
-// Same name, unit and size.
+// Returns true if both have the same name, unit and size.
 bool pm_group_equal(const pm_group *a, const pm_group *b);
-// Same groups, names, units and sizes in the same order.
+// Returns true if both have equal groups in the same order.
 bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
 
 // --- where a spec was read ---
 
-// A member `at` is the place, "file:line:column", where something stands that may prove wrong once
-// the layout is known; NULL: not read from a file. This puts it in front of the description of a
-// failure with PM_ECONFIG, and returns `status`.
+// The members called `at` are places "file:line:column", for errors that show only when the layout
+// is known. NULL: the spec was not read from a file. This function puts the place in front of the
+// message of a failure with PM_ECONFIG. It returns `status`.
 pm_status pm_spec_locate(const char *at, pm_status status);
 
 // --- formulas ---
 
-// A number that is known, or learned from where it starts; a positive one stays so.
+// A constant is known, or training changes it from its starting value; a positive one stays
+// positive.
 typedef enum pm_constant_kind {
     PM_CONSTANT_KNOWN,
     PM_CONSTANT_LEARNED,
@@ -68,23 +70,24 @@ typedef struct pm_constants {
 // A known expression of named groups and constants (formula.h).
 typedef struct pm_formula {
     const char *text;              // NULL: none
-    const pm_constants *constants; // of its model; NULL: none
+    const pm_constants *constants; // that the text may name; NULL: none
     const char *at;
 } pm_formula;
 
-// --- matrices and images ---
+// --- matrices and derived variables ---
 
 // A known matrix.
 typedef struct pm_matrix_spec {
     int rows, cols;
-    bool identity;       // of whatever size; no numbers
+    bool identity;       // the identity of any size; `value` is NULL
     const double *value; // [rows][cols]; NULL: none, or kept in a weights file
     const char *at;
 } pm_matrix_spec;
 
-// Numbers that depend linearly on groups of a state, by name, for potentials to use as if they were
-// a group: how far two surfaces are apart, say, where the state is in modes.
-//     image = offset + matrix (the groups side by side)
+// A derived variable: a named vector that depends linearly on groups of the state. Potentials name
+// it like a group. An example is the opening between two surfaces, where the state consists of
+// modes.
+//     derived variable = offset + matrix (the groups side by side)
 typedef struct pm_derived_spec {
     const char *name;
     int size;
@@ -100,88 +103,97 @@ typedef struct pm_derived_spec {
 // The function after each hidden layer: tanh(x), ln(1 + exp(x)), x/(1 + exp(-x)).
 typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU } pm_activation;
 
-// What is added to the hidden layers' output: nothing, a linear form of the normalised features, or
-// a quadratic one. A good skip lets the hidden layers learn only what is left, and extrapolates.
+// The skip is added to the output of the hidden layers: nothing, a linear form of the normalised
+// features, or a linear and a quadratic form. With a good skip the hidden layers learn only the
+// remainder, and the network extrapolates better.
 typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC } pm_skip;
 
-// What a network on the graph of a mesh has beyond layers: message.h.
+// The additional settings of a network on the graph of a mesh (mesh/message.h).
 typedef struct pm_message_spec {
     const pm_mesh *mesh;
-    int width;          // of what nodes and edges pass on
-    int passes;         // of messages
-    int patterns;       // in which all nodes answer together; 0: none
-    const char *driver; // the field that its outputs are proportional to, or NULL
-    double within;      // s: rates are what the network gives divided by this; of rates only
+    int width;          // numbers in the hidden state of a node and in a message
+    int passes;         // times that messages travel one edge
+    int patterns;       // proper orthogonal modes that all nodes share; 0: none
+    const char *driver; // the field to which the outputs are proportional, or NULL
+    double within;      // s: a rate is the output of the network divided by this time
 } pm_message_spec;
 
 // A network from features to numbers. Features are expressions over named groups (feature.h):
-// "q", "|q|", "ln|q|", "|p|^2", "<q,p>". No features: the network is a learned constant.
+// "q", "|q|", "ln|q|", "|p|^2", "<q,p>". A network without features is a learned constant.
 typedef struct pm_network_spec {
-    const pm_message_spec *message; // NULL: features go straight into the layers; else they are
-                                    // groups, each a field on the mesh's nodes
+    const pm_message_spec
+        *message; // NULL: the features are inputs of the layers. Else the features
+                  // are groups, each of them a field on the nodes of the mesh
     int nfeature;
     const char *const *feature;
-    int nhidden; // hidden layers; 0: the skip alone. On a mesh, of the patterns' amplitudes
-    const int *hidden;
+    int nhidden;       // hidden layers; 0: only the skip. On a mesh the layers are those on the
+                       // amplitudes of the patterns
+    const int *hidden; // [nhidden] units
     pm_activation activation;
     pm_skip skip;
-    bool zero_at_origin; // less its tangent at features of 0, where it is 0 and flat then: of
-                         // energies
-    int nthermal;        // the last features are entropies, in which the energy rises and is convex
-                         // whatever the weights (thermal.h); 0: an energy without this property
-    int exponentials;    // of a thermal energy
-    double temperature;  // K, where the training of a thermal energy starts
-    bool scaled;         // an energy that carries its unit as the parameter ".unit"
-    double spread;       // of the values training starts from; 0: as usual. Not kept in weights
-    const char *at;      // its features
+    bool zero_at_origin; // of energies: subtract the tangent at features of 0, so that value and
+                         // slope vanish there
+    int nthermal;       // the last features are entropies, in which the energy is rising and convex
+                        // for all weights (thermal.h); 0: an energy without this property
+    int exponentials;   // of a thermal energy: number of summands
+    double temperature; // K, of a thermal energy: from which training starts
+    bool scaled;        // the energy has its unit as the parameter ".unit"
+    double spread;      // of the initial values; 0: the default. Weights files do not keep it
+    const char *at;     // place of the features
 } pm_network_spec;
 
 // --- potentials and operators ---
 
-// E or S: absent (no summand of any kind), or the sum of formulas, a known linear form (an entropy
-// variable as S, a reference temperature times an entropy in E) and the outputs of its networks.
+// A potential, E or S: the sum of formulas, of a known linear form (such as an entropy variable in
+// S, or a reference temperature times an entropy in E), and of the outputs of networks. Without any
+// summand the potential does not exist.
 typedef struct pm_potential_spec {
     int nformula;
     const pm_formula *formula;
     int ngiven;
-    const char *const *given;        // groups; the sum of each one's components ...
-    const double *given_coefficient; // ... times this [ngiven]; NULL: all 1
+    const char *const *given;        // [ngiven] groups, of which the components are summed up
+    const double *given_coefficient; // [ngiven] factor of each sum; NULL: all 1
     int nterm;
     const pm_network_spec *term;
     const char *at;
 } pm_potential_spec;
 
-// A known coupling between two groups, of coefficient c. Reversible, between groups of equal size:
+// A known coupling with coefficient c between two groups `row` and `col`, or between two
+// components, which are named "m[0]". There are four kinds.
+//
+// A reversible pair couples groups of equal size:
 //     rate_row += c e_col,  rate_col -= c e_row
-// Irreversible, c >= 0: what moves in `row` takes or gives energy, and `col`, of one component,
-// gives or takes it, so that c e_col is the coefficient of friction of a momentum `row`, and
-// c e_row/e_col the conductivity between entropies `row` and `col`:
+// A reversible `cross` pair couples groups of three components, as the Lie-Poisson brackets of
+// rotations do: a rigid body is [m, m, cross], a top has also [m, g, cross]:
+//     rate_row += z_col x e_col  and, if row and col differ,  rate_col += z_col x e_row
+// An irreversible pair, c >= 0, couples `row` to an entropy `col` of one component. The entropy
+// takes up the energy that `row` loses. For a momentum `row` the coefficient of friction is c
+// e_col; for an entropy `row` the conductance is c e_row/e_col:
 //     rate_row += c (eta_row - eta_col e_row/e_col),  rate_col -= rate_row . e_row/e_col
-// Where neither takes up heat, which are then of equal size, friction by the difference of their
-// flows, whose heat the operator's `heats` share, or where it names none all groups whose unit is
-// J/K:
+// An irreversible pair of two groups of equal size, neither of which takes up heat, is friction by
+// the difference of their flows. The groups in the operator's `heats`, or all groups in J/K where
+// it names none, take up the heat in equal parts:
 //     rate_row -= c (e_row - e_col),  rate_col += c (e_row - e_col)
-// Components of groups are named "m[0]". A reversible pair of three components each may be a
-// `cross` product (Lie-Poisson brackets of rotations), as of a rigid body [m, m, cross] and a top
-// [m, g, cross]:
-//     rate_row += z_col x e_col and, where row and col differ, rate_col += z_col x e_row
 typedef struct pm_given_pair {
     const char *row, *col;
     bool cross;
     double coefficient;
-    pm_formula formula; // if it has a text, the coefficient
+    pm_formula formula; // replaces the coefficient if it has a text
 } pm_given_pair;
 
-// A skew operator (reversible: L) or a positive semi-definite one (irreversible: M), acting on the
-// groups `acts_on`. Its matrix is U^T (C - C^T) U or U^T G G^T U in scaled coordinates, where a
-// network gives C or G (of `rank` columns); a network on a mesh gives one for each node, of the
-// node's components of the groups, and U is the identity. The frame U is
-//   - without `along`: the identity, so C is a plain matrix (of any features);
-//   - with `along`: for each vector group in acts_on one row per vector of `along` (expressions:
-//     "q", "q/|q|", "q/|q|^2"), for each scalar group one row. With invariant features, rotating
-//     the state then rotates the result.
-// A reversible one between the ends of a port may act on groups of one end `against` groups of the
-// other: C has rows for the former and columns for the latter, which drive each other as in a pair.
+// An operator: skew if it is reversible (L), positive semi-definite if it is irreversible (M). It
+// is the sum of given pairs and of a learned matrix on the groups `acts_on`, which in scaled
+// coordinates is U^T (C - C^T) U or U^T G G^T U. A network gives C, or G with `rank` columns. The
+// frame U is
+//   - without `along`: the identity; the network may have any features;
+//   - with `along`: one row for each scalar group of acts_on and, for each vector group, one row
+//   for
+//     each vector of `along` ("q", "q/|q|", "q/|q|^2"). If the features are invariant, the result
+//     rotates with the state.
+// A network on a mesh gives a matrix for each node, which acts on the components of that node, and
+// U is the identity. A reversible operator of a port may act on groups of one end `against` groups
+// of the other end: C has rows for the former and columns for the latter, and they drive each other
+// like the two groups of a pair.
 typedef struct pm_operator_spec {
     int ngiven;
     const pm_given_pair *given;
@@ -189,39 +201,41 @@ typedef struct pm_operator_spec {
     pm_network_spec network;
     int nacts;
     const char *const *acts_on;
-    int nagainst; // reversible operators of ports
+    int nagainst; // only reversible operators of ports
     const char *const *against;
     int nalong;
     const char *const *along;
-    int rank;                 // irreversible operators; columns of the factor G
-    int nheats;               // irreversible hard operators: the groups that take up the heat
-    const char *const *heats; // (dissipation.h); none: a projection in the metric of all groups
+    int rank;                 // columns of the factor G; only irreversible operators
+    int nheats;               // groups that take up the heat (dissipation.h); only irreversible
+    const char *const *heats; // hard operators. None: a projection shares the heat among all groups
     const char *at;
 } pm_operator_spec;
 
-// hard: degeneracy by projection, both laws hold whatever the weights. soft: degeneracy is a
-// penalty. free: no structure at all, the rate is a network; a baseline.
+// hard: both laws hold for all weights, by projection (equation (2)). soft: degeneracy is a penalty
+// of the loss. free: the rate is a network without structure, to compare with.
 typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 
-// A subsystem: zdot_bulk = L dE + M dS; free: zdot_bulk = rate, and there is nothing else.
+// A subsystem: zdot_bulk = L dE + M dS, equation (1). In the free form zdot_bulk = rate, and the
+// spec has nothing else.
 typedef struct pm_part_spec {
     pm_form form;
-    const pm_constants *constants; // of all its formulas; NULL: none
-    const pm_mesh *mesh;           // its networks may be on; NULL: none
+    const pm_constants *constants; // of all formulas; NULL: none
+    const pm_mesh *mesh;           // on which networks may be; NULL: none
     int nderived;
-    const pm_derived_spec *derived; // of its state, for energy and entropy
+    const pm_derived_spec *derived; // [nderived] that energy and entropy may name
     pm_potential_spec energy, entropy;
     pm_operator_spec reversible, irreversible;
-    pm_network_spec rate; // free only
+    pm_network_spec rate; // only in the free form
     const char *at;
 } pm_part_spec;
 
-// A port between ends a and b; groups are named "a.q", "b.s", co-energies "a.dE.s".
-// bracket: reversible and irreversible act on the exposed groups of both ends.
-// exchange (soft or free): the same block describes each end's own boundary term, with its own
-// weights: potentials and operators, or a rate, over own groups "own.q" and the neighbour's
-// "other.q".
-// contact: a matrix from what a exposes to what b does, or the identity.
+// A port between the ends a and b. Groups are named "a.q", "b.s", co-energies "a.dE.s".
+//   bracket   The operators act on the exposed groups of both ends, equation (3).
+//   exchange  Soft or free. The block describes a boundary term of equation (1), which each end has
+//             with weights of its own: potentials and operators, or a rate. It names the groups of
+//             its end "own.q" and those of the neighbour "other.q".
+//   contact   A matrix, or the identity, maps the components that a exposes to those that b
+//   exposes.
 typedef struct pm_port_spec {
     const char *law;
     pm_form form;
@@ -229,7 +243,7 @@ typedef struct pm_port_spec {
     const pm_mesh *mesh;
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
-    pm_network_spec rate;  // exchange, free only
+    pm_network_spec rate;  // exchange in the free form only
     pm_matrix_spec matrix; // contact only
     const char *at;
 } pm_port_spec;

@@ -1,12 +1,12 @@
-// The exponentials of rising linear forms in entropies, and the network that says how large they
-// are.
+// Builds thermal energies: exponentials of rising linear forms of the entropies, whose coefficients
+// a network of the other features gives.
 #include "model/thermal.h"
 
 #include <math.h>
 #include <stdio.h>
 
-// Where exponents of normalised entropies start: temperatures vary by some per cent over most data.
-// Each further exponential starts three times as steep.
+// Initial exponents of normalised entropies: in most data temperatures vary by some per cent. Each
+// further exponential starts three times as steep.
 #define FIRST_EXPONENT 0.05
 #define NEXT_EXPONENT 3.0
 #define EXPONENT_SPREAD 0.3
@@ -18,7 +18,7 @@ static const char *join(thermal_name buffer, const char *prefix, const char *nam
     return buffer;
 }
 
-// The network of what is not an entropy; without features a constant.
+// Returns the spec of the network of the other features, which is a constant if there are none.
 static pm_network_spec body_of(const pm_network_spec *spec) {
     pm_network_spec body = *spec;
     body.nfeature = spec->nfeature - spec->nthermal;

@@ -1,36 +1,35 @@
-// The `model:` block, the same text in a training file and in a weights file's attribute:
+// The `model:` block of a part or a port as YAML text, the same in training files, scenes and
+// weights files. A part has:
 //
-//   constants: {m: 2.0, g: {learned: 0.1, positive: true}}  # numbers that formulas name, known or
-//                                 # learned from where they start
-//   form: hard                      # default; or soft; or free, which has nothing but a rate
-//   energy:                         # a formula, a network, {given: groups}, or a list of them,
-//     - "|p|^2/(2*m)"               # summed; or none
+//   constants: {m: 2.0}             # numbers that formulas name
+//   form: hard                      # default; or soft; or free, which has only a rate
+//   energy:                         # a formula, a network, {given: groups}, or a list of these,
+//     - "|p|^2/(2*m)"               # which are summed up; or none
 //     - {features: ["ln|q|", s], hidden: [16, 16], activation: tanh, skip: quadratic}
 //   entropy: {given: s}
 //   reversible:                     # given pairs [row, column, coefficient], a learned operator,
-//     given: [[q, p, 1.0]]          # both; or none
+//     given: [[q, p, 1.0]]          # or both; or none
 //     learned: {acts_on: [p, s], along: ["q/|q|^2"], features: ["ln|q|"], hidden: [8]}
 //   irreversible:
-//     given: [[p, s, "0.1*dE.s"]]   # coefficients are numbers or formulas (spec.h: cross products,
-//                                 # components "m[0]", friction by differences)
+//     given: [[p, s, "0.1*dE.s"]]   # coefficients are numbers or formulas
 //     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
-//   rate: {features: [q, p, s], hidden: [16]}       # form: free only: a network of the state
-//   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh/mesh.h),
-//   whose
-//                                 # networks may have, in the place of features, activation, skip,
-//                                 # {nodes: [u], width: 8, passes: 1, patterns: 16, hidden: [48]}
-//                                 # and in a rate driven_by: other.dE.f, within: 0.05
+//   rate: {features: [q, p, s], hidden: [16]}               # only in form: free
+//   derived: {gap: {of: [q], size: 4}}                      # offset + matrix * groups (spec.h)
+//   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh/mesh.h)
 //
-// An energy may be `{features: [x, p], thermal: [s], hidden: [8], exponentials: 2, temperature:
-// 300.0}`: it rises with the entropies s and is convex in them (model/thermal.h); and a network of
-// an energy `scaled: true`, with a unit of its own. A learned irreversible operator with `heats:
-// [s]` gives what it dissipates to these entropies (model/dissipation.h).
+// A network without features is a constant. Its defaults are: no hidden layers, activation tanh (or
+// softplus, silu), skip none (or linear, quadratic), rank 1. A network on the mesh has, in the
+// place of features, activation and skip, {nodes: [u], width: 8, passes: 1, patterns: 16, hidden:
+// [48]} and, as a rate, driven_by: other.dE.f, within: 0.05. A thermal energy {features: [x, p],
+// thermal: [s], hidden: [8], exponentials: 2, temperature: 300.0} is rising and convex in the
+// entropies s (model/thermal.h). A network of an energy with `scaled: true` has a unit of its own.
+// A learned irreversible operator with `heats: [s]` gives the dissipated energy to these entropies
+// (model/dissipation.h).
 //
-// Networks: features and hidden are empty unless given, activation tanh (or softplus, silu),
-// skip none (or linear, quadratic); rank is 1. A port's block starts with `law: bracket`, and names
-// groups "a.q", co-energies "a.dE.s" (model/spec.h); its learned L may act on groups of one end
-// `against: [b.q]` those of the other. With `law: contact` it has nothing else but
-// `matrix: [[1.0, 0.0], [0.0, -1.0]]`, row by row. Formulas: model/formula.h.
+// The block of a port begins with `law: bracket`, and names groups "a.q" and co-energies "a.dE.s"
+// (model/spec.h). A learned reversible operator may act on groups of one end `against: [b.q]`,
+// groups of the other. With `law: contact` the block has only `matrix: [[1.0, 0.0], [0.0, -1.0]]`,
+// row by row. Formulas are explained in model/formula.h.
 #ifndef PM_SCENE_MODEL_READER_H
 #define PM_SCENE_MODEL_READER_H
 

@@ -1,5 +1,6 @@
-// Networks, and the meshes they are on, as text: part of the `model:` block (model_reader.h), with
-// the words that all of its blocks are read and written with.
+// Networks and meshes as text, which are parts of the `model:` block (model_reader.h), and the
+// words with which all parts of the block are read and written. Plain data lives in the arena.
+// Readers fail with PM_ECONFIG, at the place in the file, or with PM_ENOMEM.
 #ifndef PM_SCENE_NETWORK_READER_H
 #define PM_SCENE_NETWORK_READER_H
 
@@ -12,37 +13,41 @@
     "features", "hidden", "activation", "skip", "nodes", "width", "passes", "patterns", \
         "driven_by", "within"
 
-// The keys of a network; its block may hold others, which the caller has checked. `mesh` is NULL
-// where there is none. PM_ECONFIG, PM_ENOMEM.
+// Reads the keys of a network. The block may hold other keys, which the caller has checked. `mesh`
+// is the mesh of the model, or NULL if there is none.
 pm_status pm_network_read(pm_yaml block, const pm_mesh *mesh, pm_arena *arena,
                           pm_network_spec *network);
-// Within braces that the caller writes.
+// Writes the keys of a network, within braces that the caller writes.
 void pm_network_write(FILE *file, const pm_network_spec *network);
 
-// Appends names to a network's features. PM_ENOMEM.
+// Appends names [count] to the features of a network. PM_ENOMEM.
 pm_status pm_spec_append_features(pm_network_spec *network, int count, const char *const *name,
                                   pm_arena *arena);
 
-// *mesh is NULL where the block does not exist, and then nothing is written.
+// Reads a mesh; *mesh becomes NULL if the block does not exist.
 pm_status pm_mesh_read(pm_yaml block, pm_arena *arena, const pm_mesh **mesh);
+// Writes the mesh as a line of the block, or nothing if it is NULL.
 void pm_mesh_write(FILE *file, const pm_mesh *mesh);
 
 // --- words ---
 
-// The place of a value, for errors found later.
+// Writes the place "file:line:column" of a value to *at, for errors that are found later.
 pm_status pm_model_read_at(pm_yaml value, pm_arena *arena, const char **at);
-// The position of an optional choice; the first name where it is absent.
+// Reads an optional choice as its position in `names`, which ends with NULL; 0 if the key is
+// absent.
 pm_status pm_model_read_choice(pm_yaml block, const char *key, const char *const *names,
                                int *result);
-// An optional list of names; none where it is absent.
+// Reads an optional list of names; *count is 0 if the key is absent.
 pm_status pm_model_read_names(pm_yaml block, const char *key, pm_arena *arena, int *count,
                               const char *const **result);
 
+// Writes a text between quotes.
 void pm_model_write_quoted(FILE *file, const char *text);
-// Names stand as they are, everything else between quotes.
+// Writes a text: a name as it is, everything else between quotes.
 void pm_model_write_text(FILE *file, const char *text);
+// Writes "<key>: [<names>]".
 void pm_model_write_names(FILE *file, const char *key, int count, const char *const *names);
-// As people write it, where that is the same number.
+// Writes a number with 15 digits if these give the same number, else with 17.
 void pm_model_write_number(FILE *file, double number);
 
 #endif

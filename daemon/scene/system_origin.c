@@ -27,7 +27,8 @@ const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_ar
     return text;
 }
 
-// The same columns mean the same data, so that the same groups must be measured from another.
+// Checks that the same groups as in training are measured from another subsystem. The columns have
+// the same names, so that the data are the same.
 static pm_status check_relative(const pm_scene_subsystem *subsystem, const pm_provenance *own,
                                 pm_arena *arena) {
     const char *text = pm_system_relative_groups(subsystem, arena);
@@ -42,8 +43,9 @@ static pm_status check_relative(const pm_scene_subsystem *subsystem, const pm_pr
                          subsystem->group_at[0], subsystem->name, own->path, own->relative, text);
 }
 
-// Weights that were trained once may serve in many places. But if their own place is in this scene
-// and the weights of another stand there, the files were exchanged.
+// Fails if two subsystems have exchanged their weights: the scene has the columns on which the
+// weights of this subsystem were trained, in another subsystem, whose weights were trained on other
+// columns. Otherwise weights may serve in many places.
 static pm_status check_swapped(const pm_system *system, int id) {
     const pm_scene *scene = system->scene;
     const pm_provenance *own = &system->part_provenance[id];

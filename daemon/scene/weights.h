@@ -1,14 +1,21 @@
-// Weights files: one HDF5 file per subsystem or port, readable by a person with h5dump.
-//   attributes of /: format "portmet weights", version, kind (subsystem | port), model (YAML text),
-//     digest (over kind, layout, model text and values as read into double), command, seed,
-//     data (what they were trained on), loss, seconds (training time), created (UTC); where steps
-//     were fitted, integrator and step (s); of the data the trajectories, and seen, a digest of
-//     each; of the state columns, a digest of their names, and relative, the groups measured from
-//     a neighbour; and, where the numbers of a state mean nothing without
-//     another file, coordinates (which)
-//   /layout (port: /layout_a, /layout_b): attributes names, units, sizes
+// Weights files: one HDF5 file for each subsystem or port, which h5dump prints readably.
+//   Attributes of /:
+//     format "portmet weights", version, kind ("subsystem" or "port")
+//     model         the YAML text of the model (model_reader.h)
+//     digest        over kind, layouts, text of the model, and values as read into double
+//     command, seed, loss, seconds (time of training), created (UTC)
+//     data          the data of the training
+//     integrator, step (s)       only if the training fitted steps
+//     trajectories, seen         the trajectories of the training, as text, and a digest of each
+//     columns, relative          a digest of the names of the state's columns, and the groups that
+//     are
+//                                measured from a neighbour
+//     coordinates   only if the numbers of a state have a meaning with another file alone: which
+//     file
+//   /layout, or for a port /layout_a and /layout_b: attributes names, units, sizes
 //   /parameters/<name>: [rows][cols] double (float32 is read too), attribute trained
-// Written under a temporary name, synced and renamed: never half-written.
+// A file is written under a temporary name, synchronised and renamed, so that it is never
+// half-written.
 #ifndef PM_SCENE_WEIGHTS_H
 #define PM_SCENE_WEIGHTS_H
 
@@ -19,50 +26,52 @@
 #include "model/part.h"
 #include "model/port.h"
 
-#define PM_MOST_SEEN 7000 // digests of trajectories; an attribute holds no more
+#define PM_MOST_SEEN 7000 // digests of trajectories: an attribute of HDF5 cannot hold more
 
-// Where weights come from. Text is the caller's on saving, in the arena on loading.
+// The origin of weights. The caller owns the texts when it saves; they live in the arena after
+// loading.
 typedef struct pm_provenance {
-    const char *path;    // on loading: the file
-    const char *command; // that made them
-    const char *data;    // the data they were trained on
-    // Whose coordinates the variables are, e.g. "basis 0123456789abcdef" (a dataset's note says the
-    // same); "" or, on saving, NULL: the variables' names say all.
+    const char *path;    // of the file; set by loading, ignored by saving
+    const char *command; // that made the weights
+    const char *data;    // on which they were trained
+    // The file that gives the variables a meaning, such as "basis 0123456789abcdef"; a note of the
+    // dataset says the same. "" or, when saving, NULL: no such file is needed.
     const char *coordinates;
-    // By what steps they were trained: the method ("" or, on saving, NULL: not known, or rates were
-    // fitted and no steps), and the length of one of its steps.
+    // The integrator whose steps the training fitted, and the length of one step. "" or, when
+    // saving, NULL: the training fitted rates, or nothing is known.
     const char *integrator;
-    double step; // s; 0 without integrator
-    // Which trajectories of the data they were trained on: as text, such as "0:4,5:9" ("" or, on
-    // saving, NULL: not known), and the digest of each (dataset.h), so that evaluations know them
-    // again in any file.
+    double step; // s; 0 if there is no integrator
+    // The trajectories of the training: as text, such as "0:4,5:9" ("" or, when saving, NULL: not
+    // known), and the digest of each (dataset.h), by which evaluations recognise them in any file.
     const char *trajectories;
-    int nseen; // at most PM_MOST_SEEN are kept
-    const uint64_t *seen;
-    // Of subsystems: the digest of the columns that were its state (0: not known), and the groups
-    // that were measured from a neighbour, joined by blanks (system.h).
+    int nseen;            // a file keeps at most PM_MOST_SEEN
+    const uint64_t *seen; // [nseen]
+    // Only for subsystems: the digest of the names of the columns that were its state (0: not
+    // known), and the groups that were measured from a neighbour, joined by blanks (system.h).
     uint64_t columns;
     const char *relative;
     uint64_t seed;
     double loss;
-    double seconds;  // training time
-    uint64_t digest; // of spec, layout and values; computed by _save, checked by _load
+    double seconds;  // time of training
+    uint64_t digest; // of the content; ignored by saving, checked and set by loading
 } pm_provenance;
 
-// Loads spec, layout and values and declares the model; on failure the model is untouched.
-// PM_EWEIGHTS (file missing, foreign, truncated, wrong version or kind, missing or extra or
-// non-finite values, digest), PM_ENOMEM. The caller frees the model (pm_part_free, pm_port_free);
-// spec, layout and provenance live in the arena.
+// Load spec, layouts and values of a file and declare the model; on failure model and provenance
+// are untouched. PM_EWEIGHTS: the file is missing, truncated or not a weights file, has another
+// version or kind, a value is missing, unknown or not finite, or the digest differs. PM_ENOMEM. The
+// caller frees the model (pm_part_free, pm_port_free); spec, layouts and provenance live in the
+// arena.
 pm_status pm_weights_load_part(const char *path, pm_arena *arena, pm_part *part,
                                pm_provenance *provenance);
 pm_status pm_weights_load_port(const char *path, pm_arena *arena, pm_port_model *port,
                                pm_provenance *provenance);
 
-// The digest that a file of the model has.
-pm_status pm_weights_digest_part(const pm_part *part, uint64_t *digest); // PM_ENOMEM
+// Compute the digest that a file of this model would have. PM_ENOMEM.
+pm_status pm_weights_digest_part(const pm_part *part, uint64_t *digest);
 pm_status pm_weights_digest_port(const pm_port_model *port, uint64_t *digest);
 
-// PM_EFILE, PM_EWEIGHTS (a value that is not finite), PM_ENOMEM.
+// Save a model; an existing file is replaced. PM_EFILE, PM_EWEIGHTS (a value is not finite),
+// PM_ENOMEM.
 pm_status pm_weights_save_part(const char *path, const pm_part *part,
                                const pm_provenance *provenance);
 pm_status pm_weights_save_port(const char *path, const pm_port_model *port,

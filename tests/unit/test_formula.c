@@ -229,7 +229,7 @@ static void mistakes_are_told(void **state) {
         {"q[1234567]", "expected the number of a component"},
         {"q[1", "expected \"]\" at its end"},
         {"2^s", "an exponent must be a number"},
-        {"1/0", "a part of it is inf"},
+        {"1/0", "an operation on numbers gives inf"},
         {"ln(-1)", "nan"},
         {"1e999", "expected a finite number at \"1e999\""},
         {"s $ 2", "expected an operation at \"$ 2\""},

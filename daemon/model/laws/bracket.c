@@ -1,7 +1,7 @@
 // The port law `bracket`, equation (3): one reversible and one irreversible operator over the
-// exposed groups of both ends together. Both ends evaluate it on the same numbers and take their
-// own part; in the hard form the energy fluxes cancel and the entropy fluxes sum to a production >=
-// 0.
+// exposed groups of both ends together. Each end evaluates both operators on the same numbers and
+// takes its own components of the rate. In the hard form the energy fluxes cancel, and the sum of
+// the entropy fluxes is a production >= 0.
 #include "model/constants.h"
 #include "model/operator.h"
 #include "model/port.h"
@@ -33,7 +33,7 @@ static pm_operator irreversible(const pm_port_model *port) {
 
 static pm_status check_spec(const pm_port_spec *spec) {
     if (spec->form == PM_FREE) {
-        return pm_fail(PM_ECONFIG, "law bracket cannot be free: it is a structure; use law "
+        return pm_fail(PM_ECONFIG, "law bracket cannot be free: it has a structure; use law "
                                    "exchange");
     }
     if (pm_potential_exists(&spec->energy) || pm_potential_exists(&spec->entropy)) {
@@ -55,7 +55,7 @@ static pm_status declare(pm_port_model *port) {
     return pm_operator_declare(&M, &site, &port->params);
 }
 
-// A co-vector of both ends side by side; an end without entropy counts as zero.
+// Returns the co-vectors of both ends side by side, with zeros for an end that has none.
 static pm_node both_ends(pm_graph *g, const pm_port_model *port, pm_node a, pm_node b) {
     if (a == PM_NO_NODE && b == PM_NO_NODE) {
         return PM_NO_NODE;
@@ -67,7 +67,7 @@ static pm_node both_ends(pm_graph *g, const pm_port_model *port, pm_node a, pm_n
     return pm_concat(g, 2, part);
 }
 
-// The rate of both ends that one operator causes: L driven by e, M by eta.
+// Returns the rate of both ends from one operator: e drives L, and eta drives M.
 static pm_node build(pm_graph *g, const pm_port_model *port, const pm_operator *op,
                      const pm_port_nodes end[2], pm_node *degeneracy) {
     const pm_site site = site_of(port, g, end);
@@ -84,7 +84,7 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     pm_node residual = PM_NO_NODE;
     const pm_node from_energy = build(g, port, &L, end, &residual);
     const pm_node sum = pm_add_or(g, from_energy, build(g, port, &M, end, &residual));
-    // The penalty is the port's, not an end's: counted once.
+    // Both ends build the same penalty, which counts once.
     if (own == PM_END_A) {
         *degeneracy = pm_add_or(g, *degeneracy, residual);
     }

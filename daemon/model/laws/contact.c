@@ -1,11 +1,11 @@
-// The port law `contact`: a body (end a, which exposes its momenta) opens and closes gaps (end b),
-// in which the energy of the contact is stored; a wall, or a load on a surface, in the same way.
-// With one given matrix H [ny_b][ny_a], how fast each gap opens per unit of generalised velocity,
-// or the identity,
+// The port law `contact`: the motion of a body (end a, which exposes its momenta) opens and closes
+// gaps (end b), which store the energy of the contact. A wall and a prescribed force on a surface
+// are coupled in the same way. The given matrix H [ny_b][ny_a], or the identity, is the rate at
+// which each gap opens per unit of generalised velocity:
 //     ydot_b += H e_a,    ydot_a -= H^T e_b
-// so that what leaves the body enters the gap: e_b . H e_a - e_a . H^T e_b = 0; no entropy moves.
-// Penalty: a gap's energy is k/2 |min(g,0)|^2, so e_b is minus the force that pushes the bodies
-// apart, and exactly zero while the gap is open (Wriggers, Computational Contact Mechanics, 2006).
+// The energy that leaves the body enters the gap, e_b . H e_a - e_a . H^T e_b = 0, and no entropy
+// moves. With the penalty energy k/2 |min(g,0)|^2 of a gap, e_b is minus the force that pushes the
+// bodies apart, and zero while the gap is open (Wriggers, Computational Contact Mechanics, 2006).
 #include <math.h>
 
 #include "model/operator.h"

@@ -1,14 +1,15 @@
-// The port law `exchange`, the boundary terms of equation (1): each end has potentials and
-// operators of its own over its exposed groups ("own.q"), whose networks also see what the
-// neighbour shows ("other.q", "other.dE.s"):  rate = -(L_boun dE_boun + M_boun dS_boun); in the
-// free form the rate is one network of all these. Nothing makes the two ends' fluxes cancel: the
-// ledger measures how well they do.
+// The port law `exchange`, the boundary terms of equation (1):
+//     rate = -(L_boun dE_boun + M_boun dS_boun)
+// Each end has potentials and operators of its own over its exposed groups ("own.q"). Their
+// networks also read the groups and co-energies that the neighbour shows ("other.q", "other.dE.s").
+// In the free form the rate is one network of all these. The fluxes of the two ends cancel only as
+// well as the training makes them; the ledger reports the remainder.
 #include "model/constants.h"
 #include "model/port.h"
 #include "model/potential.h"
 #include "model/unstructured_rate.h"
 
-// One end's boundary term: names of its parameters, and where it acts.
+// The boundary term of one end: the names of its parameters, and its operators.
 typedef struct boundary {
     const char *energy, *entropy, *rate;
     pm_operator L, M;
@@ -40,8 +41,8 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
     return site;
 }
 
-// Whether an end has a boundary term. On a mesh there is one network for the fields of one end; a
-// load, at the other, has nothing that moves.
+// Returns true if this end has a boundary term. On a mesh there is one network, for the fields of
+// one end; the other end is a boundary input without a state that changes.
 static bool has_term(const pm_port_model *port, const pm_site *site) {
     const pm_network_spec *rate = &port->spec.rate;
     int size;
@@ -108,7 +109,7 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     pm_node dE = PM_NO_NODE, dS = PM_NO_NODE;
     pm_gradient(g, E, PM_NO_NODE, 1, &end[own].y, &dE);
     pm_gradient(g, S, PM_NO_NODE, 1, &end[own].y, &dS);
-    // Boundary operators need no degeneracy, so they have no normal.
+    // Boundary operators need not be degenerate, so that they have no normal.
     const pm_node sum =
         pm_add_or(g, pm_operator_build(g, &b.L, &site, params, dE, PM_NO_NODE, degeneracy),
                   pm_operator_build(g, &b.M, &site, params, dS, PM_NO_NODE, degeneracy));
