@@ -1,5 +1,6 @@
-// Subsystems with given formulas in place of learned ones: two thermoelastic pendula against the
-// simulator's own formulas; and the error of steps of 0.3 s as the conduction between them grows.
+// Subsystems with given formulas in place of learned ones: two thermoelastic pendula are compared
+// with the truth simulator, also with steps of 0.3 s and growing conduction between them; friction
+// and conduction are compared with formulas.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -15,7 +16,7 @@
 #include "truth/ode.h"
 
 #define NZ 10
-#define SIZE 5 // of a link: q[2] p[2] s
+#define SIZE 5 // components of a link: q[2] p[2] s
 #define DT 0.3
 #define STEPS 40
 
@@ -74,15 +75,15 @@ static void pendula_close(pendula *p) {
     pm_scene_free(p->scene);
 }
 
-// The chain's state q1 q2 p1 p2 s1 s2, absolute, as the random_system's.
-static void to_world(const double *chain, double *z) {
+// Converts the absolute state q1 q2 p1 p2 s1 s2 of the chain into that of the scene.
+static void to_scene(const double *chain, double *z) {
     const double own[NZ] = {
         chain[0], chain[1], chain[4], chain[5], chain[8], chain[2] - chain[0], chain[3] - chain[1],
         chain[6], chain[7], chain[9]};
     memcpy(z, own, sizeof own);
 }
 
-// At one temperature of about 295 K.
+// Draws a state with equal temperatures of about 295 K.
 static void start_of(const pm_chain *chain, double *z) {
     static const double start[NZ] = {4.46, 4.4, 1.79, 4.48, -0.524, 1.398, 1.408, -0.184, 0, 0};
     memcpy(z, start, sizeof start);
@@ -103,7 +104,7 @@ static void roll_out(const pendula *p, const double *start, const char *method, 
     pm_monolithic_close(assembly);
 }
 
-// Relative L2 error of the positions and momenta, or of the entropies, over a whole rollout.
+// Returns the relative L2 error of positions and momenta, or of entropies, over a rollout.
 static double error_of(double z[STEPS + 1][NZ], double exact[STEPS + 1][NZ], bool entropy) {
     double difference = 0, size = 0;
     for (int i = 0; i <= STEPS; ++i) {
@@ -121,7 +122,7 @@ static void chain_rate(const void *data, const double *z, double *zdot) {
     pm_chain_rate(data, z, zdot);
 }
 
-// What the truth simulator makes of the pendula.
+// Computes the motion of the pendula with the truth simulator.
 static void simulate(const pendula *p, double z[STEPS + 1][NZ]) {
     double truth[STEPS + 1][NZ];
     const pm_ode ode = {NZ, chain_rate, &p->chain};
@@ -129,19 +130,19 @@ static void simulate(const pendula *p, double z[STEPS + 1][NZ]) {
     start_of(&p->chain, truth[0]);
     require(pm_ode_solve(&ode, (pm_ode_method){family, 1e-12, 1e-13}, STEPS + 1, DT, truth[0]));
     for (int i = 0; i <= STEPS; ++i) {
-        to_world(truth[i], z[i]);
+        to_scene(truth[i], z[i]);
     }
 }
 
 // --- tests ---
 
-// What the simulator does is in its own words; only the method's error is between.
+// Scene and simulator share no code, so that they differ only by the errors of their integrators.
 static void formulas_are_the_physics(void **state) {
     (void)state;
     static const struct {
         const char *method;
         int substeps;
-        double least, most; // by how much halving the step divides the error
+        double least, most; // the factor by which halving the step divides the error
     } methods[] = {{"heun", 8, 3.5, 4.5}, {"rk4", 4, 14, 20}, {"discrete_gradient", 4, 3.5, 4.5}};
     pendula p;
     double truth[STEPS + 1][NZ], z[STEPS + 1][NZ];
@@ -221,8 +222,8 @@ static void check_laws(pm_monolithic *assembly) {
     }
 }
 
-// A mass on a spring that rubs in one bath and warms another through a wire: friction and
-// conduction as they were written down, and both laws as far as numbers go.
+// A mass on a spring has friction in one bath and heats another through a wire. Friction and
+// conduction agree with formulas, and both laws hold to rounding.
 static void given_pairs_dissipate(void **state) {
     (void)state;
     static const double start[] = {1, -0.5, 3, 2, 0.1, -0.2};
@@ -247,9 +248,9 @@ static void given_pairs_dissipate(void **state) {
     pm_scene_free(scene);
 }
 
-// The springs' temperatures relax to each other up to 1200 times per second, 350 times per step.
-// The pendula with fast conduction are other equations, on which a method of second order has a
-// larger error with steps of any length; by how much, steps that resolve the exchange tell.
+// The temperatures of the springs relax at a rate of up to 1200 per second, that is 350 per step.
+// Pendula with fast conduction obey other equations, for which a method of second order has a
+// larger error with steps of any length. Steps that resolve the exchange show by how much.
 static void stiffness_costs_no_accuracy(void **state) {
     (void)state;
     static const double K[] = {0.5, 300, 3000};

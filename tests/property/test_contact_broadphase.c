@@ -1,5 +1,5 @@
-// The bounding test of contact: what is in a box is open, however its points are chosen; a rollout
-// has the same bits with and without boxes, and evaluates far less; images are what they stand for.
+// The bounding test of contact: all points of a box are open; a rollout has the same bits with and
+// without boxes, and evaluates far less; derived variables equal the same expressions written out.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,8 +18,9 @@
 #include "sim/monolithic.h"
 #include "sim/subsystem.h"
 
-// A body swings in the plane above a bumpy floor, 0.5 to 0.7 m below, which creeps; travel x [2],
-// creep [3] and entropy s lie between. `OTHER` is one more summand of its energy.
+// A body swings in the plane above a bumpy floor that creeps, 0.5 to 0.7 m below it. The gap
+// between them has the travel x [2], the creep [3] and the entropy s. `OTHER` is one more summand
+// of its energy.
 #define SCENE(GAP, EXPOSED)                                                                \
     "scene: floor\n"                                                                       \
     "time: {dt: 0.02, steps: 1, integrator: rk4, substeps: 4}\n"                           \
@@ -43,13 +44,13 @@
     "      slope: {of: x, matrix: [[0.2, 0], [0, -0.2], [0.1, 0.1]], offset: [0, 0.02, -0.01]}\n"
 #define CONTACT "\"k/2*|min(g + creep + u*slope, 0)|^2\""
 #define NZ 10
-#define TRAVEL 4 // first of the gap's numbers
+#define TRAVEL 4 // first component of the gap
 
 static const char bounded[] = SCENE(IMAGES "    energy: [{given: {s: 300}}, " CONTACT "]\n", "x");
-// A summand that is nothing, but for which x stands in the energy for itself.
+// A summand that is zero, but makes the energy depend on x other than through the sums.
 static const char unbounded[] =
     SCENE(IMAGES "    energy: [{given: {s: 300}}, " CONTACT ", \"0*x[0]\"]\n", "x");
-// Another floor: an image alone, and a wall beside it.
+// Another floor: a derived variable alone, and a wall beside it.
 static const char alone[] = SCENE(
     IMAGES "    energy: [{given: {s: 300}}, \"k/2*|min(g,0)|^2\", \"3*|min(g - slope, 0)|^2\"]\n",
     "x");
@@ -57,7 +58,7 @@ static const char alone_unbounded[] = SCENE(
     IMAGES "    energy: [{given: {s: 300}}, \"k/2*|min(g,0)|^2\", \"3*|min(g - slope, 0)|^2\",\n"
            "             \"0*x[0]\"]\n",
     "x");
-// The images written out, point by point.
+// The derived variables written out, point by point.
 static const char written_out[] =
     SCENE("    energy:\n"
           "      - {given: {s: 300}}\n"
@@ -98,7 +99,7 @@ static void close_run(run *r) {
     pm_scene_free(r->scene);
 }
 
-// As high above the floor as it has travelled.
+// Draws a start in which the height above the floor agrees with the travel.
 static void draw_start(pm_rng *rng, double start[NZ]) {
     memset(start, 0, NZ * sizeof *start);
     for (int i = 0; i < 2; ++i) {
@@ -136,7 +137,7 @@ static double smallest_in_box(const pm_contact_broadphase *b, pm_rng *rng, const
     return smallest;
 }
 
-// A part whose x are those of the scene above, and its box around a state.
+// The boxes of a part whose x are those of the scene above are open, and hold only their states.
 static void boxes_are_open(void **state) {
     (void)state;
     run r;
@@ -165,7 +166,7 @@ static void boxes_are_open(void **state) {
             nearest = fmin(nearest, smallest_in_box(&b, &rng, z, trial));
         }
         boxes += b.enclosed;
-        // What is outside, or not unconstrained and another, is not in the box.
+        // A state outside, or with another value of a constrained component, is not in the box.
         z[5] += 1e-9;
         double centre[6];
         memcpy(centre, z, sizeof centre);
@@ -176,7 +177,7 @@ static void boxes_are_open(void **state) {
         assert_false(b.enclosed && pm_contact_broadphase_holds(&b, centre, z));
     }
     assert_true(boxes > 1500 && closed > 50);
-    assert_true(nearest < 0.1); // boxes are not needlessly small
+    assert_true(nearest < 0.1); // the boxes reach close to contact
     const double pressed[6] = {0, 1e-3, 0, 0, 0, 300}, origin[6] = {0};
     pm_contact_broadphase_enclose(&b, origin, pressed, NULL);
     assert_false(b.enclosed);
@@ -185,7 +186,7 @@ static void boxes_are_open(void **state) {
     close_run(&r);
 }
 
-// Which energies of a gap have a box, and for how many x.
+// Energies of a gap that have a box, and the number of their x.
 static void only_sums_are_bounded(void **state) {
     (void)state;
     static const struct {
@@ -241,8 +242,7 @@ static void only_sums_are_bounded(void **state) {
     }
 }
 
-// Where rounding is larger than what is open there is no box: 2^53 takes away all that is less
-// than 1.
+// There is no box if rounding is larger than the opening: adding 2^53 loses everything below 1.
 static void rounding_is_in_the_bound(void **state) {
     (void)state;
     static const char *const formulas[] = {
@@ -278,7 +278,7 @@ static void rounding_is_in_the_bound(void **state) {
 
 #define STEPS 150
 
-// A step of both.
+// Makes a step with both.
 static void step_both(const run r[2], const pm_sample **one, const pm_sample **two) {
     require(pm_monolithic_step(r[0].assembly));
     require(pm_monolithic_step(r[1].assembly));
@@ -333,8 +333,8 @@ static void boxes_change_no_bit(void **state) {
     }
 }
 
-// What an x is made of may also be driven by the random_system. Between f = -0.01 and 0.01 a step
-// of discrete_gradient has no slope in x, which is closed where it begins.
+// A boundary input may also drive the components of which an x consists. Between f = -0.01 and 0.01
+// a step of discrete_gradient has no slope in x, which is closed where it begins.
 #define DRIVEN(OTHER)                                                                          \
     "scene: driven\n"                                                                          \
     "time: {dt: 0.02, steps: 1, integrator: discrete_gradient}\n"                              \
@@ -379,8 +379,8 @@ static void both_ends_of_a_step_are_in_the_box(void **state) {
     pm_arena_free(&arena);
 }
 
-// Images against the same written out, in energies and states.
-static void images_are_what_they_stand_for(void **state) {
+// Derived variables give the same energies and states as the expressions written out.
+static void derived_variables_equal_their_expressions(void **state) {
     (void)state;
     static const char *const integrators[] = {"rk4", "discrete_gradient"};
     for (int k = 0; k < 2; ++k) {
@@ -403,20 +403,20 @@ static void images_are_what_they_stand_for(void **state) {
             }
             largest = fmax(largest, one->energy[1] - 300 * one->z[NZ - 1]);
         }
-        assert_true(largest > 0.1); // it is pressed
+        assert_true(largest > 0.1); // the contact is closed
         close_run(&r[0]);
         close_run(&r[1]);
     }
 }
 
-// Whoever goes on from a checkpoint counts as if it had never been away.
+// A run that continues from a checkpoint counts evaluations like a run without interruption.
 static void returns_count_alike(void **state) {
     (void)state;
     enum { MEMORY = 512 };
     static const char *const integrators[] = {"rk4", "rk4_balanced", "discrete_gradient"};
     for (int k = 0; k < 3; ++k) {
         run r;
-        // At rest at first, which one step more knows and one less.
+        // The body does not move at first, which the run may know one step earlier or later.
         double start[NZ] = {0, 0, 0, 0, 0.3, 0.2};
         boundary_input(&r, bounded, integrators[k]);
         pm_subsystem *s[2][2];
@@ -478,7 +478,7 @@ int main(void) {
         cmocka_unit_test(rounding_is_in_the_bound),
         cmocka_unit_test(boxes_change_no_bit),
         cmocka_unit_test(both_ends_of_a_step_are_in_the_box),
-        cmocka_unit_test(images_are_what_they_stand_for),
+        cmocka_unit_test(derived_variables_equal_their_expressions),
         cmocka_unit_test(returns_count_alike),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

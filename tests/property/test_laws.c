@@ -1,6 +1,6 @@
 // Both laws of the hard form, for random models, weights and states: the operators themselves, the
-// bulk term, the bracket port, and rollouts seen by the ledger. The soft form's penalty measures
-// how far it is from them.
+// bulk term, the bracket port, and rollouts seen by the ledger. The penalty of the soft form
+// measures the violation of the laws.
 #include <glob.h>
 #include <math.h>
 #include <setjmp.h>
@@ -22,13 +22,15 @@
 
 #define WORLDS 300
 #define BATCH 4
-// Rounding, relative to the sum of the magnitudes that cancel. The scenes' own tolerances.
+// Rounding, relative to the sum of the magnitudes that cancel. Shipped scenes have tolerances of
+// their own.
 #define ENERGY_TOLERANCE 1e-12
 #define ENTROPY_TOLERANCE 1e-15
-// A rate smaller than this part of what it would be without the projections has their rounding.
+// A rate that is smaller than this part of the rate without projections consists of rounding errors
+// of the projections.
 #define LEFT_OVER 0.1
-// Of identities between different evaluations of an operator, whose roundings differ: a projection
-// loses up to the ratio of what goes in to what is left.
+// Tolerance of identities between two evaluations of an operator, whose rounding differs. A
+// projection amplifies rounding by the ratio of its argument to its result.
 #define OPERATOR_TOLERANCE 1e-10
 #define RUN_AWAY 1e6
 
@@ -38,8 +40,8 @@ static void fill_normal(pm_rng *rng, int n, double *x) {
     }
 }
 
-// Runs `count` outputs that depend on the inputs [ninput], which get normal numbers. The caller
-// closes.
+// Opens a program of `count` outputs, draws normal numbers for the inputs [ninput] and runs it. The
+// caller closes it.
 static pm_program *run(random_system *w, pm_graph *g, int count, const pm_node *output, int ninput,
                        const pm_node *input) {
     pm_program *program = NULL;
@@ -69,7 +71,8 @@ static pm_node apply(const test_bench *b, const pm_operator *operator, pm_node d
                              degeneracy);
 }
 
-// Kx, Ky, Kn with the normal n: symmetry of the right sign, definiteness, and nothing along n.
+// Kx, Ky and Kn, with the normal n, show that K is skew or symmetric and semi-definite, and that Kn
+// vanishes.
 static void check_operator(const test_bench *b, const pm_operator *operator) {
     pm_node degeneracy;
     if (!pm_operator_exists(operator->spec)) {
@@ -141,7 +144,7 @@ static part_nodes build_part(pm_graph *g, const pm_part *part) {
     return n;
 }
 
-// A node's numbers of one batch item, also of a node that the batch shares.
+// Returns the numbers of a node for one batch item. The batch may share the node.
 static const double *item(const pm_graph *g, pm_program *p, pm_node x, int i) {
     const pm_shape shape = pm_graph_shape(g, x);
     return pm_program_value(p, x) + (shape.batched ? i * shape.cols : 0);
@@ -230,8 +233,9 @@ static void bracket_keeps_both_laws(void **state) {
 
 // --- rollouts ---
 
-// Books every step; the number of steps before the state ran away, as random weights may make it:
-// its squares must stay far from the largest number for any law to hold.
+// Checks the ledger of every step and returns the number of steps. It ends early when the state
+// grows without bound, as random weights may make it: its squares must not overflow for a law to
+// hold.
 static int roll_out(const random_system *w, const pm_system *system,
                     const pm_boundary_input *boundary_input, const double *z, int steps) {
     pm_monolithic *assembly = NULL;
@@ -279,7 +283,7 @@ static void rollouts_keep_both_laws(void **state) {
     }
 }
 
-// A shipped scene: its weights, the first state of its reference, and the load that it prescribes.
+// A shipped scene: its weights, the first state of its reference, and its boundary inputs.
 typedef struct shipped {
     pm_scene *scene;
     pm_system *system;
@@ -288,7 +292,7 @@ typedef struct shipped {
     double *z;
 } shipped;
 
-// False if the scene's weights, of which it may need none, are not there.
+// Returns false if weights that the scene needs are not there.
 static bool load_shipped(shipped *s, const char *path) {
     assert_int_equal(pm_scene_load(&s->scene, path), PM_OK);
     const pm_scene *scene = s->scene;
@@ -318,7 +322,7 @@ static void unload_shipped(shipped *s) {
     pm_scene_free(s->scene);
 }
 
-// Where no law is kept by construction there is still nothing to crash.
+// Scenes whose form guarantees no law still run without errors.
 static void take_steps(const shipped *s, int steps) {
     pm_monolithic *assembly = NULL;
     assert_int_equal(pm_monolithic_open(&assembly, s->system), PM_OK);
@@ -354,7 +358,7 @@ static void shipped_weights_keep_both_laws(void **state) {
 
 // --- the soft form's penalty ---
 
-// The mean penalty of part 0 at random states.
+// Returns the mean penalty of part 0 at random states.
 static double penalty(random_system *w) {
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
@@ -370,8 +374,8 @@ static double penalty(random_system *w) {
     return sum;
 }
 
-// L = [[q, p]] with S of s alone, and M on s alone with E of q and p alone: L dS = M dE = 0. Each
-// other choice couples them.
+// With L = [[q, p]] and S of s alone, and with M on s alone and E of q and p alone, L dS = M dE =
+// 0. All other choices have a penalty > 0.
 static void penalty_is_zero_exactly_for_degenerate_models(void **state) {
     (void)state;
     static const char scene[] =

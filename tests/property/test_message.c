@@ -21,9 +21,10 @@
 #define SYSTEMS 60
 // Rounding, relative to the sum of the magnitudes that cancel.
 #define TOLERANCE 1e-12
-// A rate smaller than this part of what it would be without the projections has their rounding.
+// A rate that is smaller than this part of the rate without projections consists of rounding errors
+// of the projections.
 #define LEFT_OVER 0.1
-// Of central differences, relative to the largest derivative.
+// Step and tolerance of central differences, relative to the largest derivative.
 #define STEP 1e-5
 #define DIFFERENCE_TOLERANCE 1e-6
 
@@ -53,7 +54,7 @@ static part_nodes build_part(const random_system *w) {
     return n;
 }
 
-// One operator's rate; without a normal, unprojected.
+// Returns the rate of one operator; without a normal it is not projected.
 static pm_node operate(const part_nodes *n, pm_operator_kind kind, pm_node driving,
                        pm_node normal) {
     const bool skew = kind == PM_REVERSIBLE;
@@ -66,7 +67,7 @@ static pm_node operate(const part_nodes *n, pm_operator_kind kind, pm_node drivi
     return pm_operator_build(n->g, &op, &site, &n->part->params, driving, normal, &degeneracy);
 }
 
-// A program of one item at the random_system's state.
+// Opens and runs a program of one batch item at the state of the random system.
 static pm_program *run(const random_system *w, const part_nodes *n, int count,
                        const pm_node *output) {
     pm_program *p = NULL;
@@ -88,7 +89,7 @@ static void scale_weights(const random_system *w, double factor) {
     }
 }
 
-// From tame to extreme: weights and states a thousand times smaller and larger.
+// Opens a random system; the weights and states of some are a thousand times smaller or larger.
 static void open_system(random_system *w, uint64_t seed) {
     static const double factor[] = {1, 1e3, 1e-3};
     random_system_of_text(w, seed, scene, mesh_part[seed % 2], NULL);
@@ -100,7 +101,7 @@ static void open_system(random_system *w, uint64_t seed) {
 
 // --- the laws ---
 
-// Whether anything moves.
+// Checks the laws of one operator. Returns true if its rate is not zero.
 static bool check_laws(const random_system *w, const part_nodes *n, pm_operator_kind kind,
                        pm_node driving, pm_node normal) {
     const int nz = n->part->layout.nz;
@@ -144,7 +145,8 @@ static void operators_keep_both_laws(void **state) {
     }
 }
 
-// Without the projections what leaves one node enters another component of that node.
+// Without projections, the power that leaves one component of a node enters another of the same
+// node.
 static void operators_act_node_by_node(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; ++seed) {
@@ -193,7 +195,7 @@ static void the_soft_form_pays_and_does_not_project(void **state) {
         if (!(*pm_program_value(p, n.degeneracy) > 0)) {
             random_system_fail(&w, "no penalty");
         }
-        // What is given in the other model is degenerate as it stands.
+        // The given pairs of the other model are degenerate by themselves.
         for (int i = 0; i < n.part->layout.nz && seed % 2 == 1; ++i) {
             const double sum =
                 pm_program_value(p, output[2])[i] + pm_program_value(p, output[3])[i];
@@ -214,7 +216,8 @@ static void the_soft_form_pays_and_does_not_project(void **state) {
     "subsystems:\n"                                   \
     "  body: {weights: a.h5, state: {u: {unit: m, size: 81}, sigma: {unit: Pa, size: 162}}}\n"
 
-// Whether rates that change when a node's input does are those within `reach` edges of it.
+// Checks that a change of the input of a node changes the rates within `reach` edges, and no
+// others.
 static void check_reach(const random_system *w, const double *before, const double *after, int node,
                         int reach) {
     for (int i = 0; i < MESH_NODES; ++i) {
@@ -230,7 +233,7 @@ static void check_reach(const random_system *w, const double *before, const doub
     }
 }
 
-// One item at a time, as the place in a batch may decide how a product rounds.
+// Runs one item at a time, since rounding may depend on the place in a batch.
 static const double *run_at(pm_program *p, pm_node input, const double *value, int n,
                             pm_node output) {
     memcpy(pm_program_value(p, input), value, (size_t)n * sizeof *value);
@@ -270,7 +273,7 @@ static void messages_reach_as_far_as_they_are_passed(void **state) {
     }
 }
 
-// A box that is a network's whole step, a baseline without laws.
+// A free part on a mesh makes steps, and has no energy to exchange.
 static void a_free_part_steps_and_trades_nothing(void **state) {
     (void)state;
     random_system w;

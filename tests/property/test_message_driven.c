@@ -17,7 +17,7 @@
 
 // Rounding, relative to the largest rate.
 #define TOLERANCE 1e-12
-// Of central differences, relative to the length of the gradient.
+// Step and tolerance of central differences, relative to the length of the gradient.
 #define STEP 1e-5
 #define DIFFERENCE_TOLERANCE 1e-6
 
@@ -104,8 +104,8 @@ static void what_is_driven_is_proportional_to_the_driver(void **state) {
     }
 }
 
-// A force is felt one edge away, and the shape that decides how, two: passed once, and once more by
-// what it gates.
+// With one pass a force acts one edge away. The shape, which sets the gates of these messages, acts
+// two edges away.
 static void a_force_reaches_as_far_as_messages_do(void **state) {
     (void)state;
     driven d;
@@ -137,7 +137,7 @@ static void a_force_reaches_as_far_as_messages_do(void **state) {
 
 #define COUNT 3 // windows
 
-// Windows of one step, with the forces over it, around the random_system's state.
+// Draws windows of one step with the forces during the step.
 static pm_samples draw_windows(random_system *w) {
     const pm_scene *s = w->scene;
     pm_samples samples = {.count = COUNT,
@@ -159,7 +159,7 @@ static pm_samples draw_windows(random_system *w) {
     return samples;
 }
 
-// The loss reads dE: its gradient is of second order in the energy's network.
+// The loss contains dE, so that its gradient has second derivatives of the network of the energy.
 static void the_gradient_of_a_loss_is_its_slope(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 4; ++seed) {

@@ -1,5 +1,6 @@
-// Linear laws of irreversible physics as constants of learned operators, and what holds for any
-// weights: symmetry, degeneracy and growth of entropy, temperatures and heat capacities above zero.
+// Linear laws of irreversible physics are constant factors of learned operators. For all weights
+// operators are symmetric and degenerate, entropy grows, and temperatures and heat capacities are >
+// 0.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,7 +19,7 @@
 #include "tests/support/random_system.h"
 
 #define TRIALS 200
-// Sums of a few products of doubles, some of which cancel.
+// Rounding of sums of a few products, some of which cancel.
 #define ROUNDING 1e-11
 #define MAX_N 8
 #define MAX_HEATS 3
@@ -64,7 +65,8 @@ static void draw_operands(operands *o, pm_rng *rng) {
     }
 }
 
-// Shares of column j, and its vector v_j as dissipation.h defines it; returns theta_j.
+// Computes the shares of process j and its vector v_j as dissipation.h defines them; returns
+// theta_j.
 static double column_of(const operands *o, int j, double *v) {
     double share[MAX_HEATS] = {1}, sum = 1, power = 0, mean = 0, theta = 0;
     for (int k = 1; k < o->nheat; ++k) {
@@ -114,8 +116,8 @@ static void build_rate(const operands *o, double *rate) {
     pm_graph_close(g);
 }
 
-// The rate is M dS with M = sum v v^T/theta, which is symmetric and positive semi-definite, and
-// whose v are orthogonal to dE.
+// The rate is M dS with M = sum v v^T/theta, which is symmetric and positive semi-definite,
+// and all v are orthogonal to dE.
 static void operators_are_sums_of_squares_without_energy(void **state) {
     (void)state;
     pm_rng rng;
@@ -152,7 +154,7 @@ static void operators_are_sums_of_squares_without_energy(void **state) {
     }
 }
 
-// A factor of one constant column, and the rates that it must give.
+// A factor of one constant process, and the rates that it must give.
 static void check_law(const operands *o, const double *expected) {
     double rate[MAX_N];
     build_rate(o, rate);
@@ -175,8 +177,8 @@ static void constant_friction_is_a_constant(void **state) {
     check_law(&o, (double[]){-k * f, k * f * f / T});
 }
 
-// Friction by the difference of two flows, with temperatures apart: x_a' = -k (f_a - f_b), and the
-// heat is shared equally.
+// Friction by the difference of two flows at different temperatures: x_a' = -k (f_a - f_b), and
+// both entropies take up equal parts of the heat.
 static void friction_by_differences_is_a_constant(void **state) {
     (void)state;
     const double Ta = 310, Tb = 420, fa = 0.7, fb = -0.4, k = 0.3, r = sqrt(k);
@@ -191,8 +193,8 @@ static void friction_by_differences_is_a_constant(void **state) {
     check_law(&o, (double[]){-k * (fa - fb), power / (2 * Ta), k * (fa - fb), power / (2 * Tb)});
 }
 
-// Conduction: heat k (T_b - T_a) into a, however far the temperatures are apart, exactly where
-// power is shared equally.
+// Conduction: the heat k (T_b - T_a) flows into a for any difference of temperatures. This is exact
+// if the shares are equal.
 static void conduction_is_a_constant(void **state) {
     (void)state;
     const double Ta = 310, Tb = 420, k = 0.3, r = sqrt(k);
@@ -206,8 +208,9 @@ static void conduction_is_a_constant(void **state) {
     check_law(&o, (double[]){k * (Tb - Ta) / Ta, k * (Ta - Tb) / Tb});
 }
 
-// Heat driven by a difference of 1/T is a power of -2: exactly but for the means of temperatures,
-// which differ in the third order of their difference; and radiation is a power of 3 likewise.
+// Heat driven by a difference of 1/T has the exponent -2, and radiation the exponent 3. Both are
+// exact except for the mean of the temperatures, which has an error of third order in their
+// difference.
 static void powers_of_temperature_are_constants(void **state) {
     (void)state;
     const double k = 0.3, r = sqrt(k);
@@ -235,7 +238,7 @@ static void powers_of_temperature_are_constants(void **state) {
 
 // --- energies ---
 
-// For any weights dE/ds > 0 of every entropy, and E is convex in s.
+// For all weights dE/ds > 0 for every entropy, and E is convex in s.
 static void temperatures_and_heat_capacities_are_positive(void **state) {
     (void)state;
     static const char *const features[] = {"x", "s", "r"};
@@ -291,8 +294,7 @@ static void temperatures_and_heat_capacities_are_positive(void **state) {
     }
 }
 
-// The discrete derivative of a thermal energy carries its change: D . (z_to - z_from) = E_to -
-// E_from.
+// The discrete derivative of a thermal energy satisfies D . (z_to - z_from) = E_to - E_from.
 static void thermal_energies_have_discrete_derivatives(void **state) {
     (void)state;
     static const char *const features[] = {"x", "s"};
@@ -370,8 +372,9 @@ static void roll(random_system *w, double *z) {
     pm_monolithic_close(assembly);
 }
 
-// A rigid body by a cross product or by components, and friction by difference as a given pair or
-// as a learned factor of the same constant, are the same motion; the friction agrees with formulas.
+// A rigid body moves equally with a cross product and with pairs of components, and friction by a
+// difference acts equally as a given pair and as a learned factor with the same constant. The
+// friction agrees with formulas.
 static void couplings_agree_with_each_other(void **state) {
     (void)state;
     static const char energy[] =

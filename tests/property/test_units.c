@@ -1,5 +1,5 @@
-// Training does not depend on the units of columns and of time, and no start is dead: of every
-// form, after two iterations (hidden layers wait for the first) every block of weights has moved.
+// Training does not depend on the units of columns and of time. From every start of every form, two
+// iterations change every block of weights (hidden layers change from the second iteration on).
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -22,7 +22,7 @@
 #define DT 0.1
 #define ITERATIONS 5
 #define MAX_ITERATIONS 20
-// Rounding, amplified by the normal equations of some iterations.
+// Rounding, which the normal equations of some iterations amplify.
 #define SAME_CURVE 1e-5
 
 static const char *const columns[NZ] = {"x1", "p1", "s1", "x2", "p2", "s2"};
@@ -129,7 +129,8 @@ static pm_status record(void *context, const pm_optimisation *o, double loss) {
     return PM_OK;
 }
 
-// Trains from the seed's draw for some iterations; *theta [2][size]: before and after.
+// Draws weights from the seed and trains for some iterations; *theta [2][size] are the weights
+// before and after.
 static curve train(pm_training *t, const pm_dataset *data, int iterations, double **theta) {
     curve c = {0};
     pm_samples samples;
@@ -210,7 +211,7 @@ static void curves_do_not_depend_on_units(void **state) {
     check_curves(free_part, free_port, "exchange");
 }
 
-// The energy's own zero does nothing.
+// Returns true for a bias that only adds a constant to the energy, and thus has no effect.
 static bool is_constant_of_energy(const pm_param_entry *entry) {
     const char *end = strstr(entry->name, ".output.bias");
     const bool potential =
@@ -249,8 +250,8 @@ static void check_alive(const char *part, const char *port, const char *law) {
     pm_training_free(t);
 }
 
-// Formulas whose constants are learned find those of the data, to the error of rates by
-// differences.
+// Learned constants of formulas converge to those of the data, up to the error of rates that are
+// computed by differences.
 static void constants_are_found(void **state) {
     (void)state;
     static const char part[] =
@@ -269,7 +270,7 @@ static void constants_are_found(void **state) {
     double *theta;
     pm_training *t = boundary_input(1, part, port, "bracket");
     pm_dataset *data = make_data(unit, 1);
-    assert_int_equal(t->tries, 1); // nothing is drawn
+    assert_int_equal(t->tries, 1); // there is nothing to draw
     train(t, data, MAX_ITERATIONS, &theta);
     for (int i = 0; i < 3; ++i) {
         const pm_params *params = pm_system_params(t->system, i);

@@ -1,5 +1,5 @@
-// Formulas: their values and derivatives against C, their discrete derivatives against what these
-// must satisfy, and every mistake in their text.
+// Values and derivatives of formulas are compared with the same expressions in C, discrete
+// derivatives satisfy their defining equations, and every mistake in the text is refused.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -39,7 +39,7 @@ static void check(const char *what, double value, double expected, double tolera
     }
 }
 
-// The formula's value and gradient at z.
+// Computes the value and the gradient of a formula at z.
 static double evaluate(const char *text, const double *z, double gradient[NZ]) {
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
@@ -175,7 +175,7 @@ static void discrete_derivatives(void **state) {
     }
 }
 
-// What does not exist is zero: the dS of a part without entropy.
+// A symbol without a value counts as zero, such as the dS of a part without entropy.
 static void absent_covectors_are_zero(void **state) {
     (void)state;
     pm_graph *g = NULL;

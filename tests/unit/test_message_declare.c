@@ -1,5 +1,6 @@
-// Networks on a mesh when they are declared: what their parameters are called, in which order
-// (weights are drawn in it, so that another one would be another training), and what is refused.
+// The declaration of networks on a mesh: the names of their parameters, the order of these (the
+// initial weights are drawn in it, so that another order would change every training), and the
+// errors.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -95,7 +96,7 @@ static void parameters_of_nodes_are_in_order(void **state) {
     close_network(&n);
 }
 
-// The moments of a driver are of each component: none is left out.
+// The products of a driver with the first field exist for every component.
 static void a_driver_of_too_many_components_is_refused(void **state) {
     (void)state;
     for (int components = PM_MAX_FEATURES; components <= PM_MAX_FEATURES + 1; ++components) {
@@ -126,7 +127,7 @@ static void parameters_of_other_shapes_are_refused(void **state) {
     close_network(&n);
 }
 
-// Whichever allocation fails.
+// The declaration fails cleanly whichever allocation fails.
 static void running_out_of_memory_is_an_error(void **state) {
     (void)state;
     int failures = -1;
@@ -144,7 +145,7 @@ static void running_out_of_memory_is_an_error(void **state) {
     assert_true(failures > 50);
 }
 
-// The graph says so when it is to be run.
+// The graph remembers the failure, and opening its program reports it.
 static void building_goes_on_without_memory(void **state) {
     (void)state;
     const pm_fields out = {1, (const char *const[]){"u"}};

@@ -1,5 +1,5 @@
-// Parameters, features and networks against formulas written by hand, and every mistake in a model
-// that only its layout reveals.
+// Parameters, features and networks are compared with formulas written by hand, and every mistake
+// in a model that shows only with its layout is refused.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

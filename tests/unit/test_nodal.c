@@ -1,4 +1,5 @@
-// Operators made of one matrix per node: against sums written out, and how they round.
+// Operators that are one matrix per node are compared with sums written out, and their rounding is
+// bounded.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,13 +17,13 @@
 #define ROWS 4 // of two fields
 #define COLUMNS 2
 #define N (NNODE * ROWS)
-// A few roundings of numbers around 1.
+// A few rounding errors of numbers around 1.
 #define TOLERANCE 1e-13
 
 static const int components[2] = {3, 1};
 static const pm_nodal_fields fields = {NNODE, 2, components};
 
-// Where row r of a node stands in a row of both fields.
+// Returns the position of row r of a node in a row of both fields.
 static int place(int node, int r) {
     return r < components[0] ? components[0] * node + r : components[0] * NNODE + node;
 }
@@ -33,7 +34,7 @@ static void draw(pm_rng *rng, int count, double *value) {
     }
 }
 
-// (C - C^T) x with columns 0, or G G^T x.
+// Computes (C - C^T) x if columns is 0, else G G^T x.
 static void apply(int columns, const double *matrix, const double x[N], double rate[N]) {
     const int size = ROWS * (columns == 0 ? ROWS : columns);
     pm_graph *g = NULL;
@@ -82,7 +83,7 @@ static void skew_and_square_are_the_sums_they_spell(void **state) {
     }
 }
 
-// What C and C^T have in common leaves no rounding behind, however large.
+// The symmetric part of C, however large, leaves no rounding error.
 static void the_diagonal_does_not_count(void **state) {
     (void)state;
     pm_rng rng;

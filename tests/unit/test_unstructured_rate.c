@@ -1,5 +1,5 @@
-// The free form: a linear network must give the linear rate it spells, of its own state in a part
-// and of both ends' in a port; and nothing else is allowed beside it.
+// The free form: a linear network gives the linear rate of its weights, over the own state in a
+// part and over the states of both ends in a port. Potentials and operators beside it are refused.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
