@@ -37,5 +37,8 @@ row() {
 
 row gfinn_gas gfinn_gas.h5 gfinn_gas 0:60 60:80
 row gfinn_gas_given gfinn_gas.h5 gfinn_gas 0:60 60:80
+unseen=2,7,12,17,22,27,32,37,42,47,52,57,62,67,72,77
+seen=0:2,3:7,8:12,13:17,18:22,23:27,28:32,33:37,38:42,43:47,48:52,53:57,58:62,63:67,68:72,73:77,78:80
+row couette viscoelastic.h5 couette "$seen" "$unseen"
 row public_double_pendulum double_pendulum.h5 public_double_pendulum 0:30 30:40
 exit $failed
