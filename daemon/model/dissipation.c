@@ -90,7 +90,15 @@ pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
     pm_node flow = pm_div(g, pm_sub(g, drive, pm_mul(g, power, theta)), size);
     if (d->power != PM_NO_NODE) {
         const pm_node warmth = pm_log(g, pm_div(g, mean, d->reference));
-        flow = pm_mul(g, flow, pm_exp(g, pm_mul(g, d->power, warmth)));
+        pm_node exponent = pm_mul(g, d->power, warmth);
+        if (d->ratio_power != PM_NO_NODE) {
+            const pm_node size_of = pm_log(g, positive(g, temperature));
+            const pm_node ratio =
+                pm_sub(g, pm_log(g, mean),
+                       pm_scale(g, pm_matmul(g, size_of, false, rest, true), 1.0 / (d->nheat - 1)));
+            exponent = pm_add(g, exponent, pm_mul(g, d->ratio_power, ratio));
+        }
+        flow = pm_mul(g, flow, pm_exp(g, exponent));
     }
     pm_node heat =
         pm_scale(g, pm_div(g, pm_matmul(g, pm_mul(g, flow, power), false, share, false), nh), -1);

@@ -15,10 +15,11 @@
 // process without h is friction -u_j F_j with a coefficient that does not depend on the
 // temperatures; it acts between two bodies if u_j is a difference. A process without u is
 // conduction between two entropies with constant conductance, since h_jk is measured in sqrt(m_j),
-// where m_j = sum_k (1 - lambda_jk) T_k / (n - 1) for n entropies. For coefficients that depend on
-// temperature by a power law, process j is multiplied by (m_j/T_ref)^a_j, with m_j = T for one
-// entropy: viscosities, conduction driven by differences of 1/T (a = -2), and nearly radiation (a =
-// 3).
+// where m_j = sum_k (1 - lambda_jk) T_k / (n - 1) for n entropies. Coefficients may depend on
+// temperature by a power law: process j is multiplied by (m_j/T_ref)^a_j, with m_j = T for one
+// entropy, and for several by (m_j/g_j)^c_j, too, where g_j is the geometric mean with the same
+// weights. Examples are viscosities, conduction driven by differences of 1/T (a = -2, c = 2,
+// exactly), and radiation between bodies (a = 3, c = 2, to fourth order of the difference).
 #ifndef PM_MODEL_DISSIPATION_H
 #define PM_MODEL_DISSIPATION_H
 
@@ -35,6 +36,7 @@ typedef struct pm_dissipation {
                    // equal shares
     pm_node power, reference; // the exponents a [1][rank], and T_ref [1][1] in K; power PM_NO_NODE:
                               // coefficients do not depend on temperature
+    pm_node ratio_power;      // the exponents c [1][rank]; PM_NO_NODE where there is one entropy
 } pm_dissipation;
 
 // Returns the rate [1][n], in the units of the variables per second.

@@ -181,15 +181,16 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
     const pm_operator_spec *spec = c->op->spec;
     const pm_node rows = from_frame(c, pm_transpose(g, c->matrix));
     const pm_shape shape = {true, 1, c->support.n};
+    const bool shared = pm_support_heats(spec, c->site) > 1;
     pm_dissipation dissipation = {
         .driving = pm_broadcast_to(g, d, shape),
         .normal = pm_broadcast_to(g, normal, shape),
         .factor = pm_mul(g, rows, c->scale),
         .power = pm_network_param(g, params, c->op->prefix, "power"),
         .reference = pm_network_param(g, params, c->op->prefix, "temperature"),
-        .split = pm_support_heats(spec, c->site) > 1
-                     ? pm_network_param(g, params, c->op->prefix, "split")
-                     : PM_NO_NODE,
+        .split = shared ? pm_network_param(g, params, c->op->prefix, "split") : PM_NO_NODE,
+        .ratio_power =
+            shared ? pm_network_param(g, params, c->op->prefix, "ratio_power") : PM_NO_NODE,
     };
     for (int i = 0; i < c->support.ngroup; ++i) {
         const bool heated = pm_is_listed(spec->nheats, spec->heats, c->support.group[i]->name);

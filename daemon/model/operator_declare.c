@@ -134,9 +134,13 @@ static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_pa
                          PM_DEFAULT_TEMPERATURE));
     PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "power"), 1, op->spec->rank,
                          true, 0, 0));
-    return nheat < 2 ? PM_OK
-                     : pm_params_add(params, pm_operator_join(name, op->prefix, "split"),
-                                     op->spec->rank, nheat - 1, true, 0, 0);
+    if (nheat < 2) {
+        return PM_OK;
+    }
+    PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "ratio_power"), 1,
+                         op->spec->rank, true, 0, 0));
+    return pm_params_add(params, pm_operator_join(name, op->prefix, "split"), op->spec->rank,
+                         nheat - 1, true, 0, 0);
 }
 
 static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const pm_support *s,

@@ -10,6 +10,9 @@
 #define FIRST_EXPONENT 0.05
 #define NEXT_EXPONENT 3.0
 #define EXPONENT_SPREAD 0.3
+// A temperature that changes less over the data is constant for all purposes, and (exp(b s) - 1)/b
+// would lose its digits.
+#define SMALLEST_EXPONENT 1e-5
 
 typedef char thermal_name[160];
 
@@ -36,10 +39,9 @@ pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symb
     PM_TRY(pm_params_add(params, join(name, prefix, "mean"), 1, n, false, 0, 0));
     PM_TRY(pm_params_add(params, join(name, prefix, "deviation"), 1, n, false, 0, 1));
     PM_TRY(pm_params_add(params, join(name, prefix, "unit"), 1, 1, false, 0, 1));
-    double start[1 + PM_MAX_EXPONENTIALS] = {0};
-    for (int i = 0; i < spec->exponentials; ++i) {
-        start[1 + i] = -log(spec->exponentials);
-    }
+    const double start[1 + PM_MAX_EXPONENTIALS] = {0};
+    PM_TRY(pm_params_add(params, join(name, prefix, "amplitude"), 1, spec->exponentials, true, 0,
+                         -log(spec->exponentials)));
     PM_TRY(pm_network_declare(&body, symbols, 1 + spec->exponentials, start, params,
                               join(name, prefix, "body")));
     PM_TRY(pm_params_add(params, join(name, prefix, "exponent"), n, spec->exponentials, true,
@@ -70,7 +72,8 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     thermal_name name;
     join(name, prefix, "body");
     const pm_node exponent =
-        pm_exp(g, pm_network_param(g, params, prefix, "exponent")); // b [n][count]
+        pm_offset(g, pm_exp(g, pm_network_param(g, params, prefix, "exponent")),
+                  SMALLEST_EXPONENT); // b [n][count]
     const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
     const int n = pm_graph_shape(g, exponent).rows;
     const int nx = pm_graph_shape(g, features).cols - n;
@@ -81,10 +84,13 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     const pm_node s = pm_div(
         g, pm_sub(g, pm_slice(g, features, nx, n), pm_network_param(g, params, prefix, "mean")),
         deviation);
-    const pm_node rise = pm_offset(g, pm_exp(g, pm_matmul(g, s, false, exponent, false)), -1);
-    const pm_node inverse = pm_div(g, pm_constant(g, 1.0 / n, 1, n), deviation);
-    const pm_node height = pm_div(g, pm_exp(g, pm_slice(g, out, 1, count)),
-                                  pm_matmul(g, inverse, false, exponent, false));
+    const pm_node mean = pm_constant(g, 1.0 / n, 1, n);
+    const pm_node shift =
+        pm_mul(g, pm_slice(g, out, 1, count), pm_matmul(g, mean, false, exponent, false));
+    const pm_node form = pm_add(g, pm_matmul(g, s, false, exponent, false), shift);
+    const pm_node rise = pm_offset(g, pm_exp(g, form), -1);
+    const pm_node height = pm_div(g, pm_exp(g, pm_network_param(g, params, prefix, "amplitude")),
+                                  pm_matmul(g, pm_div(g, mean, deviation), false, exponent, false));
     const pm_node heat = pm_scale(g, pm_dot(g, height, rise), spec->temperature);
     return pm_add(g, heat,
                   pm_mul(g, pm_slice(g, out, 0, 1), pm_network_param(g, params, prefix, "unit")));
