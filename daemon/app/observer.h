@@ -22,7 +22,8 @@ typedef struct pm_observer {
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options);
 
-// Returns options with which a coordinator calls this observer, whose address must not change.
+// Returns options with which a coordinator calls this observer. They hold the address of the
+// observer, which must not move before the coordinator is closed. `setup` is only read here.
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup);
 
 // Closes the recording after a run that ended with `status`, and prints the tables of the steps

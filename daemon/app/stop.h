@@ -5,8 +5,9 @@
 
 #include <signal.h>
 
-// Installs the handlers and ignores SIGPIPE. Returns the flag, which the handlers make non-zero. A
-// blocking system call then returns EINTR.
+// Installs the handlers of SIGINT and SIGTERM, and ignores SIGPIPE. Returns the flag, which exists
+// as long as the process. Either signal sets the flag to 1 for good. The system does not restart a
+// blocking call that one of these signals interrupts: the call fails with EINTR.
 const volatile sig_atomic_t *pm_stop_install(void);
 
 #endif

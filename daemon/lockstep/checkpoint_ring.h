@@ -22,7 +22,9 @@ typedef struct pm_checkpoint_ring {
 int64_t pm_checkpoint_ring_interval(const pm_scene *scene);
 
 // Takes the present state of the subsystems as the checkpoint of step 0, with memory from the
-// arena; writes no file. `path` (may be NULL) must outlive the ring. PM_ENOMEM.
+// arena. `path` names the file into which the functions below write checkpoints, and must outlive
+// the ring; this function writes nothing. If `path` is NULL, no checkpoints are kept, in memory or
+// in a file. PM_ENOMEM.
 pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *ring, pm_arena *arena, const char *path,
                                   const pm_system *system, pm_process_subsystems *subsystems);
 

@@ -1,7 +1,7 @@
 // The inside of a coordinator, private to its four files and to tests: lockstep_coordinator.c
-// polls, grants and books steps and ends the run; coordinator_messages.c handles messages;
-// coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds what these
-// three share. Calls go in this order, never back.
+// polls, grants steps, enters them in the ledger and ends the run; coordinator_messages.c handles
+// messages; coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds what
+// these three share. Calls go in this order, never back.
 //
 // The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING, which
 // `completed` and `held` divide. `patience` and `checkpoint` are those of the scene. A coordinator
@@ -65,7 +65,7 @@ struct pm_lockstep_coordinator {
     int lookahead;              // steps granted beyond the last complete one, at most
     bool hears_fluxes;          // fluxes show progress; grants stay within a window of them
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
-    bool failed;                // a step could not be booked; no later step is booked
+    bool failed;                // a step could not enter the ledger; no later one enters
     bool progressed;            // since the last poll: a new wait begins
     bool fluxes_requested;      // in this wait: the next request is for reports
     double moved;               // s, when a process last made progress

@@ -19,7 +19,8 @@ typedef struct pm_gate {
 // no step. PM_EFILE: the file cannot be read, or holds something other than a whole number.
 pm_status pm_gate_init(pm_gate *gate, const char *path);
 
-// Reads the file again if the last reading is old enough. `now` in s, monotonic. PM_EFILE.
+// Reads the file again if the last reading is old enough. `now` is the present time (s, monotonic).
+// PM_EFILE.
 pm_status pm_gate_refresh(pm_gate *gate, double now);
 
 #endif

@@ -1,6 +1,6 @@
 // The coordinator of a distributed run: a state machine driven by messages and time (coordinator.h
 // has its table of states). It grants steps to the nodes, assembles every step's reports into a
-// sample, books the sample in the ledger, and hands it to an observer. Nothing in here blocks;
+// sample, enters the sample in the ledger, and hands it to an observer. Nothing in here blocks;
 // lockstep.h has the loops that drive it.
 //
 // Life cycle: it opens a session and collects the initial state from every node. It then grants
@@ -76,7 +76,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_lockstep_coordinator_options *options);
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
 
-// As pm_lockstep_node_poll, _fail and _finished.
+// As pm_lockstep_node_poll, _fail and _finished; `now` in s, monotonic.
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double now);
 void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
                                   const char *message);

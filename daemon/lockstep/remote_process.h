@@ -1,6 +1,6 @@
 // What the coordinator knows of one process: the channels of its messages, which numbers of a
-// sample it reports, and whether it is alive and makes progress. It decodes the process's reports
-// and fluxes into messages whose memory it owns.
+// sample it reports, and whether it is alive and makes progress. The messages into which reports
+// and fluxes of the process are decoded belong to this struct.
 #ifndef PM_LOCKSTEP_REMOTE_PROCESS_H
 #define PM_LOCKSTEP_REMOTE_PROCESS_H
 
@@ -39,8 +39,10 @@ typedef struct pm_remote_process {
 pm_status pm_remote_process_init(pm_remote_process *remote, pm_arena *arena, const pm_scene *scene,
                                  int process_id);
 
-// Decodes a report message into `report`. A DONE must consist of whole rows, with the state exactly
-// if `with_state`; otherwise the result is PM_DROP_COUNT.
+// Decodes the message `data` [size] into remote->report. Returns PM_KEEP if it is accepted, and
+// else the reason for which it is dropped. A report of the kind DONE has one row for each of its
+// steps. Each row must be complete, and must hold the state z exactly if `with_state` is true. A
+// report with another number of values is dropped with PM_DROP_COUNT.
 pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, size_t size,
                                  bool with_state);
 

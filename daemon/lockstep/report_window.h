@@ -47,7 +47,8 @@ int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, 
 // The sample of a step in the window. The window owns it.
 pm_sample *pm_report_window_sample(const pm_report_window *window, int64_t step);
 
-// Gives the place of `step`, whose sample is no longer needed, to the step that is `depth` later.
+// Discards the sample of `step` and gives its place to the step `step + depth`, where `depth` is
+// the number of steps in the window.
 void pm_report_window_advance(pm_report_window *window, int64_t step);
 
 #endif

@@ -29,17 +29,18 @@ typedef struct pm_waiting {
 // For a run of `processes` processes.
 void pm_waiting_init(pm_waiting *waiting, int processes);
 
-// Ends a wait, if there was one, and begins the next.
+// Ends a wait, if there was one, and begins the next at `now` (s, monotonic).
 void pm_waiting_start(pm_waiting *waiting, double now);
 
-// Returns true if it is time for a request, and then sets the time of the next one.
+// Returns true if a request is due at `now` (s, monotonic). In that case, and only then, it sets
+// the time of the next request.
 bool pm_waiting_request_due(pm_waiting *waiting, double now);
 
 // True if the wait has lasted so long that requests come at the longest interval.
 bool pm_waiting_is_long(const pm_waiting *waiting);
 
-// True if this wait has lasted for more than `patience` (s) and the awaited process, last heard at
-// `heard`, has been silent for as long.
+// Returns true if this wait has lasted for more than `patience` (s) at `now` (s, monotonic), and
+// the awaited process, last heard at `heard` (same clock), has been silent for as long.
 bool pm_waiting_is_over(const pm_waiting *waiting, double heard, double patience, double now);
 
 #endif

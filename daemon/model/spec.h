@@ -211,8 +211,9 @@ typedef struct pm_operator_spec {
     const char *at;
 } pm_operator_spec;
 
-// hard: both laws hold for all weights, by projection (equation (2)). soft: degeneracy is a penalty
-// of the loss. free: the rate is a network without structure, to compare with.
+// hard: energy is conserved and entropy grows for all weights, by projection (equation (2)). soft:
+// degeneracy is a penalty of the loss. free: the rate is a network without structure, to compare
+// with.
 typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 
 // A subsystem: zdot_bulk = L dE + M dS, equation (1). In the free form zdot_bulk = rate, and the

@@ -17,7 +17,7 @@ typedef struct pm_integrator {
     int nstage;
     int order; // of convergence: the global error falls like h^order
     double a[PM_MAX_STAGES][PM_MAX_STAGES];
-    double b[PM_MAX_STAGES]; // all >= 0, so that the booked entropy production keeps its sign
+    double b[PM_MAX_STAGES]; // all >= 0, so that the summed entropy production keeps its sign
     // A second method with the weights b - error_weights has the order `embedded` (0: there is
     // none). The difference of both results estimates the error (sim/step_controller.h).
     int embedded;
@@ -32,8 +32,8 @@ typedef struct pm_integrator {
     bool multirate;
     double width[PM_MAX_STAGES], slope[PM_MAX_STAGES][PM_MAX_STAGES];
     // After each step the state is moved, by no more than the method's error, to where energy and
-    // entropy have changed by the booked amounts (sim/invariant_projection.h). Training uses the
-    // method without this projection.
+    // entropy have changed by the sums of their fluxes (sim/invariant_projection.h). Training uses
+    // the method without this projection.
     bool balanced;
 } pm_integrator;
 

@@ -54,7 +54,7 @@ typedef struct pm_recording pm_recording;
 // written to, and what stands there, if anything, is a file that can be overwritten. PM_EFILE.
 pm_status pm_recording_check(const char *path);
 // Opens a recording that replaces the file at `path`. `scene` is borrowed and must outlive it. The
-// caller closes. PM_EFILE, PM_ENOMEM.
+// caller closes it with pm_recording_close. PM_EFILE, PM_ENOMEM.
 pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene);
 // Opens the file at `path` to go on after its first `count` samples; later ones are removed.
 // PM_EFILE: the file holds fewer samples, is of another scene, or is damaged. PM_ENOMEM.

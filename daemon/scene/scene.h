@@ -130,7 +130,8 @@ bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
 // Gives all subsystems to one process, "all". PM_ENOMEM.
 pm_status pm_scene_join_processes(pm_scene *scene);
 
-// Return the name and all groups of the subsystem or boundary input at an end of a port.
+// Return the name, and the layout with all groups of variables, of the subsystem or boundary input
+// at end `end` (0 or 1) of a port. The scene owns the results.
 const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end);
 const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port *port, int end);
 

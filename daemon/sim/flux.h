@@ -1,4 +1,4 @@
-// The booking of fluxes: the integral of co-energies times rates over a step.
+// Sums up fluxes: the mean of co-energies times rates over a step.
 #ifndef PM_SIM_FLUX_H
 #define PM_SIM_FLUX_H
 

@@ -1,4 +1,5 @@
-// The ledger of both laws over a run. For each step and port, with the fluxes into ends a and b:
+// The ledger checks conservation of energy and growth of entropy over a run. For each step and
+// port, with the fluxes into ends a and b:
 //     energy residual   |energy_a + energy_b| / max(gross_a, gross_b)
 //     entropy residual  (entropy_a + entropy_b) / max(gross_a, gross_b); negative: a violation
 // and for each subsystem the same of its bulk term: dE . zdot_bulk = 0, dS . zdot_bulk >= 0.
@@ -10,7 +11,8 @@
 // it are kept as if they belonged to one more subsystem, so that the totals are those of a closed
 // system.
 //
-// Life cycle: init; book every sample, from step 0 on. The ledger owns no memory.
+// Life cycle: init; enter every sample with pm_ledger_book, from step 0 on. The ledger owns no
+// memory.
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 
@@ -34,10 +36,11 @@ typedef struct pm_ledger {
 
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 
-// Books a sample and writes its residuals and what has left to the outside. PM_ELAW: a component in
-// the hard form violates a law beyond the scene's tolerance; the message names it, the step and the
-// residual. Violations of soft components are only counted. PM_ENUMERIC: the total energy has
-// drifted further than the scene's guard allows.
+// Enters a sample in the ledger. Writes into the sample its residuals and the energy and entropy
+// that have left to the outside. PM_ELAW: a component in the hard form violates a law beyond the
+// scene's tolerance; the message names it, the step and the residual. Violations of soft components
+// are only counted. PM_ENUMERIC: the total energy has drifted further than the scene's guard
+// allows.
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 
 // Puts all that the ledger needs to go on after a step.

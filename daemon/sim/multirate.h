@@ -5,11 +5,12 @@
 // as its `substeps` in the scene, so that a fast subsystem costs its neighbours and the network
 // nothing.
 //
-// The booked fluxes are exact whatever the steps: both ends of a port take each exchange from the
-// same numbers and book it with weights >= 0, so that both laws hold in the ledger as with other
-// methods. States and the total energy are accurate to the order of the method: h^3 in the exchange
-// step h, and (h/n)^4 in n steps of a subsystem. The balanced method also brings each subsystem's
-// energy and entropy to the booked values (invariant_projection.h).
+// The fluxes in the ledger are exact for any number of steps. Both ends of a port take the rates of
+// each exchange from the same numbers and sum them with weights >= 0. Conservation of energy and
+// growth of entropy therefore hold in the ledger, as with other methods. States and the total
+// energy are accurate to the order of the method: h^3 in the exchange step h, and (h/n)^4 in n
+// steps of a subsystem. The balanced method also brings each subsystem's energy and entropy to the
+// totals that follow from the fluxes (invariant_projection.h).
 #ifndef PM_SIM_MULTIRATE_H
 #define PM_SIM_MULTIRATE_H
 
@@ -26,7 +27,7 @@ typedef struct pm_multirate {
     double *k;       // [own->nstage][nz] rates of the stages
 } pm_multirate;
 
-// Where a subsystem books its substeps.
+// Where the substeps of a subsystem add their fluxes and counts.
 typedef struct pm_multirate_books {
     pm_flux *bulk;
     long *evaluated, *skipped;
@@ -38,7 +39,7 @@ pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
                             const pm_integrator *exchange);
 
 // Integrates z [nz] over interval number `interval` of an exchange step of length h (s), with the
-// ports' rates k [interval + 1][nz]. `weight` is that of the exchange step in the booked means.
+// ports' rates k [interval + 1][nz]. `weight` is that of the exchange step in the mean fluxes.
 void pm_multirate_advance(pm_multirate *m, pm_local_dynamics *dynamics, int interval, double h,
                           double weight, const double *k, const pm_multirate_books *books,
                           double *z);

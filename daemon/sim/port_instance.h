@@ -1,6 +1,7 @@
 // One port as one of its two subsystems sees it. It holds what this end shows, evaluates the port's
-// law (README.md, equation (3), or another law of model/laws) on the values of both ends, and books
-// what flows in. Where the other end is a boundary input, it also books the flux into the outside.
+// law (README.md, equation (3), or another law of model/laws) on the values of both ends, and sums
+// up the energy and entropy that flow in during a step. Where the other end is a boundary input, it
+// also sums up the flux into the outside.
 //
 // Life cycle: zero-initialise; open; perhaps share; then in every stage expose, prescribe if there
 // is a boundary input, and couple; close. Only the files of subsystem.h use it. pm_port_values is
@@ -54,7 +55,7 @@ typedef struct pm_port_instance {
     bool renewed;                        // the last coupling ran the graph
     bool shared;                         // this instance evaluates the other end's rate too
     const struct pm_port_instance *peer; // the instance that evaluates for this one; NULL: itself
-    pm_flux booking, outside_booking;    // over the step under way
+    pm_flux booking, outside_booking;    // sums over the step under way
 } pm_port_instance;
 
 // Builds the law's graph for one end of port number `port_id`. Memory comes from the arena; the
@@ -63,9 +64,11 @@ pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_s
                                 const pm_integrator *integrator, int port_id, pm_end end);
 void pm_port_instance_close(pm_port_instance *j);
 
-// Lets `here` evaluate the law for both ends of a port whose subsystems step together. In every
-// round `here` must be coupled before `there`. Does nothing for laws without a common graph.
-// PM_ENOMEM.
+// Lets `here` evaluate the law for both ends of a port whose subsystems are in one process, with
+// one graph instead of two. In every round (one stage of one substep) pm_port_instance_couple must
+// be called for `here` before it is called for `there`. Neither may be used once the other is
+// closed. Does nothing for a law that computes the rates of its two ends with separate networks,
+// such as `exchange`. PM_ENOMEM.
 pm_status pm_port_instance_share(pm_port_instance *here, pm_port_instance *there,
                                  const pm_system *system, const pm_integrator *integrator);
 
@@ -79,9 +82,9 @@ void pm_port_instance_expose(pm_port_instance *j, const double *z, const double 
 const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const double *prescribed);
 
 // Adds the law's rate to k [nz], in units of z per second, and its fluxes, times `weight`, to the
-// bookings. `other` is what the other end shows; `first` marks the first stage of a substep.
-// Returns whether the graph was run: it is not where the law has no effect, or while no bit of its
-// inputs has changed.
+// sums `booking` and `outside_booking`. `other` is what the other end shows; `first` marks the
+// first stage of a substep. Returns whether the graph was run: it is not where the law has no
+// effect, or while no bit of its inputs has changed.
 bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, bool first,
                              double weight, double *k);
 

@@ -11,7 +11,8 @@
 // output depends on it: then nothing needs to be written.
 double *pm_input_of(pm_program *program, pm_node x);
 
-// Copies n numbers and returns whether that changed a bit. Does nothing if either array is NULL.
+// Copies `from` [n] to `to` [n]. Returns true if any bit of `to` was different before. If either
+// array is NULL, it copies nothing and returns false.
 bool pm_renew(double *to, const double *from, int n);
 
 #endif

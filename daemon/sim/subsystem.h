@@ -1,13 +1,13 @@
 // One subsystem in time. It owns the state z, the graphs that evaluate one stage of the integrator,
-// and the fluxes booked during a step. It does no input or output: its driver (monolithic.h in one
-// process, lockstep/ in several) carries the values of the ports from neighbour to neighbour.
+// and the sums of the fluxes over a step. It does no input or output: its driver (monolithic.h in
+// one process, lockstep/ in several) carries the values of the ports from neighbour to neighbour.
 //
 // Life cycle: open; set_boundary_input if the scene has any; set_state; then steps; close. A step
 // consists of pm_subsystem_rounds rounds, one for each stage of each substep:
 //     pm_subsystem_expose   evaluates dE and dS at the stage's state, and what every port shows
 //     pm_subsystem_bulk     evaluates L dE + M dS while the neighbours' values travel
-//     pm_subsystem_couple   once per port, in the order of ports: adds the port's term and books
-//                           its fluxes
+//     pm_subsystem_couple   once per port, in the order of ports: adds the port's term to the rate
+//                           and its fluxes to the sums of the step
 //     pm_subsystem_advance  combines the stages so far; after the last one the substep ends
 // and then pm_subsystem_end_step. Together they integrate README.md, equation (1).
 //
@@ -45,15 +45,18 @@ pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int 
 // Returns the rounds of the present step, and the most that a step can have.
 int pm_subsystem_rounds(const pm_subsystem *s);
 int pm_subsystem_most_rounds(const pm_subsystem *s);
-// Sets the number of substeps of the next step (step_controller.h). To be called between two steps.
+// Sets the number of substeps of every step from the next one on (step_controller.h), until it is
+// called again. It may only be called between two steps.
 void pm_subsystem_set_substeps(pm_subsystem *s, int substeps);
 
 // Sets the source of the scene's boundary inputs, which is borrowed and must outlive the subsystem.
 void pm_subsystem_set_boundary_input(pm_subsystem *s, const pm_boundary_input *boundary_input);
 
-// Sets z [nz] at step 0, evaluates E and S there and clears all that was booked.
+// Sets z [nz] at step 0, evaluates E and S there, and sets all fluxes and counts of pm_books to
+// zero.
 void pm_subsystem_set_state(pm_subsystem *s, const double *z);
-// Returns z [nz] after the last full substep. Owned by the subsystem.
+// Returns the state z [nz] after the last complete substep. The subsystem owns the array, and the
+// next complete substep overwrites it.
 const double *pm_subsystem_state(const pm_subsystem *s);
 
 void pm_subsystem_expose(pm_subsystem *s);
@@ -66,13 +69,16 @@ void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighb
 void pm_subsystem_advance(pm_subsystem *s);
 
 // Ends a step after its last round: evaluates E and S at the new state, which is also the first
-// exposure of the next step, and closes the books of the step. PM_ENUMERIC: the state or a
-// potential is not finite, or the state is further outside the training range than the scene's
-// guard allows. PM_EDATA: the dataset behind a boundary input is over. On failure the state is that
-// of the last successful step.
+// exposure of the next step, and makes the fluxes of the step available to pm_subsystem_books.
+// PM_ENUMERIC: the state or a potential is not finite, or the state is further outside the training
+// range than the scene's guard allows. PM_EDATA: the dataset behind a boundary input is over. On
+// failure the state is that of the last successful step.
 pm_status pm_subsystem_end_step(pm_subsystem *s);
 
-// What the last step left in the books. Counts run from the start of the run.
+// The quantities of the last step that enter the ledger and the report. `energy` (J) and `entropy`
+// (J/K) are values at the state after the step. `bulk` and `flux` are means over the step: energy
+// fluxes in W, entropy fluxes in W/K. `evaluated`, `skipped` and `outside` count from the start of
+// the run. `error` has no unit.
 typedef struct pm_books {
     double energy, entropy;  // J, J/K at the state
     pm_flux bulk;            // of the bulk term L dE + M dS
@@ -86,7 +92,7 @@ typedef struct pm_books {
 } pm_books;
 pm_books pm_subsystem_books(const pm_subsystem *s);
 
-// Copies the state, the books and the fluxes into this subsystem's places of the sample.
+// Copies the state and the quantities of pm_books into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 
 // Puts all that the subsystem needs to go on from the end of a step with the same bits. Restoring

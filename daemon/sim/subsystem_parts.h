@@ -1,7 +1,7 @@
 // The parts of one subsystem, for the files that implement subsystem.h and for them only:
 //     subsystem.c             opens it and tells what it is
 //     subsystem_stage.c       evaluates and combines the stages of the integrator
-//     subsystem_step.c        starts a run, ends a step and keeps the books
+//     subsystem_step.c        starts a run, ends a step and keeps pm_books
 //     subsystem_checkpoint.c  saves and restores it
 // Each of them calls only those below it: the first and the last call the step, the step the stage.
 #ifndef PM_SIM_SUBSYSTEM_PARTS_H

@@ -66,7 +66,11 @@ pm_status pm_hdf5_read_text(const pm_hdf5 *file, const char *object, const char 
                             pm_arena *arena, const char **text);
 pm_status pm_hdf5_read_texts(const pm_hdf5 *file, const char *object, const char *name,
                              pm_arena *arena, int *count, const char ***text);
-// Reads up to `capacity` integers into value [count]; negative ones become 0.
+// Read numbers from the attribute `name` of an object. The first function reads a list of at most
+// `capacity` integers into value [count]; the second one reads one integer, the third one
+// floating-point number. Negative integers become 0. It is an error of the content if the attribute
+// is missing, has another type, or has more values than `capacity`. The last two functions require
+// exactly one value.
 pm_status pm_hdf5_read_integers(const pm_hdf5 *file, const char *object, const char *name,
                                 int capacity, uint64_t *value, int *count);
 pm_status pm_hdf5_read_integer(const pm_hdf5 *file, const char *object, const char *name,
@@ -86,7 +90,7 @@ pm_status pm_hdf5_write_number(pm_hdf5 *file, const char *object, const char *na
 // --- groups and datasets of floating-point numbers (4 or 8 bytes in the file, double here) ---
 
 pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name);
-// Whether the file has an object called `name`, such as "/z".
+// Returns whether the file has an object of the name `name`, such as "/z".
 bool pm_hdf5_has(const pm_hdf5 *file, const char *name);
 // Gives extent [rank] of a dataset of this rank; each extent is at least 1. For a scalar, rank is 0
 // and `extent` may be NULL.

@@ -31,8 +31,8 @@ bool pm_yaml_is_map(pm_yaml value);
 bool pm_yaml_is_list(pm_yaml value);
 bool pm_yaml_is_text(pm_yaml value, const char *text); // whether it is a scalar spelled so
 
-// Fails with PM_ECONFIG and puts "file:line:column: key: " before the message, where `key` is the
-// one under which `at` stands.
+// Always returns PM_ECONFIG. Sets the error to "file:line:column: key: " and the message, where
+// `key` is the key whose value is `at`.
 pm_status pm_yaml_fail(pm_yaml at, const char *format, ...) __attribute__((format(printf, 2, 3)));
 // Returns "file:line:column" in the arena, for errors that are found after the document is closed.
 // NULL: out of memory.

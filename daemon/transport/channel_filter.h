@@ -7,11 +7,15 @@
 
 #include "base/status.h"
 
-// The program accepts messages on the channels `name` [count], which are distinct and sorted by
-// strcmp, and all fragments after the first, which name no channel. `start` is the position of
-// LCM's datagram in what the filter sees (8 on a UDP socket). The caller frees `program->filter`.
-// It is NULL when no filter is possible, because a name has less than three characters or there are
-// too many names; then the socket needs to accept everything. PM_ENOMEM.
+// Builds a program that accepts the messages on the channels `name` [count] and drops those on all
+// others. It also accepts every fragment of a message after the first one, because such a fragment
+// does not name its channel. The names must be distinct and sorted by strcmp. Without names (count
+// = 0) the program drops all other datagrams. `start` is the position of LCM's datagram in the
+// bytes that the filter sees: 8 on a UDP socket. The caller frees `program->filter`.
+//
+// Some names have no filter: a name has less than three characters, or the program would have more
+// than BPF_MAXINSNS (4096) instructions. The result is then PM_OK with `program->filter` NULL, and
+// the socket must accept everything. PM_ENOMEM.
 pm_status pm_channel_filter_build(struct sock_fprog *program, int count, const char *const *name,
                                   unsigned start);
 

@@ -17,13 +17,16 @@ typedef struct pm_spin {
     double pause, resume; // length of the last pause, and its end
 } pm_spin;
 
-// How long to poll from `now` on before sleeping, s; 0: sleep at once.
+// Returns how long to poll before sleeping, in s; 0: sleep at once. `now` is the present time (s,
+// monotonic).
 double pm_spin_time(const pm_spin *spin, double now);
 
-// Takes in that a wait for messages took `seconds`, whether it slept or not.
+// Updates the expected waiting time after a wait for messages that lasted `seconds`, whether the
+// process polled or slept.
 void pm_spin_note_wait(pm_spin *spin, double seconds);
 
-// Takes in that a yield took `seconds` and ended at `now`.
+// Records a yield of the core that lasted `seconds` and ended at `now` (s, monotonic). If it lasted
+// longer than PM_SPIN_SLICE, polling pauses.
 void pm_spin_note_yield(pm_spin *spin, double seconds, double now);
 
 #endif

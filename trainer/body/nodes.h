@@ -1,17 +1,18 @@
 // Converts the fields of a body on a box of bricks into trajectories of nodal values and back. The
 // trajectories form a dataset from which networks on the body's mesh (model/mesh/mesh.h) learn.
-// Only free nodes have columns; the nodes of the face with the lowest x are clamped. The columns,
-// ordered by node as in pm_mesh and within a node by component, are for n free nodes:
+// The nodes of the face with the lowest x are clamped and have no columns. The other n nodes are
+// free. The dataset has these columns; those of a field are ordered by node as in pm_mesh, and
+// within a node by component:
 //   u[0:3n]      displacement, m
-//   m<k>_[0:3n]  for the relaxation time tau_k of the material the internal variable of a branch
-//                that follows u: dm/dt = (u - m)/tau_k, zero at first. An euler step over dt with
-//                the rate (u - m) (1 - exp(-dt/tau_k))/dt reproduces it exactly.
+//   m<k>_[0:3n]  internal variable of the relaxation time tau_k of the material, m: it follows u
+//                by dm/dt = (u - m)/tau_k and starts at zero. An euler step over dt with the rate
+//                (u - m) (1 - exp(-dt/tau_k))/dt reproduces it exactly.
 //   sigma[0:6n]  stress, Pa
 //   f[0:3n]      prescribed force, N, at the end of the step that begins here: a body in
 //                equilibrium responds at once, so its next state belongs to the next load
 //   s            energy dissipated so far over the temperature, J/K; 0 if it is not known
-// All values are rounded to single precision, which is far below what networks resolve and halves
-// the files.
+// All values are rounded to single precision, which halves the files. The rounding error is far
+// below the error of the networks.
 #ifndef PM_TRAINER_BODY_NODES_H
 #define PM_TRAINER_BODY_NODES_H
 

@@ -2,18 +2,19 @@
 // back.
 //
 // Displacements are u = sum_i a_i mode_i + remainder, with the amplitudes a_i. The first `nstate`
-// modes carry the energy: their amplitudes are the state and follow the loads. The remainder is a
-// function of the state and the loads. It contains, for example, the change of length that linear
-// modes show when a section rotates, and the indentation just under a load.
+// modes carry the energy. The state consists of their amplitudes a, their momenta p and their
+// internal variables c_k, both defined below. The remainder is a function of a, c_k and the loads.
+// It contains, for example, the change of length that linear modes show when a section rotates, and
+// the indentation just under a load.
 //
-// Each mode is scaled such that a_i^2/2 is the elastic energy of that mode alone in the undeformed
-// body, when it is deformed at once. So an amplitude has the unit J^0.5, and so has the modal load
-// mode_i . f of nodal forces f. The viscoelastic material has, for each relaxation time tau_k, the
-// internal variables
-//     dc_k/dt = (a - c_k) / tau_k,
-// its Prony series carried over from points to modes. The quasi-static body is given inertia such
-// that all modes oscillate with the same short period 2 pi inertia_time; the momentum of a mode is
-// p = inertia_time^2 da/dt.
+// Each mode is scaled such that a_i^2/2 is the elastic energy of the body that is deformed by this
+// mode alone, by a small amount, before the material relaxes. An amplitude therefore has the unit
+// J^0.5, and so has the modal load mode_i . f of nodal forces f. The relaxation of the viscoelastic
+// material is a Prony series with the times tau_k. The basis applies this series to each mode
+// instead of each point of the body. The internal variables of the modes obey
+//     dc_k/dt = (a - c_k) / tau_k.
+// The quasi-static body is given inertia such that all modes oscillate with the same short period
+// 2 pi inertia_time. The momentum of a mode is p = inertia_time^2 da/dt.
 //
 // Sources: modes by proper orthogonal decomposition (Sirovich, Quart. Appl. Math. 45, 1987); the
 // remainder as a quadratic and cubic manifold (Barnett, Farhat, J. Comput. Phys. 464, 2022).

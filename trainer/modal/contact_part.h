@@ -1,14 +1,19 @@
-// The subsystem between two bodies A and B of an assembly, as a part that a scene can serve. Its
-// state is, in this order,
-//   A, B   [nstate] each, J^0.5: the travel of both bodies, the integral of the rates of their
-//          amplitudes. Ports of the law `contact` join them to the momenta p of the bodies.
+// The subsystem between two bodies of an assembly, as a part that a scene can serve. The state has
+// four groups, in this order. The first two have the names of the bodies; A and B stand for these.
+//   A, B   [nstate] each, J^0.5: the amplitudes by which each body acts on the contact. They are
+//          the time integrals of the rates of the amplitudes of the body. Ports of the law
+//          `contact` join them to the momenta p of the bodies.
 //   creep  [npair] m: the opening that each contact pair has gained by creeping
 //   s      J/K: the entropy that creeping has produced
-// The five quantities g, u, v, slope_u, slope_v of contact_pairs.h are derived variables, linear in
-// the travel. A pair with the opening x = g + creep + u slope_u + v slope_v stores the energy
+// Five derived variables [npair] are linear in A and B (body/contact_pairs.h): the gap g (m), the
+// distances u and v (m) by which the pair has slid along the two tangents, and the slopes slope_u
+// and slope_v of the surface along them. A pair has the opening x = g + creep + u slope_u + v
+// slope_v. It stores the energy
 //     k/2 min(x, 0)^2
-// and creeps under the force -k min(x, 0) at the rate creep_rate times that force. The stiffness k
-// is not a penalty: it is that of the bodies' edges, which their modes cannot represent.
+// and therefore exerts the force -k min(x, 0). It creeps at a rate proportional to that force, with
+// the factor `creep` of pm_contact_constants in m/(N s). The stiffness k is not the number of a
+// penalty method. It is the stiffness of the edges of the bodies, whose local deformation the modes
+// cannot represent.
 #ifndef PM_TRAINER_MODAL_CONTACT_PART_H
 #define PM_TRAINER_MODAL_CONTACT_PART_H
 

@@ -17,9 +17,11 @@ typedef struct pm_field_report {
 // not see, then for those it saw; a group without trajectories is left out. PM_ENOMEM.
 pm_status pm_field_report_print(const pm_field_report *report);
 
-// Makes `folder` and draws errors.png in it, with a box for each quantity, pale for the
-// trajectories that training saw. The script and the numbers remain beside it. PM_EFILE (also
-// without gnuplot), PM_ENOMEM.
+// Makes `folder`, if it does not exist, and draws errors.png in it with gnuplot. Each quantity has
+// a box for the trajectories that training did not see, and a pale box for those that it saw. A
+// group without trajectories has no boxes. The script errors.gp and the numbers, in test.txt and
+// trained.txt, stay in the folder. PM_EFILE (a file cannot be written, or gnuplot is missing or
+// fails), PM_ENOMEM.
 pm_status pm_field_report_plot(const pm_field_report *report, const char *folder);
 
 #endif

@@ -34,8 +34,11 @@ void pm_modal_trajectory_close(pm_modal_trajectory *modal);
 // Reads displacements, loads and, if there is room, stress of a symmetric copy of a trajectory.
 void pm_modal_trajectory_read(pm_modal_trajectory *modal, const pm_field *field, int trajectory,
                               const pm_copy *copy);
-// Then computes a, load and c with the modes and relaxation times of the basis. Between two times,
-// dt s apart, a is taken as linear, for which c is exact; before the first time a was constant.
+// Computes a, load and c from the displacements u and the loads f of the trajectory that was read
+// last, with the modes and relaxation times of the basis. `dt` is the time between two states, s.
+// The internal variables c solve dc_k/dt = (a - c_k)/tau_k exactly for an amplitude a that is
+// linear in time between two states. They start at c_k = a, as if a had been constant before the
+// first state.
 void pm_modal_trajectory_project(pm_modal_trajectory *modal, const pm_basis *basis, double dt);
 
 // Gives the state at a time, of as many modes as the basis's state has. `c` has room for

@@ -4,12 +4,14 @@
 
 #include "modal/reduction.h"
 
-// Finds as many orthonormal modes as asked for by proper orthogonal decomposition of the
-// displacements, fits the flexibility da/d(load) of the material to all trajectories by linear
-// least squares, and rotates the modes to its eigenvectors. Modes that the loads hold in
-// equilibrium become the state, softest first; modes that merely accompany others follow, ordered
-// by the work that the loads do on them. PM_EDATA (no mode follows the loads), PM_ENUMERIC,
-// PM_ENOMEM. The caller frees the basis.
+// Finds settings->nmode orthonormal modes by proper orthogonal decomposition of the displacements.
+// Fits the flexibility matrix da/d(load) of the body to all trajectories by linear least squares.
+// Rotates the modes to the eigenvectors of the flexibility matrix and scales them as basis.h says.
+//
+// A mode is driven if the root mean square of its modal load is more than a quarter of that of its
+// amplitude. At most settings->nstate driven modes become the state, softest first. All other modes
+// follow, ordered by the product of these two mean squares, a measure of the work that the loads do
+// on them. The caller frees the basis. PM_EDATA (no mode is driven), PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_reduce_modes(pm_reduction *r, pm_basis **basis);
 
 #endif

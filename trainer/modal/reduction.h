@@ -35,9 +35,11 @@ pm_status pm_reduction_open(pm_reduction *r, int nmode, int nbranch, bool square
                             pm_load_kind loads, bool stress);
 void pm_reduction_close(pm_reduction *r);
 
-// Calls `visit` for every copy of every trajectory in which the body moves. r->modal then holds its
-// displacements, loads and stresses. The weight is one over the norm of the displacements, so that
-// all trajectories count equally.
+// Reads every trajectory r->trajectory [count] once for each of its r->ncopy symmetric copies, and
+// calls `visit` for each copy. Trajectories in which the body does not move are left out. During
+// the call r->modal holds the displacements, loads and stresses of the copy. `weight` is one over
+// the norm of its displacements, so that all trajectories count equally. If `visit` fails, the loop
+// ends and returns its status.
 typedef pm_status pm_reduction_visit(pm_reduction *r, double weight, void *context);
 pm_status pm_reduction_for_each(pm_reduction *r, pm_reduction_visit *visit, void *context);
 

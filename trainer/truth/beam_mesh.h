@@ -1,6 +1,7 @@
-// Boxes of regular eight-node bricks, clamped at their own x = 0: one body, or several equal ones
-// placed in space. The nodes and elements of the bodies follow one another; within a body they are
-// numbered as if it were alone.
+// Makes the finite-element mesh of one body, or of several equal bodies placed in space. A body is
+// a box of regular eight-node bricks. It is clamped on the face x = 0 of its own frame. The arrays
+// hold all nodes and all elements of the first body, then those of the second, and so on. Every
+// body has the same order of nodes and elements.
 #ifndef PM_TRAINER_TRUTH_BEAM_MESH_H
 #define PM_TRAINER_TRUTH_BEAM_MESH_H
 

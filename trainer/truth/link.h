@@ -7,7 +7,7 @@
 #include "store/yaml.h"
 #include "truth/chain.h"
 
-// A normal random variable, or a vector of two independent ones.
+// The mean and the standard deviation of a normal random variable, or of two independent ones.
 typedef struct pm_spread {
     double mean[2], deviation[2];
 } pm_spread;

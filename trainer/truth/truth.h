@@ -66,7 +66,8 @@ typedef struct pm_truth {
     pm_truth_model model;
 } pm_truth;
 
-// Reads a configuration. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The caller frees the truth.
+// Reads the truth file (TRUTH.md) at `path`. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The caller frees the
+// result with pm_truth_free.
 pm_status pm_truth_load(pm_truth **truth, const char *path);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
