@@ -1,5 +1,5 @@
 // The tables that a run prints at its end: mean fluxes, errors against the reference, the residuals
-// of both laws, and the speed.
+// of energy and entropy, and the speed.
 #ifndef PM_APP_REPORT_H
 #define PM_APP_REPORT_H
 

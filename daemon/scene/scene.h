@@ -90,7 +90,7 @@ typedef struct pm_scene {
     const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
     const char *reference_trajectory_at;        // place of the whole reference if none is named
-    double energy_tolerance, entropy_tolerance; // relative residuals of both laws on a hard port
+    double energy_tolerance, entropy_tolerance; // relative residuals of a hard port
     double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
     double largest_departure; // from the training range, in its widths, likewise
     int nsubsystem;
