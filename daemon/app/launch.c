@@ -293,7 +293,7 @@ void pm_launch_close(pm_launch *launch) {
     }
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        // Of a child that succeeded, its last line is a warning; of the others one error is enough.
+        // The last line of a child that succeeded is a warning. For the others one error is enough.
         if (child->wait_status == 0) {
             char last[LINE];
             collect_output(child, last);

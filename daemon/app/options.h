@@ -8,7 +8,7 @@
 
 #include "base/status.h"
 
-// What a subcommand was given. Text points into argv; text that was not given is NULL.
+// The options that a subcommand was given. Text points into argv; text that was not given is NULL.
 typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
     const char *weights, *url, *record, *checkpoint, *gate;

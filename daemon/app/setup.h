@@ -8,8 +8,8 @@
 #include "scene/columns.h"
 #include "scene/system.h"
 
-// What the setup is for. A node needs the initial state and its boundary inputs; a coordinator also
-// needs the reference; a description can do without an initial state.
+// The purpose of a setup. A node needs the initial state and its boundary inputs; a coordinator
+// also needs the reference; a description can do without an initial state.
 typedef enum pm_purpose { PM_TO_SERVE, PM_TO_COORDINATE, PM_TO_DESCRIBE } pm_purpose;
 
 typedef struct pm_setup {

@@ -84,8 +84,8 @@ pm_node pm_dot(pm_graph *g, pm_node a, pm_node b);
 // Computes op(a) op(b), where op transposes if asked. A batched times a shared matrix is one
 // product of all rows of all items (one dgemm); two batched matrices are multiplied item by item.
 pm_node pm_matmul(pm_graph *g, pm_node a, bool transpose_a, pm_node b, bool transpose_b);
-// Computes the sum over the batch of a^T b, the derivative of a batched times a shared matrix with
-// respect to the shared one.
+// Computes the sum over the batch of a^T b. This is the derivative of a product of a batched and a
+// shared matrix with respect to the shared one.
 pm_node pm_matmul_sum(pm_graph *g, pm_node a, pm_node b);
 
 // --- layout ---

@@ -98,7 +98,7 @@ static bool pool_give(memory_pool *pool, size_t first, size_t size) {
 
 // --- planning ---
 
-// What planning knows of a node. `root` is the node whose memory it uses, itself unless it is a
+// The plan for one node. `root` is the node whose memory it uses, itself unless it is a
 // view.
 typedef struct node_memory {
     bool needed, pinned;

@@ -1,8 +1,8 @@
 // The checkpoints of a process: the state of its subsystems at the last two multiples of `interval`
 // steps, in memory and in one file. A process that is restarted after its death continues from the
-// newer one. A process that is asked for a message it no longer holds rolls back to the newest one
-// before that step. No process is ever ahead of another by more than an interval less one step, so
-// all of them hold a common checkpoint.
+// newer one. A process that is asked for the message of a step that it no longer holds rolls back
+// to its newest checkpoint before that step. No process is ever ahead of another by more than an
+// interval less one step, so all of them hold a common checkpoint.
 #ifndef PM_LOCKSTEP_CHECKPOINT_RING_H
 #define PM_LOCKSTEP_CHECKPOINT_RING_H
 

@@ -1,6 +1,7 @@
-// What a node and a coordinator have in common: their identity, the channels on which all processes
-// speak to all, requests for missing messages, and the result of the run. An endpoint decodes
-// hello, command and request messages, counts those it drops, and passes the others to handlers.
+// An endpoint is the part that a node and a coordinator have in common: their identity, the
+// channels on which all processes speak to all, requests for missing messages, and the result of
+// the run. An endpoint decodes hello, command and request messages, counts those it drops, and
+// passes the others to handlers.
 #ifndef PM_LOCKSTEP_ENDPOINT_H
 #define PM_LOCKSTEP_ENDPOINT_H
 
@@ -8,15 +9,15 @@
 #include "lockstep/identity.h"
 #include "lockstep/waiting.h"
 
-// What the owner of an endpoint does with a well-formed message. Each handler returns PM_KEEP or
-// the reason for which it drops the message.
+// Functions of the owner of an endpoint, called with each well-formed message. Each handler returns
+// PM_KEEP or the reason for which it drops the message.
 typedef struct pm_handlers {
     pm_drop (*hello)(void *context, const portmet_hello_t *hello);
     pm_drop (*command)(void *context, const portmet_command_t *command);
     pm_drop (*request)(void *context, const portmet_request_t *request);
 } pm_handlers;
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage and initialises it with zeros.
 typedef struct pm_endpoint {
     const pm_system *system;
     pm_transport *transport;

@@ -29,8 +29,8 @@
 
 typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
 
-// What the coordinator calls as the run goes on, each with `context`. A status that is not PM_OK
-// ends the run.
+// Functions that the coordinator calls as the run goes on, each with `context`. A status that is
+// not PM_OK ends the run.
 typedef struct pm_lockstep_observer {
     void *context;
     // Called once for each completed step in order, from step 0 (the initial state). The sample is

@@ -39,8 +39,9 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
                                 pm_transport *transport, const pm_lockstep_node_options *options);
 void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 
-// Does what the messages handed out so far (pm_transport_wait) and the time `now` (s, monotonic)
-// allow. Returns the time at which to poll again if no message comes before.
+// Advances the node as far as it can at the time `now` (s, monotonic) with the messages that
+// pm_transport_wait has delivered so far. Returns the time at which to poll again if no message
+// comes before.
 double pm_lockstep_node_poll(pm_lockstep_node *node, double now);
 
 // Ends the node with `code` and `message`, which it reports to the coordinator, which ends the

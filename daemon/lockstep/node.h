@@ -63,7 +63,7 @@ struct pm_lockstep_node {
     pm_node_phase phase;
     double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
 
-    // Of the run, from the coordinator's ticks.
+    // Members that describe the run, taken from the coordinator's ticks.
     int64_t coordinator; // instance of the coordinator
     int64_t granted;     // steps
     double t0;           // s, time at step 0

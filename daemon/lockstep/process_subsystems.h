@@ -39,7 +39,7 @@ typedef struct pm_process_subsystems {
 // initial state) under `boundary_input` (NULL: the scene has none). Memory comes from the arena;
 // system and boundary input must outlive the subsystems. The flux messages of the last `depth`
 // rounds are kept for requests. PM_ECONFIG, PM_ENOMEM, and what pm_subsystem_open returns. The
-// caller frees, on failure too.
+// caller must call pm_process_subsystems_free, also after a failure.
 pm_status pm_process_subsystems_init(pm_process_subsystems *subsystems, pm_arena *arena,
                                      const pm_system *system, int process_id, const double *z,
                                      const pm_boundary_input *boundary_input, int depth);

@@ -1,4 +1,4 @@
-// What the coordinator knows of one process: the channels of its messages, which numbers of a
+// The coordinator's view of one process: the channels of its messages, which numbers of a
 // sample it reports, and whether it is alive and makes progress. The messages into which reports
 // and fluxes of the process are decoded belong to this struct.
 #ifndef PM_LOCKSTEP_REMOTE_PROCESS_H

@@ -7,7 +7,7 @@
 #include "model/spec.h"
 #include "store/yaml.h"
 
-// What all parts of a block share.
+// The data that all readers of a block share.
 typedef struct pm_model_context {
     pm_arena *arena;
     const pm_constants *constants; // that formulas may name

@@ -7,7 +7,7 @@
 
 #define MAX_LAYERS 16
 #define MAX_WIDTH 4096 // of a hidden layer
-// Of a network on a mesh, whose numbers are many times its nodes.
+// A limit for networks on a mesh, whose numbers are many times its nodes.
 #define MAX_NODE_WIDTH 256
 #define MAX_PASSES 64
 #define MAX_PATTERNS 256
@@ -56,7 +56,7 @@ void pm_mesh_write(FILE *file, const pm_mesh *mesh) {
 
 // --- networks ---
 
-// What only networks on a mesh have.
+// Keys that only networks on a mesh have.
 static pm_status read_message(pm_yaml block, pm_yaml nodes, const pm_mesh *mesh, pm_arena *arena,
                               pm_network_spec *network) {
     static const char *const others[] = {"features", "skip", "activation"};

@@ -1,4 +1,4 @@
-// What one step of a run leaves behind (a sample), and the HDF5 recording of all samples:
+// The sample that one step of a run leaves behind, and the HDF5 recording of all samples:
 //   /time [sample] s, /step [sample]
 //   /subsystems/<name>/z [sample][variable], with the attributes variables and units: one entry for
 //     each component, "q[0]"; for more than 1000 components one for each group, "q[0:5000]"

@@ -1,5 +1,6 @@
-// What the files that read a scene share (scene.c and scene_*.c); nobody else includes it. scene.c
-// calls the readers of the sections, and these call scene_yaml.c, scene_names.c and scene_lookup.c.
+// Declarations shared by the files that read a scene (scene.c and scene_*.c); nobody else includes
+// it. scene.c calls the readers of the sections, and these call scene_yaml.c, scene_names.c and
+// scene_lookup.c.
 #ifndef PM_SCENE_SCENE_READER_H
 #define PM_SCENE_SCENE_READER_H
 

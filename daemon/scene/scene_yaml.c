@@ -1,4 +1,5 @@
-// What every section of a scene file holds: names, paths, and the places where values stand.
+// Readers of the things that every section of a scene file holds: names, paths, and the places
+// where values stand.
 #include <string.h>
 
 #include "scene/scene_reader.h"

@@ -16,7 +16,7 @@
 #include "scene/recording.h"
 #include "scene/system.h"
 
-// What one end of a port shows at a stage. Each array has ny numbers and is borrowed.
+// The numbers that one end of a port exposes at a stage. Each array has ny numbers and is borrowed.
 typedef struct pm_port_values {
     int ny;
     const double *y;   // exposed components of the state

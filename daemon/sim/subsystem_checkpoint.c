@@ -1,6 +1,6 @@
-// What one subsystem needs to go on from the end of a step with the same bits: the state; the step
-// and the counts; the booked fluxes; the projection; and the last inputs of the bulk term and of
-// the port laws, from which the first step knows what has not changed.
+// The numbers with which one subsystem goes on from the end of a step with the same bits: the
+// state; the step and the counts; the booked fluxes; the projection; and the last inputs of the
+// bulk term and of the port laws, from which the first step knows what has not changed.
 #include "sim/subsystem_parts.h"
 
 static void put_flux(pm_record *record, const char *name, pm_flux *flux) {

@@ -45,7 +45,7 @@ typedef struct name_heap {
     uint64_t size;
 } name_heap;
 
-// What the messages of an object header have said.
+// The facts that the messages of an object header have stated.
 typedef struct object_facts {
     bool space, type, layout, group;
     uint64_t values, value_size; // values of the dataspace; bytes of one value

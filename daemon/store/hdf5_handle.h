@@ -1,5 +1,5 @@
-// What the HDF5 files of this folder share: the handle of a file, and failures that quote the cause
-// which the library gives.
+// Declarations shared by the HDF5 files of this folder: the handle of a file, and failures that
+// quote the cause which the library gives.
 #ifndef PM_STORE_HDF5_HANDLE_H
 #define PM_STORE_HDF5_HANDLE_H
 

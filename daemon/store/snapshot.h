@@ -10,7 +10,7 @@
 
 #include "base/status.h"
 
-// What a snapshot is made of. A file with another key is refused.
+// The key of a snapshot identifies what it was made of. A file with another key is refused.
 typedef struct pm_snapshot_key {
     uint64_t digest; // of the inputs: scene, weights and initial state, or a training and its data
     uint64_t layout; // of the names and counts of the numbers (pm_record)

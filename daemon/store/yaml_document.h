@@ -1,5 +1,6 @@
-// What the YAML files of this folder share: the composed document, and failures that several of
-// them report. yaml_open.c makes the document, yaml.c walks it, yaml_value.c reads its scalars.
+// Declarations shared by the YAML files of this folder: the composed document, and failures that
+// several of them report. yaml_open.c makes the document, yaml.c walks it, yaml_value.c reads its
+// scalars.
 #ifndef PM_STORE_YAML_DOCUMENT_H
 #define PM_STORE_YAML_DOCUMENT_H
 

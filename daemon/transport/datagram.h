@@ -55,8 +55,9 @@ pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *firs
 // Takes in a fragment of the message being reassembled. Returns false if it belongs to another one.
 bool pm_reassembly_add(pm_reassembly *reassembly, const pm_datagram *part, uint64_t sender);
 
-// True if no fragment is missing and their sizes add up to that of the message, so that a few bytes
-// cannot pass for a large one. `data` [total] is then the message, until the next _begin.
+// Returns true if no fragment is missing and the sizes of the fragments add up to the size of the
+// message. The sum keeps a few bytes from passing for a large message. If true, `data` [total]
+// holds the message until the next call of pm_reassembly_begin.
 bool pm_reassembly_complete(const pm_reassembly *reassembly);
 
 #endif

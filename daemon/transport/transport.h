@@ -39,7 +39,7 @@ typedef struct pm_hub_faults {
     int max_delay;
 } pm_hub_faults;
 
-// `faults` may be NULL. PM_ENOMEM. The hub is closed after its endpoints.
+// `faults` may be NULL. PM_ENOMEM. The caller must close the hub after its endpoints.
 pm_status pm_hub_open(pm_hub **hub, const pm_hub_faults *faults);
 void pm_hub_close(pm_hub *hub); // NULL is allowed
 
@@ -74,7 +74,8 @@ pm_status pm_transport_publish(pm_transport *transport, const char *channel, con
 // wait. The memory transport never waits, since nobody could send meanwhile. PM_ENET.
 pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handled);
 
-// A file descriptor that becomes readable when a message arrives, for poll(); -1 if there is none.
+// Returns a file descriptor for poll() that becomes readable when a message arrives, or -1 if the
+// transport has no descriptor.
 int pm_transport_file(const pm_transport *transport);
 
 // The messages that were dropped before they reached a handler. The transport owns the counts.

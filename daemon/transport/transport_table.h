@@ -4,9 +4,10 @@
 
 #include "transport/transport.h"
 
-// The functions of transport.h, each on the transport's own state.
+// The functions of one kind of transport, which implement those of transport.h. Each receives the
+// state of its transport.
 typedef struct pm_transport_table {
-    pm_status (*check)(const char *url); // the scheme is one of the transport's
+    pm_status (*check)(const char *url); // called only with a scheme of this transport
     // `drops` counts the messages that the transport drops, and outlives the state.
     pm_status (*open)(void **state, const char *url, pm_hub *hub, pm_drops *drops);
     void (*close)(void *state);

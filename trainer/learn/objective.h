@@ -39,7 +39,7 @@ pm_status pm_objective_rescale(pm_objective *o, int count, const int *index);
 double pm_objective_robust_square(const pm_objective *o);
 void pm_objective_set_robust_square(pm_objective *o, double square);
 
-// What the objective was opened with; all pointers are borrowed from it.
+// These return what the objective was opened with; all pointers are borrowed from it.
 typedef struct pm_loss_context {
     pm_system *system;
     const pm_samples *samples;

@@ -1,4 +1,5 @@
-// What the units and the statistics of a dataset say about the subsystems and ports of a scene.
+// A view of what the units and the statistics of a dataset say about the subsystems and ports of a
+// scene.
 #ifndef PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 #define PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 

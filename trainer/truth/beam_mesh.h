@@ -30,10 +30,10 @@ typedef struct pm_beam_mesh {
     int (*hexahedron)[PM_BEAM_CORNERS]; // [nelement] nodes, numbered as in VTK
 } pm_beam_mesh;
 
-// Makes one body whose frame is the global frame. Memory from the arena. PM_ENOMEM.
+// Makes one body whose frame is the global frame. Memory comes from the arena. PM_ENOMEM.
 pm_status pm_beam_mesh_make(pm_beam_mesh *mesh, const int count[3], const double size[3],
                             pm_arena *arena);
-// Makes equal bodies at placement [nbody]. Memory from the arena. PM_ENOMEM.
+// Makes equal bodies at placement [nbody]. Memory comes from the arena. PM_ENOMEM.
 pm_status pm_beam_mesh_place(pm_beam_mesh *mesh, const int count[3], const double size[3],
                              int nbody, const pm_beam_placement *placement, pm_arena *arena);
 

@@ -51,7 +51,7 @@ static void find_amplitudes(pm_message_net *n) {
 
 // --- decode ---
 
-// What decoders read where the outputs are proportional to a driver.
+// The inputs of the decoders where the outputs are proportional to a driver.
 typedef struct driven_outputs {
     pm_node local; // [nnode][width] the driver after all message passes
     // [1][..] its work on the patterns, its products with the first field, and combinations of
