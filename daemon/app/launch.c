@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "base/presence.h"
 #include "base/progress.h"
 
 #define TERM_GRACE 2.0        // s from SIGTERM to SIGKILL
@@ -242,9 +243,10 @@ static bool any_running(pm_launch *launch) {
 
 // Waits up to `seconds` for all children; returns whether all have ended.
 static bool wait_all(pm_launch *launch, double seconds) {
-    const double deadline = pm_clock() + seconds;
+    pm_presence presence = {0};
+    const double deadline = pm_presence_look(&presence, pm_clock()) + seconds;
     while (any_running(launch)) {
-        if (pm_clock() > deadline) {
+        if (pm_presence_look(&presence, pm_clock()) > deadline) {
             return false;
         }
         nanosleep(&(struct timespec){.tv_nsec = POLL_INTERVAL}, NULL);

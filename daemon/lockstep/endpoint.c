@@ -9,6 +9,14 @@ void pm_endpoint_count(pm_endpoint *endpoint, pm_drop drop) {
     endpoint->drops.count[drop] += 1;
 }
 
+void pm_endpoint_look(pm_endpoint *endpoint, double clock) {
+    endpoint->now = pm_presence_look(&endpoint->presence, clock);
+}
+
+double pm_endpoint_clock(const pm_endpoint *endpoint, double time) {
+    return time + endpoint->presence.absent;
+}
+
 // --- receiving ---
 
 static void on_hello(void *context, const char *channel, const void *data, size_t size) {

@@ -5,6 +5,7 @@
 #ifndef PM_LOCKSTEP_ENDPOINT_H
 #define PM_LOCKSTEP_ENDPOINT_H
 
+#include "base/presence.h"
 #include "lockstep/codec.h"
 #include "lockstep/identity.h"
 #include "lockstep/waiting.h"
@@ -28,7 +29,8 @@ typedef struct pm_endpoint {
     char coordinator_address[PM_CHANNEL_SIZE]; // channel of requests to the coordinator
     int64_t session, steps;                    // of the run; session 0: none yet
     int64_t attempt;                           // number of rollbacks since the start
-    double now;                                // s, monotonic, at the last poll
+    double now;                                // s, at the last poll, without own absences
+    pm_presence presence;
     pm_waiting waiting;
     pm_status status; // result of the run; PM_OK until it has failed
     char message[PM_TEXT_MAX + 1];
@@ -44,6 +46,13 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
 
 // Passes the requests that are sent to another process to the handlers, too. PM_ENET, PM_ENOMEM.
 pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address);
+
+// Sets endpoint->now, the clock of all that the owner waits for, to `clock` (s, monotonic) less the
+// time in which this process did not run. To be called at the beginning of each poll.
+void pm_endpoint_look(pm_endpoint *endpoint, double clock);
+
+// The monotonic time at which endpoint->now will be `time` if this process goes on running.
+double pm_endpoint_clock(const pm_endpoint *endpoint, double time);
 
 // Counts a message as used (PM_KEEP) or dropped.
 void pm_endpoint_count(pm_endpoint *endpoint, pm_drop drop);

@@ -285,8 +285,9 @@ static pm_status say_hello(pm_lockstep_coordinator *c) {
     return pm_identity_publish_hello(&c->endpoint.identity);
 }
 
-double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
-    c->endpoint.now = now;
+double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
+    pm_endpoint_look(&c->endpoint, clock);
+    const double now = c->endpoint.now;
     for (int i = 0; i < c->nremote; ++i) {
         pm_remote_process *remote = &c->remote[i];
         remote->heard = remote->alive ? now : remote->heard;
@@ -313,10 +314,11 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double now) {
     switch (c->phase) {
     case PM_COORDINATOR_RUNNING: {
         const double next = c->endpoint.waiting.next;
-        return pm_coordinator_is_at_gate(c) && c->gate.read_at < next ? c->gate.read_at : next;
+        const bool first = pm_coordinator_is_at_gate(c) && c->gate.read_at < next;
+        return pm_endpoint_clock(&c->endpoint, first ? c->gate.read_at : next);
     }
     case PM_COORDINATOR_CLOSING:
-        return c->next;
+        return pm_endpoint_clock(&c->endpoint, c->next);
     default:
         return INFINITY;
     }

@@ -76,8 +76,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_lockstep_coordinator_options *options);
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
 
-// As pm_lockstep_node_poll, _fail and _finished; `now` in s, monotonic.
-double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double now);
+// As pm_lockstep_node_poll, _fail and _finished; `clock` in s, monotonic.
+double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double clock);
 void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
                                   const char *message);
 bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator);

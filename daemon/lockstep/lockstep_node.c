@@ -106,8 +106,9 @@ static void start_clock(pm_lockstep_node *node) {
     node->next = node->endpoint.now;
 }
 
-double pm_lockstep_node_poll(pm_lockstep_node *node, double now) {
-    node->endpoint.now = now;
+double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
+    pm_endpoint_look(&node->endpoint, clock);
+    const double now = node->endpoint.now;
     if (node->coordinator_alive) {
         node->coordinator_heard = now;
         node->coordinator_alive = false;
@@ -132,7 +133,8 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double now) {
         node->next = node->until;
         node->phase = now >= node->until ? PM_NODE_FINISHED : PM_NODE_LEAVING;
     }
-    return node->phase == PM_NODE_FINISHED ? INFINITY : node->next;
+    return node->phase == PM_NODE_FINISHED ? INFINITY
+                                           : pm_endpoint_clock(&node->endpoint, node->next);
 }
 
 // --- opening ---

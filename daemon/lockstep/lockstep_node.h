@@ -39,10 +39,11 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
                                 pm_transport *transport, const pm_lockstep_node_options *options);
 void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 
-// Advances the node as far as it can at the time `now` (s, monotonic) with the messages that
+// Advances the node as far as it can at the time `clock` (s, monotonic) with the messages that
 // pm_transport_wait has delivered so far. Returns the time at which to poll again if no message
-// comes before.
-double pm_lockstep_node_poll(pm_lockstep_node *node, double now);
+// comes before. It must be polled several times in PM_PRESENCE_LONGEST: what is longer between two
+// polls counts as an absence of this process (base/presence.h), and not as the silence of others.
+double pm_lockstep_node_poll(pm_lockstep_node *node, double clock);
 
 // Ends the node with `code` and `message`, which it reports to the coordinator, which ends the
 // others. Does nothing if the node is ending already.

@@ -1,6 +1,6 @@
 #!/bin/sh
-# test_faults.sh PORTMETD MAKE_SCENE SAME_RECORDING: lost messages and a node that is paused change no
-# bit of the result.
+# test_faults.sh PORTMETD MAKE_SCENE SAME_RECORDING: lost messages, a node that is paused and a run that is
+# stopped as a whole for longer than its patience change no bit of the result.
 . "$(dirname "$0")/network.sh"
 steps=100
 
@@ -17,6 +17,26 @@ held paused 50
 find_child $paused right
 kill -STOP "$victim" || fail "no node to pause"
 open_gate paused 80
+
+# All processes stopped, as by Ctrl-Z or in a frozen container, held and on their way. Each goes on later.
+sed '/^time:/i lockstep: {patience: 2}' "$scene" >"$folder/frozen.yaml"
+for gate in 50 1000000; do
+    open_gate frozen$gate 50
+    start frozen$gate run "$folder/frozen.yaml" --steps 1000000 --gate "$folder/frozen$gate.gate"
+    eval "frozen$gate=$pid"
+    held frozen$gate 50
+    open_gate frozen$gate $gate
+    kill -STOP $pid $(children $pid) || fail "no run to stop"
+    eval "frozen_processes$gate='$pid $(children $pid)'"
+done
+sleep 3
+for gate in 50 1000000; do
+    eval "kill -CONT \$frozen_processes$gate"
+    eval "pid=\$frozen$gate"
+    sleep 0.2 # the silence of others would be found at once
+    kill -INT $pid
+    ends frozen$gate $pid 12 "interrupted"
+done
 
 # Without loss.
 configs=$(realpath "$(dirname "$0")/../../configs")

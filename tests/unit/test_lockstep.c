@@ -192,6 +192,29 @@ static void test_a_pause_is_told(void **context) {
     pm_hub_close(hub);
 }
 
+// All processes are absent at once for longer than the patience, as in a frozen container, before
+// the first step and in the middle of the run. Nobody counts that as the silence of others.
+static void test_an_absence_of_all_is_no_silence(void **context) {
+    (void)context;
+    for (long step = 0; step < 10; step += 5) {
+        pm_hub *hub = cluster_hub(NULL);
+        cluster c;
+        cluster_open_all(&c, 3, 1, hub, 0);
+        cluster_turn(&c);
+        c.now += 3 * PATIENCE;
+        cluster_run_to(&c, step);
+        for (int i = 1; i < 4; ++i) {
+            c.now += 3 * PATIENCE;
+            cluster_run_to(&c, step + i);
+        }
+        cluster_run(&c);
+        assert_all_ok(&c);
+        assert_int_equal(c.pauses, 0);
+        cluster_close(&c);
+        pm_hub_close(hub);
+    }
+}
+
 // Signs of life alone do not help: here everything that link2 sends but its requests is lost.
 static void test_life_without_progress_ends(void **context) {
     (void)context;
@@ -418,6 +441,7 @@ int main(void) {
         cmocka_unit_test(test_two_sessions_on_one_network),
         cmocka_unit_test(test_who_waits_is_alive),
         cmocka_unit_test(test_a_pause_is_told),
+        cmocka_unit_test(test_an_absence_of_all_is_no_silence),
         cmocka_unit_test(test_life_without_progress_ends),
         cmocka_unit_test(test_other_digest_is_refused_by_name),
         cmocka_unit_test(test_other_step_is_refused),
