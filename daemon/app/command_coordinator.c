@@ -13,7 +13,7 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_status status;
     PM_TRY_DONE(pm_setup_checkpoint(setup, observer->options, NULL, &options.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator"));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),

@@ -17,7 +17,7 @@ static pm_status serve(pm_setup *setup, const pm_run_options *options, int proce
     pm_status status;
     PM_TRY_DONE(pm_setup_checkpoint(setup, options, setup->scene->process[process_id].name,
                                     &node_options.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, setup->scene->process[process_id].name));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, options->stop);
     pm_connect_warn(transport, pm_lockstep_node_drops(node));

@@ -65,7 +65,7 @@ static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
     pm_lockstep_coordinator_options coordinator_options = pm_observer_attach(observer, setup);
     coordinator_options.session = pm_lockstep_session();
     pm_status status;
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator"));
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));

@@ -2,6 +2,7 @@
 #include "app/connect.h"
 
 #include <stdio.h>
+#include <unistd.h>
 
 #include "transport/channel.h"
 
@@ -24,10 +25,18 @@ pm_status pm_connect_key(const pm_scene *scene, pm_key *key) {
     return PM_OK;
 }
 
-static pm_status seal(pm_transport *transport, const pm_scene *scene) {
+static void warn_clock(const char *sender, double seconds) {
+    fprintf(stderr, "portmetd: warning: clock of %s differs by %.0f s\n", sender, seconds);
+}
+
+static pm_status seal(pm_transport *transport, const pm_scene *scene, const char *name) {
     pm_key key;
+    char host[64] = "", sender[PM_SEAL_SENDER];
+    (void)gethostname(host, sizeof host - 1);
+    // A long name must not hide the host's.
+    snprintf(sender, sizeof sender, "%.31s@%.31s", name, host);
     PM_TRY(pm_connect_key(scene, &key));
-    const pm_status status = pm_transport_seal(transport, &key);
+    const pm_status status = pm_transport_seal(transport, &key, sender, warn_clock);
     pm_key_clear(&key);
     return status;
 }
@@ -58,10 +67,10 @@ pm_status pm_connect_check(pm_scene *scene) {
     return check_channels(scene);
 }
 
-pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene) {
+pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name) {
     pm_transport *opened = NULL;
     PM_TRY(pm_transport_open(&opened, scene->url, NULL));
-    const pm_status status = scene->key_file == NULL ? PM_OK : seal(opened, scene);
+    const pm_status status = scene->key_file == NULL ? PM_OK : seal(opened, scene, name);
     if (status != PM_OK) {
         pm_transport_close(opened);
         return status;
@@ -75,7 +84,7 @@ void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
     // count.
     static const pm_drop strange[] = {PM_DROP_DATAGRAM, PM_DROP_LENGTH, PM_DROP_TYPE,
                                       PM_DROP_COUNT,    PM_DROP_TEXT,   PM_DROP_NUMBER,
-                                      PM_DROP_SEAL,     PM_DROP_REPLAY};
+                                      PM_DROP_SEAL,     PM_DROP_REPLAY, PM_DROP_CLOCK};
     const pm_drops *below = pm_transport_drops(transport);
     char list[256];
     size_t used = 0;

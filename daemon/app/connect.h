@@ -14,9 +14,10 @@ pm_status pm_connect_key(const pm_scene *scene, pm_key *key);
 // scene.
 pm_status pm_connect_check(pm_scene *scene);
 
-// Opens the transport at the scene's URL, sealed if the scene names a key. The caller closes it.
-// Fails as pm_transport_open and pm_connect_key do.
-pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene);
+// Opens the transport at the scene's URL for the process `name` or "coordinator", sealed if the
+// scene names a key. A warning on standard error then names each sender whose clock is ahead of
+// this one. The caller closes the transport. Fails as pm_transport_open and pm_connect_key do.
+pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name);
 
 // Prints one line on standard error if messages were dropped that no process of this scene sends:
 // how many, and why. `drops` are those of the state machine on this transport.

@@ -16,6 +16,7 @@ typedef enum pm_drop {
     PM_DROP_DATAGRAM, // the datagram is not in LCM's format
     PM_DROP_SEAL,     // no holder of the key sent it, or it was changed (seal.h)
     PM_DROP_REPLAY,   // a holder of the key sent it, but too long ago
+    PM_DROP_CLOCK,    // a holder of the key sent it, but its clock is ahead
     PM_NDROP
 } pm_drop;
 

@@ -11,12 +11,13 @@
 #include <unistd.h>
 
 #define STAMP_SIZE 8
-#define TAG_SIZE (PM_SEAL_SIZE - STAMP_SIZE)
+#define TAG_SIZE 16
 
 struct pm_seal {
     crypto_generichash_state keyed; // the hash with the key taken in, where every tag begins
-    int64_t offset;                 // ns, clock of stamps minus monotonic clock
-    int64_t newest;                 // ns, newest stamp received, or the start of listening
+    int64_t offset;                 // ns, clock of stamps minus the system's clock since its start
+    unsigned char sender[PM_SEAL_SENDER]; // [length], then its length
+    size_t length;
 };
 
 // --- the key ---
@@ -70,7 +71,7 @@ static int64_t read_clock(clockid_t clock) {
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now) {
+pm_status pm_seal_open(pm_seal **seal, const pm_key *key, const char *sender, int64_t now) {
     // The memory is locked where the system allows it. It is aligned for the state, whose size is a
     // multiple of its alignment.
     pm_seal *made = sodium_init() < 0 ? NULL : sodium_malloc(sizeof *made);
@@ -78,8 +79,10 @@ pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now) {
         return pm_fail(PM_ENOMEM, "out of memory for a key");
     }
     crypto_generichash_init(&made->keyed, key->byte, PM_KEY_SIZE, TAG_SIZE);
-    made->offset = now - read_clock(CLOCK_MONOTONIC);
-    made->newest = now;
+    made->offset = now - read_clock(CLOCK_BOOTTIME);
+    made->length = strnlen(sender, PM_SEAL_SENDER - 1);
+    memcpy(made->sender, sender, made->length);
+    made->sender[made->length] = (unsigned char)made->length;
     *seal = made;
     return PM_OK;
 }
@@ -89,10 +92,10 @@ void pm_seal_close(pm_seal *seal) {
 }
 
 int64_t pm_seal_clock(const pm_seal *seal) {
-    return seal == NULL ? read_clock(CLOCK_REALTIME) : read_clock(CLOCK_MONOTONIC) + seal->offset;
+    return seal == NULL ? read_clock(CLOCK_REALTIME) : read_clock(CLOCK_BOOTTIME) + seal->offset;
 }
 
-// Computes the tag of `data` [size], which holds payload and stamp.
+// Computes the tag of `data` [size], which holds the payload and the other fields.
 static void make_tag(const pm_seal *seal, const char *channel, const void *data, size_t size,
                      unsigned char *tag) {
     crypto_generichash_state state = seal->keyed;
@@ -101,32 +104,52 @@ static void make_tag(const pm_seal *seal, const char *channel, const void *data,
     crypto_generichash_final(&state, tag, TAG_SIZE);
 }
 
-void pm_seal_write(const pm_seal *seal, const char *channel, void *data, size_t size,
-                   int64_t stamp) {
-    unsigned char *trailer = (unsigned char *)data + size;
+size_t pm_seal_write(const pm_seal *seal, const char *channel, void *data, size_t size,
+                     int64_t stamp) {
+    unsigned char *field = (unsigned char *)data + size;
     const uint64_t bits = htobe64((uint64_t)stamp);
-    memcpy(trailer, &bits, STAMP_SIZE);
-    make_tag(seal, channel, data, size + STAMP_SIZE, trailer + STAMP_SIZE);
+    const size_t head = STAMP_SIZE + seal->length + 1;
+    memcpy(field, &bits, STAMP_SIZE);
+    memcpy(field + STAMP_SIZE, seal->sender, seal->length + 1);
+    make_tag(seal, channel, data, size + head, field + head);
+    return head + TAG_SIZE;
 }
 
-pm_drop pm_seal_check(pm_seal *seal, const char *channel, const void *data, size_t *size) {
-    if (*size < PM_SEAL_SIZE) {
+// Copies the sender's text, in which nothing but printable characters are expected.
+static void copy_sender(pm_seal_origin *origin, const unsigned char *text, size_t length) {
+    for (size_t i = 0; i < length; ++i) {
+        origin->sender[i] = text[i] > ' ' && text[i] < 0x7f ? (char)text[i] : '?';
+    }
+    origin->sender[length] = 0;
+}
+
+pm_drop pm_seal_check(const pm_seal *seal, const char *channel, const void *data, size_t *size,
+                      pm_seal_origin *origin) {
+    if (*size < PM_SEAL_LEAST) {
         return PM_DROP_LENGTH;
     }
-    const size_t payload = *size - PM_SEAL_SIZE;
-    const unsigned char *trailer = (const unsigned char *)data + payload;
+    const unsigned char *end = (const unsigned char *)data + *size - TAG_SIZE; // the tag
     unsigned char tag[TAG_SIZE];
-    make_tag(seal, channel, data, payload + STAMP_SIZE, tag);
-    if (sodium_memcmp(tag, trailer + STAMP_SIZE, TAG_SIZE) != 0) {
+    make_tag(seal, channel, data, *size - TAG_SIZE, tag);
+    if (sodium_memcmp(tag, end, TAG_SIZE) != 0) {
         return PM_DROP_SEAL;
     }
-    uint64_t bits;
-    memcpy(&bits, trailer, STAMP_SIZE);
-    const int64_t stamp = (int64_t)be64toh(bits);
-    if (stamp < seal->newest - PM_SEAL_AGE) {
-        return PM_DROP_REPLAY;
+    const size_t length = end[-1];
+    if (length >= PM_SEAL_SENDER || *size < PM_SEAL_LEAST + length) {
+        return PM_DROP_LENGTH;
     }
-    seal->newest = stamp > seal->newest ? stamp : seal->newest;
-    *size = payload;
-    return PM_KEEP;
+    uint64_t bits;
+    memcpy(&bits, end - 1 - length - STAMP_SIZE, STAMP_SIZE);
+    // A stamp may be any number, and the difference must not overflow.
+    const int64_t stamp = (int64_t)be64toh(bits);
+    const int64_t ahead = stamp < 0 ? INT64_MIN : stamp - pm_seal_clock(seal);
+    if (ahead >= -PM_SEAL_AGE && ahead <= PM_SEAL_AGE) {
+        *size -= PM_SEAL_LEAST + length;
+        return PM_KEEP;
+    }
+    if (origin != NULL) {
+        origin->ahead = ahead;
+        copy_sender(origin, end - 1 - length, length);
+    }
+    return ahead > 0 ? PM_DROP_CLOCK : PM_DROP_REPLAY;
 }

@@ -1,16 +1,19 @@
-// Authenticates messages of a scene that has a `key_file`. Two fields follow the payload:
-//   stamp  8 bytes, big-endian: ns of the sender's clock
-//   tag   16 bytes: keyed BLAKE2b (RFC 7693) of the channel with its terminator, payload and stamp
+// Authenticates messages of a scene that has a `key_file`. Four fields follow the payload:
+//   stamp   8 bytes, big-endian: ns of the sender's clock
+//   sender  n bytes of text: NAME@HOST, a process and the host on which it runs
+//   length  1 byte: n
+//   tag    16 bytes: keyed BLAKE2b (RFC 7693) of the channel with its terminator and all before
 // LCM's decoders ignore bytes after the fields they know, so lcm-spy and lcm-logger work as before.
 //
 // The seal protects against anyone who can read and send on the network but does not hold the key.
 // Channel and payload name scene, session, step and sender, so nobody else can forge, change or
-// shorten a message, or move it to another channel, session or step. A replayed message is dropped
-// by its stamp if it is older than PM_SEAL_AGE before the newest one received, or before the
-// receiver began to listen. A younger one counts as repeated, and the lock-step drops it by session
-// and step; a replayed request is answered, but nobody rolls back to a checkpoint for it
-// (lockstep/request_filter.h). The seal does not protect against readers (nothing is encrypted),
-// against holders of the key (any of them can speak for all), or against a flooded or cut network.
+// shorten a message, or move it to another channel, session or step. Nobody can use a message that
+// is older than PM_SEAL_AGE: each receiver compares the stamp with its own clock. A message whose
+// stamp is more than PM_SEAL_AGE ahead is no replay, but comes from a host whose clock is wrong; it
+// is dropped for a reason of its own, and the clock of one sender changes nothing for another.
+//
+// The seal does not protect against readers (nothing is encrypted), against holders of the key (any
+// of them can speak for all), or against a flooded or cut network.
 #ifndef PM_TRANSPORT_SEAL_H
 #define PM_TRANSPORT_SEAL_H
 
@@ -20,8 +23,10 @@
 #include "base/status.h"
 #include "transport/drops.h"
 
-#define PM_KEY_SIZE 32  // bytes
-#define PM_SEAL_SIZE 24 // bytes of stamp and tag
+#define PM_KEY_SIZE 32    // bytes
+#define PM_SEAL_LEAST 25  // bytes of stamp, length and tag
+#define PM_SEAL_SENDER 64 // bytes of the text of the longest sender, with a terminator
+#define PM_SEAL_MOST (PM_SEAL_LEAST + PM_SEAL_SENDER)
 
 // The age of a message, in ns, from which it counts as replayed. The clocks of all hosts must agree
 // to within this.
@@ -36,23 +41,35 @@ typedef struct pm_key {
 pm_status pm_key_load(pm_key *key, const char *path);
 void pm_key_clear(pm_key *key);
 
-// The key and the newest stamp received. One seal serves one transport.
+// The key, the sender that writes it, and a clock. One seal serves one transport.
 typedef struct pm_seal pm_seal;
 
-// `now` is the time at which listening begins, ns since 1970 (pm_seal_clock of NULL). PM_ENOMEM.
-pm_status pm_seal_open(pm_seal **seal, const pm_key *key, int64_t now);
+// What an authentic message says of its origin.
+typedef struct pm_seal_origin {
+    char sender[PM_SEAL_SENDER];
+    int64_t ahead; // ns by which the stamp is ahead of the receiver's clock
+} pm_seal_origin;
+
+// `sender` is the text of the field of that name; what exceeds its size is cut. `now` is the time
+// in ns since 1970 (pm_seal_clock of NULL). PM_ENOMEM.
+pm_status pm_seal_open(pm_seal **seal, const pm_key *key, const char *sender, int64_t now);
 void pm_seal_close(pm_seal *seal); // NULL is allowed
 
-// The time in ns since 1970, by a clock that does not jump while this process runs: `now` of
-// pm_seal_open plus the time that has passed since. With NULL, the system's time.
+// The time in ns since 1970, by a clock that does not jump while this process runs, and that goes
+// on while the host sleeps: `now` of pm_seal_open plus the time that has passed since. With NULL,
+// the system's time.
 int64_t pm_seal_clock(const pm_seal *seal);
 
-// Writes stamp and tag, PM_SEAL_SIZE bytes, after the `size` bytes of the payload in `data`.
-void pm_seal_write(const pm_seal *seal, const char *channel, void *data, size_t size,
-                   int64_t stamp);
+// Writes the four fields after the `size` bytes of the payload in `data`. Returns their number of
+// bytes, at most PM_SEAL_MOST.
+size_t pm_seal_write(const pm_seal *seal, const char *channel, void *data, size_t size,
+                     int64_t stamp);
 
-// Checks a message of `*size` bytes. PM_KEEP: it is authentic, and `*size` becomes the size of its
-// payload. Otherwise PM_DROP_LENGTH, PM_DROP_SEAL or PM_DROP_REPLAY.
-pm_drop pm_seal_check(pm_seal *seal, const char *channel, const void *data, size_t *size);
+// Checks a message of `*size` bytes. PM_KEEP: it is authentic and of the present, and `*size`
+// becomes the size of its payload. Otherwise PM_DROP_LENGTH, PM_DROP_SEAL, PM_DROP_REPLAY, or
+// PM_DROP_CLOCK: it is ahead of this clock. Fills in `origin` (may be NULL) for PM_DROP_REPLAY and
+// PM_DROP_CLOCK.
+pm_drop pm_seal_check(const pm_seal *seal, const char *channel, const void *data, size_t *size,
+                      pm_seal_origin *origin);
 
 #endif

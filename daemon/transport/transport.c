@@ -65,10 +65,11 @@ void pm_transport_close(pm_transport *transport) {
     }
 }
 
-pm_status pm_transport_seal(pm_transport *transport, const pm_key *key) {
+pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
+                            pm_clock_handler *on_clock) {
     void *state;
-    PM_TRY(pm_transport_sealed_open(&state, transport->table, transport->state, key,
-                                    &transport->drops));
+    PM_TRY(pm_transport_sealed_open(&state, transport->table, transport->state, key, sender,
+                                    on_clock, &transport->drops));
     transport->table = &pm_transport_sealed;
     transport->state = state;
     return PM_OK;

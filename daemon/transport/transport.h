@@ -55,9 +55,15 @@ pm_status pm_transport_check(const char *url);
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub);
 void pm_transport_close(pm_transport *transport); // NULL is allowed
 
-// From now on seals what is published, and drops what arrives without a good seal (seal.h). To be
-// called before the first subscription; the key may be cleared afterwards. PM_ENOMEM.
-pm_status pm_transport_seal(pm_transport *transport, const pm_key *key);
+// Called during pm_transport_wait, once for each sender whose clock is more than PM_SEAL_AGE ahead
+// of this host's, with the difference in s.
+typedef void pm_clock_handler(const char *sender, double seconds);
+
+// From now on seals what is published, as `sender` (NAME@HOST), and drops what arrives without a
+// good seal (seal.h). `on_clock` may be NULL. To be called before the first subscription; the key
+// may be cleared afterwards. PM_ENOMEM.
+pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
+                            pm_clock_handler *on_clock);
 
 // Passes the messages on exactly this channel to `handler`, with `context`; they include those that
 // this transport publishes. Several handlers may subscribe to one channel. PM_ENET, PM_ENOMEM.

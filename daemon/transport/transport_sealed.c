@@ -6,6 +6,7 @@
 #include "transport/transport_table.h"
 
 #define FIRST_CAPACITY 1024 // bytes
+#define MOST_TOLD 16        // senders whose clocks are told of
 
 typedef struct sealed_subscription {
     struct sealed_subscription *next;
@@ -22,6 +23,9 @@ typedef struct sealed {
     unsigned char *data; // [capacity] a message with its seal
     size_t capacity;
     sealed_subscription *subscriptions;
+    pm_clock_handler *on_clock; // NULL: nobody is told
+    int ntold;
+    char told[MOST_TOLD][PM_SEAL_SENDER]; // the senders that it was called for
 } sealed;
 
 static void sealed_close(void *state) {
@@ -38,12 +42,13 @@ static void sealed_close(void *state) {
 }
 
 pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
-                                   const pm_key *key, pm_drops *drops) {
+                                   const pm_key *key, const char *sender,
+                                   pm_clock_handler *on_clock, pm_drops *drops) {
     sealed *s = calloc(1, sizeof *s);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "sealed transport: out of memory");
     }
-    const pm_status status = pm_seal_open(&s->seal, key, pm_seal_clock(NULL));
+    const pm_status status = pm_seal_open(&s->seal, key, sender, pm_seal_clock(NULL));
     if (status != PM_OK) {
         free(s);
         return status;
@@ -51,17 +56,35 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
     s->table = table;
     s->beneath = beneath;
     s->drops = drops;
+    s->on_clock = on_clock;
     *state = s;
     return PM_OK;
 }
 
+// Tells once of each sender whose clock is ahead. A stamp that is behind may be that of a replayed
+// message; a sender whose clock is behind finds the others' ahead.
+static void tell_clock(sealed *s, const pm_seal_origin *origin) {
+    int i = 0;
+    while (i < s->ntold && strcmp(s->told[i], origin->sender) != 0) {
+        ++i;
+    }
+    if (i == s->ntold && i < MOST_TOLD && s->on_clock != NULL) {
+        strcpy(s->told[s->ntold++], origin->sender);
+        s->on_clock(origin->sender, 1e-9 * (double)origin->ahead);
+    }
+}
+
 static void check(void *context, const char *channel, const void *data, size_t size) {
     const sealed_subscription *s = context;
-    const pm_drop drop = pm_seal_check(s->owner->seal, channel, data, &size);
+    pm_seal_origin origin;
+    const pm_drop drop = pm_seal_check(s->owner->seal, channel, data, &size, &origin);
     if (drop == PM_KEEP) {
         s->handler(s->context, channel, data, size);
-    } else {
-        s->owner->drops->count[drop] += 1;
+        return;
+    }
+    s->owner->drops->count[drop] += 1;
+    if (drop == PM_DROP_CLOCK) {
+        tell_clock(s->owner, &origin);
     }
 }
 
@@ -79,7 +102,7 @@ static pm_status sealed_subscribe(void *state, const char *channel, pm_message_h
 
 static pm_status sealed_publish(void *state, const char *channel, const void *data, size_t size) {
     sealed *s = state;
-    if (s->capacity < size + PM_SEAL_SIZE) {
+    if (s->capacity < size + PM_SEAL_MOST) {
         const size_t capacity = 2 * size + FIRST_CAPACITY;
         unsigned char *larger = realloc(s->data, capacity);
         if (larger == NULL) {
@@ -91,8 +114,8 @@ static pm_status sealed_publish(void *state, const char *channel, const void *da
     if (size > 0) {
         memcpy(s->data, data, size);
     }
-    pm_seal_write(s->seal, channel, s->data, size, pm_seal_clock(s->seal));
-    return s->table->publish(s->beneath, channel, s->data, size + PM_SEAL_SIZE);
+    size += pm_seal_write(s->seal, channel, s->data, size, pm_seal_clock(s->seal));
+    return s->table->publish(s->beneath, channel, s->data, size);
 }
 
 static pm_status sealed_wait(void *state, double seconds, int *handled) {

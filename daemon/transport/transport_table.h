@@ -25,6 +25,7 @@ extern const pm_transport_table pm_transport_memory;
 // Its `check` and `open` are NULL. PM_ENOMEM; `beneath` then stays the caller's.
 extern const pm_transport_table pm_transport_sealed;
 pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
-                                   const pm_key *key, pm_drops *drops);
+                                   const pm_key *key, const char *sender,
+                                   pm_clock_handler *on_clock, pm_drops *drops);
 
 #endif

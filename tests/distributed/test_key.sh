@@ -1,8 +1,10 @@
 #!/bin/sh
-# test_key.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER: a scene among strangers. What
-# crashes LCM's decoders is dropped and counted; with a key, so is all that is forged, cut or replayed.
+# test_key.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER CLOCK_AHEAD: a scene among
+# strangers. What crashes LCM's decoders is dropped and counted; with a key, so is all that is forged, cut
+# or replayed, and what comes from a host whose clock is wrong.
 . "$(dirname "$0")/network.sh"
 stranger=$5
+clock_ahead=$6
 steps=300
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
     fail "in process"
@@ -71,6 +73,25 @@ ends alone $pid 0 ""
 beside echo sealed "$keyed"
 counted sealed "not authentic"
 "$portmetd" check "$keyed" | grep -q 'key .*pair.key' || fail "check: the key"
+
+# A holder of the key whose clock is an hour fast is named, once, and does no harm.
+open_gate clocks 100
+start clocks run "$keyed" --steps $steps --gate "$folder/clocks.gate" --record "$folder/clocks.h5"
+clocks=$pid
+held clocks 100
+export LD_PRELOAD=$clock_ahead
+start surplus node "$keyed" left
+unset LD_PRELOAD
+surplus=$pid
+awaits clocks "warning: clock of left@.* differs by 3600 s"
+open_gate clocks $steps
+wait $clocks || fail "clocks: beside a fast clock"
+[ "$(grep -c '^portmetd: warning: clock of left@' "$folder/clocks.err")" -eq 1 ] || fail "clocks: told often"
+counted clocks "ahead of the clock"
+"$same_recording" "$folder/plain.h5" "$folder/clocks.h5" || fail "clocks: other bits"
+kill $surplus
+wait $surplus
+counted surplus "replayed"
 
 # Received by liblcm, too.
 sed "2a url: 'udpm://239.255.76.67:7667?ttl=0&receive=lcm'" "$keyed" >"$folder/lcm.yaml"
