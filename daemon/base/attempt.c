@@ -1,4 +1,4 @@
-// Forks, and reads how the child ended.
+// Starts the child process and reads how it ended.
 #include "base/attempt.h"
 
 #include <errno.h>

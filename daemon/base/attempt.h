@@ -5,7 +5,7 @@
 
 #include "base/status.h"
 
-// Whether an attempt limits its memory. Address sanitizers reserve more addresses than the machine
+// True if an attempt limits its memory. Address sanitizers reserve more addresses than the machine
 // has memory, so under them there is no limit.
 #if defined(__SANITIZE_ADDRESS__)
 #define PM_ATTEMPT_LIMITS_MEMORY 0

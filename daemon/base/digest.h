@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// The digest of nothing, with which a computation begins.
+// The initial value of a digest (the FNV offset basis).
 #define PM_DIGEST_INIT UINT64_C(0xcbf29ce484222325)
 
 // Each returns `digest` with its argument folded in. Text is folded in with its terminating zero,

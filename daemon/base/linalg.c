@@ -82,7 +82,7 @@ static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
            ((lane[2] + lane[6]) + (lane[3] + lane[7]));
 }
 
-// Does the same for k < 4, where all other partial sums are zero.
+// Returns the same inner product, bit by bit, for k < 4.
 static inline double short_inner(int k, const double *restrict x, ptrdiff_t stride,
                                  const double *restrict y) {
     double sum = 0;

@@ -63,7 +63,7 @@ static const char *name_at(const char *names, int k, int *length) {
     return names;
 }
 
-// Sorts one argument, and the value that may follow it, into its place.
+// Stores argument number *i, and the value that follows it if it is an option with a value.
 static pm_status take_option(const pm_options *options, int argc, char **argv, int *i) {
     const char *argument = argv[*i], *glued;
     const pm_option *option = find(options, argument, &glued);

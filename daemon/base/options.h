@@ -25,7 +25,7 @@ typedef struct pm_options {
     const char *summary;         // paragraphs for the help
     const char *positional_name; // of the positional arguments, such as "SCENE" or "SCENE NAME"
     const char **positional;     // [most] NULL before reading
-    int least, most;             // number of positional arguments; 0: one for each name
+    int least, most;             // number of positional arguments; both 0: one for each name
     int count;
     const pm_option *option; // [count]
 } pm_options;
@@ -36,31 +36,33 @@ typedef struct pm_options {
 // PM_EUSAGE names the offending argument.
 pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped);
 
-// Reads a range of trajectories out of 0 ... count - 1: "A:B" means A up to, not including, B;
-// "A:",
-// ":B" and "A" are possible too, and NULL means all. PM_EUSAGE.
+// Reads a range of the trajectories 0 ... count - 1: "A:B" means A up to, not including, B; "A:"
+// means from A on, ":B" means up to B, "A" means one trajectory, and NULL means all. PM_EUSAGE: the
+// text has another form or leaves the range.
 pm_status pm_options_range(const char *text, int count, int *first, int *end);
 
-// Reads ranges joined by commas, such as "0:4,7,9:", into which [count], in their order; `nwhich`
-// counts them. PM_EUSAGE; naming a trajectory twice is an error too.
+// Reads ranges joined by commas, such as "0:4,7,9:". Writes the numbers of the trajectories, in the
+// order of the text, to which [count], and their number to `nwhich`. PM_EUSAGE: a range is wrong,
+// or a trajectory is named twice.
 pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
 
-// Reads a whole number from 1 to `most`, the value of the option `name`. PM_EUSAGE.
+// Reads the value of the option `name`, a whole number from 1 to `most`. PM_EUSAGE.
 pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result);
 
-// Reads a number > 0, the value of the option `name`. PM_EUSAGE.
+// Reads the value of the option `name`, a number > 0. PM_EUSAGE.
 pm_status pm_options_positive(const char *name, const char *text, double *result);
 
-// Reads up to `most` numbers > 0, joined by commas, into result [count]. PM_EUSAGE.
+// Reads the value of the option `name`, up to `most` numbers > 0 joined by commas, into result
+// [count]. PM_EUSAGE.
 pm_status pm_options_positives(const char *name, const char *text, int most, double *result,
                                int *count);
 
-// Makes the folder `path`, with its parents, unless it exists. PM_EFILE: it cannot be made or
+// Makes the folder `path` and its parents if they do not exist. PM_EFILE: it cannot be made or
 // written; PM_ENOMEM.
 pm_status pm_options_folder(const char *path);
 
-// Writes the program's name and the arguments, joined by blanks, into `line` [size] for provenance;
-// a longer line is cut.
+// Writes the program's name and the arguments, joined by blanks, into `line` [size]. Output files
+// keep this line as a record of their provenance. A longer line is cut.
 void pm_options_line(int argc, char **argv, char *line, int size);
 
 #endif

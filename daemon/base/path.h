@@ -4,8 +4,8 @@
 
 #include <stddef.h>
 
-// Returns the number of bytes before the path's ending: 8 for "runs.d/a.h5". The whole path counts
-// where the name has no ending, as in "runs.d/a" and "runs.d/.h5".
+// Returns the length in bytes of a path without its file extension: 8 for "runs.d/a.h5". It is the
+// length of the whole path if the name has no extension, as in "runs.d/a" and "runs.d/.h5".
 size_t pm_path_stem(const char *path);
 
 #endif

@@ -1,4 +1,4 @@
-// Draws the bar with the remaining time, each time over the last one.
+// Draws the bar with the remaining time over the bar before.
 #include "base/progress.h"
 
 #include <stdio.h>

@@ -20,14 +20,14 @@ typedef struct pm_record {
     uint64_t layout;    // a digest of the names and counts put so far
 } pm_record;
 
-// A record that only counts. `kind` names what the numbers describe, such as "node".
+// Returns a record that only counts. `kind` names what the numbers describe, such as "node".
 pm_record pm_record_count(const char *kind);
-// A record that saves into number [count], and one that restores from it. The caller owns the
-// numbers and must have counted them before.
+// Return a record that saves into number [count], and one that restores from it. The caller owns
+// `number`, whose size it knows from a record that counts.
 pm_record pm_record_save(const char *kind, double *number);
 pm_record pm_record_restore(const char *kind, const double *number);
 
-// Whether the record restores: its numbers then have their new values after they are put.
+// Returns true if the record restores. A number then has its restored value after it was put.
 static inline bool pm_record_restores(const pm_record *record) {
     return record->from != NULL;
 }

@@ -1,7 +1,6 @@
 // Wider SIMD by run-time dispatch. The compiler makes one version of a function marked
 // PM_SIMD_CLONES for each of several instruction sets, and the loader picks the widest that the
-// processor has. Results are bitwise reproducible only
-// between processors of the same kind.
+// processor has. Results are bitwise reproducible only between processors of the same kind.
 #ifndef PM_BASE_SIMD_H
 #define PM_BASE_SIMD_H
 

@@ -9,7 +9,7 @@
 // nodes cannot depend on a wanted one. Arrays are indexed from `first`.
 typedef struct reverse_walk {
     pm_node first, last;
-    bool *leads;      // whether the node is a wanted one or depends on one
+    bool *leads;      // whether the node is wanted or depends on a wanted node
     pm_node *adjoint; // d last / d node; PM_NO_NODE: zero
 } reverse_walk;
 

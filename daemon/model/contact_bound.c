@@ -12,7 +12,8 @@
 
 // --- what is unconstrained ---
 
-// Returns the derived variable x, where a step reads |min(x,0)|^2 as a feature; or -1.
+// Returns the number of the derived variable x if the step reads |min(x,0)|^2 as a feature; else
+// -1.
 static int find_derived(const pm_part *part, const pm_step *s, const pm_symbols *symbols) {
     const int end = part->layout.ngroup + part->spec.nderived;
     for (int i = part->layout.ngroup; i < end && s->kind == PM_STEP_FEATURE; ++i) {
@@ -29,9 +30,8 @@ static bool is_number(const pm_formula_steps *f, int at) {
     return f->step[at].kind == PM_STEP_NUMBER;
 }
 
-// Returns the position of the sum |min(x,0)|^2 if the formula is one, times a number; else -1.
-// Where x is a group, evaluating the sum costs no more than comparing, so that such sums do not
-// count.
+// Returns the position of the step |min(x,0)|^2 if the formula is a number times such a sum; else
+// -1. A sum over a group x does not count: evaluating it costs no more than checking its bound.
 static int find_sum(const pm_part *part, const pm_formula_steps *f, const pm_symbols *symbols) {
     int at = f->whole;
     for (;;) {
@@ -55,7 +55,7 @@ static bool is_sum(const pm_part *part, const pm_formula *formula, const pm_symb
     return find_sum(part, &steps, symbols) >= 0;
 }
 
-// Tells whether a potential depends on the group through anything but such sums.
+// Returns true if a potential depends on the group through another expression than such sums.
 static bool depends_otherwise(const pm_part *part, const pm_potential_spec *potential,
                               const pm_symbols *symbols, const char *group) {
     pm_potential_spec others = *potential;
@@ -125,7 +125,7 @@ static pm_node bound_product(pm_graph *g, pm_node a, pm_node spread_a, pm_node b
                : pm_add(g, sum, pm_mul(g, spread_a, spread_b));
 }
 
-// Adds to a spread, unless it is PM_NO_NODE, the rounding of operands of this size.
+// Adds the rounding of operands of this size to a spread, unless the spread is PM_NO_NODE.
 static pm_node add_rounding(pm_graph *g, pm_node spread, pm_node size) {
     return spread == PM_NO_NODE ? spread
                                 : pm_add(g, spread, pm_scale(g, size, PM_DERIVED_ROUNDING));

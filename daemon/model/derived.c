@@ -153,7 +153,7 @@ void pm_derived_pull(const pm_part *part, pm_graph *g, pm_node *covector) {
     }
 }
 
-// --- how far they move ---
+// --- bounds of their change ---
 
 // Returns the radii of a derived variable's groups side by side; PM_NO_NODE if no group moves.
 static pm_node join_spreads(const pm_part *part, pm_graph *g, const pm_derived_spec *derived,

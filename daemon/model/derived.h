@@ -1,7 +1,7 @@
-// Derived variables of a state: offset + matrix * groups (spec.h). A part's potentials read them
-// beside its groups. An example are the openings between two surfaces, which are many, of bodies
-// that move in few modes. Their numbers are the parameters "derived.<name>.matrix" and
-// "derived.<name>.offset".
+// Derived variables of a state: offset + matrix * groups (spec.h). The potentials of a part read
+// them like its groups. An example are the openings between the surfaces of two bodies, whose
+// states are the amplitudes of a few modes. Matrix and offset are the parameters
+// "derived.<name>.matrix" and "derived.<name>.offset".
 #ifndef PM_MODEL_DERIVED_H
 #define PM_MODEL_DERIVED_H
 
@@ -15,21 +15,22 @@ pm_status pm_derived_declare(pm_part *part);
 // `symbols`. g is NULL while a spec is only being checked.
 void pm_derived_add(const pm_part *part, pm_graph *g, pm_symbols *symbols);
 
-// Adds to the covectors of the groups those of the derived variables, pulled back by the transposed
-// matrix. `covector` holds one node per group, then one per derived variable in the order of
-// pm_derived_add.
+// Applies the chain rule: adds the covector of each derived variable, multiplied by the transposed
+// matrix, to the covectors of its groups. `covector` holds one node per group, then one per derived
+// variable in the order of pm_derived_add.
 void pm_derived_pull(const pm_part *part, pm_graph *g, pm_node *covector);
 
-// Bound of rounding, relative to the magnitudes summed up: a thousand times more than doubles need.
+// Bound of the rounding error of a sum, relative to the sum of magnitudes. It is a thousand times
+// larger than double precision requires.
 #define PM_DERIVED_ROUNDING 1e-12
 
-// Bounds how far the derived variables change where each group g changes by at most radius[g]
-// [1][its size] (PM_NO_NODE: not at all). Writes radius[ngroup + i] for derived variable i, and
-// adds the effect of rounding to all. `symbols` are those of pm_part_symbols.
+// Bounds the change of the derived variables if each group g changes by at most radius[g] [1][its
+// size] (PM_NO_NODE: not at all). Writes radius[ngroup + i] for derived variable i, which includes
+// rounding errors. `symbols` are those of pm_part_symbols.
 void pm_derived_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols,
                        pm_node *radius);
 
-// Tells whether a derived variable depends on this group.
+// Returns true if the derived variable depends on this group.
 bool pm_derived_is_of(const pm_derived_spec *derived, const char *group);
 
 #endif

@@ -2,16 +2,16 @@
 // for operators with `heats`. The rate is the term M dS of equation (1), or B B^T eta of (3).
 //
 // With the driving d = dS and the normal n = dE, each entropy k that takes up heat has the
-// temperature T_k = n_k/d_k. Row j of the factor describes one process. It moves the other
-// variables along u_j with the force F_j = n . u_j, carries heat h_jk between the entropies, and
-// heats entropy k by the share lambda_jk of its power, where lambda_jk >= 0 and sum_k lambda_jk =
-// 1:
+// temperature T_k = n_k/d_k. Row j of the factor describes one irreversible process. The process
+// changes the other variables along u_j against the force F_j = n . u_j, carries heat h_jk between
+// the entropies, and heats entropy k by the share lambda_jk of the power that it dissipates, where
+// lambda_jk >= 0 and sum_k lambda_jk = 1:
 //     v_j = (u_j, (h_jk - lambda_jk sum_l (F_j + h_jl)) / T_k)          so that n . v_j = 0
 //     rate = sum_j v_j (v_j . d) / |theta_j|,   theta_j = sum_k lambda_jk / T_k
 // Hence M = sum_j v_j v_j^T / |theta_j| is symmetric, positive semi-definite and degenerate for any
 // factor.
 //
-// Because of the division by theta, constant factors describe constant material properties. A
+// Because of the division by theta, a constant factor describes a constant material property. A
 // process without h is friction -u_j F_j with a coefficient that does not depend on the
 // temperatures; it acts between two bodies if u_j is a difference. A process without u is
 // conduction between two entropies with constant conductance, since h_jk is measured in sqrt(m_j),

@@ -13,7 +13,7 @@
 #include "graph/graph.h"
 #include "model/spec.h"
 
-// The two ends of a port have at most this many symbols, with the learned constants.
+// The most symbols of an expression: those of both ends of a port, and the learned constants.
 #define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS + PM_MAX_LEARNED)
 #define PM_MAX_NAME 64
 
@@ -50,8 +50,8 @@ pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *
 
 // --- discrete derivatives, between two states ---
 
-// Returns true if every expression of the list has a discrete derivative: the scalar expressions
-// have one, and x itself.
+// Returns true if every expression of the list has a discrete derivative. Scalar expressions and x
+// itself have one; x/|x| and x/|x|^2 have none.
 bool pm_features_are_discrete(int count, const char *const *expression);
 
 // Adds to covector[i] [1][size of symbol i] (PM_NO_NODE: zero so far) the discrete derivative of
@@ -63,13 +63,14 @@ void pm_features_discrete(pm_graph *g, int count, const char *const *expression,
                           pm_node *covector);
 
 // Returns the reciprocal (ln b - ln a) / (b - a) of the logarithmic mean of two positive numbers
-// [1][1]. It is accurate also where a = b. It is the divided difference of ln; its reciprocal is
-// that of exp between ln a and ln b.
+// [1][1]. It is accurate also where a = b. The result is the divided difference of ln between a and
+// b; its reciprocal is the divided difference of exp between ln a and ln b.
 pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b);
 
 // Returns the sum [1][1] of the squares of the negative components of x [1][n].
 pm_node pm_negative_squared(pm_graph *g, pm_node x);
-// Returns the divided differences [1][n] of these squares from one x to another, by component.
+// Returns, for each component, the divided difference of min(x,0)^2 between `from` and `to`, all
+// [1][n].
 pm_node pm_negative_squared_slope(pm_graph *g, pm_node from, pm_node to);
 
 // Compute the size and the values [1][sum of sizes] of a list of expressions, side by side.

@@ -1,6 +1,5 @@
-// A formula after reading: a list of operations, in which operands come before their result. The
-// files that build graphs from formulas use it: formula.c and contact_bound.c. formula_read.c makes
-// it.
+// A formula after reading is a list of operations, in which operands come before their result.
+// formula_read.c makes the list; formula.c and contact_bound.c build graphs from it.
 #ifndef PM_MODEL_FORMULA_STEPS_H
 #define PM_MODEL_FORMULA_STEPS_H
 

@@ -8,8 +8,8 @@
 #include "model/given_pair.h"
 #include "model/support.h"
 
-// Checks names, sizes and signs of all pairs against the site. `what` names the operator in the
-// message. PM_ECONFIG. Formulas are checked by pm_formula_check.
+// Checks names, sizes and signs of all pairs against the site. `what` names the operator in error
+// messages. PM_ECONFIG. pm_formula_check checks the formulas.
 pm_status pm_given_check(const pm_operator_spec *spec, bool reversible, const pm_site *site,
                          const char *what);
 

@@ -11,8 +11,8 @@
 // skip; second-order training is slow if hidden layers contribute from the start.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
-// Without a skip the output weights start like this, since a potential that is constant drives
-// nothing.
+// The standard deviation of the output weights without a skip. They do not start at zero, since a
+// constant potential drives nothing.
 #define OUTPUT_SPREAD 0.3
 // Half the initial curvature of an energy, in its unit and in normalised features: most energies
 // have a minimum.
@@ -54,7 +54,8 @@ static pm_status declare_layer(const declaration *d, int layer, int nin, int nou
     return declare(d, name, 1, nout, true, BIAS_SPREAD, NULL);
 }
 
-// Gives an energy, the first output, a minimum to start with.
+// Starts the quadratic skip of an energy, the first output, with a positive curvature, so that the
+// energy has a minimum.
 static void start_convex(const pm_network_spec *spec, pm_param_entry *quadratic) {
     int n = 0;
     while (n * n < quadratic->rows) {
@@ -167,7 +168,7 @@ static pm_node build_layers(pm_graph *g, const pm_network_spec *spec, pm_node fe
         out = pm_add_or(g, out, pm_matmul(g, products, false, weight, false));
     }
     const pm_node bias = pm_network_param(g, params, prefix, "output.bias");
-    // Without hidden layers and skip the network is its bias.
+    // A network without hidden layers and without a skip is its bias.
     return out == PM_NO_NODE ? pm_broadcast_to(g, bias, (pm_shape){true, 1, nout})
                              : pm_add(g, out, bias);
 }

@@ -47,8 +47,8 @@ typedef enum pm_normaliser_kind {
                            // expressions are the entropies of a thermal energy, or none
 } pm_normaliser_kind;
 
-// One set of such constants, computed from the statistics of expressions over `symbols`. All
-// pointers are borrowed and valid during the call of the visitor.
+// One set of such constants. The trainer computes it from the statistics of expressions over
+// `symbols`. All pointers are borrowed and valid during the call of the visitor.
 typedef struct pm_normaliser {
     pm_normaliser_kind kind;
     const char *prefix;
@@ -59,8 +59,8 @@ typedef struct pm_normaliser {
     const char *const *heats; // [nheats] (dissipation.h)
 } pm_normaliser;
 
-// A function that is called for every set of a component, in the order of declaration. If it fails
-// the visit ends with its status.
+// A function that is called for every set of constants of a component, in the order of declaration.
+// If it fails, the visit ends with its status.
 typedef pm_status pm_normaliser_visit(void *context, const pm_normaliser *normaliser);
 
 #endif

@@ -54,8 +54,8 @@ static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *s
     const pm_node entries =
         pm_network_build(g, &op->spec->network, &site->symbols, nout, params, name);
     const pm_node matrix = pm_reshape(g, entries, shape.rows, shape.columns);
-    // C - C^T is formed before it is applied: C x and C^T x share the diagonal's terms, whose
-    // rounding would stay behind.
+    // C - C^T is formed before it is multiplied by x. In C x - C^T x the terms of the diagonal
+    // would cancel only up to rounding.
     return op->kind == PM_REVERSIBLE && op->spec->nagainst == 0
                ? pm_sub(g, matrix, pm_transpose(g, matrix))
                : matrix;
@@ -166,7 +166,8 @@ static pm_node apply_projected(const construction *c, pm_node d, pm_node normal)
     const pm_node square = pm_offset(g, pm_dot(g, normal, weighted), SMALLEST_NORMAL);
     const pm_node along = pm_div(g, pm_dot(g, d, weighted), square);
     pm_node rate = apply(c, pm_sub(g, d, pm_mul(g, along, normal)));
-    // Twice: what the first leaves is rounding of what it took away, not of what remains.
+    // The second pass removes the rounding error of the first one, which is proportional to the
+    // part that the first pass removed.
     for (int i = 0; i < 2; ++i) {
         const pm_node excess = pm_div(g, pm_dot(g, rate, normal), square);
         rate = pm_sub(g, rate, pm_mul(g, excess, weighted));

@@ -8,10 +8,10 @@
 //     soft:  rate = K d,         and |K n|^2 is the penalty
 // where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
 // frame). P is the projection of equation (2), orthogonal in scaled coordinates. It is applied
-// twice, since the first pass leaves rounding in proportion to the part that it removes. Given
-// irreversible pairs are degenerate by themselves and are added without projection (given.h). A
-// learned irreversible operator that names the groups which take up its heat needs no projection
-// either (dissipation.h).
+// twice, since the rounding error of the first pass is proportional to the part that the pass
+// removes. Given irreversible pairs are degenerate by themselves and are added without projection
+// (given.h). A learned irreversible operator that names the groups which take up its heat needs no
+// projection either (dissipation.h).
 #ifndef PM_MODEL_OPERATOR_H
 #define PM_MODEL_OPERATOR_H
 

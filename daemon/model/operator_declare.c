@@ -8,9 +8,9 @@
 #include "model/mesh/message.h"
 #include "model/operator_shape.h"
 
-// The factor of a learned M starts from entries of this size: at zero it would have no gradient.
-// The signs of its rows alternate, since the projection removes what all rows have in common. (On a
-// mesh the weights of the decoder are drawn.)
+// The initial entries of the factor of a learned M have this magnitude. At zero the factor would
+// have no gradient. The signs of its rows alternate, since the projection removes what all rows
+// have in common. (On a mesh the weights of the decoder are drawn.)
 #define FACTOR_START 1.0
 #define MAX_ENTRIES (1 << 24) // of a learned matrix
 
@@ -18,7 +18,7 @@ bool pm_operator_exists(const pm_operator_spec *spec) {
     return spec->ngiven > 0 || spec->learned;
 }
 
-// Returns true if group i of the support is of the end at which no group of acts_on is.
+// Returns true if group i of the support belongs to the end that no group of `acts_on` belongs to.
 static bool is_other_end(const pm_operator_spec *spec, const pm_support *s, int i) {
     for (int k = 0; k < spec->nacts; ++k) {
         if (s->group[pm_support_find(s, spec->acts_on[k])]->end == s->group[i]->end) {

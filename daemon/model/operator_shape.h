@@ -16,8 +16,8 @@ typedef struct pm_operator_shape {
 
 pm_operator_shape pm_operator_shape_of(const pm_operator *op, const pm_support *support);
 
-// Returns the rows that a group of this size has in the frame: one for each vector of `along` if
-// the group is a vector, else one for each component.
+// Returns the number of rows that a group of this size has in the frame: one for each vector of
+// `along` if the group is a vector, else one for each component.
 int pm_operator_frame_rows(const pm_operator_spec *spec, int group_size);
 
 // Writes "<prefix>.<name>", the name of a parameter, to the buffer and returns it.

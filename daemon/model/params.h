@@ -35,11 +35,12 @@ pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
                         double spread, double start);
 
-// Checks that all numbers are finite. A number that neither training nor data determine, and that
-// the user has not given, is NaN. PM_ECONFIG.
+// Checks that all numbers are finite. A number that must be given by the user is NaN until it is
+// given. PM_ECONFIG.
 pm_status pm_params_check_given(const pm_params *params);
 
-// Adds normally distributed numbers to the values of all trained entries, in order.
+// Adds normally distributed random numbers with the standard deviation `spread` to the values of
+// all trained entries, in order.
 void pm_params_randomise(pm_params *params, pm_rng *rng);
 
 // Returns the number of values of all trained entries.

@@ -17,8 +17,8 @@ typedef struct pm_part {
 } pm_part;
 
 // Checks the spec against the layout (names of groups, expressions, sizes) and declares every
-// parameter in part->params with its initial value. PM_ECONFIG, PM_ENOMEM; the caller frees the
-// part even then.
+// parameter in part->params with its initial value. PM_ECONFIG, PM_ENOMEM. The caller frees the
+// part, after a failure too.
 pm_status pm_part_declare(pm_part *part);
 void pm_part_free(pm_part *part); // frees the parameters
 
@@ -45,9 +45,9 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
 // PM_NO_NODE if the potential does not depend on z.
 void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
                         pm_node *dS);
-// Returns the response of the co-energies: the diagonal [1][nz] of the derivative of dE with
-// respect to z_to, at the components marked in `wanted` [nz], and zero elsewhere. PM_NO_NODE if it
-// is zero everywhere.
+// Returns the response of the co-energies (prediction.h): the diagonal [1][nz] of the derivative of
+// dE with respect to z_to for the components marked in `wanted` [nz], and zero for the others.
+// PM_NO_NODE if it is zero everywhere.
 pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z_to,
                          const bool *wanted);
 // Returns true if the part has discrete derivatives, that is, if all its features have them.

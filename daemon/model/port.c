@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-// Every law: law_<name>.c defines pm_law_<name>.
+// The table of laws: laws/<name>.c defines pm_law_<name>.
 #define LAWS(LAW) LAW(bracket) LAW(exchange) LAW(contact)
 
 #define DECLARATION(name) extern const pm_port_law pm_law_##name;

@@ -25,7 +25,7 @@ typedef struct pm_port_nodes {
 typedef struct pm_port_law {
     const char *name;
     bool conservative; // in the hard form the energy fluxes of both ends cancel by construction
-    bool separate;     // the rate of one end can be evaluated without that of the other
+    bool separate;     // the rate of one end can be evaluated without the rate of the other
     // Checks the spec and declares the parameters.
     pm_status (*declare)(pm_port_model *port);
     // Returns the rate [1][ny] of the components exposed by `own` from the quantities that both
@@ -53,7 +53,7 @@ const pm_port_law *pm_port_law_find(const char *name);
 const char *pm_port_law_names(void);
 
 // Looks up the law, checks the spec against both layouts and declares every parameter in
-// port->params. PM_ECONFIG, PM_ENOMEM; the caller frees the port even then.
+// port->params. PM_ECONFIG, PM_ENOMEM. The caller frees the port, after a failure too.
 pm_status pm_port_declare(pm_port_model *port);
 void pm_port_free(pm_port_model *port);
 

@@ -134,7 +134,7 @@ static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_
 
 // Returns the slope of a network between two values of its features: the derivative at their mean,
 // corrected along the change so that slope . change is the change of the output (Gonzalez 1996).
-// The correction fades out where the change is as small as rounding.
+// The correction vanishes where the change is as small as rounding.
 static pm_node discrete_slope(pm_graph *g, const pm_network_spec *network, pm_node before,
                               pm_node after, const pm_params *params, const char *prefix) {
     const pm_node mean = pm_scale(g, pm_add(g, before, after), 0.5);

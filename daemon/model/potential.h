@@ -1,5 +1,5 @@
-// The scalar potentials E and S of equation (1): sums of formulas, of a known linear form, and of
-// networks.
+// The scalar potentials E and S of equation (1). A potential is a sum of formulas, of a known
+// linear form of the state, and of networks.
 #ifndef PM_MODEL_POTENTIAL_H
 #define PM_MODEL_POTENTIAL_H
 
@@ -31,8 +31,8 @@ void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_
 // Returns true if all summands have discrete derivatives. Networks on meshes have none.
 bool pm_potential_is_discrete(const pm_potential_spec *spec);
 
-// Visits the constants of all networks that training fixes from the data (network.h). Passes on the
-// status of `visit`.
+// Visits the constants of all networks, which training fixes from the data (network.h). Passes on
+// the status of `visit`.
 pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *symbols,
                              const char *prefix, pm_normaliser_visit *visit, void *context);
 

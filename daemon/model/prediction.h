@@ -1,9 +1,9 @@
 // The irreversible exchange of a port under an implicit integrator, which iterates the new state.
 //
-// The exchange changes the co-energies that drive it within the step, often by far more than their
-// difference, such as the temperatures of two bodies with a good thermal contact; a fixed-point
-// iteration would then diverge. Therefore both ends publish how their co-energies respond to a
-// rate, and one step of Newton's method predicts the co-energies that the exchange will leave. The
+// Within a step the exchange changes the co-energies that drive it, such as the temperatures of two
+// bodies in thermal contact. If this change is larger than the difference of the co-energies, a
+// fixed-point iteration diverges. Therefore both ends publish how their co-energies respond to a
+// rate, and one step of Newton's method predicts the co-energies at the end of the exchange. The
 // law, evaluated at the prediction, gives the direction of the rate, and Newton's step gives its
 // size. Both ends compute the same numbers. The properties of the law that hold for any size of the
 // rate hold in every iteration: the energy fluxes cancel, and entropy is produced.
@@ -17,9 +17,9 @@
 bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group);
 
 // Returns the rate [1][ny] of the components exposed by the end `own`, or PM_NO_NODE if nothing
-// acts. Where an end shows a response, end[].e is replaced by the prediction, at which the law is
-// evaluated. Where no end shows one, this is the law's rate. The exchange does not change the
-// co-energies of an end without a response.
+// acts. If an end shows a response, the prediction replaces its end[].e, and the law is evaluated
+// there. The co-energies of an end without a response are not predicted. If neither end shows a
+// response, the result is the rate of the law.
 //
 // `last` is the irreversible rate [1][ny_a + ny_b] that made the current iterate, or PM_NO_NODE in
 // the first iteration. *next receives the irreversible rate of this iteration, or PM_NO_NODE if

@@ -44,9 +44,9 @@ bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
 
 // --- where a spec was read ---
 
-// The members called `at` are places "file:line:column", for errors that show only when the layout
-// is known. NULL: the spec was not read from a file. This function puts the place in front of the
-// message of a failure with PM_ECONFIG. It returns `status`.
+// The members called `at` are places "file:line:column" for errors that are found only when the
+// layout is known. NULL: the spec was not read from a file. If `status` is PM_ECONFIG, this
+// function puts the place in front of the error message. It returns `status`.
 pm_status pm_spec_locate(const char *at, pm_status status);
 
 // --- formulas ---
@@ -103,9 +103,9 @@ typedef struct pm_derived_spec {
 // The function after each hidden layer: tanh(x), ln(1 + exp(x)), x/(1 + exp(-x)).
 typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU } pm_activation;
 
-// The skip is added to the output of the hidden layers: nothing, a linear form of the normalised
-// features, or a linear and a quadratic form. With a good skip the hidden layers learn only the
-// remainder, and the network extrapolates better.
+// The skip connection of a network adds to the output of the hidden layers nothing, a linear form
+// of the normalised features, or a linear and a quadratic form. The hidden layers then learn only
+// the remainder, and the network extrapolates better.
 typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC } pm_skip;
 
 // The additional settings of a network on the graph of a mesh (mesh/message.h).
@@ -211,9 +211,9 @@ typedef struct pm_operator_spec {
     const char *at;
 } pm_operator_spec;
 
-// hard: energy is conserved and entropy grows for all weights, by projection (equation (2)). soft:
-// degeneracy is a penalty of the loss. free: the rate is a network without structure, to compare
-// with.
+// In the hard form energy is conserved and entropy grows for all weights, by projection (equation
+// (2)). In the soft form the loss has a penalty on violations of the degeneracy conditions L dS = 0
+// and M dE = 0. In the free form the rate is a network without structure; it serves for comparison.
 typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 
 // A subsystem: zdot_bulk = L dE + M dS, equation (1). In the free form zdot_bulk = rate, and the

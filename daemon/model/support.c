@@ -26,8 +26,8 @@ int pm_support_heats(const pm_operator_spec *spec, const pm_site *site) {
     return count;
 }
 
-// The only entropy that takes up heat changes by what the other variables lose, so that the learned
-// factor has no component of its own for it.
+// If a single entropy takes up all the heat, its rate follows from the rates of the other
+// variables, and the learned factor has no row for it.
 static bool is_idle(const pm_operator_spec *spec, const pm_site *site, const char *name) {
     return pm_is_listed(spec->nheats, spec->heats, name) && pm_support_heats(spec, site) == 1;
 }

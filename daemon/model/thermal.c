@@ -10,8 +10,8 @@
 #define FIRST_EXPONENT 0.05
 #define NEXT_EXPONENT 3.0
 #define EXPONENT_SPREAD 0.3
-// A temperature that changes less over the data is constant for all purposes, and (exp(b s) - 1)/b
-// would lose its digits.
+// The smallest exponent. With a smaller one the temperature would be constant over the data, and
+// (exp(b s) - 1)/b would lose its digits.
 #define SMALLEST_EXPONENT 1e-5
 
 typedef char thermal_name[160];

@@ -1,15 +1,16 @@
-// Energies whose temperature and heat capacity are positive for all weights. As functions of the
-// entropies s and of other features x,
+// Energies whose temperature and heat capacity are positive for all weights. The energy is a
+// function of the entropies s and of other features x:
 //     E = unit f(x) + Theta sum_i A_i (exp(b_i . (s - mean)/deviation + beta_i h_i(x)) - 1) / B_i
-//     A_i > 0,  b_i > 0,  beta_i = mean over the entropies k of b_ik,  B_i that of b_ik/deviation_k
-// Every summand is the exponential of a rising linear form of s, so that dE/ds > 0 and E is convex
-// in s. For one entropy the temperature at s = mean and h = 0 is Theta sum_i A_i. f and h are the
-// outputs of one network of x, with the parameters "<prefix>.body". An ideal gas (f = 0, h linear
-// in ln v), a body of constant heat capacity with thermal expansion (h is how far expansion shifts
-// its entropy), and sums whose heat capacity rises with temperature have exactly this form. Since
-// h is multiplied by beta, it shifts the entropy by the same amount whatever the heat capacity.
-// The other parameters are "<prefix>.mean" and ".deviation" of the entropies, ".unit",
-// ".amplitude", the logarithms of A, and ".exponent", which gives b by exp(exponent) + 1e-5.
+//     A_i > 0,  b_i > 0,  beta_i = mean over k of b_ik,  B_i = mean over k of b_ik/deviation_k
+// Every summand is the exponential of an increasing linear form of s, so that dE/ds > 0 and E is
+// convex in s. For one entropy the temperature at s = mean and h = 0 is Theta sum_i A_i. f and h
+// are the outputs of one network of x, with the parameters "<prefix>.body". An ideal gas (f = 0, h
+// linear in ln v), a body of constant heat capacity with thermal expansion (h is how far expansion
+// shifts its entropy), and sums whose heat capacity rises with temperature have exactly this form.
+// Since h is multiplied by beta, it shifts the entropy by an amount that does not depend on the
+// heat capacity. The other parameters are "<prefix>.mean" and ".deviation" of the entropies,
+// ".unit", ".amplitude", the logarithms of A, and ".exponent", which gives b by exp(exponent) +
+// 1e-5.
 //
 // In all functions `spec` has nthermal > 0, and its last nthermal features are the entropies.
 #ifndef PM_MODEL_THERMAL_H

@@ -6,7 +6,8 @@
 
 static const char low_name[] = "training_range.low", high_name[] = "training_range.high";
 
-// The empty range is finite, as all numbers in weights files must be. The first state replaces it.
+// The bounds of the empty range are finite, since weights files hold finite numbers only. The first
+// state replaces them.
 pm_status pm_training_range_declare(pm_part *part) {
     const int n = part->layout.ngroup;
     PM_TRY(pm_params_add(&part->params, low_name, 1, n, false, 0, DBL_MAX));

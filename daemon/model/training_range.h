@@ -1,8 +1,8 @@
 // The training range: the region of states on which the weights of a part were trained. For each
 // group of variables it is the range of the group's length, or of its value if it has one
-// component. Rotations therefore never leave it. It is kept among the part's constants as
-// "training_range.low" and "training_range.high" [1][ngroup], in the units of the groups. Weights
-// without these constants have no range, and no state is outside.
+// component. A rotated state therefore stays within the range. The range is kept among the part's
+// constants as "training_range.low" and "training_range.high" [1][ngroup], in the units of the
+// groups. Weights without these constants have no range, and no state is outside.
 #ifndef PM_MODEL_TRAINING_RANGE_H
 #define PM_MODEL_TRAINING_RANGE_H
 
@@ -26,7 +26,7 @@ typedef struct pm_departure {
     double value, low, high; // of the group, in its unit
     double widths;           // distance to the range, in widths of the range
 } pm_departure;
-// Compares the state z [nz] with the range.
+// Returns the group of the state z [nz] that is furthest outside its range.
 pm_departure pm_training_range_departure(pm_training_range range, const double *z);
 
 #endif

@@ -262,8 +262,8 @@ static void try_load(const void *path) {
     pm_dataset_free(dataset);
 }
 
-// A file of another tool may use any feature of HDF5, and the library does not survive every damage
-// to it, so a child process tries the file first.
+// A file of another tool may use any feature of HDF5, and damaged files can crash the library. A
+// child process therefore opens the file first.
 pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
     if (!pm_hdf5_is_own(path)) {
         char what[512];

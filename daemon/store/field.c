@@ -234,7 +234,7 @@ static void try_load(const void *path) {
     pm_field_free(field);
 }
 
-// As in dataset.c, a child process tries a file of another tool first.
+// As in dataset.c, a child process first opens a file of another tool.
 pm_status pm_field_load(pm_field **field, const char *path) {
     if (!pm_hdf5_is_own(path)) {
         char what[512];
@@ -260,7 +260,7 @@ int pm_field_columns(const pm_field *field, const char *names) {
 
 // --- saving ---
 
-// Writes what only a simulator knows.
+// Writes energies, clamped nodes and contact forces, which only a simulator knows.
 static pm_status write_known(const pm_field *d, pm_hdf5 *file) {
     const int energy[3] = {d->ntrajectory, d->ntime, PM_FIELD_ENERGIES};
     if (d->clamped != NULL) {

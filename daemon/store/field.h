@@ -63,8 +63,9 @@ pm_status pm_field_save(const pm_field *field, const char *path, int count,
                         const char *const (*note)[2]);
 void pm_field_free(pm_field *field); // NULL is allowed
 
-// Finds a run of variables by their names, separated by single blanks, such as "qx qy qz". Returns
-// the first one's column; -1 if there is no such run.
+// Finds consecutive variables by their names, separated by single blanks, such as "qx qy qz".
+// Returns the column of the first one, or -1 if the field does not have these variables side by
+// side.
 int pm_field_columns(const pm_field *field, const char *names);
 
 // Return nodal values [nnode][nvariable] and external forces [nnode][3], N, of trajectory i at time

@@ -1,10 +1,10 @@
 // Reads and writes HDF5 files and turns the library's errors into pm_status. Only the layer store/
-// calls the library. Files are hostile until checked: a reader checks type, rank, extents, sizes
-// and links before it reads, and does not follow links into other files. Objects are named by
-// absolute paths such as "/" or "/parameters/energy.0.weight"; writing makes missing parents.
+// calls the library. Files are not trusted: a reader checks type, rank, extents, sizes and links
+// before it reads, and does not follow links into other files. Objects are named by absolute paths
+// such as "/" or "/parameters/energy.0.weight"; writing makes missing parents.
 //
-// All functions fail alike. PM_EFILE: a file cannot be opened or written; the code given to
-// pm_hdf5_open: the content is not what the caller asked for; PM_ENOMEM.
+// All functions fail in the same way. PM_EFILE: a file cannot be opened or written. The code
+// `content` of pm_hdf5_open: the content is not what the caller asked for. PM_ENOMEM.
 #ifndef PM_STORE_HDF5_IO_H
 #define PM_STORE_HDF5_IO_H
 
@@ -25,13 +25,14 @@ typedef struct pm_hdf5 pm_hdf5;
 // it can.
 typedef enum pm_hdf5_source { PM_HDF5_OWN, PM_HDF5_ANY } pm_hdf5_source;
 
-// Opens a file for reading. `content` is the code of failures that lie in the content. The caller
-// closes the file.
+// Opens a file for reading. Readers return the code `content` if the file does not hold what they
+// expect. The caller closes the file.
 pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content);
 // Whether PM_HDF5_OWN would accept the file; false if it cannot be opened.
 bool pm_hdf5_is_own(const char *path);
 
-// Ends the library, in a child process that tries whether the library survives a file.
+// Closes the HDF5 library. A child process that tests whether a file crashes the library
+// (attempt.h) calls it last.
 void pm_hdf5_end(void);
 
 // Opens a file that was written IN_PLACE, to go on writing. PM_EFILE.
@@ -42,10 +43,10 @@ pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);
 // death of its writer.
 typedef enum pm_hdf5_mode { PM_HDF5_ATOMIC, PM_HDF5_IN_PLACE } pm_hdf5_mode;
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode);
-// Hands all that was written to the operating system.
+// Passes everything written so far to the operating system.
 pm_status pm_hdf5_flush(pm_hdf5 *file);
-// Closes the file; waits until the disk has an ATOMIC one and renames it. pm_hdf5_close must
-// follow.
+// Closes the file. An ATOMIC file is then synchronised with the disk and renamed. The caller must
+// still call pm_hdf5_close, which frees the handle.
 pm_status pm_hdf5_commit(pm_hdf5 *file);
 // Frees the handle and removes an ATOMIC file that was not committed. NULL is allowed.
 void pm_hdf5_close(pm_hdf5 *file);

@@ -44,8 +44,8 @@ pm_status pm_name_range_parse(pm_name_range *range, const char *text);
 // Returns name i of the range, made in the arena if need be. NULL: out of memory.
 const char *pm_name_range_text(const pm_name_range *range, int i, pm_arena *arena);
 
-// Joins text [count] by blanks; three or more names with consecutive numbers become a range. The
-// result lives in the arena. NULL: out of memory.
+// Joins text [count] by blanks. Three or more names with the same prefix and consecutive numbers
+// become a range. The result lives in the arena. NULL: out of memory.
 const char *pm_names_fold(const char *const *text, int count, pm_arena *arena);
 
 #endif

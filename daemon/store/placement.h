@@ -18,16 +18,16 @@ typedef struct pm_placement {
 // The body's own frame is the global frame.
 #define PM_PLACEMENT_IDENTITY ((pm_placement){{0, 0, 0}, {0, 1, 2}, {1, 1, 1}})
 
-// Reads the keys `origin` and `axes` of a map; other keys are refused. The arena holds what is read
-// on the way. On failure the placement is untouched. PM_ECONFIG (three numbers, or three different
-// axes in a right-handed order, are missing), PM_ENOMEM.
+// Reads the keys `origin` and `axes` of a map; other keys are refused. The arena holds temporary
+// text. On failure the placement is untouched. PM_ECONFIG: `origin` is not three numbers, or `axes`
+// is not three different axes in right-handed order. PM_ENOMEM.
 pm_status pm_placement_read(pm_yaml map, pm_arena *arena, pm_placement *placement);
 
-// Reads the text of a field file, the entries of such a map without its braces; `name` says in an
-// error where the text was found. PM_EDATA, PM_ENOMEM.
+// Reads a placement from the attribute of a field file: the entries of such a map without its
+// braces. Errors begin with `name`, which names the file. PM_EDATA, PM_ENOMEM.
 pm_status pm_placement_parse(const char *text, const char *name, pm_placement *placement);
 
-// Turns a vector's components [3] in the body's frame into those in the global frame, and back.
+// Convert the components [3] of a vector from the body's frame to the global frame, and back.
 static inline void pm_placement_rotate(const pm_placement *placement, const double *own,
                                        double *global) {
     for (int d = 0; d < 3; ++d) {
@@ -41,7 +41,7 @@ static inline void pm_placement_rotate_back(const pm_placement *placement, const
     }
 }
 
-// Turns a point's coordinates [3] in the body's frame, m, into those in the global frame.
+// Converts the coordinates [3] of a point, in m, from the body's frame to the global frame.
 static inline void pm_placement_point(const pm_placement *placement, const double *own,
                                       double *global) {
     for (int d = 0; d < 3; ++d) {

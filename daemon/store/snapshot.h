@@ -1,7 +1,7 @@
-// A snapshot is a file of numbers with which a program goes on after its death. It is replaced in
-// one piece and only opens for what it was made of. It is read by the same program on the same kind
-// of machine. Layout: a head (format, digest, layout, session, count), the numbers, a digest of
-// all.
+// A snapshot is a file of numbers from which a program resumes after it was killed. Saving replaces
+// the file atomically. Loading refuses a snapshot of other inputs. The numbers have the byte order
+// and format of the machine. The file holds a header (format, digest, layout, session, count), the
+// numbers, and a digest of both.
 #ifndef PM_STORE_SNAPSHOT_H
 #define PM_STORE_SNAPSHOT_H
 
@@ -10,20 +10,21 @@
 
 #include "base/status.h"
 
-// The key of a snapshot identifies what it was made of. A file with another key is refused.
+// The key of a snapshot identifies the inputs and the list of numbers. A file with another key is
+// refused.
 typedef struct pm_snapshot_key {
     uint64_t digest; // of the inputs: scene, weights and initial state, or a training and its data
     uint64_t layout; // of the names and counts of the numbers (pm_record)
     int count;       // of the numbers
 } pm_snapshot_key;
 
-// Replaces the file at `path` by value [count]; `session` tells runs of the same inputs apart.
-// Neither allocates memory nor waits for the disk: the snapshot survives its process, not its host.
-// PM_EFILE.
+// Replaces the file at `path` by value [count]; `session` tells runs of the same inputs apart. The
+// function allocates no memory and does not wait for the disk: the snapshot survives the death of
+// the process, but not of the host. PM_EFILE.
 pm_status pm_snapshot_save(const char *path, const pm_snapshot_key *key, int64_t session,
                            const double *value);
 
-// Does the same and waits until the disk has the numbers, so that they survive the host.
+// Does the same and waits until the disk has the numbers, so that they survive a crash of the host.
 pm_status pm_snapshot_save_synced(const char *path, const pm_snapshot_key *key, int64_t session,
                                   const double *value);
 

@@ -144,7 +144,7 @@ pm_status pm_yaml_require(pm_yaml map, const char *key, pm_yaml *value) {
     return PM_OK;
 }
 
-// Keys that have been renamed, so that the error for an old key can name the new one.
+// Keys that have been renamed. The error for an old key names the new one.
 static const struct {
     const char *before, *now;
 } renamed[] = {

@@ -17,11 +17,11 @@ typedef struct pm_yaml {
     int node; // 0: the value is absent
 } pm_yaml;
 
-// pm_yaml_open reads a file, and pm_yaml_parse reads `text`, to which messages of errors refer as
-// `name`. `root` receives the top value. PM_EFILE: the
-// file cannot be read; PM_ECONFIG; PM_ENOMEM. A configuration needs none of the following, so each
-// is an error: an empty file, more than a megabyte, a second document, more than 200 open brackets,
-// a duplicate key, an alias, a tag, text of several lines. The caller closes the document.
+// pm_yaml_open reads a file, and pm_yaml_parse reads `text`, which error messages call `name`.
+// `root` receives the top value. PM_EFILE: the file cannot be read; PM_ECONFIG; PM_ENOMEM. These
+// are errors, since no configuration needs them: an empty file, more than a megabyte, a second
+// document, more than 200 open brackets, a duplicate key, an alias, a tag, text of several lines.
+// The caller closes the document.
 pm_status pm_yaml_open(pm_yaml_document **document, const char *path, pm_yaml *root);
 pm_status pm_yaml_parse(pm_yaml_document **document, const char *text, const char *name,
                         pm_yaml *root);

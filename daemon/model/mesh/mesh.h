@@ -1,13 +1,14 @@
-// The graph of a mesh: a box of bricks that is held at one end. Its nodes carry the state of a
-// body. The nodes of the held face x = 0 do not move and are left out.
+// The graph of a mesh: a box of bricks that is clamped at one end. Its nodes carry the state of a
+// body. The nodes of the clamped face x = 0 do not move and are left out.
 #ifndef PM_MODEL_MESH_MESH_H
 #define PM_MODEL_MESH_MESH_H
 
 #include "base/arena.h"
 #include "base/status.h"
 
-// Features of a node: its three coordinates, each from -1 to 1 over the box (-1 along x is the held
-// face, which has no nodes), and whether it lies on the free end, on a face across y, across z.
+// Features of a node: its three coordinates, each from -1 to 1 over the box (-1 along x is the
+// clamped face, which has no nodes), and three numbers that are 1 if the node lies on the free end,
+// on a face normal to y, on a face normal to z, and 0 otherwise.
 #define PM_MESH_NODE_FEATURES 6
 // An edge has one of six directions. Features of a direction: the unit vector from source to
 // target, and the length of the edge over that of the bricks' longest side.

@@ -8,11 +8,11 @@
 //            one pass; there are `passes` of them.
 //   decode   outputs per node, linear in h_i; or one number, the mean of such outputs
 //
-// A message reaches one edge further with every pass, but a body in equilibrium responds everywhere
-// at once. Therefore all nodes also share `patterns`, the leading proper orthogonal modes of the
-// data. The amplitudes of the fields in the patterns of the first field (of those fields that have
-// as many components) pass through hidden layers, whose output is added to the number, or to the
-// rates as amplitudes of patterns.
+// A message travels one edge with every pass, but a body in equilibrium responds everywhere at
+// once. Therefore all nodes also share `patterns`, the leading proper orthogonal modes of the data.
+// The amplitudes of the fields in the patterns of the first field (of those fields that have as
+// many components) pass through hidden layers, whose output is added to the number, or to the rates
+// as amplitudes of patterns.
 //
 // With a driver, a field f such as the external forces, the outputs are proportional to f and
 // vanish without it. Messages of a second kind carry g, which starts as f times learned functions
@@ -25,8 +25,8 @@
 //
 // In all functions `spec` has a message (spec.h), `symbols` are the groups that it may read, and
 // parameters are named "<prefix>.<...>". Declaring checks the spec and adds the parameters; it
-// fails with PM_ECONFIG if a feature is not a field on the mesh, if a setting would be ignored, or
-// if sizes exceed what can be served, and with PM_ENOMEM. Building returns a node of g.
+// fails with PM_ECONFIG if a feature is not a field on the mesh, if a setting would have no effect,
+// or if the network is too large, and with PM_ENOMEM. Building returns a node of g.
 #ifndef PM_MODEL_MESH_MESSAGE_H
 #define PM_MODEL_MESH_MESSAGE_H
 

@@ -7,8 +7,8 @@
 
 // Decoders start small, so that training starts near the given terms alone.
 #define DECODE_GAIN 0.03
-// Number of learned functions of the place by which products of a driver and the first field are
-// weighted.
+// Number of learned functions of the position. They weight the products of the driver and the first
+// field.
 #define LEVERS 6
 
 // --- patterns ---

@@ -12,7 +12,8 @@
 #include "model/mesh/message_net.h"
 
 #define BIAS_SPREAD 0.5 // standard deviation of initial biases
-// Differences between neighbours are small against the fields; this gain makes up for it.
+// Differences between neighbours are small compared with the fields; this gain compensates for
+// that.
 #define DIFFERENCE_GAIN 3.0
 
 // --- parameters ---
@@ -68,8 +69,8 @@ int pm_message_field_size(const pm_symbols *symbols, const char *name) {
     return size;
 }
 
-// Returns a group's value [1][size]. While parameters are declared values are not known: then an
-// input.
+// Returns the value of a group [1][size]. While parameters are declared the value is not known, and
+// the function returns an input.
 static pm_node value_of(pm_message_net *n, const char *name) {
     if (n->declaring == NULL) {
         return pm_feature_build(n->g, name, n->symbols);

@@ -1,12 +1,13 @@
-// A network on a mesh while it is described, for the three files that implement message.h and for
-// them only: message_net.c encodes and processes, message_decode.c decodes, message.c checks and
-// declares. Each calls only those before it.
+// A network on a mesh while its graph is built. Only the three files that implement message.h
+// include this header: message_net.c encodes and processes, message_decode.c decodes, message.c
+// checks and declares. Each calls only functions of the files named before it.
 #ifndef PM_MODEL_MESH_MESSAGE_NET_H
 #define PM_MODEL_MESH_MESSAGE_NET_H
 
 #include "model/mesh/message.h"
 
-// A sum over the six neighbours starts about as large as the value to which it is added.
+// The initial gain of messages. The sum over six neighbours is then about as large as the value to
+// which it is added.
 #define PM_MESSAGE_GATHER_GAIN 0.4
 
 typedef char pm_message_name[160]; // of a parameter
@@ -27,7 +28,7 @@ typedef struct pm_message_net {
     pm_node hidden; // [1][..] hidden layer on the amplitudes of patterns; PM_NO_NODE: no patterns
 } pm_message_net;
 
-// Shape of a parameter; if it is trained, the standard deviation of its initial values.
+// The shape of a parameter, and the standard deviation of its initial values if it is trained.
 typedef struct pm_message_shape {
     int rows, cols;
     bool trained;

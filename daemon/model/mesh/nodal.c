@@ -91,8 +91,8 @@ pm_node pm_nodal_skew(pm_graph *g, pm_nodal_fields fields, pm_node matrix, pm_no
     if (node == NULL) {
         return x;
     }
-    // As in operator.c, C - C^T is formed before it is applied: C x - C^T x would leave the
-    // rounding of the diagonal's terms.
+    // As in operator.c, C - C^T is formed before it is multiplied by x. In C x - C^T x the terms of
+    // the diagonal would cancel only up to rounding.
     const pm_node c = pm_reshape(g, matrix, nnode * rows, rows);
     const pm_node skew = pm_sub(g, c, transposed(g, nnode, rows, matrix));
     const pm_node rate = times(g, nnode, rows, node, skew, to_nodes(g, fields, x));

@@ -1,6 +1,6 @@
-// Operators on a mesh that are one small matrix per node: L = C - C^T or M = G G^T of each node by
-// itself. C - C^T moves power between the components of one node and leaves x . rate = 0; G G^T
-// gives x . rate >= 0 at every node.
+// Operators on a mesh that consist of one small matrix per node: L = C - C^T or M = G G^T at each
+// node. C - C^T moves power between the components of one node and leaves x . rate = 0; G G^T gives
+// x . rate >= 0 at every node.
 #ifndef PM_MODEL_MESH_NODAL_H
 #define PM_MODEL_MESH_NODAL_H
 
