@@ -83,7 +83,7 @@ static void print_weights(const pm_params *params, const pm_provenance *provenan
     }
 }
 
-// Prints names; those that differ only in a rising number are folded into ranges.
+// Prints names; names with consecutive numbers are folded into ranges.
 static void print_names(const char *const *name, int count) {
     pm_arena arena = {0};
     const char *list = pm_names_fold(name, count, &arena);

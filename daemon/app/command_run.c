@@ -86,7 +86,8 @@ done:
 
 // --- in this thread ---
 
-// All subsystems belong to one process of the scene, which shares a hub with the coordinator.
+// Runs the scene as a single process of all subsystems, which is joined to the coordinator by a hub
+// in memory.
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     const char *url = "memory://";
     const pm_lockstep_node_options node_options = {.z = setup->initial,

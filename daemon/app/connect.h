@@ -20,7 +20,7 @@ pm_status pm_connect_check(pm_scene *scene);
 pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name);
 
 // Prints one line on standard error if messages were dropped that no process of this scene sends:
-// how many, and why. `drops` are those of the state machine on this transport.
+// their number, and the reasons. `drops` are the counts of the state machine on this transport.
 void pm_connect_warn(const pm_transport *transport, const pm_drops *drops);
 
 #endif

@@ -54,7 +54,7 @@ pm_status pm_launch_open(pm_launch **launch, int capacity) {
     return PM_OK;
 }
 
-// Runs in the child between fork and exec.
+// Turns the forked child into this program with the arguments `argv`.
 static void become(pid_t parent, int output, char *const *argv) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     // The parent may have died before the line above took effect.
@@ -127,7 +127,7 @@ static void print_line(const pm_child *child, const char *line) {
     }
 }
 
-// Whether a line is a notice, which is never an error and is printed at once.
+// Returns true if a line is a notice, which is never an error and is printed at once.
 static bool is_notice(const char *line) {
     static const char *const notices[] = {"portmetd: held after ", "portmetd: the run pauses ",
                                           "portmetd: the run goes on"};
@@ -241,7 +241,7 @@ static bool any_running(pm_launch *launch) {
     return running;
 }
 
-// Waits up to `seconds` for all children; returns whether all have ended.
+// Waits up to `seconds` for all children. Returns true if all have ended.
 static bool wait_all(pm_launch *launch, double seconds) {
     pm_presence presence = {0};
     const double deadline = pm_presence_look(&presence, pm_clock()) + seconds;
@@ -260,7 +260,7 @@ static void signal_all(pm_launch *launch, int signal_number) {
     }
 }
 
-// Starts no child again from now on.
+// Ensures that no child is started again from now on.
 static void stop_restarting(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         launch->child[i].progress = NULL;

@@ -1,7 +1,7 @@
-// The child processes of a run. Each executes this program's own file; it is watched, and in the
-// end always terminated and reaped by its process id. A child's standard error is kept until it has
-// ended, and its last line becomes this process's error, so that a failure is printed once. A child
-// that a signal kills may be started again.
+// Starts, watches and ends the child processes of a run. Each child executes this program's own
+// file. At the end each child is terminated if it still runs, and reaped by its process id. A
+// child's standard error is kept until it has ended, and its last line becomes this process's
+// error, so that a failure is printed once. A child that a signal kills may be started again.
 #ifndef PM_APP_LAUNCH_H
 #define PM_APP_LAUNCH_H
 
@@ -26,7 +26,8 @@ pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const
 // first failure, with the child's own exit code, or PM_ENET if a signal killed it.
 pm_status pm_launch_watch(pm_launch *launch);
 
-// Whether child `id`, in the order of starting, had ended with exit code 0 at the last watch.
+// Returns true if child `id`, counted in the order of starting, had ended with exit code 0 at the
+// last call of pm_launch_watch.
 bool pm_launch_ended_well(const pm_launch *launch, int id);
 
 // Sends a signal to child `id` if it runs.

@@ -16,9 +16,9 @@ typedef struct pm_observer {
     double started; // s of pm_clock
 } pm_observer;
 
-// Checks that the recording can be made, if one is wanted. The first sample makes it, so that a run
-// that never begins leaves an older file alone. `setup` and `options` must outlive the observer.
-// PM_EFILE, PM_ENOMEM.
+// Checks that the recording can be made, if one is wanted. The recording is made when the first
+// sample arrives, so that a run that never begins does not destroy an older file. `setup` and
+// `options` must outlive the observer. PM_EFILE, PM_ENOMEM.
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options);
 
@@ -32,7 +32,7 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
                              const char *how);
 
-// Releases the rest. Allowed on a zeroed observer.
+// Releases all memory of the observer. It may be called for a zeroed observer.
 void pm_observer_close(pm_observer *observer);
 
 #endif

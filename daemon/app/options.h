@@ -1,4 +1,5 @@
-// The options of portmetd's subcommands: one table serves all of them, and each accepts some.
+// The options of portmetd's subcommands. There is one table of options, of which each subcommand
+// accepts some.
 #ifndef PM_APP_OPTIONS_H
 #define PM_APP_OPTIONS_H
 

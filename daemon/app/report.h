@@ -19,7 +19,7 @@ void pm_report_add(pm_report *report, const pm_sample *sample);
 
 long pm_report_steps(const pm_report *report); // number of steps added, without the initial state
 
-// Puts all that the report needs to go on after a sample.
+// Puts all numbers that the report needs to continue after a sample into the record.
 void pm_report_record(pm_report *report, pm_record *record);
 
 // Prints the tables on standard output. `how` names the transport; `seconds` is the wall time since

@@ -26,13 +26,14 @@ typedef struct pm_setup {
 
 // Loads the setup. Each subsystem starts from its `initial`, or else from the first state of the
 // reference; PM_ECONFIG if it has neither. PM_EDATA: the time step of the reference does not fit.
-// The initial state and the boundary inputs are folded into system->digest, so that hosts with
-// different references find out. Fails as its parts do. The caller frees, on failure too.
+// The initial state and the boundary inputs are folded into system->digest, so that the processes
+// of hosts with different references refuse each other. It also fails as the functions that load
+// its parts do. The caller frees the setup, after a failure too.
 pm_status pm_setup_load(pm_setup *setup, const pm_run_options *options, pm_purpose purpose);
 void pm_setup_free(pm_setup *setup);
 
-// Gives the file in which a process keeps its checkpoint, or the coordinator if `process` is NULL,
-// and makes its folder. `path` becomes NULL if the options ask for no checkpoint. PM_EFILE,
+// Writes the path of the file in which `process` (NULL: the coordinator) keeps its checkpoint to
+// `path`, and makes its folder. `path` becomes NULL if the options ask for no checkpoint. PM_EFILE,
 // PM_ENOMEM.
 pm_status pm_setup_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
                               const char **path);

@@ -1,4 +1,4 @@
-// Finds what a run of a scene need not compute, and what it computes without effect.
+// Finds terms of a scene that a run need not compute, and operators that have no effect.
 #ifndef PM_APP_SKIPPED_H
 #define PM_APP_SKIPPED_H
 

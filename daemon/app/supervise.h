@@ -1,5 +1,5 @@
-// A run whose processes may all die and return. The coordinator and the nodes are children of this
-// process, which starts them again from their checkpoints.
+// Supervises a run whose processes may die. The coordinator and the nodes are children of this
+// process, which restarts them from their checkpoints.
 #ifndef PM_APP_SUPERVISE_H
 #define PM_APP_SUPERVISE_H
 
@@ -11,7 +11,7 @@
 const char *const *pm_supervise_arguments(pm_setup *setup, const pm_run_options *options,
                                           const char *session, const char *process);
 
-// Runs the scene, or goes on with the run whose checkpoints are in the folder, and removes the
+// Runs the scene, or continues the run whose checkpoints are in the folder, and removes the
 // checkpoints when the run has succeeded. The coordinator prints the tables. Returns the
 // coordinator's result; PM_EFILE: another run uses the folder; PM_EINTERRUPTED; what
 // pm_launch_watch returns.

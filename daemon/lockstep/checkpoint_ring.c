@@ -1,4 +1,4 @@
-// Two checkpoints in memory, and the file (store/snapshot.h) that holds both.
+// Keeps two checkpoints in memory and in one file (store/snapshot.h).
 #include "lockstep/checkpoint_ring.h"
 
 #include <string.h>

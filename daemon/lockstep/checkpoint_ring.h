@@ -18,7 +18,8 @@ typedef struct pm_checkpoint_ring {
     double *state;    // [2][size], the older one first; step -1: none
 } pm_checkpoint_ring;
 
-// The number of steps between two checkpoints: the scene's, but at least twice its window.
+// Returns the number of steps between two checkpoints: the scene's `checkpoint`, but at least twice
+// its window.
 int64_t pm_checkpoint_ring_interval(const pm_scene *scene);
 
 // Takes the present state of the subsystems as the checkpoint of step 0, with memory from the
@@ -28,12 +29,12 @@ int64_t pm_checkpoint_ring_interval(const pm_scene *scene);
 pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *ring, pm_arena *arena, const char *path,
                                   const pm_system *system, pm_process_subsystems *subsystems);
 
-// `known` receives whether the file holds checkpoints of this session. PM_EFILE.
+// Sets `known` to true if the file holds checkpoints of this session. PM_EFILE.
 pm_status pm_checkpoint_ring_has_session(const pm_checkpoint_ring *ring, int64_t session,
                                          bool *known);
 
-// Loads the file if it is of this session; otherwise writes it, so that a restarted process finds
-// that it belongs to the session. PM_EFILE.
+// Loads the file if it belongs to this session. Otherwise writes it, so that this process finds the
+// session again after a restart. PM_EFILE.
 pm_status pm_checkpoint_ring_load_or_create(pm_checkpoint_ring *ring, int64_t session);
 
 // Keeps the state after `step` steps, in memory and in the file, if `step` is a positive multiple

@@ -1,11 +1,12 @@
 // Encodes the wire types (lcmtypes/portmet.lcm) to bytes and decodes them into memory that the
 // caller has prepared; nothing is allocated. The bytes and structs are those of the code that
-// lcm-gen generates. Its decoders trust the sender; these do not.
+// lcm-gen generates. Its decoders trust the sender; the functions here check everything.
 //
-// _decode: `message` comes with its array counts set and its array pointers at that many numbers.
-// A flux must have exactly these counts. A report's counts are the largest it may have, and are
-// replaced by those it has. Length, fingerprint, counts, text and numbers are checked; only after
-// PM_KEEP may the message be read. Its text then points into `data`. Array pointers never change.
+// _decode: the caller sets the array counts of `message`, and its array pointers to that many
+// numbers. A flux must have exactly these counts. For a report they are the largest counts that are
+// accepted, and are replaced by the counts of the message. Length, fingerprint, counts, text and
+// numbers are checked; only after PM_KEEP may the message be read. Its text then points into
+// `data`. Array pointers never change.
 //
 // _encode writes at most `capacity` bytes and returns their number; 0 if they do not suffice or a
 // number is not finite. Text is cut after PM_TEXT_MAX characters; control characters become blanks.

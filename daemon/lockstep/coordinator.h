@@ -1,7 +1,7 @@
 // The inside of a coordinator, private to its four files and to tests: lockstep_coordinator.c
 // polls, grants steps, enters them in the ledger and ends the run; coordinator_messages.c handles
-// messages; coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds what
-// these three share. Calls go in this order, never back.
+// messages; coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds
+// functions that these three share. Each file calls only files named after it.
 //
 // The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING, which
 // `completed` and `held` divide. `patience` and `checkpoint` are those of the scene. A coordinator
@@ -89,35 +89,38 @@ struct pm_lockstep_coordinator {
 
 // --- state (coordinator_state.c) ---
 
-// Ends the run if `status` is a failure. Message handlers cannot return one; they report it here.
+// Ends the run if `status` is a failure. Message handlers, which cannot return a status, call this
+// function.
 void pm_coordinator_check(pm_lockstep_coordinator *coordinator, pm_status status);
 
-// Goes on to CLOSING. The endpoint's status says whether processes are told END or ABORT.
+// Enters CLOSING. Processes then receive END if the endpoint's status is PM_OK, and ABORT
+// otherwise.
 void pm_coordinator_close_run(pm_lockstep_coordinator *coordinator);
 
-// The number of steps that may be granted when the reports of the first `complete` steps are there:
-// at most the lookahead beyond these, what the gate allows, and, where fluxes show progress, a
-// window beyond the slowest process.
+// Returns the number of steps that may be granted when the reports of the first `complete` steps
+// have arrived. It is at most `complete` plus the lookahead and at most the number that the gate
+// allows. If fluxes show progress, it is also at most a window beyond the slowest process.
 int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
 
-// The number of steps that every process is known, by a report or a flux, to have completed.
+// Returns the number of steps that every process has completed, as far as reports and fluxes show.
 int64_t pm_coordinator_steps_shown(const pm_lockstep_coordinator *coordinator);
 
-// True if the gate allows no step beyond those that are granted.
+// Returns true if the gate allows no step beyond those that are granted.
 bool pm_coordinator_is_at_gate(const pm_lockstep_coordinator *coordinator);
 
 // --- messages (coordinator_messages.c) ---
 
-// Opens the endpoint and subscribes to reports, to fluxes where they show progress, and to all
-// requests. `session`: the one that the coordinator was started for, or 0. PM_ECONFIG, PM_ENET,
-// PM_ENOMEM.
+// Opens the endpoint and subscribes to reports, to all requests, and to fluxes if they show
+// progress. `session` is the session that the coordinator was started for, or 0. PM_ECONFIG,
+// PM_ENET, PM_ENOMEM.
 pm_status pm_coordinator_listen(pm_lockstep_coordinator *coordinator, int64_t session);
 
 // --- checkpoint (coordinator_checkpoint.c) ---
 
-// Goes on from the checkpoint file, if it holds a checkpoint of `session` (0: of any session);
-// otherwise writes a first checkpoint, so that this run's session is known. Does nothing without a
-// checkpoint file. PM_EFILE, PM_ENOMEM, and what the observer's resume returns.
+// Continues from the checkpoint file if it holds a checkpoint of `session` (0: of any session).
+// Otherwise writes a first checkpoint, so that a restarted coordinator knows the session of this
+// run. Does nothing without a checkpoint file. PM_EFILE, PM_ENOMEM, and what the observer's resume
+// returns.
 pm_status pm_coordinator_load_checkpoint(pm_lockstep_coordinator *coordinator, int64_t session);
 
 // Writes the checkpoint of the step `completed`. PM_EFILE, and what the observer's flush returns.

@@ -1,5 +1,5 @@
-// The checkpoint of a coordinator: the number of steps completed, what the ledger must remember,
-// and what the observer must remember, in one file (store/snapshot.h).
+// The checkpoint of a coordinator: the number of steps completed and the numbers of the ledger and
+// of the observer, in one file (store/snapshot.h).
 #include "lockstep/checkpoint_ring.h"
 #include "lockstep/coordinator.h"
 #include "store/snapshot.h"

@@ -17,8 +17,8 @@ static pm_remote_process *find_remote(const pm_lockstep_coordinator *c, const ch
 
 // --- hellos ---
 
-// Refuses the sender of a hello. A node that does not fit ends a run that has not begun; a run that
-// is under way (`late`) goes on without it.
+// Refuses the sender of a hello. This ends a run that has not begun; a run that is under way
+// (`late`) continues without the sender.
 static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
                       bool late) {
     pm_coordinator_check(c, pm_identity_refuse(&c->endpoint.identity, hello->session,
@@ -97,7 +97,8 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
 
 // --- commands ---
 
-// A coordinator receives its own commands, too: only a refusal that names it concerns it.
+// Handles commands. A coordinator receives its own commands, too; it reacts only to a refusal that
+// names it.
 static pm_drop accept_command(void *context, const portmet_command_t *command) {
     pm_lockstep_coordinator *c = context;
     if (c->phase == PM_COORDINATOR_RUNNING &&

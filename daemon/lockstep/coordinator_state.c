@@ -1,5 +1,5 @@
-// The transitions of a coordinator's state machine that both its messages and its polls cause, and
-// the questions that callers ask about its state. coordinator.h has the table of states.
+// Transitions of a coordinator's state machine that both messages and polls cause, and functions
+// that tell its state. coordinator.h has the table of states.
 #include "lockstep/coordinator.h"
 
 void pm_coordinator_close_run(pm_lockstep_coordinator *c) {

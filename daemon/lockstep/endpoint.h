@@ -1,7 +1,7 @@
-// An endpoint is the part that a node and a coordinator have in common: their identity, the
-// channels on which all processes speak to all, requests for missing messages, and the result of
-// the run. An endpoint decodes hello, command and request messages, counts those it drops, and
-// passes the others to handlers.
+// An endpoint is the part that nodes and coordinators have in common: the identity, the channels
+// that all processes share, requests for missing messages, and the result of the run. An endpoint
+// decodes hello, command and request messages, counts those it drops, and passes the others to
+// handlers.
 #ifndef PM_LOCKSTEP_ENDPOINT_H
 #define PM_LOCKSTEP_ENDPOINT_H
 
@@ -38,13 +38,15 @@ typedef struct pm_endpoint {
 } pm_endpoint;
 
 // Opens an endpoint whose `system` and `transport` are set, and subscribes to hellos, commands and
-// requests. `name` is that of the process, "" for the coordinator, and must outlive the endpoint;
-// `session` is the one it was started for, or 0. The transport keeps pointers to the endpoint.
-// PM_ECONFIG: a channel's name is too long; PM_ENET, PM_ENOMEM.
+// requests. `name` is the name of the process, or "" for the coordinator, and must outlive the
+// endpoint. `session` is the session that the process was started for, or 0. The transport keeps
+// pointers to the endpoint, which must not move. PM_ECONFIG: a channel's name is too long; PM_ENET,
+// PM_ENOMEM.
 pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, void *context,
                            const char *name, int64_t session, bool keeps_checkpoints);
 
-// Passes the requests that are sent to another process to the handlers, too. PM_ENET, PM_ENOMEM.
+// Also passes requests that are sent to another process, on the channel `address`, to the handlers.
+// PM_ENET, PM_ENOMEM.
 pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address);
 
 // Sets endpoint->now, the clock of all that the owner waits for, to `clock` (s, monotonic) less the
@@ -54,13 +56,13 @@ void pm_endpoint_look(pm_endpoint *endpoint, double clock);
 // The monotonic time at which endpoint->now will be `time` if this process goes on running.
 double pm_endpoint_clock(const pm_endpoint *endpoint, double time);
 
-// Counts a message as used (PM_KEEP) or dropped.
+// Counts a message as used (PM_KEEP) or as dropped for the given reason.
 void pm_endpoint_count(pm_endpoint *endpoint, pm_drop drop);
 
 // Requests the message of `step` and `round` on `channel` from its sender. The request goes to
 // `address`, which only that process and the coordinator receive, so that it wakes nobody else.
-// After a long wait it goes to all: it then shows that this process is alive, and another process
-// of the same name learns of it. PM_ENET.
+// After a long wait the request goes to all processes. It then shows that this process is alive,
+// and reveals a second process of the same name. PM_ENET.
 pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, const char *channel,
                               int64_t step, int round);
 
@@ -70,7 +72,7 @@ void pm_endpoint_end(pm_endpoint *endpoint, pm_status status, const char *messag
 // Returns the stored result, with pm_error() set to its message.
 pm_status pm_endpoint_result(const pm_endpoint *endpoint);
 
-// The class of failure that a code from the network stands for; PM_ENET if the code is unknown.
+// Converts an error code from the network to pm_status; PM_ENET if the code is unknown.
 pm_status pm_endpoint_code(int8_t code);
 
 #endif

@@ -4,8 +4,8 @@
 #include "scene/integrator.h"
 #include "transport/channel.h"
 
-// Counts the ends and components that come before one end in a process's messages; with port_id -1
-// all of them. The ends come by subsystem, then by port, in the scene's order.
+// Counts the ends and components that precede one end in a process's messages; with port_id -1
+// counts all of them. The ends are ordered by subsystem, then by port, as in the scene.
 static void measure(const pm_scene *scene, int process_id, int port_id, pm_end end, int *nend,
                     int *ny) {
     const pm_scene_process *process = &scene->process[process_id];

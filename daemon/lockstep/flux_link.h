@@ -1,6 +1,6 @@
-// The fluxes of one neighbouring process, kept until the round that needs them; and the shape of a
-// process's flux message. A round has a key: its number counted from the start of the run, step *
-// (rounds of a step, at most) + round.
+// A flux link keeps the fluxes of one neighbouring process until the round that needs them. This
+// file also defines the array sizes of a process's flux message. The key of a round is its number
+// counted from the start of the run: step * (most rounds of a step) + round.
 #ifndef PM_LOCKSTEP_FLUX_LINK_H
 #define PM_LOCKSTEP_FLUX_LINK_H
 
@@ -11,8 +11,8 @@
 #include "scene/scene.h"
 #include "transport/transport.h"
 
-// Rounds whose fluxes are kept. A neighbour is at most one round ahead, since it needs this
-// process's flux of a round to finish it.
+// The number of rounds whose fluxes are kept. A neighbour is at most one round ahead, since it
+// needs this process's flux of a round to finish the round.
 #define PM_INBOX_DEPTH 2
 
 // Storage the caller owns.
@@ -28,28 +28,29 @@ typedef struct pm_flux_link {
     pm_request_filter requests;        // of the neighbour, for fluxes
 } pm_flux_link;
 
-// Sets names and shapes for the messages of process `process_id`, with memory from the arena.
-// PM_ECONFIG, PM_ENOMEM.
+// Sets the channel names and allocates arrays for the messages of process `process_id` in the
+// arena. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,
                             int process_id);
 
-// Keeps the message in `scratch`, which is of the round `key`. PM_DROP_REPEATED: it is kept
-// already, or the round is over; PM_DROP_RANGE: no neighbour can be there while this process
-// computes the round `present`.
+// Keeps the message in `scratch`, which belongs to the round `key`, while this process computes the
+// round `present`. PM_DROP_REPEATED: it is kept already, or the round is over; PM_DROP_RANGE: the
+// round is further ahead than a neighbour can be.
 pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present);
 
-// The neighbour's message of the round `key`; NULL if it has not arrived. The link owns it.
+// Returns the neighbour's message of the round `key`, which the link owns; NULL if it has not
+// arrived.
 const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
 
 // --- the shape of a process's flux message ---
 
-// Sets nend, ny and nresponse for a process, and makes arrays of these lengths in the arena.
+// Sets nend, ny and nresponse for a process, and allocates arrays of these lengths in the arena.
 // PM_ENOMEM.
 pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                                 int process_id);
 
-// The position at which the components of one end of a port begin in the arrays y, e and eta of its
-// process's messages. The port must lead to another process.
+// Returns the index at which the components of one end of a port begin in the arrays y, e and eta
+// of its process's messages. The other end of the port must belong to another process.
 int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end);
 
 #endif

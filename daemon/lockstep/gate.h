@@ -1,6 +1,7 @@
-// A gate holds a run at a step, so that a user or a test can act there: inspect it, stop a process,
-// pull a cable. A file holds the number of steps that may be granted. While the run stands at the
-// gate, the coordinator reads the file again every few milliseconds; otherwise it does not read it.
+// A gate holds a run at a step, so that a user or a test can inspect the run, stop a process or
+// interrupt the network there. A file contains the number of steps that may be granted. The
+// coordinator reads the file at the start, and again every few milliseconds while the gate holds
+// the run.
 #ifndef PM_LOCKSTEP_GATE_H
 #define PM_LOCKSTEP_GATE_H
 

@@ -1,4 +1,4 @@
-// Hellos and refusals.
+// Makes and compares hellos, and publishes refusals.
 #include "lockstep/identity.h"
 
 #include <inttypes.h>

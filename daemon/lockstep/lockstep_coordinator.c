@@ -168,10 +168,10 @@ static void tell_pause(pm_lockstep_coordinator *c, bool paused, const char *sile
     c->paused = paused;
 }
 
-// Requests what is missing. Where fluxes show progress, the first request of a wait is for the
-// fluxes for want of which no more steps are granted; neighbours may miss them, too. A process that
-// still waits after that has reported all it has, so later requests are for reports. At the gate
-// nothing is missing, and the processes only need a sign of life.
+// Requests what is missing. If fluxes show progress, the first request of a wait is for the fluxes
+// that the next grant needs; neighbours may miss these, too. A blocked process publishes its
+// partial report, so that later requests are for reports. At the gate nothing is missing, and a
+// tick shows the processes that the coordinator is alive.
 static pm_status request_missing(pm_lockstep_coordinator *c) {
     if (c->held) {
         return publish_tick(c);
@@ -256,7 +256,7 @@ static void book_rest(pm_lockstep_coordinator *c) {
     }
 }
 
-// Repeats END or ABORT until every process has said BYE or a short time has passed.
+// Repeats END or ABORT until every process has sent BYE or a short time has passed.
 static void repeat_command(pm_lockstep_coordinator *c) {
     bool all_left = true;
     for (int i = 0; i < c->nremote; ++i) {
@@ -275,7 +275,7 @@ static void repeat_command(pm_lockstep_coordinator *c) {
 
 // --- a poll ---
 
-// Publishes a hello at the start, and again and again until the initial state is known.
+// Publishes a hello at the start, and repeats it until the initial state is known.
 static pm_status say_hello(pm_lockstep_coordinator *c) {
     if (c->said_hello && (c->completed >= 0 || c->endpoint.now < c->hello_at)) {
         return PM_OK;

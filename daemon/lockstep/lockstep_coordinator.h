@@ -1,6 +1,6 @@
 // The coordinator of a distributed run: a state machine driven by messages and time (coordinator.h
 // has its table of states). It grants steps to the nodes, assembles every step's reports into a
-// sample, enters the sample in the ledger, and hands it to an observer. Nothing in here blocks;
+// sample, enters the sample in the ledger, and hands it to an observer. No function blocks;
 // lockstep.h has the loops that drive it.
 //
 // Life cycle: it opens a session and collects the initial state from every node. It then grants
@@ -10,13 +10,14 @@
 // second coordinator of the same session.
 //
 // Gate: with a gate (gate.h) it grants no step beyond the one that a file names. While the run is
-// held there it repeats its last tick, which shows the nodes that it is alive. Nodes that fall
-// silent are given up after the scene's patience, as at any other step.
+// held there it repeats its last tick, which shows the nodes that it is alive. As at any other
+// step, the run fails if a node is silent for longer than the scene's patience.
 //
 // Death and return: with a checkpoint it saves its ledger and its observer's state at regular
-// steps, the same as the nodes' (checkpoint_ring.h), and after the last step before END. Restarted,
-// it continues from there and requests the reports that it missed. The checkpoint files stay: the
-// program that started the processes removes them when none of these may come back.
+// steps, the same as the nodes' (checkpoint_ring.h), and after the last step before END. After a
+// restart it continues from there and requests the reports that it missed. The coordinator never
+// removes checkpoint files. The program that started the processes removes them at the end of the
+// run.
 #ifndef PM_LOCKSTEP_LOCKSTEP_COORDINATOR_H
 #define PM_LOCKSTEP_LOCKSTEP_COORDINATOR_H
 
@@ -29,26 +30,26 @@
 
 typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
 
-// Functions that the coordinator calls as the run goes on, each with `context`. A status that is
-// not PM_OK ends the run.
+// Functions that the coordinator calls during the run, each with `context`. A status other than
+// PM_OK ends the run.
 typedef struct pm_lockstep_observer {
     void *context;
     // Called once for each completed step in order, from step 0 (the initial state). The sample is
     // valid during the call; its z only with want_state.
     pm_status (*step)(void *context, const pm_sample *sample);
-    // The run pauses because the nodes `silent` (names, separated by commas) are silent, or it goes
-    // on (""). May be NULL.
+    // Called when the run pauses because the nodes `silent` (names, separated by commas) are
+    // silent, and with "" when it continues. May be NULL.
     void (*pause)(void *context, const char *silent);
-    // The gate holds the run after `step`, and every process waits. Called once for each hold. May
-    // be NULL.
+    // Called once each time the gate holds the run: every process waits after `step`. May be NULL.
     void (*hold)(void *context, long step);
-    // Puts the numbers with which the observer continues after the last step that it was called
-    // for. May be NULL.
+    // Puts the observer's numbers after its last step into the record, or restores them. May be
+    // NULL.
     void (*record)(void *context, pm_record *record);
-    // Makes what the observer has written survive the process; called before a checkpoint is
-    // written. May be NULL.
+    // Called before a checkpoint is written: the observer flushes its files, so that they survive
+    // the death of the process. May be NULL.
     pm_status (*flush)(void *context);
-    // Makes the observer continue after `step`, when its numbers have been restored. May be NULL.
+    // Called after the observer's numbers have been restored: it continues after `step`. May be
+    // NULL.
     pm_status (*resume)(void *context, long step);
 } pm_lockstep_observer;
 
@@ -64,32 +65,34 @@ typedef struct pm_lockstep_coordinator_options {
                                    // NULL: all of them
 } pm_lockstep_coordinator_options;
 
-// Draws a number for a new session: 63 bits, so that two runs hardly share it.
+// Returns a random number of 63 bits for a new session, so that two runs are unlikely to share it.
 int64_t pm_lockstep_session(void);
 
-// Subscribes; publishes nothing before the first poll. `system`, `transport` and what `options`
-// (may be NULL) point to must outlive the coordinator. After it is closed, nobody may wait on the
-// transport any more. PM_ECONFIG, PM_ENET, PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and
-// what the observer's resume returns.
+// Opens a coordinator and subscribes to its channels; it publishes nothing before the first poll.
+// `system`, `transport` and the data that `options` (may be NULL) points to must outlive the
+// coordinator. Nobody may wait on the transport after the coordinator is closed. PM_ECONFIG,
+// PM_ENET, PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and what the observer's resume
+// returns.
 pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_system *system, pm_transport *transport,
                                        const pm_lockstep_coordinator_options *options);
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
 
-// As pm_lockstep_node_poll, _fail and _finished; `clock` in s, monotonic.
+// These functions do for a coordinator what pm_lockstep_node_poll, _fail and _finished do for a
+// node; `clock` in s, monotonic.
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double clock);
 void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
                                   const char *message);
 bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator);
 
-// PM_OK after the last step; else the failure, with pm_error() set to its description. PM_ETIMEOUT:
-// the nodes named in the description stayed silent; PM_ENET: a node or this coordinator was
-// refused; PM_ELAW: a law was violated; a node's own code when it failed; what the observer
-// returned.
+// Returns PM_OK after the last step; otherwise the failure, with pm_error() set to its description.
+// PM_ETIMEOUT: the nodes named in the description stayed silent; PM_ENET: a node or this
+// coordinator was refused; PM_ELAW: a law was violated; a node's own code when it failed; what the
+// observer returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
-// The ledger of the completed steps, the transport that the coordinator was opened on, and what it
-// did with the messages that it received.
+// Return the ledger of the completed steps, the transport that the coordinator was opened on, and
+// the counts of used and dropped messages.
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
 pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
 const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);

@@ -13,18 +13,19 @@
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the run
 
-// The resend buffer keeps the fluxes of the last SENT_DEPTH rounds: a neighbour may request the
-// round it is in, which is this node's or the one before, and the coordinator the first round of a
-// step it has not been shown. With a checkpoint, a request for an older round rolls this node back;
-// LATE_DEPTH more rounds and reports are kept, so that a request that arrives late does not.
+// The resend buffer keeps the fluxes of the last SENT_DEPTH rounds. A neighbour requests the flux
+// of its present round, which is this node's present round or the one before; the coordinator
+// requests the first round of a step. With a checkpoint, a request for an older round would roll
+// this node back. LATE_DEPTH more rounds and reports are therefore kept, so that a late request
+// does not.
 #define SENT_DEPTH 2
 #define LATE_DEPTH 32
 
 // --- waiting ---
 
-// Requests what is missing, when it is time to, and sets the time of the next poll. Only the
-// coordinator gives up a neighbour that stays silent, or waits for one that recomputes what it had
-// done before it died. A node gives up a silent coordinator.
+// Requests the missing message if a request is due, and sets the time of the next poll. A node
+// gives up a silent coordinator, but never a silent neighbour: the neighbour may be recomputing
+// steps after a restart, and the coordinator decides about it.
 static pm_status await(pm_lockstep_node *node) {
     pm_waiting *waiting = &node->endpoint.waiting;
     const double now = node->endpoint.now;
@@ -41,8 +42,8 @@ static pm_status await(pm_lockstep_node *node) {
     if (pm_waiting_request_due(waiting, now) && node->step < node->endpoint.steps) {
         // While blocked, publish the partially filled report.
         PM_TRY(pm_reporter_flush(&node->reporter));
-        // A missing flux comes first: without it there may be no grant, and the next wait would be
-        // for the flux.
+        // A missing flux is requested before a missing tick, since the grant may depend on the
+        // flux.
         const pm_flux_link *missing =
             node->started
                 ? pm_process_subsystems_missing(&node->subsystems, pm_node_round_key(node))

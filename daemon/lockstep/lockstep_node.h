@@ -1,17 +1,17 @@
 // A node: one process of a distributed run, with its subsystems. It is a state machine driven by
 // messages and time (node.h has its table of states). It computes the steps that the coordinator
 // grants, exchanges one flux message per round with each neighbouring process, and reports every
-// step. Nothing in here blocks; lockstep.h has the loops that drive it.
+// step. No function blocks; lockstep.h has the loops that drive it.
 //
-// Life cycle: it publishes hellos until a tick opens a session, reports its initial state, computes
-// rounds and reports steps until END, then answers requests for a moment, and is finished. A
-// message that takes longer than usual is requested again. A node gives up a coordinator that has
-// been silent for the scene's patience.
+// Life cycle: a node publishes hellos until a tick opens a session, reports its initial state, and
+// computes rounds and reports steps until END. It then answers requests for a short time and is
+// finished. A node requests a message again that takes longer than usual, and fails if the
+// coordinator is silent for longer than the scene's patience.
 //
 // Death and return: with a checkpoint, a node saves its state at regular steps (checkpoint_ring.h).
-// Restarted, it continues from there and requests the fluxes that it missed. A process that is
-// asked for a message it no longer holds rolls back to its own checkpoint and recomputes it, with
-// the same bits; receivers drop what they have already.
+// After a restart it continues from there and requests the fluxes that it missed. A process that is
+// asked for a message it no longer holds rolls back to its own checkpoint and recomputes the
+// message, with the same bits. Receivers drop messages that they have already.
 #ifndef PM_LOCKSTEP_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_LOCKSTEP_NODE_H
 
@@ -31,10 +31,11 @@ typedef struct pm_lockstep_node_options {
                                              // NULL: none
 } pm_lockstep_node_options;
 
-// Opens the subsystems of process `process_id` and subscribes; publishes nothing before the first
-// poll. `system`, `transport` and what `options` (may be NULL) point to must outlive the node.
-// After it is closed, nobody may wait on the transport any more. PM_ECONFIG: a channel's name is
-// too long or has two meanings; PM_ENET, PM_ENOMEM, and what pm_subsystem_open returns.
+// Opens the subsystems of process `process_id` and subscribes to the channels of the node; it
+// publishes nothing before the first poll. `system`, `transport` and the data that `options` (may
+// be NULL) points to must outlive the node. Nobody may wait on the transport after the node is
+// closed. PM_ECONFIG: a channel's name is too long or has two meanings; PM_ENET, PM_ENOMEM, and
+// what pm_subsystem_open returns.
 pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int process_id,
                                 pm_transport *transport, const pm_lockstep_node_options *options);
 void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
@@ -45,21 +46,22 @@ void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 // polls counts as an absence of this process (base/presence.h), and not as the silence of others.
 double pm_lockstep_node_poll(pm_lockstep_node *node, double clock);
 
-// Ends the node with `code` and `message`, which it reports to the coordinator, which ends the
-// others. Does nothing if the node is ending already.
+// Ends the node with `code` and `message`. The node reports them to the coordinator, which ends the
+// other nodes. Does nothing if the node is ending already.
 void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *message);
 
-// _finished: nothing is left to do. _leaving: the run is over, and the node at most answers
-// requests of others.
+// _finished returns true if the node has nothing left to do. _leaving returns true if the run is
+// over for this node, which only answers requests of others.
 bool pm_lockstep_node_finished(const pm_lockstep_node *node);
 bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
 
-// PM_OK after END; else the failure, with pm_error() set to its description. PM_ETIMEOUT: the
-// coordinator stayed silent; PM_ENET: this node was refused, or the transport failed; PM_ENUMERIC:
-// the state became non-finite; PM_EFILE: the checkpoint; after ABORT the coordinator's code.
+// Returns PM_OK after END; otherwise the failure, with pm_error() set to its description.
+// PM_ETIMEOUT: the coordinator stayed silent; PM_ENET: this node was refused, or the transport
+// failed; PM_ENUMERIC: the state became non-finite; PM_EFILE: the checkpoint; after ABORT the
+// coordinator's code.
 pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
 
-// The transport that the node was opened on, and what it did with the messages that it received.
+// Return the transport that the node was opened on, and the counts of used and dropped messages.
 pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node);
 const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node);
 

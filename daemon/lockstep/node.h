@@ -1,6 +1,6 @@
 // The inside of a node, private to its four files and to tests: lockstep_node.c polls, waits and
 // ends; node_messages.c handles messages; node_steps.c computes rounds and steps; node_state.c
-// holds what these three share. Calls go in this order, never back.
+// holds functions that these three share. Each file calls only files named after it.
 //
 // The state machine. A round begins as soon as the round before it is complete and its step is
 // granted. `patience` and `checkpoint` are those of the scene.
@@ -88,30 +88,32 @@ struct pm_lockstep_node {
 
 // --- state (node_state.c) ---
 
-// Goes on to another phase. Its clock starts at the next poll, as handlers do not know the time.
+// Enters another phase. The clock of the phase starts at the next poll, since handlers do not know
+// the time.
 void pm_node_enter(pm_lockstep_node *node, pm_node_phase next);
 
-// Enters FAILING if `status` is a failure. Message handlers cannot return one; they report it here.
+// Enters FAILING if `status` is a failure. Message handlers, which cannot return a status, call
+// this function.
 void pm_node_check(pm_lockstep_node *node, pm_status status);
 
 // --- messages (node_messages.c) ---
 
-// Opens the endpoint and subscribes to ticks and the neighbours' fluxes. `session`: the one that
-// the node was started for, or 0. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+// Opens the endpoint and subscribes to ticks and the neighbours' fluxes. `session` is the session
+// that the node was started for, or 0. PM_ECONFIG, PM_ENET, PM_ENOMEM.
 pm_status pm_node_listen(pm_lockstep_node *node, int64_t session);
 
 // --- steps (node_steps.c) ---
 
-// The key of the present round: its number, counted from the start of the run.
+// Returns the key of the present round: its number, counted from the start of the run.
 int64_t pm_node_round_key(const pm_lockstep_node *node);
 
-// True if the next round may begin.
+// Returns true if the next round may begin.
 bool pm_node_may_start(const pm_lockstep_node *node);
 
-// Begins at the initial state, or where this process stood at its last checkpoint of the session.
+// Begins at the initial state, or at this process's last checkpoint of the session.
 pm_status pm_node_start_run(pm_lockstep_node *node);
 
-// Computes as far as grants and the neighbours' fluxes allow, at most 16 steps.
+// Computes rounds until a grant or a neighbour's flux is missing, but at most 16 steps.
 pm_status pm_node_compute(pm_lockstep_node *node);
 
 // Returns to the newest checkpoint of at most `step` steps, to compute again from there. Does

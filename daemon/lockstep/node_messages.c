@@ -34,7 +34,8 @@ static void join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->progressed = true;
     pm_node_enter(node, PM_NODE_RUNNING);
     if (tick->granted > 0) {
-        // Another node of this name must learn of this one, even if it has heard no hello before.
+        // The hello reveals this node to another one of the same name, which may have missed its
+        // earlier hellos.
         pm_node_check(node, pm_identity_publish_hello(&node->endpoint.identity));
     }
     if (tick->dt != dt) {
@@ -52,8 +53,8 @@ static bool is_sane(const pm_lockstep_node *node, const portmet_tick_t *tick) {
            (!chosen || (tick->substeps >= 1 && tick->substeps <= PM_MOST_SUBSTEPS));
 }
 
-// Takes over what a tick says, unless it is older than another one: of an earlier coordinator, or
-// with fewer steps granted.
+// Adopts the content of a tick. A tick of an earlier coordinator, or with fewer granted steps than
+// known, is out of date and ignored.
 static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const bool joins = node->phase == PM_NODE_HELLO && may_join(node, tick);
     if (!joins && (node->endpoint.session == 0 || tick->session != node->endpoint.session)) {
@@ -92,7 +93,7 @@ static void on_tick(void *context, const char *channel, const void *data, size_t
 
 // --- commands ---
 
-// Ends without BYE, since a refused node is no part of the run.
+// Ends this node if a command refuses it. It sends no BYE, since it does not belong to the run.
 static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *command) {
     if (!pm_identity_is_refused(&node->endpoint.identity, node->endpoint.session, command)) {
         return PM_DROP_SESSION;
@@ -161,7 +162,7 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
 
 // --- requests ---
 
-// The neighbour of that name, or NULL.
+// Returns the link to the neighbour of this name, or NULL.
 static pm_flux_link *find_link(const pm_lockstep_node *node, const char *name) {
     for (int i = 0; i < node->subsystems.nlink; ++i) {
         if (strcmp(node->subsystems.link[i].neighbour, name) == 0) {
@@ -171,8 +172,8 @@ static pm_flux_link *find_link(const pm_lockstep_node *node, const char *name) {
     return NULL;
 }
 
-// Publishes a report again. A coordinator that requests one that is no longer buffered was
-// restarted from its checkpoint: this node rolls back and computes the steps again.
+// Publishes a report again. If the report is no longer buffered, the coordinator was restarted from
+// its checkpoint, and this node rolls back and computes the steps again.
 static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *request) {
     const int64_t step = request->step;
     const bool is_new =
@@ -186,8 +187,8 @@ static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *
                : PM_OK;
 }
 
-// Publishes a flux again. A neighbour that requests one that is no longer buffered was restarted,
-// or had to roll back itself: this node rolls back, too.
+// Publishes a flux again. If the flux is no longer buffered, the neighbour was restarted or has
+// rolled back, and this node rolls back, too.
 static pm_status answer_flux(pm_lockstep_node *node, const portmet_request_t *request) {
     const int64_t key = request->step * node->rounds + request->round;
     pm_flux_link *link = find_link(node, request->sender);

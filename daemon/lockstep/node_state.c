@@ -1,5 +1,5 @@
-// The transitions of a node's state machine that its messages, its steps and its polls cause, and
-// the questions that callers ask about its state. node.h has the table of states.
+// Transitions of a node's state machine that messages, steps and polls cause, and functions that
+// tell its state. node.h has the table of states.
 #include "lockstep/node.h"
 
 void pm_node_enter(pm_lockstep_node *node, pm_node_phase next) {

@@ -2,7 +2,7 @@
 // after each step, and the return to a checkpoint.
 #include "lockstep/node.h"
 
-// Steps of one poll at most; after these, messages are handled and the stop flag is read.
+// The most steps of one poll. The loop then handles messages and reads the stop flag.
 #define STEPS_AT_ONCE 16
 
 #define REPORT_INTERVAL 0.02 // s between two reports at most, while steps are computed
@@ -19,9 +19,10 @@ static bool is_granted(const pm_lockstep_node *node) {
     return node->step < node->granted;
 }
 
-// The flux of a step's first round does not depend on the grant, unless the tick chooses the
-// substeps. It is published ahead, so that the neighbours have it when they are granted the step;
-// that of step 0 only when the first grant shows that every process listens.
+// Returns true if the flux of the next step's first round may be published before the step is
+// granted, so that the neighbours have it when they are granted the step. This is impossible if the
+// tick chooses the substeps. The flux of step 0 waits for the first grant, which shows that every
+// process listens.
 static bool may_publish_ahead(const pm_lockstep_node *node) {
     return node->endpoint.system->scene->tolerance == 0 && node->granted > 0 &&
            node->step == node->granted && node->step < node->endpoint.steps;

@@ -31,7 +31,7 @@ static int position_of(const pm_scene_process *process, int subsystem_id) {
     return i;
 }
 
-// The position of a port among those of a subsystem, in the scene's order.
+// Returns the index of a port among the ports of a subsystem, in the scene's order.
 static int port_position(const pm_subsystem *subsystem, int port_id) {
     int i = 0;
     while (pm_subsystem_port_id(subsystem, i) != port_id) {
@@ -62,7 +62,7 @@ static pm_status open_port(pm_process_subsystems *subsystems, pm_arena *arena,
     return find_link(subsystems, arena, scene, scene->subsystem[neighbour].process, &port->link);
 }
 
-// A port between two subsystems of this process is evaluated once, by the first of them.
+// Lets the first of two subsystems of this process evaluate the port between them for both.
 static pm_status share_port(const pm_process_subsystems *subsystems, int part_id, int position) {
     const pm_process_subsystem *part = &subsystems->part[part_id];
     const pm_process_port *port = &part->port[position];

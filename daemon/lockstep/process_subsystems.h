@@ -53,26 +53,27 @@ pm_status pm_process_subsystems_start_round(pm_process_subsystems *subsystems,
                                             const portmet_flux_t *head);
 
 // Couples ports, in the scene's order, as far as the neighbours' fluxes of the round `key` have
-// arrived. Returns true when all are coupled. `used` receives whether a flux was used.
+// arrived. Returns true if all ports are coupled. Sets `used` to true if a flux was used.
 bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key, bool *used);
 
-// A neighbour whose flux of the round `key` has not arrived; NULL if all have.
+// Returns a neighbour whose flux of the round `key` has not arrived; NULL if all have arrived.
 const pm_flux_link *pm_process_subsystems_missing(const pm_process_subsystems *subsystems,
                                                   int64_t key);
 
 // Sets the number of substeps of the next step; to be called between two steps.
 void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int substeps);
 
-// The number of rounds in the present step.
+// Returns the number of rounds in the present step.
 int pm_process_subsystems_rounds(const pm_process_subsystems *subsystems);
 
-// Ends a round in which all ports are coupled: the Runge-Kutta combination of the stage.
+// Ends a round in which all ports are coupled: combines the stages of the Runge-Kutta method.
 void pm_process_subsystems_advance(pm_process_subsystems *subsystems);
 
 // Ends a step after its last round. PM_ENUMERIC: a state is not finite.
 pm_status pm_process_subsystems_end_step(pm_process_subsystems *subsystems);
 
-// Puts the numbers with which the subsystems continue from the end of a step with the same bits.
+// Puts the numbers with which the subsystems continue from the end of a step, with the same bits,
+// into the record.
 void pm_process_subsystems_record(pm_process_subsystems *subsystems, pm_record *record);
 
 #endif

@@ -7,8 +7,8 @@
 #include "lockstep/reporter.h"
 #include "transport/channel.h"
 
-// Lists the ends of ports in the order of reports: by subsystem; for each, its own ends by port,
-// then the other ends of those of its ports that lead to a boundary input.
+// Lists the ends of ports in the order of reports. For each subsystem these are its own ends, by
+// port, and then the outside ends of its ports with a boundary input.
 static pm_status list_ends(pm_remote_process *remote, pm_arena *arena) {
     const pm_scene *scene = remote->scene;
     const pm_scene_process *process = &scene->process[remote->id];

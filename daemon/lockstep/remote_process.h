@@ -1,6 +1,6 @@
-// The coordinator's view of one process: the channels of its messages, which numbers of a
-// sample it reports, and whether it is alive and makes progress. The messages into which reports
-// and fluxes of the process are decoded belong to this struct.
+// The coordinator's view of one process: the channels of its messages, the numbers of a sample that
+// it reports, and whether it is alive and makes progress. The struct also owns the messages into
+// which reports and fluxes of the process are decoded.
 #ifndef PM_LOCKSTEP_REMOTE_PROCESS_H
 #define PM_LOCKSTEP_REMOTE_PROCESS_H
 
@@ -34,19 +34,19 @@ typedef struct pm_remote_process {
     int64_t instance;                    // that reported the initial state; 0: none
 } pm_remote_process;
 
-// Sets names and shapes for process `process_id`, with memory from the arena. PM_ECONFIG,
-// PM_ENOMEM.
+// Sets the channel names and allocates the messages for process `process_id`, with memory from the
+// arena. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_remote_process_init(pm_remote_process *remote, pm_arena *arena, const pm_scene *scene,
                                  int process_id);
 
 // Decodes the message `data` [size] into remote->report. Returns PM_KEEP if it is accepted, and
 // else the reason for which it is dropped. A report of the kind DONE has one row for each of its
-// steps. Each row must be complete, and must hold the state z exactly if `with_state` is true. A
-// report with another number of values is dropped with PM_DROP_COUNT.
+// steps. Each row must be complete. It must hold the state z if `with_state` is true, and must not
+// otherwise. A report with another number of values is dropped with PM_DROP_COUNT.
 pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, size_t size,
                                  bool with_state);
 
-// The number of steps in `report`.
+// Returns the number of steps in `report`.
 int pm_remote_process_rows(const pm_remote_process *remote);
 
 // Writes this process's numbers of row `row` of `report` into the sample of that step.

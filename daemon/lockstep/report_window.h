@@ -1,7 +1,7 @@
-// The steps whose reports the coordinator collects at the same time: as many as may be granted
-// ahead (lookahead.h), and one more. Each has a sample, which is complete when every process has
-// reported the step. The coordinator takes samples out in order of their steps; each time the
-// window moves on by one step.
+// The report window holds the steps whose reports the coordinator collects at the same time: as
+// many as may be granted ahead (lookahead.h), and one more. Each step has a sample, which is
+// complete when every process has reported the step. The coordinator takes the samples out in the
+// order of their steps, and the window then advances by one step.
 #ifndef PM_LOCKSTEP_REPORT_WINDOW_H
 #define PM_LOCKSTEP_REPORT_WINDOW_H
 
@@ -30,21 +30,21 @@ pm_status pm_report_window_init(pm_report_window *window, pm_arena *arena, const
                                 int64_t first);
 void pm_report_window_free(pm_report_window *window);
 
-// The sample into which a process's report of a step is to be written. NULL: the step is outside
-// the window, or the process has reported it already.
+// Returns the sample into which a process's report of a step is to be written. NULL: the step is
+// outside the window, or the process has reported it already.
 pm_sample *pm_report_window_missing(const pm_report_window *window, int64_t step, int process_id);
 
 // Marks the report of a step as written.
 void pm_report_window_mark(pm_report_window *window, int64_t step, int process_id);
 
-// True if the step is in the window and the process has reported it.
+// Returns true if the step is in the window and the process has reported it.
 bool pm_report_window_has(const pm_report_window *window, int64_t step, int process_id);
 
-// The last of the steps after `step`, at most `most`, up to which all reports are there; `step` if
-// the next one is incomplete.
+// Returns the last step, at most `most`, up to which the reports of all steps after `step` have
+// arrived; `step` if the next one is incomplete.
 int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, int64_t most);
 
-// The sample of a step in the window. The window owns it.
+// Returns the sample of a step in the window, which owns it.
 pm_sample *pm_report_window_sample(const pm_report_window *window, int64_t step);
 
 // Discards the sample of `step` and gives its place to the step `step + depth`, where `depth` is

@@ -10,7 +10,7 @@
 
 // --- the shape of a report message ---
 
-// Counts the numbers of one step: subsystems, ends of ports, components of the state.
+// Counts the subsystems, ends of ports and components of the state in the report of one step.
 static void count_numbers(const pm_scene *scene, int process_id, int *npart, int *nend, int *nz) {
     const pm_scene_process *process = &scene->process[process_id];
     *npart = process->count;
@@ -19,14 +19,14 @@ static void count_numbers(const pm_scene *scene, int process_id, int *npart, int
         *nz += scene->subsystem[process->subsystem[i]].layout.nz;
     }
     for (int k = 0; k < 2 * scene->nport; ++k) {
-        // The end at a boundary input is reported by the subsystem at the other end.
+        // The subsystem at one end also reports the end at a boundary input.
         const int *subsystem = scene->port[k / 2].subsystem;
         const int by = subsystem[k % 2] >= 0 ? subsystem[k % 2] : subsystem[1 - k % 2];
         *nend += scene->subsystem[by].process == process_id;
     }
 }
 
-// The number of steps in a report of this process, at most.
+// Returns the largest number of steps in a report of this process.
 static int most_rows(const pm_scene *scene, int process_id) {
     int npart, nend, nz;
     count_numbers(scene, process_id, &npart, &nend, &nz);

@@ -1,6 +1,6 @@
-// The reports of a process to the coordinator. A DONE report holds one or more steps: at most half
-// the lookahead (lookahead.h), so that the next grant arrives before the last one is used up.
-// FAILED and BYE reports carry no steps. The last DONE reports are kept for requests.
+// Publishes the reports of a process to the coordinator. A DONE report holds one or more steps: at
+// most half the lookahead (lookahead.h), so that the next grant arrives before the last one is used
+// up. FAILED and BYE reports carry no steps. The last DONE reports are kept for requests.
 #ifndef PM_LOCKSTEP_REPORTER_H
 #define PM_LOCKSTEP_REPORTER_H
 
@@ -25,12 +25,12 @@ typedef struct pm_reporter {
 } pm_reporter;
 
 // Makes a report message with memory from the arena for as many steps as a report of this process
-// may hold; its counts npart, nend and nz are then the largest it may have. PM_ENOMEM.
+// may hold. Its counts npart, nend and nz are then the largest possible ones. PM_ENOMEM.
 pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
                                   int process_id);
 
-// Sets names and shapes, with memory from the arena for as many reports as the coordinator may
-// miss, and `more`. `instance` is that of the sender's hello. PM_ECONFIG, PM_ENOMEM.
+// Opens a reporter. Memory comes from the arena, for as many reports as the coordinator may miss
+// plus `more`. `instance` is the instance number in the sender's hello. PM_ECONFIG, PM_ENOMEM.
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int process_id, pm_transport *transport, int64_t instance, int more);
 
@@ -46,7 +46,8 @@ pm_status pm_reporter_add_step(pm_reporter *reporter, int64_t session, int64_t s
 // Publishes a report that holds at least one step. PM_ENUMERIC, PM_ENET.
 pm_status pm_reporter_flush(pm_reporter *reporter);
 
-// Publishes the report that holds `step` again. `kept` receives whether it is still kept. PM_ENET.
+// Publishes the report that holds `step` again. Sets `kept` to false if the report is no longer
+// kept. PM_ENET.
 pm_status pm_reporter_repeat(const pm_reporter *reporter, int64_t step, bool *kept);
 
 #endif

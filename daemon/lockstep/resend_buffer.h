@@ -1,5 +1,5 @@
-// The last messages that were published on one channel, kept as bytes, so that a request for a lost
-// message can be answered without computing it again. Each message has a key: a number that rises
+// A resend buffer keeps the last messages published on one channel, as bytes, so that a lost
+// message can be sent again without computing it again. Each message has a key: a number that rises
 // from message to message.
 #ifndef PM_LOCKSTEP_RESEND_BUFFER_H
 #define PM_LOCKSTEP_RESEND_BUFFER_H
@@ -23,20 +23,21 @@ typedef struct pm_resend_buffer {
     pm_resend_buffer_slot *slot;
 } pm_resend_buffer;
 
-// Makes room for `depth` messages of at most `capacity` bytes, with memory from the arena. The
-// caller writes the channel's name before. PM_ENOMEM.
+// Allocates memory for `depth` messages of at most `capacity` bytes in the arena. The caller sets
+// `channel` first. PM_ENOMEM.
 pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int depth,
                                 size_t capacity);
 
-// The memory [capacity] into which message `key` (>= 0) is to be encoded. It replaces the oldest
-// message.
+// Returns the memory [capacity] into which message `key` (>= 0) is to be encoded. The message
+// replaces the oldest one.
 unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer, int64_t key);
 
-// Publishes the `size` bytes that were encoded there, and keeps them. PM_ENET, PM_ENOMEM.
+// Publishes message `key`, of which `size` bytes were encoded in this memory, and keeps it.
+// PM_ENET, PM_ENOMEM.
 pm_status pm_resend_buffer_publish(pm_resend_buffer *buffer, pm_transport *transport, int64_t key,
                                    size_t size);
 
-// True if message `key` is still kept.
+// Returns true if message `key` is still kept.
 bool pm_resend_buffer_keeps(const pm_resend_buffer *buffer, int64_t key);
 
 // Publishes message `key` again; does nothing if it is no longer kept. PM_ENET, PM_ENOMEM.

@@ -1,8 +1,8 @@
 // Intervals between requests (exponential back-off), and the running median of waiting times.
 #include "lockstep/waiting.h"
 
-// The median estimate rises or falls by this part of itself with every wait, however long the wait
-// was. A few long waits for lost messages therefore hardly move it.
+// With every wait the median estimate rises or falls by this fraction of itself, independent of the
+// length of the wait. A few long waits for lost messages therefore hardly move it.
 #define RATE 0.0625
 
 static double clamp(double value, double low, double high) {
@@ -14,7 +14,7 @@ void pm_waiting_init(pm_waiting *waiting, int processes) {
     *waiting = (pm_waiting){.first = clamp(first, PM_WAITING_FIRST, PM_WAITING_LAST / 2)};
 }
 
-// The median estimate after a wait that took `taken`; `first` limits it.
+// Returns the median estimate after a wait of `taken` s; it is at most `first`.
 static double follow(double usual, double taken, double first) {
     if (usual == 0) {
         return first / PM_WAITING_FACTOR;

@@ -1,16 +1,16 @@
-// When a process that waits for a message requests it, and when it gives up. The first request of a
-// wait comes after a multiple of the usual waiting time, each later one after twice the time of the
-// one before, up to a longest interval. The usual waiting time is a running median, so that few
-// requests are needless on a busy machine and a loss costs little on an idle one.
+// Decides when a process that waits for a message requests it, and when it gives up. The first
+// request of a wait comes after a multiple of the usual waiting time. The interval doubles with
+// every further request, up to a longest interval. The usual waiting time is a running median, so
+// that few requests are needless on a busy machine and a loss costs little time on an idle one.
 #ifndef PM_LOCKSTEP_WAITING_H
 #define PM_LOCKSTEP_WAITING_H
 
 #include <stdbool.h>
 
-// The interval before the first request lies between SOONEST and the larger of FIRST and EACH times
-// the number of processes: among many processes a step takes longer, and a request from every one
-// of them longer still. If no request was needed in the last LATELY waits, the interval is the
-// upper limit, because arming a timer that short costs the kernel as much as a message.
+// The interval before the first request is at least SOONEST. It is at most FIRST, or EACH times the
+// number of processes if that is more, since a step among many processes takes longer. If no
+// request was needed in the last LATELY waits, the interval is the upper limit, because a short
+// timer costs the kernel as much as a message.
 #define PM_WAITING_SOONEST 0.0001 // s
 #define PM_WAITING_FIRST 0.002    // s
 #define PM_WAITING_EACH 0.0001    // s for each process
@@ -26,17 +26,17 @@ typedef struct pm_waiting {
     int cautious_waits;           // waits left in which the first request comes early
 } pm_waiting;
 
-// For a run of `processes` processes.
+// Initialises the waiting times for a run of `processes` processes.
 void pm_waiting_init(pm_waiting *waiting, int processes);
 
 // Ends a wait, if there was one, and begins the next at `now` (s, monotonic).
 void pm_waiting_start(pm_waiting *waiting, double now);
 
-// Returns true if a request is due at `now` (s, monotonic). In that case, and only then, it sets
-// the time of the next request.
+// Returns true if a request is due at `now` (s, monotonic), and then sets the time of the next
+// request.
 bool pm_waiting_request_due(pm_waiting *waiting, double now);
 
-// True if the wait has lasted so long that requests come at the longest interval.
+// Returns true if the wait has lasted so long that requests come at the longest interval.
 bool pm_waiting_is_long(const pm_waiting *waiting);
 
 // Returns true if this wait has lasted for more than `patience` (s) at `now` (s, monotonic), and

@@ -7,8 +7,8 @@
 #include "base/digest.h"
 #include "store/names.h"
 
-// Finds the dataset column of one prescribed value; -1 for a number. `names` are those of the
-// dataset; NULL: there is none.
+// Finds the dataset column of one prescribed value; -1 if the value is a constant. `names` are the
+// column names of the dataset; NULL: there is no dataset.
 static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scene_prescribed *value,
                              const pm_names *names, int *column) {
     if (value->column == NULL) {

@@ -1,8 +1,9 @@
-// The values of a scene's boundary inputs over time. A constant stays. A dataset column is followed
-// along a trajectory: between two states it is the polynomial through the eight nearest states. For
-// a sine of angular frequency w and states dt apart, the error is 1.1e-3 (w dt)^8 of its amplitude,
-// and twelve times as much at both ends, where all eight states lie on one side. The interpolant is
-// continuous but not smooth at the states, which suffices: integrators never step across a state.
+// The values of a scene's boundary inputs over time. Each value is a constant or a dataset column.
+// A column is interpolated along a trajectory by the polynomial through the eight states nearest in
+// time. For a sine of angular frequency w and states dt apart, the error is 1.1e-3 (w dt)^8 of its
+// amplitude, and twelve times as much at both ends, where all eight states lie on one side. The
+// interpolant is continuous but not smooth at the states, which suffices: integrators never step
+// across a state.
 //
 // Life cycle: zero-initialise; bind to a scene and a dataset; follow a trajectory; then ask for
 // values. All memory belongs to the arena given to bind.
@@ -28,9 +29,10 @@ typedef struct pm_boundary_input {
     double *value;         // [n] work space
 } pm_boundary_input;
 
-// Finds the columns in the dataset and takes memory from the arena. `stride` is the dataset's dt
-// over the scene's. `dataset` may be NULL if all values are constants. PM_ECONFIG: a column, but no
-// dataset. PM_EDATA: the dataset lacks a column, or has one state only. PM_ENOMEM.
+// Finds the columns in the dataset and takes memory from the arena. `stride` is the dt of the
+// dataset divided by the dt of the scene. `dataset` may be NULL if all values are constants.
+// PM_ECONFIG: a value is a column, but there is no dataset. PM_EDATA: the dataset lacks a column,
+// or has one state only. PM_ENOMEM.
 pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_scene *scene,
                                  const pm_dataset *dataset, int stride, pm_arena *arena);
 
@@ -42,8 +44,8 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
 // Returns the polynomials of one interval, [PM_BOUNDARY_INPUT_ORDER][n]. Owned by the object.
 const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input, long interval);
 
-// Writes value [n] at the fraction 0 to 1 of a step of the scene, in the SI units of the groups.
-// Beyond the end of the trajectory the last polynomial continues.
+// Writes the values at step `step` of the scene plus a fraction (0 to 1) of a step to value [n], in
+// the SI units of the groups. Beyond the end of the trajectory the last polynomial continues.
 void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, double fraction,
                           double *value);
 

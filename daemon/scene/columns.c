@@ -1,6 +1,7 @@
 // The map between dataset columns and states. A component measured from another (relative_to) is
 //     z_i = row[column_i] - row[column of base_i],
-// so a state is read from a row without following chains, and a row is written by following them.
+// where base_i may be measured from a third component, and so on. Reading a state from a row needs
+// only the columns; writing a row follows this chain.
 #include "scene/columns.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
-// The map between the columns of a dataset and the states of a scene: which column holds which
-// component, and which groups are measured from another (relative_to in the scene).
+// The map between the columns of a dataset and the states of a scene. It says which column holds
+// which component, and which groups are measured from another group (relative_to in the scene).
 #ifndef PM_SCENE_COLUMNS_H
 #define PM_SCENE_COLUMNS_H
 
@@ -10,7 +10,7 @@ typedef struct pm_columns {
     int nz;      // components of the scene's concatenated state
     int *column; // [nz] position in the dataset's row
     int *base;   // [nz] component whose column value is added (relative_to); -1: none
-    int *group;  // [nz] index into group_name; groups of one name share it, and so their score
+    int *group;  // [nz] index into group_name, shared by groups of the same name
     int ngroup;
     const char **group_name; // [ngroup]
 } pm_columns;

@@ -47,7 +47,8 @@ pm_status pm_model_read_matrix(pm_yaml list, pm_arena *arena, pm_matrix_spec *ma
     return PM_OK;
 }
 
-// Reads one derived variable. Its numbers stand here, or only its size if the weights hold them.
+// Reads one derived variable. The block holds its matrix, or only its size if the weights file
+// holds the matrix.
 static pm_status read_derived(pm_yaml name, pm_yaml block, pm_arena *arena,
                               pm_derived_spec *derived) {
     static const char *const keys[] = {"of", "size", "matrix", "offset", NULL};

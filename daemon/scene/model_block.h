@@ -1,6 +1,6 @@
-// The parts of a `model:` block, for the files that implement model_reader.h and for them only.
-// Each function reads one part into plain data of model/spec.h, which lives in the arena. All of
-// them fail with PM_ECONFIG, at the place in the file, or with PM_ENOMEM.
+// Readers of the parts of a `model:` block. Only the files that implement model_reader.h include
+// this header. Each function reads one part into plain data of model/spec.h, which lives in the
+// arena. All of them fail with PM_ECONFIG, naming the place in the file, or with PM_ENOMEM.
 #ifndef PM_SCENE_MODEL_BLOCK_H
 #define PM_SCENE_MODEL_BLOCK_H
 
@@ -30,8 +30,8 @@ pm_status pm_model_read_potential(pm_yaml value, const pm_model_context *r,
 pm_status pm_model_read_operator(pm_yaml block, const pm_model_context *r, bool reversible,
                                  pm_operator_spec *op);
 
-// Reads a matrix, row by row; without a list it has no numbers. Its size is checked later, against
-// the groups that it joins.
+// Reads a matrix, row by row. If the list is absent, the matrix has no numbers. Its size is checked
+// later against the groups that it couples.
 pm_status pm_model_read_matrix(pm_yaml list, pm_arena *arena, pm_matrix_spec *matrix);
 
 // Reads `derived:`, a mapping from names to derived variables, into spec->derived. If the mapping

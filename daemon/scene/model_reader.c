@@ -48,7 +48,8 @@ static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *
                : PM_OK;
 }
 
-// Adds the entries of a mapping, which may be absent. A constant that was there before stays.
+// Adds the constants of a mapping, which may be absent. A constant that is already in the list
+// keeps its value.
 static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *constants,
                                const char **name, double *value, pm_constant_kind *learned) {
     if (pm_yaml_exists(map)) {
@@ -87,8 +88,8 @@ static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
     return PM_OK;
 }
 
-// Reads what the blocks of parts and ports have in common. The constants `own` come before those of
-// the block.
+// Reads the keys that the blocks of parts and of ports share. The constants `own` replace constants
+// of the same name in the block.
 static pm_status read_model(pm_yaml block, pm_yaml own, pm_arena *arena,
                             const pm_constants **constants, const pm_mesh **mesh, pm_form *form,
                             pm_potential_spec *energy, pm_potential_spec *entropy,

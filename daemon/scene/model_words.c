@@ -1,5 +1,4 @@
-// The words of which `model:` blocks consist: choices, names, texts and numbers, from YAML and
-// back.
+// Reads and writes the choices, names, texts and numbers of `model:` blocks.
 #include <stdlib.h>
 #include <string.h>
 

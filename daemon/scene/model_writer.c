@@ -1,5 +1,5 @@
 // Writes specs as the text of a `model:` block. The text is part of the digest of weights, so that
-// every change of it changes the digests.
+// any change to this file's output changes all digests.
 #include "scene/model_reader.h"
 
 #include <stdio.h>
@@ -55,7 +55,7 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
         pm_model_write_quoted(file, potential->formula[i].text);
         fputc('\n', file);
     }
-    // Each is a mapping of its own, since the same group may be given twice.
+    // Each group gets a mapping of its own, since a group may occur twice.
     for (int i = 0; i < potential->ngiven; ++i) {
         const double *coefficient = potential->given_coefficient;
         fputs("  - {given: {", file);
@@ -177,7 +177,7 @@ static void write_derived(FILE *file, const pm_part_spec *spec) {
     }
 }
 
-// Writes what the blocks of parts and ports have in common.
+// Writes the keys that the blocks of parts and of ports share.
 static void write_model(FILE *file, const pm_constants *constants, const pm_mesh *mesh,
                         pm_form form, const pm_potential_spec *energy,
                         const pm_potential_spec *entropy, const pm_operator_spec *reversible,

@@ -1,4 +1,4 @@
-// Networks and meshes from YAML and back.
+// Reads networks and meshes from YAML, and writes them.
 #include "scene/network_reader.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 
 #define MAX_LAYERS 16
 #define MAX_WIDTH 4096 // of a hidden layer
-// A limit for networks on a mesh, whose numbers are many times its nodes.
+// Limits for networks on a mesh, whose memory is proportional to the number of nodes.
 #define MAX_NODE_WIDTH 256
 #define MAX_PASSES 64
 #define MAX_PATTERNS 256
@@ -56,7 +56,7 @@ void pm_mesh_write(FILE *file, const pm_mesh *mesh) {
 
 // --- networks ---
 
-// Keys that only networks on a mesh have.
+// Reads the keys that only networks on a mesh have.
 static pm_status read_message(pm_yaml block, pm_yaml nodes, const pm_mesh *mesh, pm_arena *arena,
                               pm_network_spec *network) {
     static const char *const others[] = {"features", "skip", "activation"};

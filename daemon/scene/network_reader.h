@@ -1,6 +1,6 @@
-// Networks and meshes as text, which are parts of the `model:` block (model_reader.h), and the
-// words with which all parts of the block are read and written. Plain data lives in the arena.
-// Readers fail with PM_ECONFIG, at the place in the file, or with PM_ENOMEM.
+// Reads and writes networks and meshes, which are parts of the `model:` block (model_reader.h), and
+// the names, choices and numbers of which all parts of the block consist. Plain data lives in the
+// arena. Readers fail with PM_ECONFIG, naming the place in the file, or with PM_ENOMEM.
 #ifndef PM_SCENE_NETWORK_READER_H
 #define PM_SCENE_NETWORK_READER_H
 

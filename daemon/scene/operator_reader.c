@@ -6,7 +6,7 @@
 
 #define MAX_RANK 64
 
-// Reads a coefficient: a number, or else a formula.
+// Reads a coefficient, which is a number or a formula.
 static pm_status read_coefficient(pm_yaml value, const pm_model_context *r, pm_given_pair *pair) {
     return pm_yaml_double(value, -INFINITY, INFINITY, &pair->coefficient) == PM_OK
                ? PM_OK

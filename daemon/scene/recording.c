@@ -298,8 +298,8 @@ static void try_reopen(const void *context) {
     pm_hdf5_end();
 }
 
-// A file that its writer did not close may be damaged, and the HDF5 library may crash on it. So it
-// is first opened in a process of its own.
+// The HDF5 library may crash on a file that its writer did not close. A child process therefore
+// opens the file first.
 pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
                               long count) {
     const reopening context = {path, scene, count};

@@ -1,4 +1,5 @@
-// The sample that one step of a run leaves behind, and the HDF5 recording of all samples:
+// A sample holds the state and the fluxes of one step of a run. A recording is an HDF5 file of all
+// samples:
 //   /time [sample] s, /step [sample]
 //   /subsystems/<name>/z [sample][variable], with the attributes variables and units: one entry for
 //     each component, "q[0]"; for more than 1000 components one for each group, "q[0:5000]"
@@ -6,8 +7,8 @@
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
-// The file has the earliest HDF5 format. It is appended to in chunks and flushed about once a
-// second, so that a killed run leaves every flushed sample readable.
+// The file has the earliest HDF5 format. Samples are appended in chunks and flushed about once a
+// second. After a run was killed, every flushed sample is readable.
 #ifndef PM_SCENE_RECORDING_H
 #define PM_SCENE_RECORDING_H
 
@@ -50,8 +51,8 @@ void pm_sample_free(pm_sample *sample); // NULL is allowed
 
 typedef struct pm_recording pm_recording;
 
-// Checks that a recording can be made at `path`, without changing anything: the folder can be
-// written to, and what stands there, if anything, is a file that can be overwritten. PM_EFILE.
+// Checks that a recording can be made at `path`, without changing anything: the folder is writable,
+// and `path` is absent or a file that can be overwritten. PM_EFILE.
 pm_status pm_recording_check(const char *path);
 // Opens a recording that replaces the file at `path`. `scene` is borrowed and must outlive it. The
 // caller closes it with pm_recording_close. PM_EFILE, PM_ENOMEM.

@@ -1,8 +1,7 @@
 // Reads a whole scene and its plain settings. scene_subsystem.c reads subsystems,
 // scene_boundary_input.c boundary inputs, scene_port.c ports, scene_process.c processes; all of
-// them use scene_yaml.c, scene_names.c and scene_lookup.c. Each section is checked where it stands.
-// Settings that refer to other subsystems (relative_to, ports) are read once all subsystems are
-// known.
+// them use scene_yaml.c, scene_names.c and scene_lookup.c. Each reader checks its own section.
+// Settings that refer to other subsystems (relative_to, ports) are read after all subsystems.
 #include "scene/scene.h"
 
 #include <float.h>

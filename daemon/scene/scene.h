@@ -1,9 +1,9 @@
-// A scene: which subsystems there are, how ports join them, and how time is stepped. It holds what
-// the scene file says: topology, settings and known models. What was learned comes from weights
+// A scene: the subsystems, the ports that couple them, and the integration in time. It holds the
+// content of the scene file: topology, settings and known models. Learned models come from weights
 // files (system.h). The keys of the file are described in daemon/SCENE.md.
 //
-// Life cycle: pm_scene_load reads and checks a file; the scene is constant from then on, but for
-// pm_scene_join_processes; pm_scene_free releases it.
+// Life cycle: pm_scene_load reads and checks a file; only pm_scene_join_processes changes the scene
+// afterwards; pm_scene_free releases it.
 #ifndef PM_SCENE_SCENE_H
 #define PM_SCENE_SCENE_H
 
@@ -49,8 +49,8 @@ typedef struct pm_scene_prescribed {
     const char *column, *at; // column NULL: the constant holds
 } pm_scene_prescribed;
 
-// A boundary input: prescribes over time (boundary_input.h) what the outside shows at its end of a
-// port.
+// A boundary input prescribes, over time (boundary_input.h), the state and co-energies that the
+// outside shows at its end of a port.
 typedef struct pm_scene_boundary_input {
     const char *name;
     pm_layout layout;                 // groups that it prescribes
@@ -109,25 +109,26 @@ typedef struct pm_scene {
 // caller frees the scene. Neither the weights nor the reference need to exist. PM_EFILE: the file
 // cannot be read. PM_ECONFIG: it is not a scene; the message begins with the place. PM_ENOMEM.
 pm_status pm_scene_load(pm_scene **scene, const char *path);
-// Reads a scene from text, as if the text were the file `path`. Fails alike.
+// Reads a scene from text, as if the text were the file `path`. It fails as pm_scene_load does.
 pm_status pm_scene_parse(pm_scene **scene, const char *text, const char *path);
 void pm_scene_free(pm_scene *scene); // NULL is allowed
 
-// Each returns the position of what has this name, or -1.
+// Return the position of the subsystem, boundary input, port or process of this name, or -1.
 int pm_scene_find_subsystem(const pm_scene *scene, const char *name);
 int pm_scene_find_boundary_input(const pm_scene *scene, const char *name);
 int pm_scene_find_port(const pm_scene *scene, const char *name);
 int pm_scene_find_process(const pm_scene *scene, const char *name);
 
-// Returns the time in s after `step` steps of a run that begins at t0 (s): t0 + step dt. Every part
-// of the program takes the time from here and never sums up steps, so that it has the same bits
-// everywhere.
+// Returns the time in s after `step` steps of a run that begins at t0 (s): t0 + step dt. All code
+// computes times with this function instead of summing up steps, so that times are bitwise the same
+// in all processes.
 double pm_scene_time(const pm_scene *scene, double t0, long step);
 
-// Tells whether the ends of a port are served by different processes, which then exchange fluxes.
+// Returns true if different processes serve the two ends of a port. These processes then exchange
+// fluxes.
 bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
 
-// Gives all subsystems to one process, "all". PM_ENOMEM.
+// Replaces all processes by a single one, "all", which serves every subsystem. PM_ENOMEM.
 pm_status pm_scene_join_processes(pm_scene *scene);
 
 // Return the name, and the layout with all groups of variables, of the subsystem or boundary input

@@ -1,5 +1,5 @@
-// Reads the section `boundary_inputs` of a scene: what is prescribed over time at the outside end
-// of a port.
+// Reads the section `boundary_inputs` of a scene: the values that are prescribed over time at the
+// outside end of a port.
 #include "scene/scene_reader.h"
 
 #include <math.h>

@@ -1,4 +1,5 @@
-// Finding what a scene holds by its name, and listing it for messages.
+// Finds subsystems, boundary inputs, ports and processes by name, and lists their names for
+// messages.
 #include <stdio.h>
 #include <string.h>
 

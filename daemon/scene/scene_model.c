@@ -1,11 +1,11 @@
-// Reads where the model of a subsystem or port comes from: a weights file, or a known model. A
-// known model stands under `models` and may serve several components, each with constants of its
-// own.
+// Reads the source of the model of a subsystem or port: a weights file, or a known model. A known
+// model is defined in the section `models` and may be used by several components, each with
+// constants of its own.
 #include "scene/model_reader.h"
 #include "scene/scene_reader.h"
 
-// Reads `weights` or `model`. `made_by` receives the block under `models`, absent where there are
-// weights.
+// Reads `weights` or `model`. `made_by` receives the block in the section `models`; it is absent if
+// there are weights.
 static pm_status read_maker(pm_scene_reader *r, pm_yaml block, const char **weights,
                             const char **at, pm_yaml *made_by) {
     const pm_yaml file = pm_yaml_get(block, "weights"), model = pm_yaml_get(block, "model");

@@ -67,8 +67,8 @@ static pm_status read_section(pm_scene_reader *r, pm_yaml section, const char **
 
 // --- the processes ---
 
-// Makes a process of each mark, in the order of their first subsystems. `made` [marks] receives the
-// process of each mark and starts at UNASSIGNED.
+// Makes the processes in the order of their first subsystems. `made` [entries of the section]
+// receives the process of each entry; the caller fills it with UNASSIGNED.
 static pm_status make_processes(pm_scene *scene, const char *const *name, int *made) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         pm_scene_subsystem *subsystem = &scene->subsystem[i];

@@ -1,6 +1,6 @@
-// Declarations shared by the files that read a scene (scene.c and scene_*.c); nobody else includes
-// it. scene.c calls the readers of the sections, and these call scene_yaml.c, scene_names.c and
-// scene_lookup.c.
+// Declarations shared by the files that read a scene (scene.c and scene_*.c). Only these files
+// include this header. scene.c calls the readers of the sections, and these call scene_yaml.c,
+// scene_names.c and scene_lookup.c.
 #ifndef PM_SCENE_SCENE_READER_H
 #define PM_SCENE_SCENE_READER_H
 
@@ -23,14 +23,14 @@ typedef struct pm_scene_named {
     pm_yaml at;
 } pm_scene_named;
 
-// Each reads one section into the scene. `subsystems` comes first, since the others refer to it.
-// PM_ECONFIG with the place of the mistake; PM_ENOMEM.
+// Each reads one section into the scene. The section `subsystems` is read first, since the others
+// refer to it. PM_ECONFIG: the message names the place in the file. PM_ENOMEM.
 pm_status pm_scene_read_subsystems(pm_scene_reader *r);
 pm_status pm_scene_read_boundary_inputs(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_read_processes(pm_scene_reader *r);
 
-// Each reads where a component's model comes from: its weights, or a known model with its
+// Each reads the source of a component's model: a weights file, or a known model with its
 // constants.
 pm_status pm_scene_read_part_maker(pm_scene_reader *r, pm_yaml block,
                                    pm_scene_subsystem *subsystem);

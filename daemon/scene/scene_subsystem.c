@@ -207,7 +207,7 @@ static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem
     return PM_OK;
 }
 
-// Tells whether the chain of relative_to that starts at a group ends. A chain that is longer than
+// Returns true if the chain of relative_to that starts at a group ends. A chain that is longer than
 // the number of groups is a cycle.
 static bool chain_ends(const pm_scene *scene, int subsystem_id, int group_id) {
     for (int i = 0; i <= scene->nsubsystem * PM_MAX_GROUPS; ++i) {

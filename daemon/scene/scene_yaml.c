@@ -1,5 +1,5 @@
-// Readers of the things that every section of a scene file holds: names, paths, and the places
-// where values stand.
+// Reads what every section of a scene file contains: names, paths, and the places of values for
+// later errors.
 #include <string.h>
 
 #include "scene/scene_reader.h"

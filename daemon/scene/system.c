@@ -21,8 +21,8 @@ static const char *describe(const pm_layout *layout, pm_arena *arena) {
     return text == NULL ? "?" : text;
 }
 
-// Compares the layout of weights with the declared one. `who` names the subsystem or the end of a
-// port, `at` is its place in the scene.
+// Compares the layout in a weights file with the layout in the scene. `who` names the subsystem or
+// the end of a port; `at` is its place in the scene.
 static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *at,
                               const char *who, const char *path, pm_system *system) {
     if (pm_layout_equal(declared, own)) {
@@ -32,8 +32,8 @@ static pm_status check_layout(const pm_layout *declared, const pm_layout *own, c
                    who, path, describe(own, &system->arena), describe(declared, &system->arena));
 }
 
-// Returns the place of the scene's first group that differs from the weights', or of its last
-// group.
+// Returns the place of the scene's first group that differs from the group in the weights; without
+// a difference, the place of its last group.
 static const char *differing_group(const pm_scene_subsystem *subsystem, const pm_layout *own) {
     const pm_layout *declared = &subsystem->layout;
     int i = 0;
@@ -51,12 +51,12 @@ static pm_status load_failed(pm_status status, const char *at, const char *what,
 
 // --- known models ---
 
-// Adds the component's name to an error, since one model may serve several components.
+// Adds the component's name to an error, since several components may use one model.
 static pm_status name_component(pm_status status, const char *name) {
     return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
 }
 
-// Checks that a model of the scene has all its numbers, since there are no weights to learn them.
+// Checks that a known model has all its numbers, since no weights file supplies them.
 static pm_status check_known(const pm_params *params, const char *at, const char *name) {
     PM_TRY(name_component(pm_spec_locate(at, pm_params_check_given(params)), name));
     return pm_params_trained(params) == 0

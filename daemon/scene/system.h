@@ -26,62 +26,64 @@ typedef struct pm_system {
     uint64_t digest;
 } pm_system;
 
-// Declares every known model of the scene and loads every weights file that it names; with
-// `weights_dir` not NULL, the file of the same name in that folder instead. `scene` is borrowed;
-// the caller frees the system. PM_EWEIGHTS: layouts, law, coordinates or steps of the weights
-// differ from the scene's. PM_ECONFIG: a known model or a boundary input is incomplete. PM_EFILE,
-// PM_ENOMEM. Messages begin with the place in the scene.
+// Declares every known model of the scene and loads every weights file that it names; if
+// `weights_dir` is not NULL, it loads the file of the same name from that folder instead. `scene`
+// is borrowed; the caller frees the system. PM_EWEIGHTS: layouts, law, coordinates or steps of the
+// weights differ from the scene's. PM_ECONFIG: a known model or a boundary input is incomplete.
+// PM_EFILE, PM_ENOMEM. Messages begin with the place in the scene.
 pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *weights_dir);
 // Makes a system for training, with the scene's layouts. The caller sets specs and parameters.
 // PM_ENOMEM.
 pm_status pm_system_new(pm_system **system, const pm_scene *scene);
 void pm_system_free(pm_system *system); // NULL is allowed
 
-// Declare the known model of one subsystem or port, for a caller that sets the others. PM_ECONFIG,
-// PM_ENOMEM.
+// Declare the known model of one subsystem or port, for a caller that sets the other models itself.
+// PM_ECONFIG, PM_ENOMEM.
 pm_status pm_system_declare_part(pm_system *system, int id);
 pm_status pm_system_declare_port(pm_system *system, int id);
 
-// All parts, then all ports, are numbered as components. Return how many there are, and the
-// parameters of one, which the system owns.
+// Components are all parts followed by all ports. The first function returns their number. The
+// second one returns the parameters of one component, which the system owns.
 int pm_system_components(const pm_system *system);
 pm_params *pm_system_params(const pm_system *system, int component);
 
-// Marks the components of a subsystem's state on which the irreversible exchange of some port acts
-// (model/prediction.h). component: [nz], all are written.
+// Sets component[c] for each component c of a subsystem's state: true if the irreversible exchange
+// of some port acts on it (model/prediction.h). component: [nz].
 void pm_system_responding(const pm_system *system, int subsystem, bool *component);
 
 // Checks that every boundary input prescribes the dS of each group on which a port's irreversible
-// operator acts. Without it the outside would take no part in the exchange. PM_ECONFIG, at the
-// scene's entry. pm_system_load calls it; a caller that sets specs calls it afterwards.
+// operator acts. Without the dS the outside would take no part in the exchange. PM_ECONFIG: the
+// message names the place in the scene. pm_system_load calls this function; a caller that sets the
+// specs itself calls it afterwards.
 pm_status pm_system_check_boundary_inputs(const pm_system *system);
 
 // Checks that the weights of each port were made in the same coordinates (weights.h) as those of
 // the parts at its ends, as far as both are known. PM_EWEIGHTS. pm_system_load calls it.
 pm_status pm_system_check_coordinates(const pm_system *system);
-// Checks the same of the parts' weights and the note `coordinates` of a dataset; `path` names the
-// dataset in the message. PM_EDATA.
+// Checks that the weights of the parts were made in the coordinates that the note `coordinates` of
+// a dataset names, as far as both are known. `path` names the dataset in the message. PM_EDATA.
 pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
                                   const char *path);
 
-// Return what the weights of a subsystem remember of their place in the training scene: the digest
-// of the names of its columns (0: the scene maps none), and the groups that are measured from
-// another subsystem, joined by blanks, in the arena (NULL: out of memory).
+// Return what a weights file records about the subsystem in the training scene. The first function
+// returns the digest of the names of its columns (0: the scene maps none). The second one returns
+// the groups that are measured from another subsystem, joined by blanks, in the arena (NULL: out of
+// memory).
 uint64_t pm_system_columns_digest(const pm_scene_subsystem *subsystem);
 const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_arena *arena);
-// Checks that weights stand where they were trained: that two subsystems have not exchanged theirs,
-// and that no group has lost or gained relative_to. Weights among columns of other names are used
-// elsewhere on purpose and pass, and so do weights without a record. PM_EWEIGHTS. pm_system_load
-// calls it.
+// Checks that weights are used where they were trained: no two subsystems have exchanged their
+// weights, and no group has lost or gained relative_to. Weights of a subsystem with other column
+// names pass, since they are reused on purpose. Weights without a record pass too. PM_EWEIGHTS.
+// pm_system_load calls this function.
 pm_status pm_system_check_origin(pm_system *system);
 
-// Checks that the scene takes the steps for which its weights were trained. This matters only for
-// networks on meshes that predict the change `within` (model/spec.h) one step or less; other
-// weights give rates, from which every integrator makes steps. Weights without a record of their
-// step pass. PM_EWEIGHTS. pm_system_load calls it.
+// Checks that the scene has the integrator and step for which its weights were trained. The check
+// concerns only networks on meshes whose output is a change over the time `within` (model/spec.h).
+// All other weights give rates, which any integrator can use. Weights without a record of their
+// step pass. PM_EWEIGHTS. pm_system_load calls this function.
 pm_status pm_system_check_steps(const pm_system *system);
 
-// Tells whether what one end of a port shows includes a dS.
+// Returns true if the values that one end of a port shows include a dS.
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end);
 
 // Returns the first subsystem without energy and entropy (form: free), for which the totals are not

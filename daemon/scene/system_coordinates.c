@@ -3,7 +3,7 @@
 
 #include "scene/system.h"
 
-// Tells whether both are known and differ.
+// Returns true if both texts are known and differ.
 static bool differ(const char *a, const char *b) {
     return a != NULL && b != NULL && *a != '\0' && *b != '\0' && strcmp(a, b) != 0;
 }

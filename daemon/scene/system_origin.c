@@ -1,4 +1,4 @@
-// Checks that weights stand where they were trained. The weights of a subsystem remember which
+// Checks that weights are used where they were trained. The weights of a subsystem record which
 // columns of the data were its state, and which of its groups were measured from another subsystem.
 #include <string.h>
 
@@ -27,8 +27,8 @@ const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_ar
     return text;
 }
 
-// Checks that the same groups as in training are measured from another subsystem. The columns have
-// the same names, so that the data are the same.
+// Checks that the same groups as in training are measured from another subsystem. The caller has
+// checked that the columns have the same names as in training.
 static pm_status check_relative(const pm_scene_subsystem *subsystem, const pm_provenance *own,
                                 pm_arena *arena) {
     const char *text = pm_system_relative_groups(subsystem, arena);

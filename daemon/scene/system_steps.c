@@ -1,4 +1,4 @@
-// Checks that a scene takes the steps for which its weights were trained.
+// Checks that a scene has the integrator and step for which its weights were trained.
 #include <math.h>
 #include <string.h>
 
@@ -6,8 +6,8 @@
 
 #define SAME_STEP 1e-9 // relative: steps are quotients of numbers written in decimals
 
-// Tells whether a rate holds only for the step of its training. A known model and weights without a
-// record of their step hold for any.
+// Returns true if a rate is valid only for the step of its training. Known models and weights
+// without a record of their step are valid for any step.
 static bool hold_for_one_step(const pm_network_spec *rate, const pm_provenance *p) {
     return rate->message != NULL && p->step > 0 &&
            rate->message->within <= p->step * (1 + SAME_STEP);

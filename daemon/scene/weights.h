@@ -7,11 +7,9 @@
 //     data          the data of the training
 //     integrator, step (s)       only if the training fitted steps
 //     trajectories, seen         the trajectories of the training, as text, and a digest of each
-//     columns, relative          a digest of the names of the state's columns, and the groups that
-//     are
-//                                measured from a neighbour
-//     coordinates   only if the numbers of a state have a meaning with another file alone: which
-//     file
+//     columns       a digest of the names of the state's columns
+//     relative      the groups that are measured from a neighbour (relative_to)
+//     coordinates   only if the variables have a meaning with another file alone: names that file
 //   /layout, or for a port /layout_a and /layout_b: attributes names, units, sizes
 //   /parameters/<name>: [rows][cols] double (float32 is read too), attribute trained
 // A file is written under a temporary name, synchronised and renamed, so that it is never

@@ -1,5 +1,5 @@
-// The content of a weights file that a subsystem and a port have in common, for the files that
-// implement weights.h and for them only: weights_content.c computes the digest, weights_save.c
+// The content that weights files of subsystems and of ports have in common. Only the files that
+// implement weights.h include this header: weights_content.c computes the digest, weights_save.c
 // writes files and weights_load.c reads them.
 #ifndef PM_SCENE_WEIGHTS_CONTENT_H
 #define PM_SCENE_WEIGHTS_CONTENT_H
@@ -7,8 +7,8 @@
 #include "scene/weights.h"
 
 #define PM_WEIGHTS_FORMAT "portmet weights"
-// The version of the layout. A key of a model that an older program does not know makes that
-// program refuse the file, without a new version.
+// The version of the layout. A new key in the text of a model needs no new version: older programs
+// refuse a key that they do not know.
 #define PM_WEIGHTS_VERSION 1
 
 typedef struct pm_weights_content {
@@ -29,7 +29,7 @@ uint64_t pm_weights_digest(const pm_weights_content *c);
 // Returns the object of a file that holds layout i: "/layout", or of a port "/layout_a",
 // "/layout_b".
 const char *pm_weights_layout_path(const pm_weights_content *c, int i);
-// PM_EWEIGHTS: a value is not finite. `path` names the file in the message.
+// Checks that all values are finite. PM_EWEIGHTS; `path` names the file in the message.
 pm_status pm_weights_check_values(const pm_weights_content *c, const char *path);
 // Fails with PM_ENOMEM; `path` names the file in the message.
 pm_status pm_weights_no_memory(const char *path);

@@ -85,7 +85,8 @@ static pm_status read_steps(const pm_hdf5 *file, const char *path, pm_arena *are
                : pm_fail(PM_EWEIGHTS, "%s: step is %g s, expected a time > 0", path, p->step);
 }
 
-// Reads what the file says about the data and the state. Older files say nothing.
+// Reads the record of the training data and of the state's columns. Older files have no such
+// record.
 static pm_status read_origin(const pm_hdf5 *file, pm_arena *arena, pm_provenance *p) {
     int count = 0;
     const char **name;
@@ -130,7 +131,7 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
     return p->path == NULL ? pm_weights_no_memory(path) : PM_OK;
 }
 
-// Reads everything that is needed to declare the model.
+// Reads the head of a file: kind, layouts, text of the model, provenance and digest.
 static pm_status read_head(const pm_hdf5 *file, const char *path, pm_arena *arena,
                            pm_weights_content *c, pm_provenance *p) {
     PM_TRY(check_header(file, path, c->kind, arena));
@@ -185,7 +186,7 @@ static pm_status read_values(const pm_hdf5 *file, const char *path, pm_arena *ar
     return check_digest(file, path, arena, c, &p->digest);
 }
 
-// The text of the model belongs to the file, so that an error in it is one of the weights.
+// Turns an error in the text of the model, which is part of the file, into an error of the weights.
 static pm_status blame_weights(pm_status status, const char *path) {
     return status == PM_ECONFIG ? pm_fail(PM_EWEIGHTS, "%s: model: %s", path, pm_error()) : status;
 }

@@ -1,5 +1,5 @@
-// Boxes in which no pair closes: the bound of model/contact_bound.h as a graph, and a search for
-// the largest box in which it holds.
+// Finds boxes in which no pair of points touches: evaluates the bound of model/contact_bound.h and
+// searches for the largest box that satisfies it.
 #include "sim/contact_broadphase.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
 #define ENOUGH 1.001 // least opening / spread: the rounding of the box itself is far less than this
 #define LONGEST 1e6  // s, duration of a box
 #define MOST_TRIES 8 // to find a box
-// Every component is taken to move at least at this fraction of the fastest one of its group.
+// The assumed rate of a component is at least this fraction of the largest rate in its group.
 #define ASIDE 0.05
 
 static pm_status open_program(pm_contact_broadphase *b, const pm_part *part) {
@@ -57,7 +57,7 @@ void pm_contact_broadphase_forget(pm_contact_broadphase *b) {
 
 // --- enclosing ---
 
-// Tells whether the covector (NULL: zero) vanishes in all unconstrained components.
+// Returns true if the covector (NULL: zero) vanishes in all unconstrained components.
 static bool is_flat(const pm_contact_broadphase *b, const double *covector) {
     for (int c = 0; covector != NULL && c < b->nz; ++c) {
         if (b->unconstrained[c] && covector[c] != 0) {
@@ -67,7 +67,7 @@ static bool is_flat(const pm_contact_broadphase *b, const double *covector) {
     return true;
 }
 
-// Sets the width of the box for each second that it is to last.
+// Sets the width of a box that lasts one second.
 static void fill_width(pm_contact_broadphase *b, const double *rate) {
     for (int i = 0; i < b->layout->ngroup; ++i) {
         const pm_group *group = &b->layout->group[i];
@@ -81,7 +81,8 @@ static void fill_width(pm_contact_broadphase *b, const double *rate) {
     }
 }
 
-// Returns the least opening / spread in a box for this duration; 0 if a pair is closed.
+// Returns the smallest opening / spread in a box that lasts for this duration (s); 0 if a pair
+// touches.
 static double least_ratio(pm_contact_broadphase *b, double duration) {
     double least = INFINITY;
     for (int c = 0; c < b->nz; ++c) {

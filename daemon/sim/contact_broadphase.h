@@ -1,8 +1,7 @@
-// The broad phase of contact: a box around a state in which no pair of points closes
-// (model/contact_bound.h), so that the subsystem's energy and entropy, and with them all that it
-// exposes, are the same everywhere in the box, to the bit. While the state stays in the box, a
-// comparison of nz numbers replaces the evaluation of all pairs. The box is long in each direction
-// in which the state moves fast.
+// The broad phase of contact: a box around a state in which no pair of points touches
+// (model/contact_bound.h). Within the box the subsystem's energy, entropy and exposed variables are
+// bitwise the same. While the state stays in the box, comparing nz numbers replaces the evaluation
+// of all pairs. The box is long in each direction in which the state moves fast.
 //
 // Life cycle: zero-initialise; open; enclose a state; ask holds for later ones; close.
 #ifndef PM_SIM_CONTACT_BROADPHASE_H
@@ -13,7 +12,7 @@
 #include "model/part.h"
 
 typedef struct pm_contact_broadphase {
-    int nz, n; // components of the state; pairs that can close
+    int nz, n; // components of the state; pairs that can touch
     const pm_layout *layout;
     bool *unconstrained; // [nz] components that may move in the box; NULL: the part has no contact
     double *width;       // [nz] half the length of the box, in units of z
@@ -30,16 +29,16 @@ pm_status pm_contact_broadphase_open(pm_contact_broadphase *b, pm_arena *arena,
                                      const pm_part *part);
 void pm_contact_broadphase_close(pm_contact_broadphase *b);
 
-// Removes the box and the memory of its duration.
+// Removes the box and forgets its duration.
 void pm_contact_broadphase_forget(pm_contact_broadphase *b);
-// Looks for a large box around z [nz]. There is none where a pair is closed or nearly so; a dE [nz]
-// other than zero (NULL: zero) tells most of these cases without an evaluation. `rate` [nz] tells
-// about how z moves; NULL: not known.
+// Looks for a large box around z [nz]. There is none if a pair touches or nearly does. In most of
+// these cases dE [nz] (NULL: zero) is not zero, and the function ends without an evaluation. `rate`
+// [nz] is an estimate of dz/dt; NULL: not known.
 void pm_contact_broadphase_enclose(pm_contact_broadphase *b, const double *z, const double *dE,
                                    const double *rate);
 
-// Tells whether there is a box around `centre` [nz] that holds z [nz]: all unconstrained components
-// within `width`, all others equal to the bit.
+// Returns true if there is a box around `centre` [nz] that contains z [nz]: all unconstrained
+// components differ by at most `width`, and all others are bitwise equal.
 bool pm_contact_broadphase_holds(const pm_contact_broadphase *b, const double *centre,
                                  const double *z);
 

@@ -1,4 +1,4 @@
-// One sum over the components, in their order, for every flux.
+// Sums co-energies times rates over the components, in a fixed order.
 #include "sim/flux.h"
 
 #include <math.h>

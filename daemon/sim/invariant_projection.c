@@ -34,7 +34,7 @@ void pm_invariant_projection_book(pm_invariant_projection *projection, bool firs
     add(&projection->entropy, &projection->entropy_gross, weight, n, dS, k);
 }
 
-// Returns the difference to the booked value, or 0 where it is rounding.
+// Returns wanted - is, or 0 if the difference is rounding.
 static double missing(double wanted, double is, double gross) {
     const double difference = wanted - is;
     return fabs(difference) > ROUNDING * DBL_EPSILON * gross ? difference : 0;

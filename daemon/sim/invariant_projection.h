@@ -29,9 +29,9 @@ typedef struct pm_invariant_projection {
 // Starts from the energy (J) and entropy (J/K) that the subsystem has.
 void pm_invariant_projection_start(pm_invariant_projection *projection, double E, double S);
 
-// Adds one stage to the totals: weight dE . k to the energy and weight dS . k to the entropy. The
-// weight is h b_i (s); dE, dS and k are [n], and k is the stage's rate. dE or dS may be NULL: zero.
-// `first` marks the first stage of a step.
+// Adds the contribution of one stage to the totals: weight (dE . k) to the energy and weight (dS .
+// k) to the entropy. The weight is h b_i (s); dE, dS and k are [n], and k is the stage's rate. dE
+// or dS may be NULL: zero. `first` marks the first stage of a step.
 void pm_invariant_projection_book(pm_invariant_projection *projection, bool first, double weight,
                                   int n, const double *dE, const double *dS, const double *k);
 

@@ -6,9 +6,8 @@
 
 #include "model/port.h"
 
-// A gross flux below this fraction of the step's largest may be the rounding of what cancels: where
-// the projections of README.md, equation (2) remove a whole rate, its gross flux is rounding and
-// has no sign.
+// A gross flux below this fraction of the step's largest counts as rounding. Where the projections
+// of README.md, equation (2), remove an entire rate, only rounding of either sign remains.
 #define SMALLEST_SHARE 1e-12
 // W and W/K: one Boltzmann constant per second, for systems in which every flux is such rounding.
 #define SMALLEST_FLUX 1.380649e-23
@@ -71,7 +70,7 @@ static residual residual_of_bulk(const pm_ledger *ledger, const pm_sample *sampl
     };
 }
 
-// Books one residual; true if it is beyond the scene's tolerances.
+// Enters one residual in the ledger. Returns true if it exceeds the scene's tolerances.
 static bool book_residual(pm_ledger *ledger, pm_sample *sample, const residual *b) {
     sample->energy_residual = fmax(sample->energy_residual, b->energy);
     sample->entropy_residual = fmin(sample->entropy_residual, b->entropy);
@@ -97,7 +96,8 @@ static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const re
                    b->entropy, -ledger->system->scene->entropy_tolerance);
 }
 
-// Books what left to the outside during the step, at the ends of ports with a boundary input.
+// Adds the energy and entropy that left to the outside during the step, through ports with a
+// boundary input.
 static void book_outside(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
     for (int i = 0; i < scene->nport; ++i) {
@@ -131,8 +131,9 @@ static void book_totals(pm_ledger *ledger, pm_sample *sample) {
     ledger->steps = sample->step;
 }
 
-// Catches a step so long that the booked fluxes are not what the state did, although no component
-// violates a law.
+// Fails if the total energy has drifted too far. This catches a step that is too long for the
+// integrator: the fluxes of every component then obey the laws, but the energy of the states
+// changes.
 static pm_status check_drift(const pm_ledger *ledger) {
     const pm_scene *scene = ledger->system->scene;
     if (!(ledger->energy_drift > scene->largest_drift)) {

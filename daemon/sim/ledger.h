@@ -2,13 +2,13 @@
 // port, with the fluxes into ends a and b:
 //     energy residual   |energy_a + energy_b| / max(gross_a, gross_b)
 //     entropy residual  (entropy_a + entropy_b) / max(gross_a, gross_b); negative: a violation
-// and for each subsystem the same of its bulk term: dE . zdot_bulk = 0, dS . zdot_bulk >= 0.
-// The gross flux (scene/recording.h) sums the magnitudes that cancel, so that rounding leaves a
-// residual of a few units in 1e-16. Where a gross flux is below 1e-12 of the step's largest, it is
-// rounding itself, and the residuals count as 0.
+// and for each subsystem the residuals of dE . zdot_bulk = 0 and dS . zdot_bulk >= 0. The gross
+// flux (scene/recording.h) sums the magnitudes that cancel, so that rounding leaves a residual of a
+// few units in 1e-16. Where a gross flux is below 1e-12 of the step's largest, it is rounding
+// itself, and the residuals count as 0.
 //
 // A port with a boundary input is balanced like any other. The energy and entropy that left through
-// it are kept as if they belonged to one more subsystem, so that the totals are those of a closed
+// it are counted as the content of one more subsystem, so that the totals are those of a closed
 // system.
 //
 // Life cycle: init; enter every sample with pm_ledger_book, from step 0 on. The ledger owns no

@@ -3,7 +3,8 @@
 
 #include "sim/program_input.h"
 
-// Builds d dE/d rate over a substep h, for the components where a port's prediction needs it.
+// Builds the response d(dE)/d(rate) over a substep h, for the components whose response a port's
+// prediction needs.
 static pm_status build_response(pm_graph *g, pm_arena *arena, const pm_system *system, int id,
                                 double h, pm_node dE, pm_node z, pm_node *result) {
     const pm_part *part = &system->part[id];
@@ -19,7 +20,8 @@ static pm_status build_response(pm_graph *g, pm_arena *arena, const pm_system *s
 
 #define OUTPUTS 5
 
-// Opens the program of the wanted outputs that are not PM_NO_NODE, and notes where they are.
+// Opens the program for the wanted outputs that are not PM_NO_NODE, and stores pointers to their
+// values.
 static pm_status open_exposure(pm_local_dynamics *t, pm_graph *g, pm_node z, pm_node from,
                                const pm_node wanted[OUTPUTS]) {
     const double **const value[OUTPUTS] = {&t->E, &t->S, &t->dE, &t->dS, &t->response};
@@ -101,15 +103,15 @@ void pm_local_dynamics_forget(pm_local_dynamics *t) {
     t->exposure_known = t->bulk_known = false;
 }
 
-// Tells whether z and `from` (NULL: not needed) both lie in the box.
+// Returns true if z and `from` (NULL: not needed) both lie in the box.
 static bool is_bounded(const pm_local_dynamics *t, const double *z, const double *from) {
     const double *centre = t->exposure_z;
     return pm_contact_broadphase_holds(&t->broadphase, centre, z) &&
            (from == NULL || pm_contact_broadphase_holds(&t->broadphase, centre, from));
 }
 
-// Puts a box around the state just evaluated. It counts only if the start of the step lies in it
-// too, since discrete gradients depend on both.
+// Puts a box around the state just evaluated. With a discrete integrator the box is kept only if it
+// contains the start of the step, too, since discrete gradients depend on both states.
 static void enclose(pm_local_dynamics *t, const double *rate) {
     pm_contact_broadphase_enclose(&t->broadphase, t->exposure_z, t->dE, rate);
     if (!is_bounded(t, t->exposure_z, t->exposure_from)) {

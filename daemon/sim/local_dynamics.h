@@ -1,7 +1,7 @@
 // The terms of a subsystem that do not involve its ports, as two graphs: the exposure evaluates E,
 // S and their derivatives dE, dS at a state, and the bulk term evaluates L dE + M dS (README.md,
-// equation (1)). A graph is not run again while its inputs keep their bits. Nor is the exposure run
-// where a box around an earlier state shows that nothing can have changed (contact_broadphase.h).
+// equation (1)). A graph is not run again while its inputs keep their bits. The exposure is not run
+// either while the state stays in a box in which its results are constant (contact_broadphase.h).
 //
 // Life cycle: zero-initialise; open; then at each stage expose and evaluate_bulk; close. Only the
 // files of subsystem.h and multirate.c use it.
@@ -46,18 +46,18 @@ void pm_local_dynamics_close(pm_local_dynamics *t);
 void pm_local_dynamics_forget(pm_local_dynamics *t);
 
 // Evaluates E, S and their derivatives at z [nz]; for a discrete integrator the discrete gradients
-// between `from` [nz] and z. `rate` [nz] tells about how z moves; NULL: not known.
+// between `from` [nz] and z. `rate` [nz] is an estimate of dz/dt; NULL: not known.
 pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, const double *from,
                                      const double *rate);
-// Does the same at the end of a step. What follows depends only on z then, not on the states at
-// which the graph was run before, so that a restored run goes on with the same bits.
+// Does the same at the end of a step. All later results then depend only on z, not on earlier
+// states at which the graph was run, so that a restored run continues with the same bits.
 pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z, const double *from);
 // Evaluates the bulk term, which must exist, at z with the dE and dS of the last exposure. Returns
-// whether the graph was run.
+// true if the graph was run.
 bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z);
 
-// Puts the inputs of the bulk term, so that after restoring the next stage knows what has not
-// changed. Restoring runs the graph.
+// Puts the inputs of the bulk term into the record. The stage after restoring compares its inputs
+// with these. Restoring runs the graph.
 void pm_local_dynamics_record(pm_local_dynamics *t, pm_record *record);
 
 #endif

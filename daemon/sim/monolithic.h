@@ -1,5 +1,5 @@
-// All subsystems of a scene, stepped in one process by a plain loop: what `--in-process` runs and
-// what evaluation uses. A run over several processes must reproduce it bit by bit.
+// Steps all subsystems of a scene in one process by a plain loop. `portmet-train evaluate` uses it.
+// A run over several processes must give the same bits.
 //
 // Life cycle: open; set_boundary_input if the scene has any; set_state; step, and read the sample
 // after each step; close.

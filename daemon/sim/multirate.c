@@ -22,7 +22,7 @@ pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
     return PM_OK;
 }
 
-// Sets the contribution of the ports over an interval: its start and its slope.
+// Sets the contribution of the ports over an interval: its value at the start, and its slope.
 static void set_forcing(pm_multirate *m, int interval, const double *k) {
     const pm_integrator *rk = m->exchange;
     memset(m->forcing, 0, 2 * (size_t)m->nz * sizeof *m->forcing);
@@ -36,7 +36,7 @@ static void set_forcing(pm_multirate *m, int interval, const double *k) {
     }
 }
 
-// Books the bulk term at the last exposure.
+// Adds the fluxes of the bulk term at the last exposure to the sums.
 static void book(const pm_multirate *m, const pm_local_dynamics *t, double weight, double duration,
                  const pm_multirate_books *books) {
     pm_flux_book(books->bulk, weight, m->nz, t->dE, t->dS, t->bulk_rate);

@@ -1,9 +1,9 @@
-// The substeps that a subsystem takes of its own between two exchanges, for multirate integrators
-// (Sandu, SIAM J. Numer. Anal. 57 (2019) 2300). Over one interval of an exchange step the subsystem
-// integrates its bulk term in steps of rk4, while the contribution of its ports is a known line in
-// time, made of the rates at the exchanges so far. Every subsystem takes as many steps per interval
-// as its `substeps` in the scene, so that a fast subsystem costs its neighbours and the network
-// nothing.
+// The substeps of a single subsystem between two exchanges, for multirate integrators (Sandu, SIAM
+// J. Numer. Anal. 57 (2019) 2300). Over one interval of an exchange step the subsystem integrates
+// its bulk term in steps of rk4. The contribution of its ports is meanwhile a linear function of
+// time, which follows from the rates at the exchanges so far. Every subsystem takes as many steps
+// per interval as its `substeps` in the scene says. A fast subsystem therefore causes no extra work
+// for its neighbours and the network.
 //
 // The fluxes in the ledger are exact for any number of steps. Both ends of a port take the rates of
 // each exchange from the same numbers and sum them with weights >= 0. Conservation of energy and
@@ -27,7 +27,7 @@ typedef struct pm_multirate {
     double *k;       // [own->nstage][nz] rates of the stages
 } pm_multirate;
 
-// Where the substeps of a subsystem add their fluxes and counts.
+// The sums and counts to which the substeps of a subsystem add.
 typedef struct pm_multirate_books {
     pm_flux *bulk;
     long *evaluated, *skipped;
@@ -39,7 +39,8 @@ pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
                             const pm_integrator *exchange);
 
 // Integrates z [nz] over interval number `interval` of an exchange step of length h (s), with the
-// ports' rates k [interval + 1][nz]. `weight` is that of the exchange step in the mean fluxes.
+// rates k [interval + 1][nz] of the ports. `weight` is the weight of the exchange step in the mean
+// fluxes.
 void pm_multirate_advance(pm_multirate *m, pm_local_dynamics *dynamics, int interval, double h,
                           double weight, const double *k, const pm_multirate_books *books,
                           double *z);

@@ -164,8 +164,8 @@ const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const doub
     return &j->outside.shown;
 }
 
-// The prediction starts from zero in the first stage of a substep, later from the result of the
-// stage before. True if that changed a bit.
+// Sets the rate from which the prediction starts: zero in the first stage of a substep, and the
+// result of the stage before in later ones. Returns true if a bit changed.
 static bool renew_last(pm_port_instance *j, bool first) {
     if (!first) {
         return pm_renew(j->last, j->next, j->nboth);
@@ -178,7 +178,7 @@ static bool renew_last(pm_port_instance *j, bool first) {
     return renewed;
 }
 
-// Copies what both ends show to the inputs of the law. True if that changed a bit.
+// Copies the values of both ends to the inputs of the law. Returns true if a bit changed.
 static bool renew_inputs(pm_port_instance *j, const pm_port_values *other, bool first) {
     bool renewed = renew_last(j, first);
     for (int i = 0; i < 2; ++i) {

@@ -1,11 +1,11 @@
-// One port as one of its two subsystems sees it. It holds what this end shows, evaluates the port's
-// law (README.md, equation (3), or another law of model/laws) on the values of both ends, and sums
-// up the energy and entropy that flow in during a step. Where the other end is a boundary input, it
-// also sums up the flux into the outside.
+// A port as seen from one of its two subsystems. It holds the values that this end shows, evaluates
+// the port's law (README.md, equation (3), or another law of model/laws) on the values of both
+// ends, and sums up the energy and entropy that flow into the subsystem during a step. If the other
+// end is a boundary input, it also sums up the flux into the outside.
 //
 // Life cycle: zero-initialise; open; perhaps share; then in every stage expose, prescribe if there
-// is a boundary input, and couple; close. Only the files of subsystem.h use it. pm_port_values is
-// what travels between processes.
+// is a boundary input, and couple; close. Only the files of subsystem.h use it. Processes exchange
+// pm_port_values.
 #ifndef PM_SIM_PORT_INSTANCE_H
 #define PM_SIM_PORT_INSTANCE_H
 
@@ -26,7 +26,7 @@ typedef struct pm_port_values {
     const double *response;
 } pm_port_values;
 
-// The same four arrays as memory that this module writes.
+// The same four arrays in memory that this module owns and writes.
 typedef struct pm_port_instance_end {
     int ny;
     double *y, *e, *eta, *response;
@@ -72,24 +72,24 @@ void pm_port_instance_close(pm_port_instance *j);
 pm_status pm_port_instance_share(pm_port_instance *here, pm_port_instance *there,
                                  const pm_system *system, const pm_integrator *integrator);
 
-// Writes what this end shows from the subsystem's z, dE, dS and response, all [nz]. The last three
-// may be NULL: zero.
+// Computes the values that this end shows from the subsystem's z, dE, dS and response, all [nz].
+// The last three may be NULL: zero.
 void pm_port_instance_expose(pm_port_instance *j, const double *z, const double *dE,
                              const double *dS, const double *response);
 
-// Writes what the boundary input shows at the other end, from the values of all boundary inputs
-// [scene->nprescribed], and returns it.
+// Computes the values that the boundary input shows at the other end, from the values of all
+// boundary inputs [scene->nprescribed], and returns them.
 const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const double *prescribed);
 
 // Adds the law's rate to k [nz], in units of z per second, and its fluxes, times `weight`, to the
 // sums `booking` and `outside_booking`. `other` is what the other end shows; `first` marks the
-// first stage of a substep. Returns whether the graph was run: it is not where the law has no
-// effect, or while no bit of its inputs has changed.
+// first stage of a substep. Returns true if the graph was run. It is not run if the law has no
+// effect or if no bit of its inputs has changed.
 bool pm_port_instance_couple(pm_port_instance *j, const pm_port_values *other, bool first,
                              double weight, double *k);
 
-// Puts the inputs of the law, so that after restoring the next stage knows what has not changed.
-// Restoring runs the graph.
+// Puts the inputs of the law into the record. The stage after restoring compares its inputs with
+// these. Restoring runs the graph.
 void pm_port_instance_record(pm_port_instance *j, pm_record *record);
 
 #endif

@@ -1,5 +1,5 @@
-// Inputs of a program that remember their bits, so that a graph is not run again while none of its
-// inputs has changed.
+// Compares new inputs of a program with its present ones, bit by bit, so that a graph is not run
+// again if no input has changed.
 #ifndef PM_SIM_PROGRAM_INPUT_H
 #define PM_SIM_PROGRAM_INPUT_H
 
@@ -7,8 +7,8 @@
 
 #include "graph/program.h"
 
-// Returns where the node's input is written, owned by the program. NULL for PM_NO_NODE, or if no
-// output depends on it: then nothing needs to be written.
+// Returns the memory of an input node, which the program owns. NULL: the node is PM_NO_NODE, or no
+// output depends on it, so that nothing needs to be written.
 double *pm_input_of(pm_program *program, pm_node x);
 
 // Copies `from` [n] to `to` [n]. Returns true if any bit of `to` was different before. If either

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-// A snapshot below this fraction of its group's root mean square is zero but for rounding.
+// The fraction of its group's root mean square below which a snapshot counts as zero.
 #define NOTHING 1e-9
 
 void pm_score_add(const pm_columns *columns, int group, const double *predicted,

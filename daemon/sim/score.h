@@ -13,8 +13,9 @@
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
               const double *truth, double *trajectory, double *snapshot);
 
-// The same score of one group, summed up snapshot by snapshot. The sums start at zero;
-// pm_score_add adds one snapshot, predicted and truth [ncolumn], and pm_score_of returns the score.
+// Computes the score of one group snapshot by snapshot. The sums start at zero; pm_score_add adds
+// one snapshot, predicted and truth [ncolumn]; pm_score_of returns the relative error of all
+// snapshots so far.
 typedef struct pm_score_sums {
     double error; // of (predicted - truth)^2
     double norm;  // of truth^2
@@ -28,8 +29,8 @@ double pm_score_of(const pm_score_sums *sums);
 typedef struct pm_box {
     double low, first_quartile, median, third_quartile, high, mean, largest;
 } pm_box;
-// Computes them for n > 0 values, with quartiles by linear interpolation. Sorts the values in
-// place; NaN, the score of a failed rollout, counts as the largest.
+// Computes the numbers of a box plot for n > 0 values, with quartiles by linear interpolation.
+// Sorts the values in place. NaN, the score of a failed rollout, counts as the largest.
 pm_box pm_box_of(int n, double *value);
 
 #endif

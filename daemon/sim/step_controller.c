@@ -3,13 +3,14 @@
 
 #include <math.h>
 
-// The fraction of the tolerance that is aimed at, so that few steps exceed it.
+// The controller aims at this fraction of the tolerance, so that few steps exceed the tolerance.
 #define AIM 0.5
 // The number of substeps rises and falls by at most these factors from one step to the next.
 #define MOST_RISE 8.0
 #define MOST_FALL 2.0
 
-// Rounds up, to no fewer than the scene's and no more than the most possible.
+// Rounds the number of substeps up and limits it to the range from the scene's substeps to
+// PM_MOST_SUBSTEPS.
 static int whole(const pm_scene *scene, double substeps) {
     return (int)fmin(fmax(ceil(substeps), scene->substeps), PM_MOST_SUBSTEPS);
 }

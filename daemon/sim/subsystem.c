@@ -1,4 +1,4 @@
-// Opening one subsystem, and what it tells about itself.
+// Opens one subsystem and answers questions about it.
 #include "sim/subsystem.h"
 
 #include <stdlib.h>

@@ -1,6 +1,7 @@
-// One subsystem in time. It owns the state z, the graphs that evaluate one stage of the integrator,
-// and the sums of the fluxes over a step. It does no input or output: its driver (monolithic.h in
-// one process, lockstep/ in several) carries the values of the ports from neighbour to neighbour.
+// Integrates one subsystem in time. It owns the state z, the graphs that evaluate one stage of the
+// integrator, and the sums of the fluxes over a step. It does no input or output: its driver
+// (monolithic.h in one process, lockstep/ in several) passes the values of the ports between
+// neighbours.
 //
 // Life cycle: open; set_boundary_input if the scene has any; set_state; then steps; close. A step
 // consists of pm_subsystem_rounds rounds, one for each stage of each substep:
@@ -12,8 +13,9 @@
 // and then pm_subsystem_end_step. Together they integrate README.md, equation (1).
 //
 // The order of sums is fixed, so that the same calls give the same bits in one process and in many.
-// A graph is not run again while its inputs keep their bits, so that a subsystem at rest costs next
-// to nothing. The weights must therefore not change between two calls of pm_subsystem_set_state.
+// A graph is not run again while its inputs keep their bits, so that a subsystem at rest takes
+// almost no time. The weights must therefore not change between two calls of
+// pm_subsystem_set_state.
 #ifndef PM_SIM_SUBSYSTEM_H
 #define PM_SIM_SUBSYSTEM_H
 
@@ -34,7 +36,7 @@ int pm_subsystem_nport(const pm_subsystem *s);
 // Returns the position of a port in the scene, and which end of it this subsystem is.
 int pm_subsystem_port_id(const pm_subsystem *s, int port);
 pm_end pm_subsystem_end(const pm_subsystem *s, int port);
-// Tells whether the other end of the port is a boundary input.
+// Returns true if the other end of the port is a boundary input.
 bool pm_subsystem_has_boundary_input(const pm_subsystem *s, int port);
 
 // Lets `s` evaluate the law of a port for both ends, for two subsystems that step together. The
@@ -42,7 +44,7 @@ bool pm_subsystem_has_boundary_input(const pm_subsystem *s, int port);
 // before peer, and neither may step once the other is closed. PM_ENOMEM.
 pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port);
 
-// Returns the rounds of the present step, and the most that a step can have.
+// Return the number of rounds of the present step, and the largest number that a step can have.
 int pm_subsystem_rounds(const pm_subsystem *s);
 int pm_subsystem_most_rounds(const pm_subsystem *s);
 // Sets the number of substeps of every step from the next one on (step_controller.h), until it is
@@ -95,8 +97,8 @@ pm_books pm_subsystem_books(const pm_subsystem *s);
 // Copies the state and the quantities of pm_books into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 
-// Puts all that the subsystem needs to go on from the end of a step with the same bits. Restoring
-// is allowed at any time.
+// Puts the numbers with which the subsystem continues from the end of a step with the same bits.
+// Restoring is allowed at any time.
 void pm_subsystem_record(pm_subsystem *s, pm_record *record);
 
 #endif

@@ -1,9 +1,10 @@
-// The parts of one subsystem, for the files that implement subsystem.h and for them only:
+// The parts of one subsystem. Only the files that implement subsystem.h include this header:
 //     subsystem.c             opens it and tells what it is
 //     subsystem_stage.c       evaluates and combines the stages of the integrator
 //     subsystem_step.c        starts a run, ends a step and keeps pm_books
 //     subsystem_checkpoint.c  saves and restores it
-// Each of them calls only those below it: the first and the last call the step, the step the stage.
+// Calls go in one direction: subsystem.c and subsystem_checkpoint.c call subsystem_step.c, which
+// calls subsystem_stage.c.
 #ifndef PM_SIM_SUBSYSTEM_PARTS_H
 #define PM_SIM_SUBSYSTEM_PARTS_H
 
@@ -58,7 +59,7 @@ static inline void pm_subsystem_copy(double *to, const double *from, int n) {
     }
 }
 
-// Returns S or a component of dS, which are NULL for a subsystem without entropy: then 0.
+// Returns covector[i], or 0 if `covector` is NULL, as S and dS are for a subsystem without entropy.
 static inline double pm_subsystem_value_at(const double *covector, int i) {
     return covector == NULL ? 0 : covector[i];
 }

@@ -6,8 +6,8 @@
 #include "sim/flux.h"
 #include "sim/subsystem_parts.h"
 
-// Newton's steps to the booked energy and entropy. The first one leaves the square of the method's
-// error.
+// The most Newton steps of the projection onto energy and entropy. After the first one the residual
+// is about the square of the method's error.
 #define MOST_MOVES 3
 
 // --- one round ---
@@ -16,8 +16,8 @@ void pm_subsystem_show(pm_subsystem *s, pm_exposure exposure) {
     s->exposed = true;
     s->booking.evaluated += exposure == PM_EXPOSURE_EVALUATED;
     s->booking.skipped += exposure != PM_EXPOSURE_EVALUATED;
-    // A multirate integrator exposes within its own substeps too, where the ports do not see it, so
-    // that the same exposure does not mean the same values at the ports.
+    // The ports already show the values of the same state. This does not hold for a multirate
+    // integrator: it also exposes within its own substeps, of which the ports show nothing.
     if (exposure == PM_EXPOSURE_SAME && !s->integrator->multirate) {
         return;
     }
@@ -32,8 +32,8 @@ void pm_subsystem_show(pm_subsystem *s, pm_exposure exposure) {
 
 void pm_subsystem_expose(pm_subsystem *s) {
     if (!s->exposed) {
-        // The rate of the stage before tells about how the state moves. The first stage of a step
-        // was exposed when the step before ended.
+        // The rate of the previous stage is an estimate of dz/dt. The first stage of a step was
+        // exposed at the end of the previous step.
         const int before = (s->stage == 0 ? s->integrator->nstage : s->stage) - 1;
         const double *rate = s->k + (ptrdiff_t)before * s->nz;
         pm_subsystem_show(s, pm_local_dynamics_expose(&s->dynamics, s->stage_z, s->z, rate));
@@ -114,15 +114,15 @@ static void estimate_error(pm_subsystem *s) {
     }
 }
 
-// Books the energy and entropy that the rate of the present stage moves.
+// Adds the energy and entropy that flow at the present stage to the totals of the projection.
 static void book_projection(pm_subsystem *s) {
     pm_invariant_projection_book(&s->projection, s->stage == 0, s->h * s->integrator->b[s->stage],
                                  s->nz, s->dynamics.dE, s->dynamics.dS,
                                  s->k + (ptrdiff_t)s->stage * s->nz);
 }
 
-// Moves the new state to where it has the booked energy and entropy. Its last exposure also serves
-// the next stage.
+// Moves the new state to the energy and entropy that follow from the fluxes. The next stage reuses
+// the last exposure.
 static void project(pm_subsystem *s) {
     for (int i = 0; i < MOST_MOVES; ++i) {
         pm_subsystem_expose(s);

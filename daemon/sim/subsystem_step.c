@@ -1,5 +1,5 @@
-// The steps of one subsystem: where a run starts, what is checked at the end of a step, and the
-// books.
+// The steps of one subsystem: the start of a run, the checks at the end of a step, and the sums of
+// fluxes and counts (pm_books).
 #include <assert.h>
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 // --- the books ---
 
-// Clears the books of the step under way, but for the counts, which run on.
+// Clears the sums of the step under way. The counts continue.
 static void clear_booking(pm_subsystem *s) {
     const pm_books *b = &s->booking;
     s->booking =
@@ -17,7 +17,7 @@ static void clear_booking(pm_subsystem *s) {
     }
 }
 
-// Moves the books of the step under way to those of the last step, with E and S at its end.
+// Makes the sums of the step under way those of the last step, with E and S at its end.
 static void close_books(pm_subsystem *s) {
     s->books = s->booking;
     s->books.energy = s->dynamics.E[0];

@@ -7,7 +7,8 @@
 // Size of the longest channel name with its terminator (LCM's limit).
 #define PM_CHANNEL_SIZE 64
 
-// Each function writes a name into `channel` [PM_CHANNEL_SIZE]. PM_ECONFIG: the name is too long.
+// Each function writes a name of the given form into `channel` [PM_CHANNEL_SIZE]. PM_ECONFIG: the
+// name is too long.
 
 // <SCENE>_<WORD>
 pm_status pm_channel_scene(char *channel, const pm_scene *scene, const char *word);

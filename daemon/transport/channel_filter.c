@@ -68,7 +68,8 @@ static size_t size_of(const char *name) {
 
 static void emit_names(emitter *e, int count, const char *const *name, size_t offset);
 
-// Compares the word at `at`, up to whose end these names agree, and then the rest of the names.
+// Compares the word at offset `at`, which is the same in all these names, and then the rest of the
+// names.
 static void emit_branch(emitter *e, int count, const char *const *name, size_t at, size_t *loaded) {
     load_word(e, at, loaded);
     emit(e, BPF_JMP | BPF_JEQ | BPF_K, word_at(name[0], at), 1, 0);
@@ -105,7 +106,8 @@ static void emit_names(emitter *e, int count, const char *const *name, size_t of
     drop(e);
 }
 
-// Leaves the position of the channel in X.
+// Emits code that checks LCM's header and stores the position of the channel name in the register
+// X.
 static void emit_head(emitter *e, unsigned start) {
     emit(e, BPF_LD | BPF_W | BPF_ABS, start, 0, 0);
     emit(e, BPF_JMP | BPF_JEQ | BPF_K, PM_DATAGRAM_SHORT, 0, 2);

@@ -4,7 +4,7 @@
 //   fragment       magic "LC03", sequence number, size of the message, offset of this fragment, its
 //                  number and the number of fragments (16 bits each), in fragment 0 the channel,
 //                  then this part of the data
-// Bytes from the network are hostile until they are parsed here.
+// Bytes from the network are not trusted; this parser checks all sizes and offsets.
 #ifndef PM_TRANSPORT_DATAGRAM_H
 #define PM_TRANSPORT_DATAGRAM_H
 
@@ -32,7 +32,7 @@ typedef struct pm_datagram {
 } pm_datagram;
 
 // Parses `bytes` [size]; pointers in `datagram` point into them. Returns false, and leaves
-// `datagram` unchanged, if they are not in LCM's format or contradict themselves.
+// `datagram` unchanged, if they are not in LCM's format or their sizes contradict each other.
 bool pm_datagram_parse(pm_datagram *datagram, const void *bytes, size_t size);
 
 // A message that arrives in fragments, in any order after the first. Storage the caller owns;
@@ -48,16 +48,17 @@ typedef struct pm_reassembly {
 
 void pm_reassembly_free(pm_reassembly *reassembly);
 
-// Begins with the first fragment of a message, and gives up a message that is incomplete.
+// Begins with the first fragment of a message, and discards a message that is still incomplete.
 // PM_ENOMEM.
 pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *first, uint64_t sender);
 
-// Takes in a fragment of the message being reassembled. Returns false if it belongs to another one.
+// Adds a fragment to the message being reassembled. Returns false if the fragment belongs to
+// another message.
 bool pm_reassembly_add(pm_reassembly *reassembly, const pm_datagram *part, uint64_t sender);
 
 // Returns true if no fragment is missing and the sizes of the fragments add up to the size of the
-// message. The sum keeps a few bytes from passing for a large message. If true, `data` [total]
-// holds the message until the next call of pm_reassembly_begin.
+// message. The check of the sum prevents a few small fragments from counting as a large message. If
+// true, `data` [total] holds the message until the next call of pm_reassembly_begin.
 bool pm_reassembly_complete(const pm_reassembly *reassembly);
 
 #endif

@@ -26,7 +26,7 @@ typedef struct pm_drops {
     long count[PM_NDROP];
 } pm_drops;
 
-// The reason in one to three words, e.g. "not finite".
+// Returns the reason in one to three words, e.g. "not finite".
 const char *pm_drop_name(pm_drop drop);
 
 #endif

@@ -8,7 +8,8 @@
 // Bytes of the kernel's buffer: room for about 9600 small messages; the usual default holds 256.
 #define RECEIVE_BUFFER 4000000
 
-// Reads ":PORT" before the end of the URL or its options; 0 if the text is something else.
+// Reads ":PORT", which ends the URL or precedes its options. Returns 0 if the text is something
+// else.
 static in_port_t read_port(const char *text) {
     if (*text != ':') {
         return 0;
@@ -20,7 +21,7 @@ static in_port_t read_port(const char *text) {
     return good ? (in_port_t)port : 0;
 }
 
-// The part after "udpm://" or "mpudpm://"; NULL if the URL begins otherwise.
+// Returns the part after "udpm://" or "mpudpm://"; NULL if the URL has another scheme.
 static const char *find_address(const char *url) {
     const char *scheme = url + (url[0] == 'm' && url[1] == 'p' ? 2 : 0);
     return strncmp(scheme, "udpm://", 7) == 0 ? scheme + 7 : NULL;
@@ -42,7 +43,8 @@ static bool read_address(const char *url, struct sockaddr_in *group) {
            IN_MULTICAST(ntohl(group->sin_addr.s_addr)) && group->sin_port != 0;
 }
 
-// The value of an option, and its length; NULL if the URL does not have the option.
+// Returns the value of an option, and writes its length to `length`; NULL if the URL does not have
+// the option.
 static const char *find_option(const char *url, const char *name, size_t *length) {
     const char *option = strchr(url, '?');
     while (option != NULL) {

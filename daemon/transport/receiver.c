@@ -168,7 +168,7 @@ static pm_status sort_subscriptions(pm_receiver *r) {
     return PM_OK;
 }
 
-// The first subscription to this channel, or NULL.
+// Returns the first subscription to this channel, or NULL.
 static channel_subscription *find_subscription(const pm_receiver *r, const char *channel) {
     int low = 0, high = r->count;
     while (low < high) {
@@ -195,7 +195,8 @@ static void dispatch(const pm_receiver *r, const channel_subscription *first, co
     }
 }
 
-// A first fragment names its channel. A later one belongs to the message that a first one began.
+// Handles a fragment. A first fragment names its channel and begins a message; later ones are added
+// to it.
 static pm_status take_fragment(pm_receiver *r, channel_subscription *s, const pm_datagram *d,
                                uint64_t sender) {
     if (s != NULL) {
@@ -258,7 +259,8 @@ static pm_status sleep_for(const pm_receiver *r, double seconds) {
                : pm_fail(PM_ENET, "waiting for messages: %s", strerror(errno));
 }
 
-// Polls without sleeping, for as long as that pays; `count` receives the number of datagrams.
+// Polls without sleeping, for the time that pm_spin_time allows; `count` receives the number of
+// datagrams.
 static pm_status poll_batch(pm_receiver *r, double start, double seconds, int *count) {
     const double most = pm_spin_time(&r->spin, start);
     const double end = start + (seconds < most ? seconds : most);

@@ -17,7 +17,7 @@ pm_status pm_receiver_open(pm_receiver **receiver, const char *url, const pm_lcm
                            pm_drops *drops);
 void pm_receiver_close(pm_receiver *receiver); // NULL is allowed
 
-// As pm_transport_subscribe, pm_transport_wait and pm_transport_file.
+// These functions do what pm_transport_subscribe, pm_transport_wait and pm_transport_file describe.
 pm_status pm_receiver_subscribe(pm_receiver *receiver, const char *channel,
                                 pm_message_handler *handler, void *context);
 pm_status pm_receiver_wait(pm_receiver *receiver, double seconds, int *handled);

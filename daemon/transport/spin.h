@@ -1,8 +1,8 @@
 // Decides whether to wait for a message by polling instead of sleeping. A message usually arrives
 // before the kernel could put the process to sleep and wake it. For waits expected to be shorter
 // than PM_SPIN_LONGEST the process therefore polls, yielding the core between polls. That costs
-// nothing while no other process wants the core. If one does, a yield gives away a whole time
-// slice; after such a loss all waits sleep for a while.
+// nothing while no other process wants the core. If another process wants the core, a yield gives
+// it a whole time slice. After such a loss all waits sleep for a while.
 #ifndef PM_TRANSPORT_SPIN_H
 #define PM_TRANSPORT_SPIN_H
 

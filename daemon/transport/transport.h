@@ -1,4 +1,5 @@
-// Carries messages, as bytes, between processes or within one. The URL chooses how:
+// A transport carries messages, as bytes, between processes or within one. The URL chooses the
+// kind:
 //   udpm://, mpudpm://   LCM over UDP multicast, best effort (transport_lcm.c)
 //   memory://            between the endpoints of one hub in this thread (transport_memory.c)
 // With udpm, messages arrive on a filtered socket of this program (receiver.h), unless the URL says
@@ -39,7 +40,8 @@ typedef struct pm_hub_faults {
     int max_delay;
 } pm_hub_faults;
 
-// `faults` may be NULL. PM_ENOMEM. The caller must close the hub after its endpoints.
+// Opens a hub; `faults` may be NULL: none. PM_ENOMEM. The caller must close the hub after its
+// endpoints.
 pm_status pm_hub_open(pm_hub **hub, const pm_hub_faults *faults);
 void pm_hub_close(pm_hub *hub); // NULL is allowed
 
@@ -65,8 +67,9 @@ typedef void pm_clock_handler(const char *sender, double seconds);
 pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
                             pm_clock_handler *on_clock);
 
-// Passes the messages on exactly this channel to `handler`, with `context`; they include those that
-// this transport publishes. Several handlers may subscribe to one channel. PM_ENET, PM_ENOMEM.
+// Passes all messages on exactly this channel to `handler`, with `context`. Messages that this
+// transport publishes are passed, too. Several handlers may subscribe to one channel. PM_ENET,
+// PM_ENOMEM.
 pm_status pm_transport_subscribe(pm_transport *transport, const char *channel,
                                  pm_message_handler *handler, void *context);
 
@@ -84,7 +87,8 @@ pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handle
 // transport has no descriptor.
 int pm_transport_file(const pm_transport *transport);
 
-// The messages that were dropped before they reached a handler. The transport owns the counts.
+// Returns the counts of messages that were dropped before they reached a handler. The transport
+// owns them.
 const pm_drops *pm_transport_drops(const pm_transport *transport);
 
 #endif

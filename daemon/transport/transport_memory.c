@@ -184,7 +184,7 @@ static pm_status memory_wait(void *state, double seconds, int *handled) {
     (void)seconds;
     memory_endpoint *e = state;
     e->waits += 1;
-    // Only the messages that are queued now: handlers may add more.
+    // Only the messages that are queued now are passed on, since handlers may add more.
     const queued_message *const *end = (const queued_message *const *)e->tail;
     queued_message **link = &e->head;
     for (bool more = e->head != NULL; more;) {
