@@ -17,7 +17,8 @@ static void limit(int resource, rlim_t most) {
     }
 }
 
-// The machine's memory in bytes. A process that asks for more would take others down with it.
+// Returns the machine's memory in bytes. A process that asks for more would take others down with
+// it.
 static rlim_t all_memory(void) {
     const long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGESIZE);
     return pages > 0 && size > 0 ? (rlim_t)pages * (rlim_t)size : RLIM_INFINITY;

@@ -45,7 +45,7 @@ static const pm_option *find(const pm_options *options, const char *argument, co
     return NULL;
 }
 
-// The number of names in "SCENE NAME".
+// Returns the number of names in "SCENE NAME".
 static int count_names(const char *names) {
     int count = 1;
     for (const char *at = names; *at != '\0'; ++at) {
@@ -54,7 +54,7 @@ static int count_names(const char *names) {
     return count;
 }
 
-// The k-th name of "SCENE NAME", or the last one; `length` is its length.
+// Returns the k-th name of "SCENE NAME", or the last one; `length` is its length.
 static const char *name_at(const char *names, int k, int *length) {
     for (; k > 0 && strchr(names, ' ') != NULL; --k) {
         names = strchr(names, ' ') + 1;

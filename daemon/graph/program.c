@@ -124,7 +124,8 @@ static bool is_leaf(pm_op op) {
     return op == PM_OP_INPUT || op == PM_OP_PARAM || op == PM_OP_CONSTANT;
 }
 
-// Whether a node is a view, which has its operand's numbers at an offset and needs no instruction.
+// Returns true if a node is a view, which has its operand's numbers at an offset and needs no
+// instruction.
 static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
     if (node->op == PM_OP_RESHAPE) {
         return true;
@@ -161,12 +162,12 @@ static void find_needed(memory_plan *plan, int count, const pm_node *output) {
     }
 }
 
-// Whether nothing reads the memory of `root` after x.
+// Returns true if nothing reads the memory of `root` after x.
 static bool dies_at(const memory_plan *plan, pm_node root, pm_node x) {
     return plan->place[root].last_use == x && !plan->place[root].pinned;
 }
 
-// Whether x also reads the memory of `operand` through a view.
+// Returns true if x also reads the memory of `operand` through a view.
 static bool is_viewed_too(const memory_plan *plan, pm_node x, pm_node operand) {
     const pm_graph_node *node = pm_graph_node_at(plan->g, x);
     for (int i = 0; i < node->noperand; ++i) {

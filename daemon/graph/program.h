@@ -20,7 +20,7 @@ void pm_program_close(pm_program *program); // NULL is allowed
 // An input on which no output depends has memory too, so that callers need no special case.
 double *pm_program_value(pm_program *program, pm_node x);
 
-// Whether an output depends on an input.
+// Returns true if an output depends on an input.
 bool pm_program_depends(const pm_program *program, pm_node input);
 
 // Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch sum these

@@ -10,8 +10,9 @@
 
 // --- ticks ---
 
-// True if a tick is of a run that this node may join: of the session that it was started for, with
-// the same digest, and either no step is granted yet or this node has a checkpoint of the session.
+// Returns true if a tick is of a run that this node may join: of the session that it was started
+// for, with the same digest, and either no step is granted yet or this node has a checkpoint of the
+// session.
 static bool may_join(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const int64_t asked = node->endpoint.identity.hello.session;
     const bool wanted = asked == 0 ? tick->open : tick->session == asked;

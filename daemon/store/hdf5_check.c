@@ -290,7 +290,7 @@ static bool check_block(file_walk *w, object_facts *o, uint64_t address, uint64_
 
 static bool check_object(file_walk *w, uint64_t address, int depth, object_facts *o);
 
-// Whether a terminated name begins at this offset of the heap.
+// Returns true if a terminated name begins at this offset of the heap.
 static bool has_name(const name_heap *names, uint64_t offset) {
     return offset < names->size &&
            strnlen((const char *)names->text + offset, names->size - offset) < names->size - offset;

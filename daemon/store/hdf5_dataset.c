@@ -26,7 +26,7 @@ pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name) {
     return status;
 }
 
-// Whether the numbers lie in this very file, as floats of 4 or 8 bytes.
+// Returns true if the numbers lie in this very file, as floats of 4 or 8 bytes.
 static bool storage_is_plain(hid_t id) {
     const hid_t type = H5Dget_type(id);
     const hid_t list = H5Dget_create_plist(id);
@@ -116,7 +116,7 @@ static hid_t without_times(void) {
     return list;
 }
 
-// Whether there are at least WORTH_FLOATS numbers and 4 bytes hold each of them exactly.
+// Returns true if there are at least WORTH_FLOATS numbers and 4 bytes hold each of them exactly.
 static bool are_floats(size_t count, const double *value) {
     size_t i = 0;
     while (i < count && (double)(float)value[i] == value[i]) {

@@ -28,7 +28,7 @@ typedef enum pm_hdf5_source { PM_HDF5_OWN, PM_HDF5_ANY } pm_hdf5_source;
 // Opens a file for reading. Readers return the code `content` if the file does not hold what they
 // expect. The caller closes the file.
 pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content);
-// Whether PM_HDF5_OWN would accept the file; false if it cannot be opened.
+// Returns true if PM_HDF5_OWN would accept the file; false if it cannot be opened.
 bool pm_hdf5_is_own(const char *path);
 
 // Closes the HDF5 library. A child process that tests whether a file crashes the library
@@ -61,7 +61,7 @@ pm_status pm_hdf5_members(const pm_hdf5 *file, const char *group, pm_arena *aren
 
 // --- attributes; a text to be written has at most 60 KiB ---
 
-// Whether the object has an attribute of this name that is one text.
+// Returns true if the object has an attribute of this name that is one text.
 bool pm_hdf5_is_text(const pm_hdf5 *file, const char *object, const char *name);
 pm_status pm_hdf5_read_text(const pm_hdf5 *file, const char *object, const char *name,
                             pm_arena *arena, const char **text);

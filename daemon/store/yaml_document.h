@@ -23,19 +23,19 @@ static inline const yaml_node_t *pm_yaml_node(pm_yaml value) {
     return value.node == 0 ? NULL : &value.document->yaml.nodes.start[value.node - 1];
 }
 
-// The text of a scalar; NULL for a list, a mapping or an absent value.
+// Returns the text of a scalar; NULL for a list, a mapping or an absent value.
 static inline const char *pm_yaml_scalar(pm_yaml value) {
     const yaml_node_t *node = pm_yaml_node(value);
     return node != NULL && node->type == YAML_SCALAR_NODE ? (const char *)node->data.scalar.value
                                                           : NULL;
 }
 
-// The value of another node of the same document.
+// Returns the value of another node of the same document.
 static inline pm_yaml pm_yaml_sibling(pm_yaml value, int node) {
     return (pm_yaml){value.document, node};
 }
 
-// The position of a scalar among the NULL-terminated `names`; -1 if it is none of them.
+// Returns the position of a scalar among the NULL-terminated `names`; -1 if it is none of them.
 int pm_yaml_position(const char *const *names, pm_yaml value);
 
 // Joins the NULL-terminated names to "a, b, c" in `buffer`, cut to `size`. Returns `buffer`.

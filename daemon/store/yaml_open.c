@@ -76,8 +76,8 @@ static pm_status adopt_map(pm_yaml_document *document, int id) {
     return PM_OK;
 }
 
-// Whether UTF-8 text begins with a control character or with a line end of YAML: U+0080 to U+009F,
-// U+2028 and U+2029.
+// Returns true if UTF-8 text begins with a control character or with a line end of YAML: U+0080 to
+// U+009F, U+2028 and U+2029.
 static bool is_control(const char *text) {
     const unsigned char *c = (const unsigned char *)text;
     return c[0] < ' ' || c[0] == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||

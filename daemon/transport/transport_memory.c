@@ -123,7 +123,7 @@ static pm_status memory_subscribe(void *state, const char *channel, pm_message_h
     return PM_OK;
 }
 
-// A buffer for `size` bytes: the first unused one that is large enough, else a new one.
+// Returns a buffer for `size` bytes: the first unused one that is large enough, else a new one.
 static queued_message *take_message(pm_hub *hub, size_t size) {
     for (queued_message **link = &hub->unused; *link != NULL; link = &(*link)->next) {
         queued_message *m = *link;

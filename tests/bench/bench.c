@@ -1,4 +1,4 @@
-// Repetitions, quartiles, tables.
+// Repeats the work, computes quartiles and prints tables.
 #include "bench.h"
 
 #include <errno.h>

@@ -1,7 +1,8 @@
-// One iteration of every optimiser on the double pendulum as configs/train/double_pendulum.yaml
-// describes it, with 40 simulated trajectories: an epoch of adam, an evaluation of l-bfgs over all
-// samples, a Levenberg-Marquardt step on a batch. Graphs are built before the clock starts. The CPU
-// time is that of two threads: where both have a core, half of it passes.
+// Measures one iteration of every optimiser on the double pendulum of
+// configs/train/double_pendulum.yaml with 40 simulated trajectories: an epoch of adam, an
+// evaluation of L-BFGS over all samples, and a Levenberg-Marquardt step on a batch. Graphs are
+// built before the clock starts. CPU times are summed over two threads; on two cores the wall-clock
+// time is half as long.
 //   run_bench_iteration CSV CONFIGS
 #include <stdio.h>
 #include <stdlib.h>

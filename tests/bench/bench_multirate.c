@@ -1,7 +1,8 @@
-// What steps of a part's own are worth, against letting all parts go at the pace of the fastest: a
-// vibration of 40 rad/s that rubs and warms a slow bath through a wire, and the double pendulum, of
-// which no part is faster than the joint. Errors against the same equations solved as exactly as
-// numbers allow, in the norm of the whole state after all steps; CPU time in one process.
+// Compares multirate integrators, in which each subsystem takes substeps of its own, with
+// single-rate ones, in which all subsystems take the steps of the fastest. The scenes are a
+// vibration of 40 rad/s that warms a slow bath by friction, and the double pendulum, in which no
+// subsystem is faster than the other. Errors are relative to a solution converged to rounding, in
+// the norm of the whole state after all steps. Times are CPU times in one process.
 //   run_bench_multirate CSV CONFIGS
 #include <math.h>
 #include <stdio.h>

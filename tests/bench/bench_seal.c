@@ -1,5 +1,5 @@
-// What a key costs per message: published and received within one process, plain and sealed, in
-// turn.
+// Measures the cost of a seal per message: messages are published and received within one process,
+// alternately plain and sealed.
 //   run_bench_seal CSV CONFIGS
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-// What a step of 32 pairs costs when some of them are at rest: the cost follows what
-// moves, not what the scene declares.
+// Measures a step of 32 pairs of subsystems of which some are at rest. The cost should be
+// proportional to the number of moving pairs, not to the number of pairs in the scene.
 //   run_bench_skipping CSV
 #include <stdio.h>
 

@@ -1,5 +1,6 @@
-// A step of the whole double pendulum in one process on one core, both parts and the joint with its
-// books, and of a chain of 64 links made of the same parts; shipped weights.
+// Measures a step of the double pendulum in one process on one core (both subsystems and the joint,
+// with their fluxes), and a step of a chain of 64 links made of the same subsystems. The weights
+// are the shipped ones.
 //   run_bench_step CSV CONFIGS
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,8 @@
-// relay PROCESS SECONDS SEED: a bad cable, for tests in private networks. Carries the datagrams of
-// LCM's default group between this network and that of another process. It repeats some of them
-// later, and delays some so that others overtake. It prints "carries" when it is ready. At its end,
-// at the latest after SECONDS, it prints how many it repeated and delayed.
+// relay PROCESS SECONDS SEED: simulates an unreliable network, for tests in private networks.
+// Carries the datagrams of LCM's default group between this network and the network of another
+// process. It repeats some of them later, and delays some so that others overtake. It prints
+// "carries" when it is ready. At its end, at the latest after SECONDS, it prints how many it
+// repeated and delayed.
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -1,4 +1,5 @@
-// Hostile bytes as a file, for readers that want a path: PM_FUZZ_FILE, written over for each input.
+// Writes the input of a fuzz target to the file PM_FUZZ_FILE, for readers that need a path. Each
+// input replaces the one before.
 #ifndef PM_TESTS_BYTES_FILE_H
 #define PM_TESTS_BYTES_FILE_H
 

@@ -1,5 +1,6 @@
-// Any bytes must read as a basis with which a body can be reconstructed, or be refused with one
-// line. Only if they pass for written here: others are refused before.
+// Any bytes must read as a basis with which a body can be reconstructed, or be refused with a
+// one-line error. Only bytes that pass store/hdf5_check.h reach the reader; all others are refused
+// before.
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
-// Any datagrams in any order, from two senders, on the way that our own socket's take: parsed, put
-// together, handed to whoever wants the channel, checked for a seal, decoded. Each begins with its
-// length (two bytes) and sender (one).
+// Passes any datagrams in any order, from two senders, through the steps of the receiver: parsing,
+// reassembly, dispatch by channel, check of the seal, decoding. In the input each datagram is
+// preceded by its length (two bytes) and its sender (one byte).
 #include <stdint.h>
 
 // The way from a datagram to its handler is private to the receiver.

@@ -1,6 +1,6 @@
-// Any bytes must read as a trajectory of fields on a mesh, or be refused with one line. Only if
-// they pass for written here: others are tried in a child process (field.c), since the library
-// itself crashes on them.
+// Any bytes must read as a trajectory of fields on a mesh, or be refused with a one-line error.
+// Only bytes that pass store/hdf5_check.h are tried: field.c opens other files in a child process,
+// since the HDF5 library crashes on some of them.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

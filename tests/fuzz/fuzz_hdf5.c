@@ -1,6 +1,6 @@
-// Any bytes must read as weights of a part or of a port, as a dataset, or be refused with one line.
-// Datasets are tried only if the file passes for written here: dataset.c opens other files in a
-// child process, since the library itself crashes on them.
+// Any bytes must read as weights of a part or of a port or as a dataset, or be refused with a
+// one-line error. Datasets are tried only if the bytes pass store/hdf5_check.h: dataset.c opens
+// other files in a child process, since the HDF5 library crashes on some of them.
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,5 +1,5 @@
-// Any bytes must decode as a message of the wire or be dropped; what is kept must encode to the
-// same bytes. The first byte chooses the type, the second the size of its arrays.
+// Any bytes must decode as a message or be dropped. A message that is kept must encode to the same
+// bytes. The first byte of the input chooses the type, the second one the size of its arrays.
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -118,7 +118,8 @@ static void try_type(int type, int count, const arrays *a, const uint8_t *data, 
     }
 }
 
-// The fingerprint of each type, which chance would hardly find: put in front of the bytes.
+// Puts the fingerprint of the type in front of the bytes, since random changes would hardly find
+// it.
 static size_t fingerprint(int type, uint8_t *to) {
     uint8_t buffer[512];
     portmet_flux_t flux = {0};

@@ -1,6 +1,6 @@
-// Any text must read as the model of a subsystem and of a port, or fail with one line; a model that
-// reads must write text that reads to the same text again; one that declares its parameters must
-// build all its expressions and plan them.
+// Any text must read as the model of a subsystem and of a port, or fail with a one-line error. A
+// model that was read must be written as text that reads back to the same text. If its parameters
+// can be declared, all its graphs must build.
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>

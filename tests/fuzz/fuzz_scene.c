@@ -1,4 +1,4 @@
-// Any text must read as a scene, or fail with one line.
+// Any text must read as a scene, or fail with a one-line error.
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
-// Any bytes must read as a snapshot or a checkpoint, or be refused with one line and nothing
-// touched. Bytes are tried as they are, and again with a valid sum at their end, which chance would
-// hardly find.
+// Any bytes must read as a snapshot or a checkpoint, or be refused with a one-line error and
+// without changing the results. The bytes are tried unchanged, and again with a valid digest at
+// their end, since random changes would hardly find it.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
-// Any text must read as a training file and as a truth file, or fail with one line. It stands in a
-// folder beside which lie the shipped scenes (PM_FUZZ_FILE).
+// Any text must read as a training file and as a truth file, or fail with a one-line error. The
+// text is written to PM_FUZZ_FILE, in a folder from which it can refer to the shipped scenes.
 #include <stdlib.h>
 #include <string.h>
 

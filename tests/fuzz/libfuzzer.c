@@ -1,6 +1,6 @@
-// How AddressSanitizer keeps house under libFuzzer: little memory, used again soon, is several
-// times faster than the 256 MiB of freed blocks that it holds back by default, which always have to
-// be fetched from the system anew. What was freed within the last few executions is still held.
+// Options of AddressSanitizer for fuzzing. By default it keeps 256 MiB of freed memory in
+// quarantine, so that new memory always comes from the system. A small quarantine is several times
+// faster, and still covers the last few executions.
 const char *__asan_default_options(void);
 
 const char *__asan_default_options(void) {

@@ -1,6 +1,5 @@
-// Under libFuzzer, for targets that read HDF5: changes that leave a file's places where they are.
-// The format is full of addresses, so what is inserted or cut out moves all that follows and is
-// refused at once.
+// A mutator of libFuzzer for targets that read HDF5. It never moves bytes: the format is full of
+// addresses, so that an insertion or deletion would make the file invalid at once.
 #include <hdf5.h>
 #include <stdint.h>
 #include <string.h>
@@ -11,7 +10,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv);
 size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t most);
 size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned seed);
 
-// The library takes half a megabyte for every open file. Let it keep that for the next one.
+// The library allocates half a megabyte for every open file, and keeps it for the next one.
 int LLVMFuzzerInitialize(int *argc, char ***argv) {
     (void)argc, (void)argv;
     return H5set_free_list_limits(-1, -1, -1, -1, -1, -1) < 0;

@@ -1,5 +1,5 @@
-// make_seeds DIR: what fuzz targets begin with and no text can hold: a small dataset, fields, a
-// basis, a checkpoint, messages, datagrams.
+// make_seeds DIR: writes the binary seeds of the fuzz targets: a small dataset, fields, a basis, a
+// checkpoint, messages and datagrams.
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,6 @@
-// replay RUNS SEED-FILE...: a fuzz target without libFuzzer, as a test that every compiler builds:
-// each seed as it is, then RUNS inputs made from them by a few blind changes, always the same ones.
+// replay RUNS SEED-FILE...: runs a fuzz target without libFuzzer, so that every compiler can build
+// it as a test. It tries each seed unchanged, and then RUNS inputs made from the seeds by a few
+// random changes of a fixed seed.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

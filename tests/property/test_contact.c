@@ -1,5 +1,5 @@
-// Contact: the law's matrix moves power from one end to the other whatever it is; bodies that meet
-// in a gap obey the laws of collisions; what is open costs nothing.
+// Contact: the law conserves power for any matrix; bodies that meet in a gap obey the laws of
+// collisions; an open gap is not evaluated.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,5 @@
-// Discrete gradients: what they are exact for, what a step of them keeps, and the stiff exchange
-// that they make stable.
+// Discrete gradients: they satisfy their defining equation, a step conserves energy and lets
+// entropy grow, and stiff heat exchange is stable.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

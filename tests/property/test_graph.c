@@ -1,5 +1,5 @@
-// Every operation's first and second derivative against central finite differences, with seeded
-// random numbers; and that planned memory does not change a result.
+// Compares the first and second derivatives of every operation with central finite differences, for
+// random numbers, and checks that memory planning does not change results.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
-// What balanced integrators keep: every part's energy and entropy change by what was booked, so
-// that the totals keep both laws to rounding, whatever the entropies are and however coarse the
-// step.
+// Balanced integrators: the energy and entropy of every subsystem change by the sum of its fluxes.
+// The totals therefore conserve energy and never lose entropy, to rounding, for any kind of entropy
+// and any step.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,5 @@
-// What the shipped double pendulum keeps over five times the horizon it was trained on: energy and
-// angular momentum to the integrator's error, entropy's growth to rounding.
+// The shipped double pendulum over five times its training horizon: energy and angular momentum are
+// conserved up to the integrator's error, and entropy never falls, to rounding.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,5 @@
-// A part that takes steps of its own between exchanges: a fast vibration that rubs and warms a slow
-// bath through a wire. What it gains by that, and what stays exact.
+// Multirate integrators: a fast vibration that warms a slow bath by friction takes substeps of its
+// own between exchanges. Accuracy improves, and the fluxes stay exact.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,5 @@
-// The region of training: what lies in it, what a rotation leaves in it, and what a run says when
-// it leaves.
+// The training range: which states it contains, that rotated states stay in it, and what a run
+// reports when a state leaves it.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,5 @@
-// What is at rest is not evaluated, and that changes no bit: a chain of five, of which the first is
-// disturbed, so that the disturbance reaches one more with every exchange.
+// Subsystems at rest are not evaluated, and this changes no bit. In a chain of five the first one
+// is disturbed, and the disturbance reaches one more subsystem with every exchange.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
-// Many double pendula at once whose weights are the shipped ones plus random numbers of the size
-// that training starts from, for runs over LCM (random_over_lcm.sh): all upper links are served by
-// one process and all lower ones by another, so that every port goes over the network.
+// Makes many double pendula for runs over LCM (random_over_lcm.sh). Their weights are the shipped
+// ones plus random numbers as large as initial weights. One process serves all upper links and
+// another one all lower links, so that every port uses the network.
 //   random_pairs make DIR CONFIGS FIRST COUNT METHOD   writes DIR/scene.yaml and its weights; pair
 //   i
 //                                                      is of stream FIRST + i of the random numbers

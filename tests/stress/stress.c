@@ -1,9 +1,9 @@
-// Stability under stress: the shipped double pendula and chains with steps, states, conduction,
-// lengths and weights far from what they were made for. Every run must go all the way or end with a
-// clear error, and keep both laws and its recording whatever it does.
+// Stress test: runs the shipped double pendula and chains with time steps, states, conductances,
+// lengths and weights far from those of training. Every run must complete all steps or end with a
+// clear error. In both cases energy must be conserved, entropy must not fall, and the recording
+// must be complete.
 //   run_stress CONFIGS EFFORT [CSV]
-// EFFORT 1 is the test; 10 takes some minutes. Exits with 10 where something happened that must
-// not.
+// EFFORT 1 is the test; 10 takes some minutes. Exits with 10 if a trial finds a fault (trial.h).
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -264,7 +264,7 @@ static pm_status stress_weights(stress *t, const char *name) {
 
 // --- chains ---
 
-// A chain of n links from the parts that were learned for chains, hanging with a bend.
+// Makes a hanging, bent chain of n links from the subsystems that were learned for chains.
 static char *chain_text(const stress *t, int n) {
     char *text = NULL;
     size_t size = 0;

@@ -1,4 +1,4 @@
-// One run after another, watched step by step.
+// Runs trials and checks every step.
 #include "trial.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
-// Counts our own allocations, for tests that the step loop makes none, and lets one of them fail.
-// Include it in one file of a test that is linked with
+// Counts the allocations of the program under test, for tests that steps allocate nothing, and can
+// make one of them fail. One file of the test includes it; the test is linked with
 // -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=fopen.
 #ifndef PM_TESTS_ALLOCATIONS_H
 #define PM_TESTS_ALLOCATIONS_H
@@ -8,7 +8,7 @@
 #include <stdio.h>
 
 static long allocations;
-static long failing; // of them, counted from 1; 0: none
+static long failing; // number of the allocation that fails, counted from 1; 0: none
 
 void *__real_malloc(size_t size);
 void *__real_calloc(size_t count, size_t size);
@@ -32,7 +32,7 @@ void *__wrap_realloc(void *memory, size_t size) {
     return ++allocations == failing ? NULL : __real_realloc(memory, size);
 }
 
-// A stream has a buffer.
+// Opening a stream allocates its buffer.
 FILE *__wrap_fopen(const char *path, const char *mode) {
     return ++allocations == failing ? NULL : __real_fopen(path, mode);
 }

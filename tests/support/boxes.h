@@ -1,4 +1,4 @@
-// Boxes of bricks that lie apart, for tests of contact pairs and interfaces.
+// Separate boxes of bricks, for tests of contact pairs and interfaces.
 #ifndef PM_TESTS_BOXES_H
 #define PM_TESTS_BOXES_H
 

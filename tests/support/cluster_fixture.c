@@ -1,4 +1,4 @@
-// Drives the state machines by hand, in virtual time.
+// Drives the state machines in virtual time.
 #include "tests/support/cluster_fixture.h"
 
 #include <setjmp.h>

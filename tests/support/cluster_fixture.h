@@ -48,17 +48,17 @@ void cluster_open_dealt(cluster *c, int nlink, int count, int window, pm_hub *hu
 // reports hold several steps. With `folder`, all processes keep checkpoints there.
 void cluster_open_quick(cluster *c, int count, int window, pm_hub *hub, int64_t session,
                         const char *folder);
-// As cluster_open_all; all processes keep checkpoints in `folder`.
+// Does what cluster_open_all does; all processes keep checkpoints in `folder`.
 void cluster_open_keeping(cluster *c, int count, int window, pm_hub *hub, int64_t session,
                           const char *folder);
 // Opens node i of the cluster with the scene and weights `system`.
 void cluster_add(cluster *c, int i, const pm_system *system, int64_t session);
-// As cluster_open, with all nodes.
+// Does what cluster_open does, and opens all nodes.
 void cluster_open_all(cluster *c, int count, int window, pm_hub *hub, int64_t session);
 void cluster_close(cluster *c);
 
-// Closes node i, or the coordinator if i = count, without a message; starts it again with the same
-// options; tells whether it is there.
+// For node i, or the coordinator if i = count: cluster_kill closes it without a message,
+// cluster_return starts it again with the same options, and cluster_has returns true if it exists.
 void cluster_kill(cluster *c, int i);
 void cluster_return(cluster *c, int i);
 bool cluster_has(const cluster *c, int i);
@@ -67,8 +67,8 @@ bool cluster_is_over(const cluster *c);
 // Passes the waiting messages to every endpoint and polls it. Returns the number of messages; time
 // advances when there are none. A run that takes too long fails the test.
 int cluster_turn(cluster *c);
-// The number of steps that a node, or the coordinator, has completed; of the latter -1 before the
-// initial state is known.
+// Returns the number of steps that a node, or the coordinator, has completed; of the latter -1
+// before the initial state is known.
 long cluster_node_step(const pm_lockstep_node *node);
 long cluster_coordinator_step(const pm_lockstep_coordinator *coordinator);
 

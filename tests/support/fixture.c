@@ -1,5 +1,6 @@
-// A chain of pendula. Each link: energy of its momentum and of its spring, entropy given, canonical
-// L. Each joint: momentum of one link against the stretch of the next, and heat between them.
+// Makes a chain of pendula. Each link has an energy of its momentum and of its spring, a given
+// entropy, and a canonical L. Each joint couples the momentum of one link with the extension of the
+// next one, and conducts heat between them.
 #include "tests/support/fixture.h"
 
 #include <stdarg.h>

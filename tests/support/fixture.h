@@ -8,16 +8,16 @@
 // Storage the caller owns; zero-initialise.
 typedef struct fixture {
     pm_scene *scene;
-    pm_system *system; // digest made from the seed
-    double *z;         // [scene->nz] where it starts; in the scene's arena
+    pm_system *system; // its digest follows from the seed
+    double *z;         // [scene->nz] initial state; in the scene's arena
 } fixture;
 
-// `nlink` subsystems link1, link2 ... with groups q[2], p[2], s[1], and bracket ports joint1
-// between link1 and link2 and so on. dt 0.02 s, rk4, 2 substeps, window 1. Weights and state follow
-// from `seed`. Stops the test on failure.
+// Makes `nlink` subsystems link1, link2 ... with groups q[2], p[2], s[1], and bracket ports: joint1
+// between link1 and link2, and so on. The scene has dt 0.02 s, rk4, 2 substeps, window 1. Weights
+// and initial state follow from `seed`. A failure ends the test.
 void fixture_open(fixture *f, int nlink, uint64_t seed);
-// Deals the links out to processes 1 to `nprocess` in turn, so that neighbours are apart where they
-// can be.
+// Distributes the links to `nprocess` processes in turn, so that neighbouring links are in
+// different processes if there are at least two.
 void fixture_deal(fixture *f, int nprocess);
 void fixture_close(fixture *f);
 

@@ -1,4 +1,5 @@
-// Models from the text of a `model:` block, and checks of what was read. Failures end the test.
+// Reads models from the text of a `model:` block, and compares specs and parameters. Failures end
+// the test.
 #ifndef PM_TESTS_MODEL_TEXT_H
 #define PM_TESTS_MODEL_TEXT_H
 

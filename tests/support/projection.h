@@ -1,5 +1,5 @@
-// Sums that laws say something about, with the sum of the magnitudes that cancel in them, to which
-// rounding is relative.
+// Checks of sums that must be zero or not negative, such as dE . zdot. The rounding error of such a
+// sum is proportional to the sum of the magnitudes of its terms.
 #ifndef PM_TESTS_BALANCE_H
 #define PM_TESTS_BALANCE_H
 

@@ -1,4 +1,4 @@
-// Drawing models as text, so that what fails can be read and tried by hand.
+// Draws models as text, so that a failing model can be read and tried by hand.
 #include "tests/support/random_system.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
-// A temporary folder for a test's files, removed with all that is in it; and small helpers on
-// files.
+// A temporary folder for a test's files, which is removed with its content, and helpers to read and
+// write files.
 #ifndef PM_TESTS_SCRATCH_H
 #define PM_TESTS_SCRATCH_H
 
@@ -23,7 +23,7 @@ static inline void scratch_open(scratch *s) {
     (void)made;
 }
 
-// The path of a file of this name in the folder; the last eight stay valid.
+// Returns the path of a file of this name in the folder; the last eight stay valid.
 static inline const char *scratch_path(scratch *s, const char *name) {
     char *path = s->path[s->count++ % 8];
     assert(strlen(s->folder) + strlen(name) + 2 <= sizeof s->path[0]);
@@ -31,7 +31,7 @@ static inline const char *scratch_path(scratch *s, const char *name) {
     return path;
 }
 
-// Number of files in the folder; with `remove`, they are deleted.
+// Returns the number of files in the folder; with `remove`, deletes them.
 static inline int scratch_files(const scratch *s, int remove) {
     int count = 0;
     DIR *folder = opendir(s->folder);
@@ -51,7 +51,7 @@ static inline void scratch_close(scratch *s) {
     rmdir(s->folder);
 }
 
-// Fixtures of cmocka: one folder for each test, or for all of them.
+// Set-up and tear-down functions for cmocka: a folder for each test, or one for a group of tests.
 static inline int scratch_setup(void **state) {
     static scratch folder;
     scratch_open(&folder);
@@ -73,7 +73,7 @@ static inline void scratch_write(const char *path, const void *data, size_t size
     fclose(file);
 }
 
-// The whole file; the caller frees.
+// Returns the content of a file; the caller frees it.
 static inline char *scratch_read(const char *path, size_t *size) {
     FILE *file = fopen(path, "rb");
     assert(file != NULL);

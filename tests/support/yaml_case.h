@@ -1,5 +1,5 @@
-// Bad input for the YAML readers: an edit to a good text, and the place and words of the error that
-// must follow.
+// A test case with a mistake for the YAML readers: an edit to a valid text, and the place and words
+// of the expected error.
 #ifndef PM_TESTS_YAML_CASE_H
 #define PM_TESTS_YAML_CASE_H
 
@@ -17,12 +17,12 @@
 #include "base/status.h"
 
 typedef struct yaml_case {
-    const char *from, *to; // the first `from` of the good text becomes `to`
+    const char *from, *to; // the first `from` in the valid text becomes `to`
     const char *at;        // the error points at this part of `to`
-    const char *words;     // and contains these
+    const char *words;     // and contains these words
 } yaml_case;
 
-// The edited text; the caller frees.
+// Returns the edited text; the caller frees it.
 static inline char *yaml_case_text(const char *good, const yaml_case *c) {
     const char *place = strstr(good, c->from);
     if (place == NULL) {
@@ -38,8 +38,8 @@ static inline char *yaml_case_text(const char *good, const yaml_case *c) {
     return text;
 }
 
-// Checks status and pm_error() after reading the edited text under the name `file`; prints and
-// returns false where they are not as expected.
+// Compares `status` and pm_error(), after the edited text was read under the name `file`, with the
+// expected error. Prints a difference and returns false if there is one.
 static inline bool yaml_case_holds(const char *file, const char *good, const yaml_case *c,
                                    pm_status status) {
     char *text = yaml_case_text(good, c);

@@ -1,4 +1,5 @@
-// Loads over time: polynomials between the states of a dataset, numbers, places in error.
+// Boundary inputs: interpolation between the states of a dataset, constants, and the places that
+// errors name.
 #include <limits.h>
 #include <math.h>
 #include <setjmp.h>
@@ -179,10 +180,12 @@ static void what_cannot_be_followed(void **state) {
     (void)state;
     fixture f;
     open(&f, 1);
-    fails(&f, NULL, PM_ECONFIG, "t.yaml:6:33: boundary input wind follows the column \"force\", but there");
+    fails(&f, NULL, PM_ECONFIG,
+          "t.yaml:6:33: boundary input wind follows the column \"force\", but there");
     fails(&f, f.data, PM_EDATA, "cannot follow a trajectory of one state");
     f.data->ncolumn = 1;
-    fails(&f, f.data, PM_EDATA, "t.yaml:6:33: boundary input wind: column \"force\" is not in the dataset");
+    fails(&f, f.data, PM_EDATA,
+          "t.yaml:6:33: boundary input wind: column \"force\" is not in the dataset");
     close(&f);
 }
 

@@ -1,4 +1,5 @@
-// The address and the channels of a scene: what LCM would refuse is found before a process starts.
+// The address and the channels of a scene: mistakes that LCM would refuse are found before a
+// process starts.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// Datasets: what is saved comes back; what is wrong with a file is told in one line.
+// Datasets: a saved dataset loads unchanged, and every mistake in a file is described in one line.
 #include <hdf5.h>
 #include <math.h>
 #include <setjmp.h>

@@ -1,5 +1,5 @@
-// The reader of datasets on the public data of the method's authors. The file is not part of this
-// repository: where it does not lie beside it, the test is skipped.
+// Reads the public data of the method's authors as a dataset. The data are not part of this
+// repository; without them the test is skipped.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

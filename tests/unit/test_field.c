@@ -1,5 +1,5 @@
-// Fields on a mesh: what is saved comes back; a file may leave out the first forces; what is wrong
-// is told.
+// Fields on a mesh: a saved field loads unchanged, a file may leave out the forces of the first
+// time, and mistakes in a file are described.
 #include <hdf5.h>
 #include <math.h>
 #include <setjmp.h>

@@ -1,5 +1,5 @@
-// What is let through to the HDF5 library: files written here, and no damage to them that it does
-// not survive.
+// The check before the HDF5 library: files of this program pass, and damage that crashes the
+// library does not.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

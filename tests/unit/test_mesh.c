@@ -1,5 +1,5 @@
-// The graph of a box of bricks: how many nodes and edges, in which order, where they lead, and what
-// is known of them.
+// The graph of a box of bricks: numbers and order of nodes and edges, the nodes that edges join,
+// and the features of both.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

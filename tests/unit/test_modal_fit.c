@@ -1,5 +1,5 @@
-// The two fits that a basis is made with: linear least squares of low rank, and the kernel of the
-// stress close to loads.
+// The two fits of a basis: linear least squares of low rank, and the kernel of the stress close to
+// loads.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,4 +1,4 @@
-// Names: found among many, and ranges that are written out and folded again.
+// Names of columns: lookups among many names, and the expansion and folding of ranges.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

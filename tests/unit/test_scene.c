@@ -1,4 +1,4 @@
-// Scenes: what a file says comes back, and what is wrong with it is told with its place.
+// Scenes: the reader returns what the file says, and errors name the place of a mistake.
 #include <dirent.h>
 #include <math.h>
 

@@ -1,4 +1,4 @@
-// The processes of a scene: which subsystems share one, and what is wrong with a section
+// The processes of a scene: which subsystems share a process, and the errors in a section
 // `processes`.
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,5 +1,5 @@
-// One subsystem after another in one process: tableaux, what a step skips and counts, the ledger's
-// arithmetic, no allocation in the step, and a clear end when a state runs away.
+// Simulation in one process: Butcher tableaux, skipped and counted evaluations, the sums of the
+// ledger, steps without allocations, and a clear error when a state becomes non-finite.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

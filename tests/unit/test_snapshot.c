@@ -1,4 +1,5 @@
-// Records, snapshots and checkpoints: what was saved comes back, and nothing else does.
+// Records, snapshots and checkpoints: saved numbers load unchanged, and files of other inputs are
+// refused.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// When a wait polls before it sleeps, in virtual time.
+// Polling and sleeping of waits, in virtual time.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,4 +1,5 @@
-// A scene joined with its weights: what fits loads, what does not is refused by name.
+// A scene with its weights: weights that fit are loaded; others are refused, and the message names
+// them.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// When a process that waits requests the missing message, in virtual time.
+// The times at which a waiting process requests the missing message, in virtual time.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

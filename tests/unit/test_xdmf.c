@@ -1,4 +1,5 @@
-// XDMF beside a field file: well-formed, made of what the file holds, nothing beyond its extents.
+// XDMF descriptions of field files: they are well-formed, and refer only to data within the extents
+// of the field file.
 #include <hdf5.h>
 #include <setjmp.h>
 #include <stdarg.h>

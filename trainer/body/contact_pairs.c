@@ -95,9 +95,9 @@ static void weigh(double x, double y, double weight[4], double slope[2][4]) {
     memcpy(slope[1], by_y, sizeof by_y);
 }
 
-// Finds the point of the face that has the tangential coordinates of `at`, by Newton's method: the
-// weights of the face's corners and their slopes along both tangents. Returns false if the point
-// lies outside the face.
+// Finds the point of the face with the tangential coordinates of `at` by Newton's method. Writes
+// the weights of the face's corners there and their slopes along both tangents. Returns false if
+// the point lies outside the face.
 static bool locate_on_face(const contact_face *f, const pm_contact_pair *pair, const double *at,
                            double weight[4], double slope[2][4]) {
     double xy[2] = {0.5, 0.5}, inverse[2][2], local[2][4];
@@ -151,7 +151,8 @@ static pm_status add_corner(pm_contact_point *point, int node, double value, dou
     return PM_OK;
 }
 
-// The distance from `at` to the point of the face with these weights, along the pair's normal.
+// Returns the distance from `at` to the point of the face with these weights, along the pair's
+// normal.
 static double distance_to(const contact_face *f, const pm_contact_pair *pair, const double *at,
                           const double weight[4]) {
     double distance = -dot(pair->normal, at);
@@ -201,7 +202,8 @@ static pm_status find_point(const contact_side *s, const pm_contact_pair *pair, 
 
 // --- pairs ---
 
-// The extent along a tangent, m, of the faces whose normal is `sign` times that of the pair.
+// Returns the extent along a tangent, m, of the faces whose normal is `sign` times that of the
+// pair.
 static double length_of(const contact_side *s, const pm_contact_pair *pair, double sign,
                         int tangent) {
     double low = INFINITY, high = -INFINITY;
@@ -235,7 +237,7 @@ static void set_frame(pm_contact_pair *pair, const contact_face *f) {
     cross(pair->normal, pair->tangent[0], pair->tangent[1]);
 }
 
-// Whether a face before this one has the node and the same normal.
+// Returns true if a face before this one has the node and the same normal.
 static bool was_seen(const contact_side *s, int face_id, int node) {
     for (int i = 0; i < face_id; ++i) {
         const bool alike = dot(s->face[i].normal, s->face[face_id].normal) >= PARALLEL;

@@ -2,9 +2,10 @@
 // the point of the second body's surface straight across the gap, found in the undeformed bodies.
 // The point is interpolated bilinearly between the nodes of its face.
 //
-// Sliding is taken to be small: the pairs stay the same while the bodies deform, but a point that
-// has slid meets a surface that slopes. Let n be the normal of the first body, t_u and t_v tangents
-// to it, and u_1, u_2 the displacements of both points. The distance of a pair is then
+// Sliding is assumed to be small: the pairs stay the same while the bodies deform. The slope of the
+// surface changes the opening of a pair that has slid. Let n be the normal of the first body, t_u
+// and t_v tangents to it, and u_1, u_2 the displacements of both points. The distance of a pair is
+// then
 //     opening = g + u slope_u + v slope_v
 //     g = gap + n.(u_2 - u_1)      u = t_u.(u_1 - u_2)      slope_u = d(n.u)/dt_u    (v likewise)
 // with the five quantities g, u, v, slope_u and slope_v linear in the displacements. To second
@@ -29,7 +30,7 @@ typedef enum pm_contact_group {
 } pm_contact_group;
 #define PM_CONTACT_GROUPS 5
 
-// An undeformed body in its place. The caller owns the arrays.
+// An undeformed body with its placement in space. The caller owns the arrays.
 typedef struct pm_placed_body {
     const char *name;
     int nnode, nelement;

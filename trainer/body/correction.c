@@ -25,7 +25,7 @@ typedef struct correction {
     pm_arena arena;
 } correction;
 
-// The numbers in the fields of one trajectory.
+// Returns the numbers in the fields of one trajectory.
 static size_t numbers(const correction *c) {
     return (size_t)c->known->ntime * (size_t)c->known->nnode * (size_t)c->known->nvariable;
 }
@@ -146,7 +146,7 @@ static void add_forces(const pm_field *d, int trajectory, int time, double sum[3
     }
 }
 
-// The relative difference, over time, between the total forces of a simulated and a known
+// Returns the relative difference, over time, between the total forces of a simulated and a known
 // trajectory.
 static double total_force_difference(const correction *c, int own, int known) {
     double off = 0, whole = 0;
@@ -162,8 +162,8 @@ static double total_force_difference(const correction *c, int own, int known) {
     return off == 0 ? 0 : sqrt(off / whole);
 }
 
-// The relative difference, over nodes and time, between the forces of a simulated and a known
-// trajectory.
+// Returns the relative difference, over nodes and time, between the forces of a simulated and a
+// known trajectory.
 static double force_difference(const correction *c, int own, int known) {
     const size_t count = 3 * (size_t)c->known->nnode * (size_t)c->known->ntime;
     const double *a = pm_field_force(c->result, own, 0), *b = pm_field_force(c->known, known, 0);

@@ -4,8 +4,8 @@
 //
 // The place of a load is the mean position of its forces at the last time, weighted by their size.
 // Two known loads whose places differ in x alone, and whose total force has the same history,
-// enclose a load between them at the fraction w of their distance; its correction is interpolated
-// linearly, and beyond the last known load it is that of the last:
+// enclose a load at the fraction w of their distance. The correction of this load is interpolated
+// linearly; beyond the last known load the correction is constant:
 //     z = simulated + (1 - w) (known_0 - simulated_0) + w (known_1 - simulated_1)
 // (A simulation at two levels and their discrepancy: Kennedy, O'Hagan, Biometrika 87, 2000; the
 // discrepancy is interpolated here instead of regressed.)
@@ -16,9 +16,9 @@
 
 // Corrects all trajectories of `simulated` by the trajectories trajectory [count] of `known`. The
 // result has the nodes, elements and numbering of `known`, and the caller frees it. Each of these
-// known loads must be among the simulated ones, and each simulated load must lie in a row with a
-// known one of the same size and direction. PM_EDATA (a load has no such partner or is zero at the
-// last time; the fields differ in nodes, variables or times), PM_ENOMEM.
+// known loads must also be among the simulated ones. Each simulated load must lie on a line along x
+// with a known load of the same size and direction. PM_EDATA: a load has no such partner or is zero
+// at the last time, or the fields differ in nodes, variables or times. PM_ENOMEM.
 pm_status pm_correct(pm_field **corrected, const pm_field *simulated, const pm_field *known,
                      int count, const int *trajectory);
 

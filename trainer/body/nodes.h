@@ -42,9 +42,9 @@ pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int coun
 
 // Converts back. Trajectory i of the result has the positions and stresses of trajectory i of
 // `nodes` at the free nodes, and velocities by differences over the last step. Everything else
-// (clamped nodes, first velocities, other variables, forces) is that of trajectory trajectory[i] of
-// `body`; energies are not known. PM_EDATA (columns or shapes that do not fit), PM_ENOMEM. The
-// caller frees the fields.
+// (clamped nodes, first velocities, other variables, forces) is copied from trajectory
+// trajectory[i] of `body`; energies are not known. PM_EDATA (columns or shapes that do not fit),
+// PM_ENOMEM. The caller frees the fields.
 pm_status pm_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
                           const int *trajectory);
 

@@ -26,7 +26,7 @@ typedef struct drawn_body {
     pm_surface surface;
 } drawn_body;
 
-// The index of the state nearest to a time.
+// Returns the index of the state nearest to a time.
 static int nearest_state(const pm_field *field, double time) {
     int best = 0;
     for (int j = 1; j < field->ntime; ++j) {
@@ -62,7 +62,7 @@ static void position_of(const drawn_body *b, int node, double *global) {
     pm_placement_point(&b->placement, own, global);
 }
 
-// The von Mises stress at a node, Pa.
+// Returns the von Mises stress at a node, Pa.
 static double von_mises(const drawn_body *b, int node) {
     const double *s = b->z + (ptrdiff_t)node * b->field->nvariable + b->stress;
     const double xy = s[0] - s[1], yz = s[1] - s[2], zx = s[2] - s[0];

@@ -59,7 +59,7 @@ static pm_status read_arguments(contact_arguments *a, int argc, char **argv, boo
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// Checks that there is something to do, and that nothing is missing for it.
+// Checks that the options ask for at least one result, and that all inputs for it are given.
 static pm_status check_arguments(contact_arguments *a) {
     if (a->output == NULL && a->modes == NULL) {
         return pm_fail(PM_EUSAGE, "contact: nothing to do: give --output or --score");

@@ -86,7 +86,7 @@ static pm_status run(pm_evaluation **evaluation, const job *j, int count) {
     return status;
 }
 
-// The number of trajectories among which [count] that training used.
+// Returns the number of trajectories among which [count] that training used.
 static int count_seen(const job *j, int count) {
     int n = 0;
     for (int i = 0; i < count; ++i) {

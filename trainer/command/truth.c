@@ -43,7 +43,7 @@ static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool 
     return pm_options_read(&options, argc, argv, helped);
 }
 
-// Prints how well the laws are kept.
+// Prints how well energy is conserved and how entropy grows.
 static void print_report(const pm_truth *truth, const pm_truth_report *report) {
     const pm_truth_model *model = &truth->model;
     for (int k = 0; k < model->nconserved; ++k) {

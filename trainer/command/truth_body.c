@@ -18,8 +18,8 @@ typedef struct simulated_bodies {
 
 // --- the balance of energy ---
 
-// The largest |stored + dissipated - work| of a trajectory over its largest work, both summed over
-// the bodies. The work is that of loads and contact forces.
+// Returns the largest |stored + dissipated - work| of a trajectory over its largest work, both
+// summed over the bodies. The work is that of loads and contact forces.
 static double imbalance(const simulated_bodies *b, int trajectory) {
     double error = 0, work = 0;
     for (int j = 0; j < b->field[0]->ntime; ++j) {
@@ -48,7 +48,7 @@ static void print_balance(const simulated_bodies *b) {
 
 // --- contact ---
 
-// The total contact force on a body at one time, N.
+// Returns the total contact force on a body at one time, N.
 static double contact_size(const pm_field *field, int trajectory, int j) {
     const double *force = pm_field_contact(field, trajectory, j);
     double total[3] = {0};
@@ -101,7 +101,7 @@ static pm_status simulate(const pm_truth *truth, int first, const simulated_bodi
     return status;
 }
 
-// The path of a body's file: FILE.h5 for a body without a name, otherwise FILE_upper.h5.
+// Returns the path of a body's file: FILE.h5 for a body without a name, otherwise FILE_upper.h5.
 static const char *path_of(const char *path, const char *name, pm_arena *arena) {
     if (name == NULL) {
         return path;

@@ -40,8 +40,8 @@ typedef struct pm_evaluation {
     int stride;          // steps of the scene between two states of the dataset
     pm_rollout *rollout; // [count]
     // The rollouts as a dataset [count][ntime][ncolumn] in the coordinates of the given one.
-    // Columns that the scene does not predict are copied. After the last finite state this state is
-    // repeated.
+    // Columns that the scene does not predict are copied. The last finite state is repeated up to
+    // the end.
     pm_dataset *predicted;
     pm_box *trajectory; // [ngroup] the distribution of the errors over trajectories
     pm_box *snapshot;   // [ngroup] the distribution of the errors of states, first states left out

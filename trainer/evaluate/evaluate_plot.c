@@ -38,7 +38,7 @@ static pm_status open_script(FILE **file, const char *folder, const char *name, 
     return PM_OK;
 }
 
-// The unit of the first group with this name in any subsystem.
+// Returns the unit of the first group with this name in any subsystem.
 static const char *unit_of(const pm_scene *scene, const char *group) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_group *found = pm_layout_find(&scene->subsystem[i].layout, group);

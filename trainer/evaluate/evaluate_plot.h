@@ -1,8 +1,8 @@
 // Draws an evaluation with gnuplot. The scripts and the numbers stay beside the pictures:
 //   errors.png      box plots of the errors of each group; training trajectories beside test ones
 //   trajectory.png  the first trajectory and its prediction
-//   growth.png      the error of each state over time: median, quartiles and range over
-//   trajectories laws.png        total energy and entropy over time, if they are defined
+//   growth.png      the error of each state over time: median, quartiles and range
+//   laws.png        total energy and entropy over time, if they are defined
 #ifndef PM_TRAINER_EVALUATE_EVALUATE_PLOT_H
 #define PM_TRAINER_EVALUATE_EVALUATE_PLOT_H
 

@@ -36,8 +36,8 @@ static void gain(const series *s, const double *values, int part) {
     }
 }
 
-// Marks the subsystems that are connected with end a when the port is removed. Returns false if end
-// b or a boundary input is among them: then energies of subsystems do not determine the power.
+// Marks the subsystems that stay connected with end a when the port is removed. Returns false if
+// end b or a boundary input is among them; energies of subsystems then do not determine the power.
 static bool find_side(const pm_scene *scene, int port, bool *side) {
     memset(side, 0, (size_t)scene->nsubsystem * sizeof *side);
     if (scene->port[port].subsystem[0] < 0 || scene->port[port].subsystem[1] < 0) {

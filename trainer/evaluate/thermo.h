@@ -11,9 +11,9 @@
 typedef struct pm_thermo_row {
     const char *kind; // "production", "energy" or "entropy" of a subsystem, "power" of a port
     const char *name; // of the subsystem or port; "" for the whole system
-    // Median, mean and largest of the absolute values of the relative errors of all rollouts, and
-    // for the production the median of the signed errors (else 0). Infinite where a rollout is not
-    // finite.
+    // Median, mean and largest of the absolute relative errors over all rollouts. `bias` is the
+    // median of the signed errors of the production (0 for other rows). Infinite if a rollout is
+    // not finite.
     double median, mean, largest, bias;
     double typical; // the median absolute reference value, J, J/K or W
 } pm_thermo_row;
@@ -27,14 +27,13 @@ typedef struct pm_thermo {
 } pm_thermo;
 
 // Computes these rows:
-// - production: the change of the total entropy over a rollout. With boundary inputs it is that of
-// the
-//   subsystems alone.
-// - energy, entropy: the change of a subsystem since the beginning, as a relative L2 error over
-// time.
-// - power: the mean power through a port over each step, W, as a relative L2 error over time. It is
-//   determined by the energies of subsystems only if the ports form no ring there and no boundary
-//   input is connected; other ports have no row.
+// - production: the change of the total entropy over a rollout. With boundary inputs it is the
+//   change of the entropy of the subsystems alone.
+// - energy, entropy: the change of a subsystem's energy or entropy since the beginning, as a
+//   relative L2 error over time.
+// - power: the mean power through a port over each step, W, as a relative L2 error over time. The
+//   energies of the subsystems determine it only if the port belongs to no ring of ports and no
+//   boundary input is connected with it; other ports have no row.
 // There are no rows if energy is not defined. The caller frees. PM_ENOMEM.
 pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *evaluation);
 void pm_thermo_free(pm_thermo *thermo);

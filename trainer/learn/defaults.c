@@ -22,8 +22,8 @@ static bool is_listed(int count, const char *const *list, const char *name) {
     return false;
 }
 
-// Whether the entropy is this group, or a sum that contains it with a positive coefficient: a given
-// linear form, or a formula that is the name of the group.
+// Returns true if the entropy is this group, or a sum that contains it with a positive coefficient:
+// a given linear form, or a formula that is the name of the group.
 static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
     if (entropy->nterm > 0) {
         return false;
@@ -65,7 +65,7 @@ static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *en
     return PM_OK;
 }
 
-// The number of thermal terms that have this entropy among their features.
+// Returns the number of thermal terms that have this entropy among their features.
 static int count_thermal(const pm_potential_spec *energy, const char *group) {
     int count = 0;
     for (int i = 0; i < energy->nterm; ++i) {
@@ -148,8 +148,8 @@ static void default_spread(pm_operator_spec *op) {
     }
 }
 
-// Whether a learned operator can heat these entropies: it must have a variable to act on besides a
-// single entropy.
+// Returns true if a learned operator can heat these entropies: it must have a variable to act on
+// besides a single entropy.
 static bool can_heat(const pm_operator_spec *op, pm_form form, int components, int count,
                      const char *const *heats) {
     bool other = components > 1;
@@ -183,7 +183,8 @@ pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena 
     return PM_OK;
 }
 
-// Whether a group of one end of a port is an entropy, of a subsystem or of a boundary input.
+// Returns true if a group of one end of a port is an entropy, of a subsystem or of a boundary
+// input.
 static bool shows_entropy(const pm_system *system, int port, int end, const char *group) {
     const pm_scene_port *scene = &system->scene->port[port];
     if (scene->subsystem[end] >= 0) {

@@ -1,6 +1,6 @@
-// The physical defaults of a training file: rewrites the models as they are written in the file
-// such that a first guess learns well. With `defaults: plain` in the training file these functions
-// are not called and models stay as they are written.
+// The physical defaults of a training file. The functions complete the models of the file with what
+// physics suggests, so that a first draft trains well. With `defaults: plain` in the training file
+// they are not called, and the models stay as written.
 #ifndef PM_TRAINER_LEARN_DEFAULTS_H
 #define PM_TRAINER_LEARN_DEFAULTS_H
 
@@ -11,7 +11,7 @@
 
 // Rewrites the model of a subsystem with the state `layout`. In a subsystem with a given entropy s,
 // energy networks that have s among their features become thermal (model/thermal.h): they start at
-// the temperature that a linear form of s in the energy gives, and that linear form is removed. A
+// the temperature that a linear form of s in the energy names, and the linear form is removed. A
 // learned irreversible operator heats s (model/dissipation.h). All energies get a unit that
 // learn/normalization.h fixes from the data. New arrays of `spec` live in the arena. PM_ENOMEM.
 pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena *arena);

@@ -44,7 +44,7 @@ typedef struct pm_fit {
     uint64_t *seen; // [trajectories] their digests
     const volatile sig_atomic_t *stop;
     char *checkpoint; // path
-    uint64_t digest;  // of all that decides the result, except the stages
+    uint64_t digest;  // of all inputs that determine the result, except the stages
     int size;         // the number of weights
     double *theta;    // [size] the present weights
     double *moment;   // [2][size] the memory of the optimiser
@@ -68,8 +68,8 @@ typedef struct pm_fit {
 // fit in any case. Fails like the functions that it calls, with one line that names file and value.
 pm_status pm_fit_open(pm_fit *fit, const pm_fit_arguments *arguments,
                       const volatile sig_atomic_t *stop);
-// Runs the stages that are left. Afterwards the system holds the best weights. PM_EINTERRUPTED if
-// *stop becomes nonzero; PM_ENUMERIC if the loss is not finite.
+// Runs the remaining stages. Afterwards the system holds the best weights. PM_EINTERRUPTED if *stop
+// becomes nonzero; PM_ENUMERIC if the loss is not finite.
 pm_status pm_fit_run(pm_fit *fit);
 void pm_fit_close(pm_fit *fit);
 

@@ -103,7 +103,7 @@ static void print_laws(const pm_measure *m) {
 
 // --- the verdict ---
 
-// The first group that is worse than persistence, or NULL.
+// Returns the first group that is worse than persistence, or NULL.
 static const pm_measure_cell *find_worse(const pm_measure *m) {
     for (int c = 0; c < m->ncell; ++c) {
         const pm_measure_cell *cell = &m->cell[c];

@@ -13,8 +13,8 @@ static const char *base_name(const char *path) {
     return slash == NULL ? path : slash + 1;
 }
 
-// The weights file of a component, counting subsystems first, then ports. NULL: the scene has a
-// model of it.
+// Returns the weights file of a component, counting subsystems first, then ports. NULL: the scene
+// has a model of it.
 static const char *weights_of(const pm_scene *scene, int component) {
     const int n = scene->nsubsystem;
     return component < n ? scene->subsystem[component].weights : scene->port[component - n].weights;
@@ -54,7 +54,7 @@ const double *pm_fit_kept(const pm_fit *f) {
     return f->position[PM_FIT_BEST] >= 0 ? f->best : f->theta;
 }
 
-// The provenance that all weights files of the fit share.
+// Returns the provenance that all weights files of the fit share.
 static pm_provenance provenance_of(const pm_fit *f) {
     const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
     const bool steps = loss->residual == PM_RESIDUAL_STEP;

@@ -58,7 +58,7 @@ static int list_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int
     return count;
 }
 
-// The residuals of one sample, whose squares sum to its loss.
+// Returns the residuals of one sample, whose squares sum to its loss.
 static pm_node build_residuals(pm_graph *g, const pm_loss_context *c, pm_node *input) {
     pm_loss_nodes nodes;
     if (pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes) != PM_OK) {

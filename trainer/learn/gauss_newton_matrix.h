@@ -15,8 +15,8 @@ void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal); // NULL is al
 
 // Computes the gradient [n] and the upper triangle of the matrix hessian [n][n] of half the mean
 // loss over the samples index [count], where n = pm_objective_size. The last call of
-// pm_objective_evaluate must have covered these samples at the present weights, since its robust
-// weights of the samples are used.
+// pm_objective_evaluate must have covered these samples at the present weights, since this function
+// uses the robust weights that it computed.
 void pm_gauss_newton_matrix_evaluate(pm_gauss_newton_matrix *normal, int count, const int *index,
                                      double *gradient, double *hessian);
 

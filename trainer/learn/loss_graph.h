@@ -23,8 +23,8 @@ typedef struct pm_loss_nodes {
     pm_node degeneracy; // [1][1]: |L dS|^2 + |M dE|^2, scaled, mean; PM_NO_NODE in the hard form
 } pm_loss_nodes;
 
-// The number of polynomial coefficients of the boundary inputs that the loss reads for each step: 1
-// (their values at the beginning of the step) or PM_BOUNDARY_INPUT_ORDER.
+// Returns the number of polynomial coefficients of the boundary inputs that the loss reads for each
+// step: 1 (their values at the beginning of the step) or PM_BOUNDARY_INPUT_ORDER.
 int pm_loss_input_order(const pm_loss *loss);
 
 // Adds the residuals of one window to the graph. The windows of `samples` must hold at least

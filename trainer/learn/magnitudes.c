@@ -113,7 +113,8 @@ static void estimate_port(const pm_magnitudes *m, const pm_system *system, int p
     }
 }
 
-// The typical heat content of a subsystem: the temperature times the deviation of its entropies.
+// Returns the typical heat content of a subsystem: the temperature times the deviation of its
+// entropies.
 static double heat_content(const pm_magnitudes *m, const pm_system *system, int part) {
     const pm_potential_spec *energy = &system->part[part].spec.energy;
     double content = 0;

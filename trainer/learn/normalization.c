@@ -53,7 +53,7 @@ static pm_param_entry *entry_of(const collection *c, const char *prefix, const c
     return pm_params_find(c->params, full);
 }
 
-// The group of the same name at the other end of a port: "b.s" for "a.s"; -1: none.
+// Returns the group of the same name at the other end of a port: "b.s" for "a.s"; -1: none.
 static int find_twin(const pm_normaliser *n, int own) {
     const char *dot = strchr(n->expression[own], '.');
     for (int i = 0; i < n->count && dot != NULL; ++i) {
@@ -154,7 +154,7 @@ static void fix_features(const set *s, const double *value, int count, int cols)
     }
 }
 
-// The root mean square over components [first, first + size).
+// Returns the root mean square over components [first, first + size).
 static double pooled_rms(const double *value, int count, int cols, int first, int size) {
     double square = 0;
     for (int i = 0; i < count; ++i) {
@@ -337,7 +337,7 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
     return PM_OK;
 }
 
-// The number of windows to examine: all, or as many as fit into memory.
+// Returns the number of windows to examine: all, or as many as fit into memory.
 static int choose_windows(const pm_samples *samples) {
     const int most = MOST_NUMBERS / (pm_samples_width(samples) + pm_samples_left_out(samples)) + 1;
     return samples->count < most ? samples->count : most;

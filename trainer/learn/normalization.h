@@ -1,5 +1,5 @@
-// Fixes the constants that a model has besides its weights: means and deviations of features,
-// scales of operators, lengths of `along` vectors, patterns of mesh networks, and the range of the
+// Computes the constants of a model that are not weights: means and deviations of features, scales
+// of operators, lengths of `along` vectors, patterns of mesh networks, and the range of the
 // training states (model/training_range.h). All are statistics of the training data.
 #ifndef PM_TRAINER_LEARN_NORMALIZATION_H
 #define PM_TRAINER_LEARN_NORMALIZATION_H

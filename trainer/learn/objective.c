@@ -246,7 +246,7 @@ static void add_gradient(loss_lane *l) {
     }
 }
 
-// The number of samples per run such that all lanes have about the same number.
+// Returns the number of samples per run such that all lanes have about the same number.
 static int chunk_of(int count, int most) {
     const int runs = LANES * ((count + LANES * most - 1) / (LANES * most));
     return (count + runs - 1) / runs;

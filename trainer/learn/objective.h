@@ -20,7 +20,7 @@ pm_status pm_objective_open(pm_objective **objective, pm_system *system, const p
 void pm_objective_close(pm_objective *objective); // NULL is allowed
 
 int pm_objective_samples(const pm_objective *o); // the number of samples
-// The number of samples including their symmetric copies (learn/samples.h).
+// Returns the number of samples including their symmetric copies (learn/samples.h).
 int pm_objective_symmetry_copies(const pm_objective *o);
 int pm_objective_size(const pm_objective *o); // the number of weights
 // Copies all weights from and to the system; theta is [pm_objective_size].
@@ -39,18 +39,19 @@ pm_status pm_objective_rescale(pm_objective *o, int count, const int *index);
 double pm_objective_robust_square(const pm_objective *o);
 void pm_objective_set_robust_square(pm_objective *o, double square);
 
-// These return what the objective was opened with; all pointers are borrowed from it.
+// The arguments with which an objective was opened. All pointers are borrowed from it.
 typedef struct pm_loss_context {
     pm_system *system;
     const pm_samples *samples;
     const pm_loss *loss;
 } pm_loss_context;
 pm_loss_context pm_objective_context(const pm_objective *o);
-// rho'(x) of one sample, as last evaluated: its weight in the Gauss-Newton matrix.
+// Returns rho'(x) of one sample, as last evaluated: the weight of the sample in the Gauss-Newton
+// matrix.
 double pm_objective_sample_weight(const pm_objective *o, int sample);
 
-// Median and mean over all samples of the mean squared scaled residual, as last evaluated.
-// PM_ENOMEM.
+// Computes the median and the mean, over all samples, of the mean squared scaled residual, as last
+// evaluated. PM_ENOMEM.
 pm_status pm_objective_residuals(const pm_objective *o, double *median, double *mean);
 
 #endif

@@ -34,14 +34,14 @@ typedef struct pm_optimisation {
 
 typedef struct pm_optimiser {
     const char *name;
-    // Minimises the loss over the iterations that are left. Returns the status of `report`,
-    // PM_ENUMERIC if the loss is not finite, or PM_ENOMEM.
+    // Minimises the loss in the remaining iterations. Returns the status of `report`, PM_ENUMERIC
+    // if the loss is not finite, or PM_ENOMEM.
     pm_status (*run)(pm_optimisation *optimisation);
 } pm_optimiser;
 
 // Returns the optimiser with this name, or NULL.
 const pm_optimiser *pm_optimiser_find(const char *name);
-// All names, separated by commas, for error messages.
+// Returns the names of all optimisers, separated by commas, for error messages.
 const char *pm_optimiser_names(void);
 
 #endif

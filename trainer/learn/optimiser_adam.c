@@ -9,7 +9,7 @@
 #define BETA1 0.9
 #define EPSILON 1e-8
 
-// The learning rate after a fraction of the stage: a half cosine on a logarithmic scale.
+// Returns the learning rate after a fraction of the stage: a half cosine on a logarithmic scale.
 static double rate_at(const pm_schedule *s, double fraction) {
     const double weight = 0.5 * (1 + cos(3.141592653589793 * fraction));
     return exp(weight * log(s->first_rate) + (1 - weight) * log(s->last_rate));

@@ -62,7 +62,7 @@ static bool solve(solver *s) {
         largest = fmax(largest, s->hessian[i * n + i]);
     }
     for (size_t i = 0; i < n; ++i) {
-        // A weight that nothing depends on at present still gets a positive diagonal.
+        // A weight without any effect at present still gets a positive diagonal entry.
         s->damped[i * n + i] += *s->damping * (s->hessian[i * n + i] + 1e-10 * largest);
         s->step[i] = -s->gradient[i];
     }

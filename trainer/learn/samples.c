@@ -51,8 +51,8 @@ static void pool_scales(pm_samples *s, const pm_scene *scene, const double *squa
     }
 }
 
-// The windows of one trajectory of states and, if not NULL, of rates, whose loads `load` follows;
-// returns the end of them.
+// Cuts one trajectory of states (and of rates, unless `rate` is NULL) into windows. Returns the end
+// of the windows.
 static double *cut(const pm_samples *s, const double *state, const double *rate,
                    const pm_dataset *d, pm_residual residual,
                    const pm_boundary_input *boundary_input, double *window, double *square) {

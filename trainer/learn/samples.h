@@ -31,23 +31,25 @@ pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_d
 void pm_samples_rescale(pm_samples *samples, const double *scale);
 void pm_samples_free(pm_samples *samples);
 
-// The position in a window where the coefficients of the boundary inputs over step `step` begin.
+// Returns the position in a window where the coefficients of the boundary inputs over step `step`
+// begin.
 static inline int pm_samples_input(const pm_samples *s, int step) {
     return (1 + s->unroll) * s->nz + step * s->input_order * s->nboundary_input;
 }
-// The length of a window.
+// Returns the length of a window.
 static inline int pm_samples_width(const pm_samples *s) {
     return pm_samples_input(s, s->unroll);
 }
 
-// The number of coefficients that each window omits because input_order is less than
+// Returns the number of coefficients that each window omits because input_order is less than
 // PM_BOUNDARY_INPUT_ORDER. Decisions that depend on the size of a window must include them, so that
 // results do not depend on input_order.
 static inline int pm_samples_left_out(const pm_samples *s) {
     return s->unroll * (PM_BOUNDARY_INPUT_ORDER - s->input_order) * s->nboundary_input;
 }
 
-// The number of samples including symmetric copies: sample k is copy k / count of window k % count.
+// Returns the number of samples including symmetric copies: sample k is copy k / count of window k
+// % count.
 int pm_samples_symmetry_copies(const pm_samples *s);
 // Writes the window [pm_samples_width] of sample k.
 void pm_samples_window(const pm_samples *s, int k, double *window);

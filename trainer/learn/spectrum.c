@@ -54,14 +54,14 @@ static int compare(const void *a, const void *b) {
     return (x->share < y->share) - (x->share > y->share);
 }
 
-// Whether this block holds logarithms of temperatures, in all entries but the first.
+// Returns true if this block holds logarithms of temperatures, in all entries but the first.
 static bool is_temperature(const block *b) {
     const char *end = strstr(b->name, ".body.");
     return strncmp(b->name, "energy.", 7) == 0 && end != NULL &&
            (strcmp(end, ".body.output.bias") == 0 || strcmp(end, ".body.constant") == 0);
 }
 
-// The root mean square change of the scaled residuals when all temperatures rise by WARMER;
+// Returns the root mean square change of the scaled residuals when all temperatures rise by WARMER;
 // negative: no temperature is learned.
 static double effect_of_warmth(int n, const double *hessian, int nblock, const block *list) {
     double sum = 0;

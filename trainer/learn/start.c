@@ -94,7 +94,7 @@ static pm_status advance(search *s, candidate *c, int iterations, double *gradie
     return PM_OK;
 }
 
-// Compares by loss, then by number, so that the result is unique.
+// Compares candidates by loss, then by number, so that the order is unique.
 static int compare(const void *a, const void *b) {
     const candidate *x = a, *y = b;
     return x->loss != y->loss ? (x->loss < y->loss ? -1 : 1) : x->id - y->id;
@@ -113,7 +113,7 @@ static pm_status halve(search *s, double *gradient) {
     return PM_OK;
 }
 
-// The number of iterations in all rounds.
+// Returns the number of iterations in all rounds.
 static int count_iterations(int tries, int iterations) {
     int sum = 0;
     for (; tries > 1; tries = (tries + 1) / 2) {

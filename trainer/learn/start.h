@@ -11,15 +11,15 @@
 #include "learn/samples.h"
 #include "learn/training.h"
 
-// Draws all weights by the seed of the training. The system must hold the weights as declared.
-// Writes all trained numbers to theta [size].
+// Draws all weights at random from the seed of the training, starting from the declared values that
+// the system must hold. Writes all trained numbers to theta [size].
 void pm_start_draw(pm_training *training, double *theta);
 
 // Replaces theta [size] by the best of training->tries draws, judged by their loss on the samples,
 // which must be those of the derivative residual. `declared` [size] are the weights as declared,
 // from which every draw begins. The constants of the models must have been fixed
-// (learn/normalization.h). With one try theta stays as it is. PM_EINTERRUPTED if *stop becomes
-// nonzero; PM_ENOMEM.
+// (learn/normalization.h). If training->tries is 1, theta is not changed. PM_EINTERRUPTED if *stop
+// becomes nonzero; PM_ENOMEM.
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, const double *declared,
                           double *theta, const volatile sig_atomic_t *stop);
 

@@ -48,7 +48,7 @@ pm_node pm_build_boundary_input(pm_graph *g, const pm_system *system, pm_node bo
     return value;
 }
 
-// The values of a boundary input in the place of the state and co-energies of a subsystem.
+// Returns the values of a boundary input in the place of the state and co-energies of a subsystem.
 static pm_state_nodes boundary_input_nodes(pm_graph *g,
                                            const pm_scene_boundary_input *boundary_input,
                                            pm_node prescribed) {

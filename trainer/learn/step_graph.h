@@ -48,7 +48,8 @@ typedef struct pm_step_work {
 } pm_step_work;
 
 // Replaces z [nsubsystem] by the states after `substeps` steps of h seconds each, and adds the
-// squared degeneracy residuals to *degeneracy. `boundary_input` is that of pm_build_boundary_input.
+// squared degeneracy residuals to *degeneracy. `boundary_input` holds polynomials as in
+// pm_build_boundary_input.
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
                    int substeps, pm_node *z, pm_node boundary_input, pm_node *degeneracy,
                    const pm_step_work *work);

@@ -21,7 +21,7 @@ struct pm_symmetry {
 
 // Describes the fields in windows of `unroll` steps with `input_order` coefficients of the boundary
 // inputs. Every group of a subsystem or boundary input with 1, 3 or 6 numbers per node of the mesh
-// is a field. All other groups are the same in all copies. The result lives in the arena.
+// is a field. All other groups have the same values in all copies. The result lives in the arena.
 // PM_ECONFIG: no model has a mesh, two meshes differ, or the mesh is not square; PM_ENOMEM.
 pm_status pm_symmetry_make(pm_symmetry **symmetry, const pm_system *system, int unroll,
                            int input_order, pm_arena *arena);

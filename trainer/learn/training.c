@@ -59,12 +59,12 @@ static pm_status check_names(pm_yaml mapping, const char *what, const pm_scene *
     return PM_OK;
 }
 
-// A model may serve several components. Adds to an error which one it was.
+// Adds the component's name to an error, since several components may use one model.
 static pm_status name_component(pm_status status, const char *name) {
     return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
 }
 
-// A component with a model in the scene must not have one in the training file.
+// Checks that a component whose model the scene defines has no model in the training file.
 static pm_status check_unnamed(pm_yaml mapping, const char *name) {
     const pm_yaml choice = pm_yaml_get(mapping, name);
     return pm_yaml_exists(choice) ? pm_yaml_fail(choice, "the scene itself has a model of %s", name)

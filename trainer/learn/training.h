@@ -34,7 +34,7 @@ typedef struct pm_training {
     int try_iterations; // iterations of each draw in the first round
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];
-    uint64_t digest; // of all that decides the result, except the data and the stages
+    uint64_t digest; // of all inputs that determine the result, except the data and the stages
     // The digest of each stage, without its number of iterations: a resumed training may have
     // longer stages. It has 32 bits, so that a double can hold it.
     uint32_t stage_digest[PM_MAX_TRAINING_STAGES];

@@ -67,8 +67,8 @@ typedef struct pm_modal_state {
     const double *load; // [nmode] J^0.5
 } pm_modal_state;
 
-// The number of features. The features are a, c and the loads, and the products of two and three of
-// the leading amplitudes, and of the leading internal variables of each branch.
+// Returns the number of features. The features are a, c and the loads, and the products of two and
+// three of the leading amplitudes, and of the leading internal variables of each branch.
 int pm_basis_features(const pm_basis *basis);
 // Fills feature [pm_basis_features].
 void pm_basis_fill_features(const pm_basis *basis, const pm_modal_state *state, double *feature);

@@ -16,7 +16,7 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for an assembly");
 }
 
-// The interface of bodies i and k; NULL if there is none.
+// Returns the interface of bodies i and k; NULL if there is none.
 static const pm_contact_interface *find_interface(const pm_body_assembly *a, int i, int k) {
     for (int m = 0; m < a->ninterface; ++m) {
         const int *body = a->interface[m].body;
@@ -27,7 +27,7 @@ static const pm_contact_interface *find_interface(const pm_body_assembly *a, int
     return NULL;
 }
 
-// Whether a third body lies between: it faces both, and is closer to either.
+// Returns true if a third body lies between: it faces both, and is closer to either.
 static bool is_hidden(const pm_body_assembly *a, const pm_contact_interface *m) {
     const double gap = m->pairs.pair[0].gap;
     for (int i = 0; i < a->nbody; ++i) {
@@ -41,7 +41,7 @@ static bool is_hidden(const pm_body_assembly *a, const pm_contact_interface *m) 
     return false;
 }
 
-// Finds all bodies that face each other, whatever lies between.
+// Finds all pairs of bodies that face each other, even with a third body between them.
 static pm_status find_all(pm_body_assembly *a) {
     for (int i = 0; i < a->nbody; ++i) {
         for (int k = i + 1; k < a->nbody; ++k) {
@@ -93,7 +93,7 @@ static double depth_of(const pm_placed_body *body, const double normal[3]) {
     return (high - low) / 4;
 }
 
-// Converts the sliding of a side into that half way to the axis.
+// Converts the sliding of a side into the sliding half way between the side and the axis.
 static void move_to_axis(const pm_contact_interface *m, double depth, double *value) {
     const int n = m->pairs.npair;
     for (int i = 0; i < n; ++i) {

@@ -22,7 +22,7 @@ static pm_status find_single_end(const pm_body_assembly *a, const pm_contact_int
                    a->body[m->body[0]].name, a->body[m->body[1]].name);
 }
 
-// The opening of a pair, m; `value` [PM_CONTACT_GROUPS][npair].
+// Returns the opening of a pair, m; `value` [PM_CONTACT_GROUPS][npair].
 static double opening_of(const double *value, int npair, int pair) {
     const double *v = value + pair;
     return v[PM_CONTACT_GAP * npair] +
@@ -30,7 +30,7 @@ static double opening_of(const double *value, int npair, int pair) {
            v[PM_CONTACT_SLID_V * npair] * v[PM_CONTACT_SLOPE_V * npair];
 }
 
-// The total normal force of an interface in a row, N.
+// Returns the total normal force of an interface in a row, N.
 static double force_of_openings(const pm_contact_openings *o, double stiffness, const double *row) {
     const double *value = pm_contact_openings_compute(o, row);
     const int n = o->interface->pairs.npair;
@@ -41,7 +41,8 @@ static double force_of_openings(const pm_contact_openings *o, double stiffness, 
     return force;
 }
 
-// The total contact force of the truth along the normal, N; positive if it pushes the bodies apart.
+// Returns the total contact force of the truth along the normal, N; positive if it pushes the
+// bodies apart.
 static double force_of_field(const pm_placed_body *body, const pm_contact_interface *m, int end,
                              const pm_field *field, int trajectory, int time) {
     const double *f = pm_field_contact(field, trajectory, time);

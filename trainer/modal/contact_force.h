@@ -27,10 +27,10 @@ void pm_contact_force_add(const pm_contact_force *force, const double *row, doub
 
 // Computes the relative L2 error over each trajectory of the total normal force of an interface,
 // error [modes->ntrajectory]; NAN where the bodies never touch. The reference is the total contact
-// force in the field of whichever of both bodies has no other interface; field [nbody] holds the
-// fields of all bodies and trajectory [modes->ntrajectory] their trajectories. PM_EDATA (columns,
-// states or fields do not fit together, there are no contact forces, or both bodies have other
-// interfaces), PM_ENOMEM.
+// force in the true field of one of the two bodies, which must have no other interface. field
+// [nbody] holds the fields of all bodies, and trajectory [modes->ntrajectory] the numbers of their
+// trajectories. PM_EDATA (columns, states or fields do not fit together, there are no contact
+// forces, or both bodies have other interfaces), PM_ENOMEM.
 pm_status pm_contact_force_errors(const pm_body_assembly *assembly,
                                   const pm_contact_interface *interface, const pm_dataset *modes,
                                   double stiffness, const pm_field *const *field,

@@ -15,7 +15,7 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a part between bodies");
 }
 
-// Whether the name of a body already means something else in the formula or the layout.
+// Returns true if the name of a body already means something else in the formula or the layout.
 static bool is_taken(const char *name) {
     bool taken = strcmp(name, "k") == 0 || strcmp(name, "creep") == 0 || strcmp(name, "s") == 0;
     for (int i = 0; i < PM_CONTACT_GROUPS; ++i) {
@@ -69,7 +69,8 @@ static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface
     number[1] = a->basis->temperature;
     *constants = (pm_constants){.count = 1, .name = names, .value = number};
     *formula = (pm_formula){FORMULA, constants, NULL};
-    *pair = (pm_given_pair){.row = "creep", .col = "s", .coefficient = a->basis->temperature * c->creep};
+    *pair = (pm_given_pair){
+        .row = "creep", .col = "s", .coefficient = a->basis->temperature * c->creep};
     part->spec = (pm_part_spec){
         .form = PM_HARD,
         .constants = constants,
@@ -86,7 +87,7 @@ static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface
     return PM_OK;
 }
 
-// The values of a parameter of a derived variable; NULL if memory is exhausted.
+// Returns the values of a parameter of a derived variable; NULL if memory is exhausted.
 static double *values_of(const pm_part *part, const char *derived, const char *what,
                          pm_arena *arena) {
     const char *name = pm_arena_printf(arena, "derived.%s.%s", derived, what);

@@ -10,10 +10,10 @@
 // and slope_v of the surface along them. A pair has the opening x = g + creep + u slope_u + v
 // slope_v. It stores the energy
 //     k/2 min(x, 0)^2
-// and therefore exerts the force -k min(x, 0). It creeps at a rate proportional to that force, with
-// the factor `creep` of pm_contact_constants in m/(N s). The stiffness k is not the number of a
-// penalty method. It is the stiffness of the edges of the bodies, whose local deformation the modes
-// cannot represent.
+// and therefore exerts the force -k min(x, 0). Its opening creeps at a rate proportional to that
+// force, with the factor `creep` of pm_contact_constants in m/(N s). The stiffness k is a physical
+// quantity, not a numerical penalty: it is the stiffness of the edges of the bodies, whose local
+// deformation the modes cannot represent.
 #ifndef PM_TRAINER_MODAL_CONTACT_PART_H
 #define PM_TRAINER_MODAL_CONTACT_PART_H
 
@@ -33,7 +33,8 @@ pm_status pm_contact_part_make(const pm_body_assembly *assembly,
                                const pm_contact_constants *constants, pm_arena *arena,
                                pm_part *part);
 
-// The path of the weights of an interface, folder/A_B.h5, in the arena; NULL: out of memory.
+// Returns the path of the weights of an interface, folder/A_B.h5, in the arena; NULL: out of
+// memory.
 const char *pm_contact_part_path(const pm_body_assembly *assembly,
                                  const pm_contact_interface *interface, const char *folder,
                                  pm_arena *arena);

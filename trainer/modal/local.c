@@ -28,7 +28,7 @@ static int find(int nnode, const double *position, const double place[3], double
     return i;
 }
 
-// The smallest x of a node that is larger than `x`; infinity if there is none.
+// Returns the smallest x of a node that is larger than `x`; infinity if there is none.
 static double next_x(int nnode, const double *position, double x) {
     double next = INFINITY;
     for (int i = 0; i < nnode; ++i) {

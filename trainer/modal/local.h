@@ -28,12 +28,13 @@ typedef struct pm_local {
 // PM_EDATA (the body is not prismatic), PM_ENOMEM.
 pm_status pm_local_find_sections(pm_local *local, int nnode, const double *position,
                                  pm_arena *arena);
-// Then sets which places may carry loads, from carries [nnode] (0 or not), and makes a kernel of
-// zeros. PM_ENOMEM.
+// Sets which places of a section may carry loads, and makes a kernel of zeros that spans `reach`
+// sections on either side. A place may carry a load if carries [nnode] is not 0 for one of its
+// nodes. It is called after pm_local_find_sections. PM_ENOMEM.
 pm_status pm_local_set_loaded(pm_local *local, const int *carries, int reach, pm_arena *arena);
 
-// The number of features of a section: the force components at the loaded places of the sections
-// around it.
+// Returns the number of features of a section: the force components at the loaded places of the
+// sections around it.
 int pm_local_features(const pm_local *local);
 // Fills feature [pm_local_features] from the forces on all nodes f [nnode][3], N. Sections beyond
 // the ends of the body count as free of forces.

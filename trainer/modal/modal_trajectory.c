@@ -71,7 +71,8 @@ void pm_modal_trajectory_read(pm_modal_trajectory *p, const pm_field *field, int
     const ptrdiff_t width = 3 * (ptrdiff_t)p->nnode;
     for (int j = 0; j < p->ntime; ++j) {
         const double *state = pm_field_state(field, trajectory, j);
-        // A copy's displacements are the copy of displacements; positions have an origin.
+        // Displacements are computed before they are copied, since a copy of positions would move
+        // their origin.
         for (int i = 0; i < p->nnode; ++i) {
             const double *q = state + (ptrdiff_t)i * field->nvariable + p->q;
             for (int d = 0; d < 3; ++d) {

@@ -41,8 +41,8 @@ void pm_modal_trajectory_read(pm_modal_trajectory *modal, const pm_field *field,
 // first state.
 void pm_modal_trajectory_project(pm_modal_trajectory *modal, const pm_basis *basis, double dt);
 
-// Gives the state at a time, of as many modes as the basis's state has. `c` has room for
-// [nbranch][nstate] and must live as long as the state.
+// Writes the modal state at time number `time`, for the modes of the basis's state. `c`
+// [nbranch][nstate] is memory of the caller, which must outlive the state.
 void pm_modal_trajectory_state(const pm_modal_trajectory *modal, const pm_basis *basis, int time,
                                double *c, pm_modal_state *state);
 

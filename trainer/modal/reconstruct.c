@@ -25,7 +25,7 @@ typedef struct state_reader {
 
 #define NO_COLUMN (-1)
 
-// The column of a name, with the name of the body in front unless `body` is NULL.
+// Returns the column of a name, with the name of the body in front unless `body` is NULL.
 static int find_column(const pm_dataset *d, const char *body, const char *name) {
     const size_t length = body == NULL ? 0 : strlen(body);
     for (int i = 0; i < d->ncolumn; ++i) {
@@ -254,7 +254,7 @@ static const double *value_of(const compared_field *c, int quantity, int node, i
            c->column[quantity];
 }
 
-// Whether a node moves at any time.
+// Returns true if a node moves at any time.
 static bool moves(const compared_field *truth, int node) {
     const double *at = truth->field->position + 3 * (ptrdiff_t)node;
     for (int j = 0; j < truth->field->ntime; ++j) {

@@ -12,7 +12,7 @@
 // no forces. The caller frees it.
 //   body     NULL: the dataset is about one body. Otherwise the columns of that body of an assembly
 //            are read, which begin with its name and "_".
-//   contact  NULL: no contact. Otherwise the forces of other bodies count as loads do.
+//   contact  NULL: no contact. Otherwise the contact forces of other bodies count as loads.
 //   loads    NULL: not known. Otherwise the forces on the nodes in trajectory[i] of this field
 //            belong to trajectory i, and their stress close to where they act is added.
 // Modal loads without a column are taken as zero. PM_EDATA (another column is missing, or the loads

@@ -62,7 +62,8 @@ static const char **name_columns(const pm_basis *b, int count, pm_arena *arena) 
     return name;
 }
 
-// The rate at time j of a series with `stride` numbers per time, by differences of second order.
+// Returns the rate at time j of a series with `stride` numbers per time, by differences of second
+// order.
 static double difference(const double *value, int stride, int ntime, int j, double dt) {
     if (ntime < 3) {
         return 0;

@@ -8,13 +8,14 @@
 #include "base/linalg.h"
 #include "modal/regression.h"
 
-// One in so many states enters the decomposition, because neighbours in time are alike.
+// Only every STRIDE-th state enters the decomposition, because neighbours in time are similar.
 #define STRIDE 3
-// The features depend on each other. This ridge is just large enough to keep coefficients small
-// that the data do not determine; a larger one would soften the modes.
+// The features are linearly dependent. This ridge is just large enough to keep coefficients small
+// that the data do not determine; a larger ridge would soften the modes.
 #define RIDGE 1e-7
-// A mode belongs to the state if its load is at least this share of its elastic force. Relaxed
-// rubber needs a fifth of the load; modes with less merely accompany others.
+// A mode belongs to the state if its load is at least this fraction of its elastic force. For
+// relaxed rubber a load of a fifth is in equilibrium with the elastic force. A mode with a smaller
+// load is moved by other modes.
 #define DRIVEN 0.25
 // The smallest flexibility of a mode, relative to the softest one. For a nearly rigid mode the
 // regression finds a flexibility of zero or less.
@@ -143,7 +144,8 @@ static pm_status rotate_modes(pm_basis *b, const double *value, const double *ve
     return PM_OK;
 }
 
-// A measure of the work of the loads on a mode, which does not depend on the unit of its amplitude.
+// Returns a measure of the work of the loads on a mode, which does not depend on the unit of its
+// amplitude.
 static double work_of(const flexibility *x, int mode) {
     return x->amplitudes[mode] * x->loads[mode];
 }

@@ -6,13 +6,13 @@
 
 #include "modal/regression.h"
 
-// One in so many states enters the local kernel, because neighbours in time are alike.
+// Only every STRIDE-th state enters the local kernel, because neighbours in time are similar.
 #define STRIDE 3
 // The ridge of patterns is the square of the relative error that a predicted state is expected to
-// have. The features depend on each other, and differences below this error carry no information.
+// have. The features are linearly dependent, and differences below this error carry no information.
 #define PATTERN_RIDGE 1e-4
-// Stress pattern and local kernel are fitted in turn, each to what the other leaves. After the
-// first round each still contains much of the other; after the fourth little changes.
+// Stress pattern and local kernel are fitted in turn, each to the residual of the other. After the
+// first round each still contains much of the other; after the fourth round little changes.
 #define ROUNDS 4
 
 static pm_status no_memory(void) {
@@ -83,7 +83,8 @@ static void subtract_local(const pm_modal_trajectory *p, const remainder_fit *x,
     }
 }
 
-// The weight of the stress of a trajectory: one over its norm, so that its unit does not matter.
+// Returns the weight of the stress of a trajectory: one over its norm, so that its unit does not
+// matter.
 static double weigh_stress(const pm_modal_trajectory *p) {
     return 1 / pm_reduction_norm(PM_BASIS_TENSOR * (size_t)p->nnode * (size_t)p->ntime, p->stress);
 }

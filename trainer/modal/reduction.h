@@ -29,8 +29,9 @@ typedef struct pm_reduction {
     pm_arena arena;            // work space
 } pm_reduction;
 
-// Makes the symmetric copies (`square`: all eight) and room for one trajectory; `field` and what
-// the caller needs besides are set before. PM_EDATA, PM_ENOMEM. Also on failure the caller closes.
+// Makes the symmetric copies (`square`: all eight) and room for one trajectory; The caller sets
+// `field`, `settings`, `count` and `trajectory` first. PM_EDATA, PM_ENOMEM. The caller closes the
+// reduction, after a failure too.
 pm_status pm_reduction_open(pm_reduction *r, int nmode, int nbranch, bool square,
                             pm_load_kind loads, bool stress);
 void pm_reduction_close(pm_reduction *r);
@@ -43,7 +44,7 @@ void pm_reduction_close(pm_reduction *r);
 typedef pm_status pm_reduction_visit(pm_reduction *r, double weight, void *context);
 pm_status pm_reduction_for_each(pm_reduction *r, pm_reduction_visit *visit, void *context);
 
-// The Euclidean norm of value [count].
+// Returns the Euclidean norm of value [count].
 double pm_reduction_norm(size_t count, const double *value);
 
 #endif

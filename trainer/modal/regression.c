@@ -7,7 +7,7 @@
 
 #include "base/linalg.h"
 
-// A feature whose mean square is a smaller share of the largest one's is zero but for rounding.
+// A feature counts as zero if its mean square is below this fraction of the largest mean square.
 #define NEVER 1e-26
 
 static pm_status no_memory(void) {

@@ -1,5 +1,5 @@
-// Linear least squares with many results at once, by normal equations, and the best solution of low
-// rank (reduced-rank regression: Izenman, J. Multivar. Anal. 5, 1975).
+// Linear least squares with many dependent variables (`results`) by normal equations, and the best
+// solution of low rank (reduced-rank regression: Izenman, J. Multivar. Anal. 5, 1975).
 #ifndef PM_TRAINER_MODAL_REGRESSION_H
 #define PM_TRAINER_MODAL_REGRESSION_H
 
@@ -13,7 +13,7 @@ typedef struct pm_regression {
     double *product; // [nfeature][nresult] work space
 } pm_regression;
 
-// Makes room and sets the sums to zero. PM_ENOMEM.
+// Allocates the sums and sets them to zero. PM_ENOMEM.
 pm_status pm_regression_open(pm_regression *r, int nfeature, int nresult);
 void pm_regression_close(pm_regression *r);
 

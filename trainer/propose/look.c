@@ -124,7 +124,7 @@ pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
 
 // --- regression ---
 
-// The mean of one component of the rates or states over the examined states.
+// Returns the mean of one component of the rates or states over the examined states.
 static double mean_of(const pm_look *look, const double *values, int c) {
     double sum = 0;
     for (int k = 0; k < look->count; ++k) {

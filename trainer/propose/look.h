@@ -29,27 +29,27 @@ typedef struct pm_look {
 } pm_look;
 
 // Examines at most some thousand states, evenly chosen. `scene` and `dataset` must outlive the
-// result; the caller frees it. PM_EDATA if the trajectories are too short; fails like
-// pm_columns_bind.
+// result; the caller frees it. PM_EDATA: the trajectories are too short; otherwise fails as
+// pm_columns_bind does.
 pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *dataset);
 void pm_look_free(pm_look *look);
 
 // Computes the statistics of group number `group` of a subsystem.
 pm_look_group pm_look_at(const pm_look *look, int subsystem, int group);
 
-// Linear regression of the rate of `target` on `count` groups of the same size: each has one
-// coefficient for all components, and each component has a constant. Writes coefficient [count] and
-// returns the fraction of the variance that stays unexplained, 0 to 1; 1 if the rate does not vary.
-// At most PM_LOOK_SOURCES groups are used.
+// Performs a linear regression of the rate of `target` on `count` groups of the same size. Each
+// group has one coefficient for all its components, and each component has a constant term. Writes
+// coefficient [count] and returns the fraction of the variance that stays unexplained, 0 to 1; 1 if
+// the rate does not vary. At most PM_LOOK_SOURCES groups are used.
 #define PM_LOOK_SOURCES 16
 double pm_look_explain(const pm_look *look, const pm_look_group *target, int count,
                        const pm_look_group *source, double *coefficient);
-// Like pm_look_explain, with the powers 1 to `degree` of each group. count * degree is at most
-// PM_LOOK_SOURCES.
+// Does the same with the powers 1 to `degree` of each group, without returning coefficients. count
+// * degree is at most PM_LOOK_SOURCES.
 double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, int count,
                               const pm_look_group *source, int degree);
 
-// Returns whether the sum of q x p over the `count` pairs, in the coordinates of the columns, is
+// Returns true if the sum of q x p over the `count` pairs, in the coordinates of the columns, is
 // constant along each trajectory. Then the dynamics do not depend on directions.
 bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
                             const pm_look_group *p);

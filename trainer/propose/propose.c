@@ -42,8 +42,8 @@ static void write_head(const pm_draft *d) {
     fprintf(f, "seed: 1\n\nmodels:\n");
 }
 
-// The number of substeps such that a substep times the fastest rate of change is at most `turn`,
-// but no more than the scene has.
+// Returns the number of substeps such that a substep times the fastest rate of change is at most
+// `turn`, but no more than the scene has.
 static int substeps_for(const pm_draft *d, double turn) {
     const double wanted = ceil(d->look.fastest * d->p->scene->dt / turn);
     const int most = d->p->scene->substeps;

@@ -16,9 +16,9 @@ typedef struct pm_draft {
     int width;          // of hidden layers
 } pm_draft;
 
-// The name of a group of a subsystem.
+// Returns the name of a group of a subsystem.
 const char *pm_draft_name(const pm_part_view *part, int group);
-// Whether friction, relaxation or leakage may act on the group.
+// Returns true if friction, relaxation or leakage may act on the group.
 bool pm_draft_may_lose(const pm_part_view *part, int group);
 
 // Writes a list of names in brackets: _open writes `before` and the opening bracket, _add writes

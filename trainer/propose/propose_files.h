@@ -11,7 +11,7 @@
 // names of the files that it wrote. Fails like pm_propose.
 pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output);
 
-// Returns whether a YAML file is a scene, not a training file: a scene has the key `time`.
+// Returns true if a YAML file is a scene and not a training file: a scene has the key `time`.
 bool pm_propose_is_scene(const char *path);
 
 #endif

@@ -92,7 +92,7 @@ static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view 
     }
 }
 
-// The hidden layers for a number of inputs. Networks that are too large train slowly.
+// Returns the hidden layers for a number of inputs. Networks that are too large train slowly.
 static const char *hidden_of(int inputs) {
     return inputs == 1 ? "[8, 8]" : inputs <= 3 ? "[12, 12]" : "[16, 16]";
 }

@@ -6,7 +6,7 @@
 
 static const char *const ends[2] = {"a.", "b."};
 
-// The groups that one end of a port exposes, those of a subsystem or of a boundary input.
+// Returns the groups that one end of a port exposes, those of a subsystem or of a boundary input.
 static const pm_layout *shown(const pm_draft *d, int port, int end) {
     return &d->p->scene->port[port].layout[end];
 }
@@ -112,7 +112,8 @@ static void write_reversible(const pm_draft *d, int port) {
     fprintf(f, "]}\n");
 }
 
-// Whether dS of this group is known. A boundary input without dS takes no part in dissipation.
+// Returns true if dS of this group is known. A boundary input without dS takes no part in
+// dissipation.
 static bool has_coentropy(const pm_draft *d, int port, int end, const pm_group *group) {
     const pm_scene_port *scene = &d->p->scene->port[port];
     if (scene->subsystem[end] >= 0) {
@@ -126,7 +127,7 @@ static bool port_heats(const pm_draft *d, int port, int end, const pm_group *gro
     return is_entropy_unit(group) && has_coentropy(d, port, end, group);
 }
 
-// Whether the dissipation of a port may act on this group of one end.
+// Returns true if the dissipation of a port may act on this group of one end.
 static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *group) {
     const int id = d->p->scene->port[port].subsystem[end];
     for (int g = 0; id >= 0 && g < d->part[id].count; ++g) {

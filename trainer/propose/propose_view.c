@@ -9,7 +9,7 @@
 #define DEGREE 8        // of the polynomials that represent any function
 #define TRACE 1e-4      // fraction that a coupling must explain
 #define CLEAR 0.05      // unexplained fraction up to which a coefficient is trusted
-#define NEAR_WHOLE 0.15 // how far that is from a whole number at most
+#define NEAR_WHOLE 0.15 // largest distance of a trusted coefficient from a whole number
 
 static bool is_nonentropy(const pm_part_view *v, int g) {
     return v->kind[g] != PM_VIEW_ENTROPY && v->kind[g] != PM_VIEW_HEAT;
@@ -107,7 +107,7 @@ static bool may_pair(const pm_part_view *v, int a, int b) {
            v->group[a].group->size == v->group[b].group->size && pm_unit_equal(&product, &action);
 }
 
-// Among several possible conjugate pairs, takes those that explain each other best.
+// Chooses, among several possible conjugate pairs, those whose variables explain each other best.
 static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
     pm_part_view *v = &parts[part];
     const pm_unit action = pm_unit_parse("J s");
@@ -246,8 +246,8 @@ static double gain(const pm_look *look, const pm_part_view *own, int target,
     return without - *rest;
 }
 
-// Whether the momentum of a neighbour moves a position as it moves its own: returns the coefficient
-// 1 or -1 relative to its own, or 0.
+// Returns 1 or -1 if the momentum of a neighbour moves a position as it moves the neighbour's own
+// position, with this factor; else 0.
 static double whole_coefficient(const pm_look *look, const pm_part_view *carrier, int momentum,
                                 const pm_part_view *carried, int position) {
     double other, mate, rest = 1, at_home;

@@ -1,5 +1,5 @@
-// A view of what the units and the statistics of a dataset say about the subsystems and ports of a
-// scene.
+// The roles of variables in the subsystems and ports of a scene, as far as units and the statistics
+// of a dataset show them.
 #ifndef PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 #define PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 
@@ -10,7 +10,7 @@ typedef enum pm_view_kind {
     PM_VIEW_OTHER,
     PM_VIEW_ENTROPY,  // unit J/K
     PM_VIEW_HEAT,     // unit J or K, in a subsystem without a variable in J/K
-    PM_VIEW_POSITION, // of a conjugate pair, the variable whose rate its mate explains better
+    PM_VIEW_POSITION, // of a conjugate pair, the variable whose rate the other one explains better
     PM_VIEW_MOMENTUM, // of a conjugate pair, the other variable
     PM_VIEW_SPIN      // an angular momentum of three components without a conjugate variable
 } pm_view_kind;
@@ -46,10 +46,10 @@ void pm_view_parts(const pm_look *look, pm_part_view *view);
 // Fills the couplings of one port. A port with a boundary input has none.
 void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_port_view *view);
 
-// Returns whether an end of the port exposes this group.
+// Returns true if an end of the port exposes this group.
 bool pm_view_exposes(const pm_scene *scene, int port, int end, const char *group);
 
-// Returns whether the dynamics do not depend on directions: some conjugate pairs are vectors, and
+// Returns true if the dynamics do not depend on directions: some conjugate pairs are vectors, and
 // the sum of their q x p is conserved.
 bool pm_view_rotates(const pm_look *look, const pm_part_view *parts);
 

@@ -16,7 +16,7 @@ typedef struct pm_unit {
 // dimensionless. The result is not `known` if a symbol is not an SI unit without a prefix.
 pm_unit pm_unit_parse(const char *text);
 
-// Returns whether both units are known and equal.
+// Returns true if both units are known and equal.
 bool pm_unit_equal(const pm_unit *a, const pm_unit *b);
 // Returns the product, which is known if both factors are.
 pm_unit pm_unit_product(const pm_unit *a, const pm_unit *b);

@@ -65,7 +65,7 @@ static pm_status read_placement(pm_yaml map, pm_arena *arena, pm_beam_placement 
     return *text == NULL ? pm_fail(PM_ENOMEM, "truth: out of memory") : PM_OK;
 }
 
-// Whether the boxes of two undeformed bodies overlap.
+// Returns true if the boxes of two undeformed bodies overlap.
 static bool overlap(const pm_beam_mesh *mesh, int a, int b) {
     double low[2][3], high[2][3];
     bool inside = true;

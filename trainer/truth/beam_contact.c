@@ -9,8 +9,8 @@
 
 // --- candidates ---
 
-// The global axis along which two bodies lie apart while their projections along it overlap; -1:
-// there is none. `above` tells whether the second body lies higher on that axis.
+// Returns the global axis along which two bodies lie apart while their projections along it
+// overlap; -1: there is none. `above` tells whether the second body lies higher on that axis.
 static int separation_axis(const pm_beam_mesh *mesh, int a, int b, bool *above) {
     double low[2][3], high[2][3];
     int axis = -1, apart = 0;
@@ -134,8 +134,8 @@ static void start(const pm_beam_candidate *candidate, const double *q, surface_p
     }
 }
 
-// Whether u lies at most half an element beyond the edges, where the surface has bent far below
-// them.
+// Returns true if u lies at most half an element beyond the edges, where the surface has bent far
+// below them.
 static bool lies_within(double u, int count) {
     return u > -0.5 && u < count + 0.5;
 }
@@ -168,8 +168,8 @@ static bool project(const pm_beam_candidate *candidate, const double *q, surface
 
 // --- the response ---
 
-// Whether the node lies behind the surface, r . normal < 0 with the outward normal, and no deeper
-// than one layer of elements; a deeper node lies on another side of the body.
+// Returns true if the node lies behind the surface, r . normal < 0 with the outward normal, and no
+// deeper than one layer of elements; a deeper node lies on another side of the body.
 static bool lies_behind(const pm_beam_surface *surface, const surface_point *g) {
     const double *a = g->r[PM_BY_U], *b = g->r[PM_BY_V], *r = g->r[PM_VALUE];
     const double normal[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],

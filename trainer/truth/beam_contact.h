@@ -1,11 +1,11 @@
 // Frictionless contact of bodies at finite deflection, by a penalty. Sides that face each other
-// across a gap are found once, in the undeformed mesh. From then on every node of either side is
-// kept out of the other side's smooth surface (beam_surface.h) by the energy
+// across a gap are found once, in the undeformed mesh. Every node of either side that lies behind
+// the other side's smooth surface (beam_surface.h) has the penalty energy
 //     stiffness/2 area/2 depth^2
-// while it lies behind that surface. Here `depth` is its distance from the closest point and `area`
-// its undeformed share of its own side; the factor 1/2 is there because both sides count. The
-// forces are the exact derivatives of this energy, so that they are equal and opposite in force and
-// moment, and no closed path gains energy.
+// Here `depth` is its distance from the closest point and `area` its undeformed share of its own
+// side; the factor 1/2 is there because both sides count. The forces are the exact derivatives of
+// this energy, so that they are equal and opposite in force and moment, and no closed path gains
+// energy.
 #ifndef PM_TRAINER_TRUTH_BEAM_CONTACT_H
 #define PM_TRAINER_TRUTH_BEAM_CONTACT_H
 

@@ -10,7 +10,8 @@ static const double sign[PM_BEAM_CORNERS][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1
 
 // --- shape functions ---
 
-// The derivative by s_d of a corner's shape function, the product of (1 + sign_e s_e)/2 over e.
+// Returns the derivative by s_d of a corner's shape function, the product of (1 + sign_e s_e)/2
+// over e.
 static double shape_slope(int corner, const double s[3], int d) {
     const int e = (d + 1) % 3, f = (d + 2) % 3;
     return sign[corner][d] * (1 + sign[corner][e] * s[e]) * (1 + sign[corner][f] * s[f]) / 8;

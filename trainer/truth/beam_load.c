@@ -8,14 +8,15 @@
 // The smallest distance from the clamp to the centre of a patch, relative to the beam's length.
 static const double nearest = 0.4;
 
-// The node of a face at indices i along the beam and j across.
+// Returns the node of a face at indices i along the beam and j across.
 static int face_node(const pm_beam_mesh *mesh, int face, int i, int j) {
     const int top = face < 2;
     return face % 2 == 0 ? pm_beam_mesh_node(mesh, i, top ? mesh->count[1] : 0, j)
                          : pm_beam_mesh_node(mesh, i, j, top ? mesh->count[2] : 0);
 }
 
-// The axis of a face that points into the beam, the sign of that direction, and the axis across.
+// Return the axis normal to a face, the axis across the beam within the face, and the sign with
+// which the normal axis points into the beam.
 static int axis_in(int face) {
     return 1 + face % 2;
 }
@@ -98,7 +99,7 @@ void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
     load->time[3] = load->time[2] + draw_between(rng, patches->unload);
 }
 
-// The fraction of the full load at time t s.
+// Returns the fraction of the full load at time t s.
 static double fraction_at(const pm_beam_load *load, double t) {
     for (int i = 1; i < PM_BEAM_KNOTS; ++i) {
         if (t < load->time[i]) {

@@ -22,8 +22,8 @@ typedef struct pm_beam_load {
 // The functions below make loads on body 0. Faces 0 to 3 are y = top, z = top, y = 0, z = 0, and
 // the loads press inwards.
 
-// Loads the row of nodes across a face that is number `position` from the free end. The force on
-// each node reaches `force` N after `ramp` s and stays.
+// Puts a load on one row of nodes across a face, number `position` counted from the free end. The
+// force on each node rises to `force` N within `ramp` s and then stays constant.
 void pm_beam_load_row(pm_beam_load *load, const pm_beam_mesh *mesh, int face, int position,
                       double force, double ramp);
 

@@ -59,7 +59,7 @@ static double relax(double h, double tau, const double *before, const double *in
     return end;
 }
 
-// The energy that a branch of modulus 1 dissipates in that time, by two Gauss points.
+// Returns the energy that a branch of modulus 1 dissipates in that time, by two Gauss points.
 static double dissipate(double h, double tau, const double *before, const double *inner,
                         const double *inverse) {
     double sum = 0;

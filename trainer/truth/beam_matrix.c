@@ -66,7 +66,7 @@ static bool make_pattern(pm_beam_matrix *matrix, int nfreedom) {
     return matrix->K != NULL;
 }
 
-// The place of an entry among the values of K, whose rows are sorted within a column.
+// Returns the place of an entry among the values of K, whose rows are sorted within a column.
 static int find(const cholmod_sparse *K, int row, int column) {
     const int *start = K->p, *rows = K->i;
     int low = start[column], high = start[column + 1] - 1;

@@ -40,17 +40,17 @@ pm_status pm_beam_mesh_place(pm_beam_mesh *mesh, const int count[3], const doubl
 // Computes the lowest and highest coordinates of an undeformed body in the global frame, m.
 void pm_beam_mesh_bounds(const pm_beam_mesh *mesh, int body, double low[3], double high[3]);
 
-// The node of the first body at grid indices i, j, k.
+// Returns the node of the first body at grid indices i, j, k.
 static inline int pm_beam_mesh_node(const pm_beam_mesh *mesh, int i, int j, int k) {
     return i + (mesh->count[0] + 1) * (j + (mesh->count[1] + 1) * k);
 }
 
-// Whether a node is clamped.
+// Returns true if a node is clamped.
 static inline bool pm_beam_mesh_clamped(const pm_beam_mesh *mesh, int node) {
     return node % (mesh->count[0] + 1) == 0;
 }
 
-// Turns the components of a vector in a body's own frame into those in the global frame, and back.
+// Convert the components of a vector from a body's own frame to the global frame, and back.
 static inline void pm_beam_placement_turn(const pm_beam_placement *placement, const double *own,
                                           double *global) {
     for (int d = 0; d < 3; ++d) {

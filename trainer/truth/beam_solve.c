@@ -219,7 +219,7 @@ static bool assemble(pm_beam *beam, double h, const double *f, bool exact, itera
     return add_elements(beam, h, sum);
 }
 
-// The norm of the residual over the free nodes, N.
+// Returns the norm of the residual over the free nodes, N.
 static double free_norm(const pm_beam *beam) {
     double square = 0;
     for (int i = 0; i < beam->mesh->nnode; ++i) {
@@ -250,7 +250,8 @@ static void move(pm_beam *beam, double fraction) {
     }
 }
 
-// The product of residual and increment, J: minus the derivative of the energy along the increment.
+// Returns the product of residual and increment, J: minus the derivative of the energy along the
+// increment.
 static double directional_work(const pm_beam *beam) {
     double sum = 0;
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
@@ -280,7 +281,7 @@ static bool advance(pm_beam *beam, double h, const double *f, bool search, itera
     return good;
 }
 
-// Whether the increment is negligible.
+// Returns true if the increment is negligible.
 static bool increment_is_negligible(const pm_beam *beam) {
     const double most = NEGLIGIBLE * beam->mesh->size[0] / beam->mesh->count[0];
     double longest = 0;

@@ -1,6 +1,6 @@
-// Quasi-static equilibrium of bodies (beam_mesh.h, beam_element.h) under loads and in contact
-// (beam_contact.h), one time step after another. Each step is solved by Newton's method with its
-// consistent tangent.
+// Computes the quasi-static equilibrium of bodies (beam_mesh.h, beam_element.h) under loads and in
+// contact (beam_contact.h) at one time after another. Each step is solved by Newton's method with
+// its consistent tangent.
 #ifndef PM_TRAINER_TRUTH_BEAM_SOLVE_H
 #define PM_TRAINER_TRUTH_BEAM_SOLVE_H
 
@@ -42,13 +42,13 @@ void pm_beam_free(pm_beam *beam); // NULL is allowed
 // Returns the bodies to the undeformed, relaxed start.
 void pm_beam_reset(pm_beam *beam);
 
-// The current state. It belongs to the beam, and the next step overwrites it.
+// Returns the current state. It belongs to the beam, and the next step overwrites it.
 const pm_beam_state *pm_beam_now(const pm_beam *beam);
 
 // Takes one step of h s to equilibrium under the forces f [nnode][3], N, which keep their
-// direction; those on clamped nodes have no effect. If Newton's method does not converge, the step
-// is halved, with loads linear in time. `convergence` is that of the last step taken, and may be
-// NULL. PM_ENUMERIC, PM_ENOMEM.
+// direction. Forces on clamped nodes have no effect. If Newton's method does not converge, the step
+// is halved, with loads linear in time. `convergence` receives the convergence of the last step
+// taken; it may be NULL. PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_beam_step(pm_beam *beam, double h, const double *f, pm_beam_convergence *convergence);
 
 #endif

@@ -55,7 +55,7 @@ static void weigh_cubic(double t, line_weights *l) {
     }
 }
 
-// The weights along a line of `count` elements at u, which may lie beyond its ends.
+// Returns the weights along a line of `count` elements at u, which may lie beyond its ends.
 static line_weights weigh_line(double u, int count) {
     const int cell = (int)fmin(fmax(floor(u), 0), count - 1);
     const double inside = fmin(fmax(u, 0), count), beyond = u - inside;

@@ -1,8 +1,9 @@
-// A side of a body as a smooth surface. It interpolates the nodes by piecewise cubics (Catmull,
-// Rom, 1974), straight beyond the outermost nodes, and is once continuously differentiable. Beyond
-// its edges it bends into the body along parabolas, so that a node that slides over an edge does
-// not gain or lose contact abruptly. Every point is a sum over nodes with weights that depend on u
-// and v alone and sum to 1: flat sides stay flat, and at the place of a node its own weight is 1.
+// A smooth surface through the nodes on one side of a body. It consists of piecewise cubics
+// (Catmull, Rom, 1974), is straight beyond the outermost nodes, and is once continuously
+// differentiable. Beyond its edges it bends into the body along parabolas, so that a node that
+// slides over an edge does not gain or lose contact abruptly. Every point is a sum over nodes with
+// weights that depend on the surface coordinates u and v alone and sum to 1. Flat sides therefore
+// stay flat, and at the place of a node its own weight is 1.
 #ifndef PM_TRAINER_TRUTH_BEAM_SURFACE_H
 #define PM_TRAINER_TRUTH_BEAM_SURFACE_H
 
@@ -16,10 +17,10 @@ typedef struct pm_beam_surface {
     double side;    // 1 or -1, such that side dx/du x dx/dv points out of the body
 } pm_beam_surface;
 
-// The side of a body normal to its `axis` (1: y, 2: z), at the top (`high`) or at 0.
+// Returns the side of a body normal to its `axis` (1: y, 2: z), at the top (`high`) or at 0.
 pm_beam_surface pm_beam_surface_make(const pm_beam_mesh *mesh, int body, int axis, bool high);
 
-// The node at indices i along u and j along v, k layers below the surface.
+// Returns the node at indices i along u and j along v, k layers below the surface.
 static inline int pm_beam_surface_node(const pm_beam_surface *surface, int i, int j, int k) {
     return surface->first + i * surface->stride[0] + j * surface->stride[1] +
            k * surface->stride[2];

@@ -11,17 +11,17 @@ static const int pm_tensor_column[PM_SYMMETRIC] = {0, 1, 2, 1, 2, 2};
 static const int pm_tensor_at[3][3] = {
     {PM_XX, PM_XY, PM_XZ}, {PM_XY, PM_YY, PM_YZ}, {PM_XZ, PM_YZ, PM_ZZ}};
 
-// The trace of a symmetric tensor.
+// Returns the trace of a symmetric tensor.
 static inline double pm_tensor_trace(const double *a) {
     return a[PM_XX] + a[PM_YY] + a[PM_ZZ];
 }
 
-// The double contraction a : b of symmetric tensors.
+// Returns the double contraction a : b of symmetric tensors.
 static inline double pm_tensor_double_dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
 }
 
-// The determinant of a matrix.
+// Returns the determinant of a matrix.
 static inline double pm_tensor_det3(const double F[9]) {
     return F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) +
            F[2] * (F[3] * F[7] - F[4] * F[6]);
@@ -37,7 +37,7 @@ static inline void pm_tensor_inverse3(const double F[9], double det, double *inv
     }
 }
 
-// The determinant of a symmetric tensor.
+// Returns the determinant of a symmetric tensor.
 static inline double pm_tensor_det(const double *a) {
     return a[0] * (a[1] * a[2] - a[5] * a[5]) - a[3] * (a[3] * a[2] - a[5] * a[4]) +
            a[4] * (a[3] * a[5] - a[1] * a[4]);

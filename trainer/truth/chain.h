@@ -30,7 +30,7 @@ typedef struct pm_chain {
     pm_chain_link link[PM_CHAIN_MAX_LINKS];
 } pm_chain;
 
-// The first component of position, momentum and entropy of link k in the state.
+// Returns the first component of position, momentum and entropy of link k in the state.
 static inline int pm_chain_q(int k) {
     return 2 * k;
 }

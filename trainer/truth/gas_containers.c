@@ -30,7 +30,7 @@ typedef struct gas_containers {
 static const char *const columns[NZ] = {"v1", "v2", "p", "s1", "s2"};
 static const char *const conserved[] = {"energy", "volume"};
 
-// The energy of a gas of volume v and entropy s, J.
+// Returns the energy of a gas of volume v and entropy s, J.
 static double gas_energy(const gas_containers *gas, double v, double s) {
     return pow(exp(s / gas->gas_constant) / (gas->c * v), 2.0 / 3);
 }

@@ -1,5 +1,5 @@
-// Reads what the simulators of thermoelastic links have in common: the constants of a link, and the
-// normal distributions from which initial states are drawn.
+// Reads the settings that all simulators of thermoelastic links share: the constants of a link, and
+// the normal distributions from which initial states are drawn.
 #ifndef PM_TRAINER_TRUTH_LINK_H
 #define PM_TRAINER_TRUTH_LINK_H
 

@@ -105,7 +105,8 @@ void pm_truth_report_init(pm_truth_report *report) {
     report->entropy_step = INFINITY;
 }
 
-// The largest |z - check| of a column over its root mean square, which counts as 1 if it is zero.
+// Returns the largest |z - check| of a column over its root mean square, which counts as 1 if it is
+// zero.
 static double column_difference(int nz, int ntime, const double *z, const double *check) {
     double worst = 0, square = 0;
     for (int i = 0; i < ntime; ++i) {

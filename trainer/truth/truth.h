@@ -71,15 +71,17 @@ typedef struct pm_truth {
 pm_status pm_truth_load(pm_truth **truth, const char *path);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
-// Solves an ODE: writes trajectory `trajectory` to z [ntime][nz], starting from a state drawn from
-// its own stream of random numbers, and the same trajectory at twice the tolerance to check
-// [ntime][nz]. The difference tells how far the solution is converged. PM_ENUMERIC, PM_ENOMEM.
+// Solves an ODE twice: writes trajectory `trajectory` to z [ntime][nz], and the same trajectory at
+// twice the tolerance to check [ntime][nz]. The initial state is drawn from a stream of random
+// numbers of its own. The difference of both solutions shows how well they have converged.
+// PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_truth_run(const pm_truth *truth, int trajectory, double *z, double *check);
 
-// The largest |z - check| of any component, relative to the root mean square of the component.
+// Returns the largest |z - check| of any component, relative to the root mean square of the
+// component.
 double pm_truth_difference(const pm_truth *truth, const double *z, const double *check);
 
-// Statistics of how well the trajectories keep the laws.
+// Statistics of conserved quantities and of entropy over all trajectories.
 typedef struct pm_truth_report {
     int ntrajectory;
     double drift[PM_TRUTH_MAX_CONSERVED];     // largest |change| since the start of a trajectory

@@ -1,8 +1,9 @@
-// What limits the error of a learned system: trains the variants of a study one after another, on
-// the same data, and scores each on trajectories that no training saw. Not a matter of minutes.
+// Studies what limits the error of a learned system: trains the variants of a study one after
+// another on the same data, and scores each on trajectories that no training saw. The run takes
+// hours.
 //   run_bench_accuracy CSV CONFIGS SOURCE TRAINER [QUESTION ...]
-// SOURCE holds study.yaml; without QUESTIONs all of them are asked. Everything made, with a log of
-// each training and the pictures of the growth of errors, is kept in the folder "accuracy".
+// SOURCE is the folder of study.yaml; without a QUESTION all questions are run. All results, a log
+// of each training and pictures of the growth of errors are kept in the folder "accuracy".
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

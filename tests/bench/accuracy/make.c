@@ -1,4 +1,4 @@
-// Folders, and programs run in them.
+// Makes result folders, and runs programs in them.
 #include "make.h"
 
 #include <errno.h>
@@ -55,7 +55,7 @@ pm_status study_run(char *const *argv, const char *folder, const char *log, doub
 
 // --- folders ---
 
-// The times that are written when all else is there.
+// Writes the times, after all other results.
 static bool read_times(const char *path, study_made *made) {
     FILE *file = fopen(path, "r");
     const bool read = file != NULL && fscanf(file, "%lf %lf", &made->cpu, &made->elapsed) == 2;

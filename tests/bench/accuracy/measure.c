@@ -1,4 +1,5 @@
-// Rollouts by evaluate/evaluate.h, one-step residuals by learn/objective.h, laws by the simulator.
+// Computes rollouts with evaluate/evaluate.h, one-step residuals with learn/objective.h, and
+// energy, momentum and entropy with the simulator.
 #include "measure.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-// Reading a study, and replacing passages of text.
+// Reads a study and replaces passages of text.
 #include "study.h"
 
 #include <errno.h>

@@ -1,7 +1,8 @@
-// What a coupled step costs: chains and rings of trivial subsystems in one process and in a process
-// each, received by our own socket and by liblcm, strict lock-step and a window of 16; beside
-// bare rings over liblcm, over our own receiver and over futexes, measured in the same run. And
-// steps of the double pendulum. Run it in a private network (loopback.sh).
+// Measures the cost of a coupled step: chains and rings of trivial subsystems, in one process and
+// in a process each, received by portmet's own receiver and by liblcm, in strict lock-step and with
+// a window of 16. Rings without models over liblcm, over the own receiver and over futexes are
+// measured in the same run for comparison, and so are steps of the double pendulum. Run it in a
+// private network (loopback.sh).
 //   run_bench_lockstep CSV CONFIGS [LARGEST]
 #include <stdbool.h>
 #include <stdio.h>

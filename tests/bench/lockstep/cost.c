@@ -1,4 +1,4 @@
-// Percentiles, and what the kernel counts.
+// Computes percentiles, and reads the counters of the kernel.
 #include "cost.h"
 
 #include <stdio.h>
@@ -21,7 +21,7 @@ cost cost_of(int steps, int block, double *time, double cpu, double bytes) {
     return (cost){mean, time[count / 2], time[count * 99 / 100], 1e6 * cpu / steps, bytes / steps};
 }
 
-// The file has pairs of lines: names, then numbers in the same order.
+// Finds a counter in a file of pairs of lines: names, then numbers in the same order.
 double cost_bytes_sent(void) {
     char names[8192], numbers[8192];
     double bytes = 0;

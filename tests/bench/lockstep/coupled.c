@@ -1,4 +1,4 @@
-// The lock-step under observation: what the coordinator's observer sees, step by step.
+// Runs the lock-step and records the time at which the coordinator's observer receives each step.
 #include "coupled.h"
 
 #include <signal.h>

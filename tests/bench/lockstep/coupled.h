@@ -1,5 +1,5 @@
-// Runs of a scene by portmet's own lock-step: in this process, or in a process for each of the
-// scene's.
+// Runs a scene by portmet's lock-step, either in this process or in one process for each process of
+// the scene.
 #ifndef TESTS_BENCH_COUPLED_H
 #define TESTS_BENCH_COUPLED_H
 
@@ -8,9 +8,10 @@
 
 #define COUPLED_STEPS_MAX 20000
 
-// Measures `steps` steps after some to warm up. url: of LCM; NULL: all in this process, for which
-// the scene has been joined into one. z [scene->nz]: the state to start from; NULL: the scene's.
-// PM_ENET and what the run ends with; no process is left then either.
+// Measures `steps` steps after some warm-up steps. `url` is the URL of LCM. If it is NULL,
+// everything runs in this process, for which the caller has joined the scene's processes into one.
+// z [scene->nz] is the initial state; NULL: the scene's own. PM_ENET, or the failure of the run.
+// All processes have ended when the function returns, after a failure too.
 pm_status coupled_run(const pm_system *system, const char *url, const double *z, int steps,
                       cost *result);
 

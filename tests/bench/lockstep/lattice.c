@@ -1,4 +1,4 @@
-// Chains and rings as scene text.
+// Writes chains, rings and pairs as the text of a scene.
 #include "lattice.h"
 
 #include <math.h>
@@ -18,7 +18,7 @@ static void write_port(FILE *file, int from, int to) {
             from, from, to, from, to);
 }
 
-// The caller frees it; NULL: out of memory.
+// Returns the text of a scene, which the caller frees; NULL: out of memory.
 static char *write_scene(const lattice *l) {
     char *text = NULL;
     size_t size;

@@ -1,4 +1,4 @@
-// Rings over liblcm, over our own receiver, and over futexes.
+// Runs rings of processes over liblcm, over portmet's own receiver, and over futexes.
 #include "ring.h"
 
 #include <errno.h>
@@ -127,7 +127,7 @@ static bool message_step(member *m, int step) {
 
 // --- futexes ---
 
-// A wait ends after LOST too.
+// A wait also ends after LOST seconds.
 static long futex(atomic_uint *word, int operation, unsigned value) {
     const struct timespec timeout = {(time_t)LOST, 0};
     return syscall(SYS_futex, word, operation, value, &timeout, NULL, 0);

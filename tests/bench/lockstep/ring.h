@@ -1,5 +1,5 @@
-// Bare rings to compare with: processes that do nothing but tell both neighbours that they have
-// reached a step, and wait until these have.
+// Rings of processes without a model, for comparison. In each step a process tells both neighbours
+// that it has reached the step, and waits until both have reached it.
 #ifndef TESTS_BENCH_RING_H
 #define TESTS_BENCH_RING_H
 

@@ -1,13 +1,13 @@
-// Run time against error: every integrator with its step halved time and again, on scenes with
-// their shipped weights. The error is taken against the learned equations solved as exactly as
-// numbers allow (what the integrator does), and against physics (what is left in all); where
-// nothing is learned the two are one. The simulator that made the truth is measured at several
-// tolerances beside them.
+// Work-precision study: measures run time and error of every integrator while its step is halved
+// again and again, on scenes with their shipped weights. Errors are relative to a solution of the
+// learned equations converged to rounding (the error of the integrator alone) and to the true
+// trajectories (the total error). If nothing is learned both are the same. The simulator that made
+// the truth is measured at several tolerances for comparison.
 //   run_bench_precision CSV CONFIGS SCENE ...
 // Rows: scene, method, substeps (or, for rk4_adaptive and the like, the tolerance), exchanges per
 // second, CPU time per simulated second, errors, drift of the energy, largest fall of the entropy,
-// mean of the first error. Errors are relative L2 errors over a trajectory, of the worst group of
-// variables; medians over trajectories of a seed of their own.
+// mean of the first error. Errors are relative L2 errors over a trajectory for the worst group of
+// variables, and medians over trajectories of a separate seed.
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
