@@ -49,11 +49,11 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
 // PM_ENET, PM_ENOMEM.
 pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address);
 
-// Sets endpoint->now, the clock of all that the owner waits for, to `clock` (s, monotonic) less the
-// time in which this process did not run. To be called at the beginning of each poll.
+// Sets endpoint->now, the clock that all waiting times refer to, to `clock` (s, monotonic) minus
+// the time in which this process did not run. It must be called at the beginning of each poll.
 void pm_endpoint_look(pm_endpoint *endpoint, double clock);
 
-// The monotonic time at which endpoint->now will be `time` if this process goes on running.
+// Returns the monotonic time at which endpoint->now will be `time` if this process keeps running.
 double pm_endpoint_clock(const pm_endpoint *endpoint, double time);
 
 // Counts a message as used (PM_KEEP) or as dropped for the given reason.

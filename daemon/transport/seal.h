@@ -5,12 +5,13 @@
 //   tag    16 bytes: keyed BLAKE2b (RFC 7693) of the channel with its terminator and all before
 // LCM's decoders ignore bytes after the fields they know, so lcm-spy and lcm-logger work as before.
 //
-// The seal protects against anyone who can read and send on the network but does not hold the key.
-// Channel and payload name scene, session, step and sender, so nobody else can forge, change or
-// shorten a message, or move it to another channel, session or step. Nobody can use a message that
-// is older than PM_SEAL_AGE: each receiver compares the stamp with its own clock. A message whose
-// stamp is more than PM_SEAL_AGE ahead is no replay, but comes from a host whose clock is wrong; it
-// is dropped for a reason of its own, and the clock of one sender changes nothing for another.
+// The seal protects against attackers who can read and send on the network but do not hold the key.
+// Channel and payload name scene, session, step and sender. An attacker can therefore not forge,
+// change or shorten a message, or move it to another channel, session or step. An attacker cannot
+// replay a message that is older than PM_SEAL_AGE either, since each receiver compares the stamp
+// with its own clock. A message whose stamp is more than PM_SEAL_AGE ahead comes from a host whose
+// clock is wrong. It is dropped for the reason PM_DROP_CLOCK. The clock of one sender does not
+// affect the messages of another.
 //
 // The seal does not protect against readers (nothing is encrypted), against holders of the key (any
 // of them can speak for all), or against a flooded or cut network.
@@ -41,23 +42,23 @@ typedef struct pm_key {
 pm_status pm_key_load(pm_key *key, const char *path);
 void pm_key_clear(pm_key *key);
 
-// The key, the sender that writes it, and a clock. One seal serves one transport.
+// A seal holds the key, the name of its sender, and a clock. It belongs to one transport.
 typedef struct pm_seal pm_seal;
 
-// What an authentic message says of its origin.
+// The origin of an authentic message, as the message states it.
 typedef struct pm_seal_origin {
     char sender[PM_SEAL_SENDER];
     int64_t ahead; // ns by which the stamp is ahead of the receiver's clock
 } pm_seal_origin;
 
-// `sender` is the text of the field of that name; what exceeds its size is cut. `now` is the time
+// Makes a seal. `sender` is the text of the field `sender`; a longer text is cut. `now` is the time
 // in ns since 1970 (pm_seal_clock of NULL). PM_ENOMEM.
 pm_status pm_seal_open(pm_seal **seal, const pm_key *key, const char *sender, int64_t now);
 void pm_seal_close(pm_seal *seal); // NULL is allowed
 
-// The time in ns since 1970, by a clock that does not jump while this process runs, and that goes
-// on while the host sleeps: `now` of pm_seal_open plus the time that has passed since. With NULL,
-// the system's time.
+// Returns the time in ns since 1970, by a clock that does not jump while this process runs and that
+// continues while the host is suspended: `now` of pm_seal_open plus the time elapsed since. With
+// NULL, returns the system's time.
 int64_t pm_seal_clock(const pm_seal *seal);
 
 // Writes the four fields after the `size` bytes of the payload in `data`. Returns their number of

@@ -61,9 +61,9 @@ void pm_transport_close(pm_transport *transport); // NULL is allowed
 // of this host's, with the difference in s.
 typedef void pm_clock_handler(const char *sender, double seconds);
 
-// From now on seals what is published, as `sender` (NAME@HOST), and drops what arrives without a
-// good seal (seal.h). `on_clock` may be NULL. To be called before the first subscription; the key
-// may be cleared afterwards. PM_ENOMEM.
+// Makes the transport seal all messages that it publishes, as `sender` (NAME@HOST), and drop
+// received messages without a valid seal (seal.h). `on_clock` may be NULL. It must be called before
+// the first subscription; the key may be cleared afterwards. PM_ENOMEM.
 pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
                             pm_clock_handler *on_clock);
 
