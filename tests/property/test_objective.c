@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "learn/gauss_newton_matrix.h"
+#include "learn/damped_equations.h"
 #include "learn/optimiser.h"
 #include "tests/support/random_system.h"
 
@@ -215,22 +215,21 @@ static void jacobian_times(residuals *r, bench *b, const double *v, double *Jv) 
     free(below);
 }
 
-// Computes u^T H v from the upper triangle of H.
-static double form(int n, const double *H, const double *u, const double *v) {
-    double sum = 0;
+// Computes H v from the upper triangle of H.
+static void matrix_times(int n, const double *H, const double *v, double *Hv) {
     for (int i = 0; i < n; ++i) {
+        Hv[i] = 0;
         for (int j = 0; j < n; ++j) {
             const int row = i < j ? i : j, col = i < j ? j : i;
-            sum += u[i] * H[(ptrdiff_t)row * n + col] * v[j];
+            Hv[i] += H[(ptrdiff_t)row * n + col] * v[j];
         }
     }
-    return sum;
 }
 
 static void check_hessian(bench *b, const double *H) {
     residuals r;
     residuals_open(&r, b);
-    double *u = vector(b->size), *v = vector(b->size);
+    double *u = vector(b->size), *v = vector(b->size), *Hv = vector(b->size);
     double *Ju = vector(COUNT * ROWS), *Jv = vector(COUNT * ROWS);
     for (int i = 0; i < DIRECTIONS; ++i) {
         draw_direction(b, i, u);
@@ -238,11 +237,13 @@ static void check_hessian(bench *b, const double *H) {
         jacobian_times(&r, b, u, Ju);
         jacobian_times(&r, b, v, Jv);
         const double scale = sqrt(dot(COUNT * ROWS, Ju, Ju) * dot(COUNT * ROWS, Jv, Jv)) / COUNT;
-        random_system_check(&b->w, "u^T H v", form(b->size, H, u, v),
+        matrix_times(b->size, H, v, Hv);
+        random_system_check(&b->w, "u^T H v", dot(b->size, u, Hv),
                             dot(COUNT * ROWS, Ju, Jv) / COUNT, 10 * TOLERANCE * (scale + 1e-3));
     }
     free(u);
     free(v);
+    free(Hv);
     free(Ju);
     free(Jv);
     residuals_close(&r);
@@ -275,6 +276,112 @@ static void normal_equations_are_those_of_the_residuals(void **state) {
     for (int i = 0; i < 4; ++i) {
         check_normal((uint64_t)i + 1, i == 1, i >= 2 ? 2 : 0);
     }
+}
+
+#define ESTIMATES 60
+
+// Checks that estimates of the diagonal of H have the right mean. Where few samples make an entry,
+// an estimate has a relative error of up to sqrt(2), and the mean of 60 has 0.18.
+static void check_diagonal(bench *b, pm_gauss_newton_product *product, const double *H) {
+    double *gradient = vector(3 * b->size), *estimate = gradient + b->size,
+           *mean = estimate + b->size;
+    for (int k = 0; k < ESTIMATES; ++k) {
+        pm_gauss_newton_product_linearise(product, COUNT, b->index, (uint64_t)k, gradient,
+                                          estimate);
+        for (int i = 0; i < b->size; ++i) {
+            mean[i] += estimate[i] / ESTIMATES;
+        }
+    }
+    for (int i = 0; i < b->size; ++i) {
+        const double exact = H[(ptrdiff_t)i * b->size + i];
+        random_system_check(&b->w, "diagonal of H", mean[i], exact, 0.75 * exact + 1e-12);
+    }
+    free(gradient);
+}
+
+static void check_products(uint64_t seed, bool soft, double robust) {
+    bench b;
+    bench_open(&b, seed, soft, robust);
+    double *gradient = vector(5 * b.size), *same = gradient + b.size, *diagonal = same + b.size,
+           *v = diagonal + b.size, *Hv = v + b.size, *H = vector(b.size * b.size);
+    pm_gauss_newton_matrix *matrix = NULL;
+    pm_gauss_newton_product *product = NULL;
+    assert_int_equal(pm_gauss_newton_matrix_open(&matrix, b.objective), PM_OK);
+    assert_int_equal(pm_gauss_newton_product_open(&product, b.objective), PM_OK);
+    pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
+    pm_gauss_newton_matrix_evaluate(matrix, COUNT, b.index, gradient, H);
+    pm_gauss_newton_product_linearise(product, COUNT, b.index, 1, same, diagonal);
+    const double size = sqrt(dot(b.size, gradient, gradient));
+    for (int k = 0; k < b.size; ++k) {
+        random_system_check(&b.w, "gradient", same[k], gradient[k], SAME_TOLERANCE * size);
+    }
+    for (int i = 0; i < DIRECTIONS; ++i) {
+        draw_direction(&b, i, v);
+        matrix_times(b.size, H, v, Hv);
+        pm_gauss_newton_product_apply(product, COUNT, b.index, v, same);
+        const double length = sqrt(dot(b.size, Hv, Hv));
+        for (int k = 0; k < b.size; ++k) {
+            random_system_check(&b.w, "H v", same[k], Hv[k], SAME_TOLERANCE * (length + size));
+        }
+    }
+    if (seed == 1) {
+        check_diagonal(&b, product, H); // slow
+    }
+    pm_gauss_newton_matrix_close(matrix);
+    pm_gauss_newton_product_close(product);
+    free(gradient);
+    free(H);
+    bench_close(&b);
+}
+
+static void products_are_those_of_the_matrix(void **state) {
+    (void)state;
+    for (int i = 0; i < 4; ++i) {
+        check_products((uint64_t)i + 1, i == 1, i >= 2 ? 2 : 0);
+    }
+}
+
+// Returns the decrease of the quadratic model of the loss by the step of one of the solvers.
+static double decrease(bench *b, bool matrix, const double *H, double damping) {
+    pm_damped_equations e;
+    double *step = vector(2 * b->size), *Hx = step + b->size;
+    pm_objective_evaluate(b->objective, COUNT, b->index, b->gradient);
+    assert_int_equal(pm_damped_equations_open(&e, b->objective, matrix), PM_OK);
+    pm_damped_equations_linearise(&e, COUNT, b->index, 1);
+    assert_true(pm_damped_equations_solve(&e, b->theta, damping, step));
+    matrix_times(b->size, H, step, Hx);
+    double model = dot(b->size, e.gradient, step) + 0.5 * dot(b->size, step, Hx);
+    for (int i = 0; i < b->size; ++i) {
+        model += 0.5 * damping * H[(ptrdiff_t)i * (b->size + 1)] * step[i] * step[i];
+    }
+    pm_damped_equations_close(&e);
+    free(step);
+    return -model;
+}
+
+// With strong damping the systems of both solvers differ by their diagonals alone, whose estimate
+// has errors; with weak damping the diagonals hardly matter.
+static void conjugate_gradients_find_the_step(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 3, true, 0);
+    double *gradient = vector(b.size), *H = vector(b.size * b.size);
+    pm_gauss_newton_matrix *matrix = NULL;
+    assert_int_equal(pm_gauss_newton_matrix_open(&matrix, b.objective), PM_OK);
+    pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
+    pm_gauss_newton_matrix_evaluate(matrix, COUNT, b.index, gradient, H);
+    for (double damping = 1e-4; damping < 20; damping *= 100) {
+        const double exact = decrease(&b, true, H, damping);
+        const double found = decrease(&b, false, H, damping);
+        if (!(exact > 0 && found > 0.8 * exact && found <= exact * (1 + 1e-9))) {
+            random_system_fail(&b.w, "damping %g: the model falls by %g, with a matrix by %g",
+                               damping, found, exact);
+        }
+    }
+    pm_gauss_newton_matrix_close(matrix);
+    free(gradient);
+    free(H);
+    bench_close(&b);
 }
 
 // --- threads ---
@@ -322,6 +429,37 @@ static double loss_with(bench *b, double degeneracy) {
     return value;
 }
 
+// Runs a few iterations in one piece, or in two, and writes the weights to theta.
+static void train_by_products(bool interrupted, double *theta, double *before, double *after) {
+    bench b;
+    bench_open(&b, 6, true, 0);
+    double *moment = vector(2 * b.size);
+    pm_optimisation o = {
+        .objective = b.objective,
+        .schedule = {.iterations = interrupted ? 3 : 6, .batch = 100, .guarded = true},
+        .seed = 1,
+        .theta = b.theta,
+        .moment = moment,
+        .report = go_on};
+    *before = loss_with(&b, 1);
+    assert_int_equal(pm_optimiser_find("gauss_newton_cg")->run(&o), PM_OK);
+    o.schedule.iterations = 6;
+    assert_int_equal(pm_optimiser_find("gauss_newton_cg")->run(&o), PM_OK);
+    *after = loss_with(&b, 1);
+    memcpy(theta, b.theta, (size_t)b.size * sizeof *theta);
+    free(moment);
+    bench_close(&b);
+}
+
+static void training_by_products_lowers_the_loss_and_resumes(void **state) {
+    (void)state;
+    double theta[2][1000] = {{0}}, before, after;
+    train_by_products(false, theta[0], &before, &after);
+    train_by_products(true, theta[1], &before, &after);
+    assert_true(after < 0.7 * before);
+    assert_memory_equal(theta[0], theta[1], sizeof theta[0]);
+}
+
 static void training_lowers_the_penalty(void **state) {
     (void)state;
     bench b;
@@ -352,6 +490,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradient_is_the_derivative_of_the_loss),
         cmocka_unit_test(normal_equations_are_those_of_the_residuals),
+        cmocka_unit_test(products_are_those_of_the_matrix),
+        cmocka_unit_test(conjugate_gradients_find_the_step),
+        cmocka_unit_test(training_by_products_lowers_the_loss_and_resumes),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(training_lowers_the_penalty),
     };

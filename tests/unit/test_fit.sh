@@ -81,6 +81,7 @@ done <<'LIST'
 adam 0.9 {optimiser: adam, iterations: 30, batch: 16, rate: [1.0e-2, 1.0e-3], substeps: 1}
 lbfgs 0.1 {optimiser: lbfgs, iterations: 60, substeps: 2}
 gauss_newton 0.05 {optimiser: gauss_newton, iterations: 15, batch: 66, substeps: 2}
+gauss_newton_cg 0.05 {optimiser: gauss_newton_cg, iterations: 15, batch: 66, substeps: 2}
 LIST
 [ -e "$folder/adam/fit.checkpoint" ] || fail "a finished fit left no checkpoint to go on from"
 

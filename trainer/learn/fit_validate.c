@@ -24,7 +24,7 @@ int pm_fit_interval(const pm_fit *f, const pm_stage *stage) {
     const pm_integrator *served = scene->integrator;
     const pm_loss *loss = &stage->loss;
     const double samples = (double)f->split.ntraining * f->dataset->ntime;
-    const bool least_squares = strcmp(stage->optimiser->name, "gauss_newton") == 0;
+    const bool least_squares = strncmp(stage->optimiser->name, "gauss_newton", 12) == 0;
     const double batch = least_squares ? fmin(stage->schedule.batch, samples) : samples;
     const double evaluations =
         loss->residual == PM_RESIDUAL_DERIVATIVE

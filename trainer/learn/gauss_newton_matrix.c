@@ -10,11 +10,10 @@
 
 #include "base/linalg.h"
 #include "graph/program.h"
+#include "learn/residuals.h"
 
 #define LANES 2
 #define CHUNK 32
-// Keeps the root of the degeneracy differentiable at zero.
-#define SMALLEST_DEGENERACY 1e-20
 
 typedef struct jacobian_lane {
     pm_gauss_newton_matrix *normal;
@@ -38,43 +37,6 @@ struct pm_gauss_newton_matrix {
 };
 
 // --- opening ---
-
-// Adds every trained matrix as a node of g and returns their number. With leaf NULL it only counts.
-static int list_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int *size) {
-    int count = 0;
-    for (int i = 0; i < pm_system_components(system); ++i) {
-        const pm_params *params = pm_system_params(system, i);
-        for (int j = 0; j < params->count; ++j) {
-            const pm_param_entry *entry = &params->entry[j];
-            if (entry->trained) {
-                if (leaf != NULL) {
-                    leaf[count] = pm_weight(g, entry->value, entry->rows, entry->cols);
-                    size[count] = entry->rows * entry->cols;
-                }
-                ++count;
-            }
-        }
-    }
-    return count;
-}
-
-// Returns the residuals of one sample, whose squares sum to its loss.
-static pm_node build_residuals(pm_graph *g, const pm_loss_context *c, pm_node *input) {
-    pm_loss_nodes nodes;
-    if (pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes) != PM_OK) {
-        return PM_NO_NODE;
-    }
-    *input = nodes.input;
-    const int n = pm_graph_shape(g, nodes.residual).cols;
-    const pm_node part[2] = {
-        pm_scale(g, nodes.residual, 1 / sqrt(n)),
-        nodes.degeneracy == PM_NO_NODE
-            ? PM_NO_NODE
-            : pm_sqrt(g, pm_offset(g, pm_scale(g, nodes.degeneracy, c->loss->degeneracy),
-                                   SMALLEST_DEGENERACY)),
-    };
-    return pm_concat(g, part[1] == PM_NO_NODE ? 1 : 2, part);
-}
 
 static pm_status build_derivatives(pm_gauss_newton_matrix *n, pm_graph *g, const pm_node *leaf,
                                    pm_node *output, int *noutput) {
@@ -112,12 +74,9 @@ static pm_status open_lanes(pm_gauss_newton_matrix *n, pm_graph *g, int noutput,
 
 static pm_status build(pm_gauss_newton_matrix *n, pm_graph *g) {
     pm_graph_weights_per_item(g);
-    n->residual = build_residuals(g, &n->context, &n->input);
-    if (n->residual == PM_NO_NODE) {
-        return PM_ENOMEM;
-    }
+    PM_TRY(pm_residuals_build(g, &n->context, &n->input, &n->residual));
     n->nresidual = pm_graph_shape(g, n->residual).cols;
-    n->nentry = list_weights(g, n->context.system, NULL, NULL);
+    n->nentry = pm_residuals_weights(g, n->context.system, NULL, NULL);
     const size_t cells = (size_t)n->nresidual * (size_t)n->nentry + 1;
     n->derivative = malloc(cells * sizeof *n->derivative);
     n->entry_size = malloc((size_t)n->nentry * sizeof *n->entry_size);
@@ -128,7 +87,7 @@ static pm_status build(pm_gauss_newton_matrix *n, pm_graph *g) {
         status = pm_fail(PM_ENOMEM, "out of memory for the normal equations");
         goto done;
     }
-    list_weights(g, n->context.system, leaf, n->entry_size);
+    pm_residuals_weights(g, n->context.system, leaf, n->entry_size);
     int noutput = 0;
     PM_TRY_DONE(build_derivatives(n, g, leaf, output, &noutput));
     PM_TRY_DONE(open_lanes(n, g, noutput, output));

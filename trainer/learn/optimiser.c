@@ -8,6 +8,7 @@ static const pm_optimiser optimisers[] = {
     {"adam", pm_adam_run},
     {"lbfgs", pm_lbfgs_run},
     {"gauss_newton", pm_gauss_newton_run},
+    {"gauss_newton_cg", pm_gauss_newton_cg_run},
 };
 
 const pm_optimiser *pm_optimiser_find(const char *name) {
@@ -20,5 +21,5 @@ const pm_optimiser *pm_optimiser_find(const char *name) {
 }
 
 const char *pm_optimiser_names(void) {
-    return "adam, lbfgs, gauss_newton";
+    return "adam, lbfgs, gauss_newton, gauss_newton_cg";
 }

@@ -1,13 +1,13 @@
 // Levenberg-Marquardt: Gauss-Newton steps with damping scaled by the diagonal (Marquardt, J. SIAM
 // 11 (1963) 431), on a fresh random batch of samples each iteration. The data are free of noise, so
-// that a batch with several times more residuals than weights is enough.
+// that a batch with several times more residuals than weights is enough. The damped equations are
+// solved by a Cholesky factorisation of the matrix, or without a matrix by conjugate gradients.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/linalg.h"
 #include "base/rng.h"
-#include "learn/gauss_newton_matrix.h"
+#include "learn/damped_equations.h"
 #include "learn/optimiser_table.h"
 
 #define FIRST_DAMPING 1e-2
@@ -19,14 +19,16 @@
 // and this many times its own loss before the step.
 #define WILD 10
 #define WILD_STIFFEN 64
+// The most weights for which the matrix is formed and factorised.
+#define MOST_WEIGHTS_OF_MATRIX 4000
 
 typedef struct solver {
     pm_optimisation *o;
-    pm_gauss_newton_matrix *normal;
+    pm_damped_equations equations;
     int size, batch;
-    double *damping; // lives in the moment of the optimisation, so that a stage can be resumed
-    int *index;      // [samples]; its first `batch` entries are the batch
-    double *gradient, *hessian, *damped, *step, *trial; // [size], [size][size], ...
+    double *damping;      // lives in the moment of the optimisation, so that a stage can be resumed
+    int *index;           // [samples]; its first `batch` entries are the batch
+    double *step, *trial; // [size], [2][size]
 } solver;
 
 // Moves a fresh random batch to the front of the index, each sample as a random symmetric copy.
@@ -51,22 +53,6 @@ static void draw_batch(solver *s, int count) {
 static double loss_at(solver *s, const double *theta) {
     pm_objective_set_weights(s->o->objective, theta);
     return pm_objective_evaluate(s->o->objective, s->batch, s->index, s->trial + s->size);
-}
-
-// Computes the damped step. Returns false if the equations cannot be solved with this damping.
-static bool solve(solver *s) {
-    const size_t n = (size_t)s->size;
-    memcpy(s->damped, s->hessian, n * n * sizeof *s->damped);
-    double largest = 0;
-    for (size_t i = 0; i < n; ++i) {
-        largest = fmax(largest, s->hessian[i * n + i]);
-    }
-    for (size_t i = 0; i < n; ++i) {
-        // A weight without any effect at present still gets a positive diagonal entry.
-        s->damped[i * n + i] += *s->damping * (s->hessian[i * n + i] + 1e-10 * largest);
-        s->step[i] = -s->gradient[i];
-    }
-    return pm_cholesky_solve(s->size, s->damped, s->step);
 }
 
 // Stores the loss after a step and the weights before it in the moment of the optimisation, behind
@@ -96,6 +82,15 @@ static void undo_wild_step(solver *s) {
     }
 }
 
+// Guesses the step from the one before, where it is known.
+static void guess_step(solver *s) {
+    const pm_optimisation *o = s->o;
+    const bool known = o->schedule.guarded && s->size > 1 && o->moment[1] > 0;
+    for (int i = 0; i < s->size; ++i) {
+        s->step[i] = known ? o->theta[i] - o->moment[s->size + i] : 0;
+    }
+}
+
 // One iteration: tries steps with increasing damping until one lowers the loss of the batch.
 static pm_status iterate(solver *s, double *loss) {
     pm_optimisation *o = s->o;
@@ -105,9 +100,11 @@ static pm_status iterate(solver *s, double *loss) {
     loss_at(s, o->theta);
     PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
     const double before = loss_at(s, o->theta);
-    pm_gauss_newton_matrix_evaluate(s->normal, s->batch, s->index, s->gradient, s->hessian);
+    pm_damped_equations_linearise(&s->equations, s->batch, s->index,
+                                  s->o->seed + (uint64_t)s->o->done);
+    guess_step(s);
     while (*s->damping < LARGEST_DAMPING) {
-        if (solve(s)) {
+        if (pm_damped_equations_solve(&s->equations, o->theta, *s->damping, s->step)) {
             for (int i = 0; i < s->size; ++i) {
                 s->trial[i] = o->theta[i] + s->step[i];
             }
@@ -128,7 +125,7 @@ static pm_status iterate(solver *s, double *loss) {
     return PM_OK;
 }
 
-static pm_status open_solver(solver *s, pm_optimisation *o) {
+static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
     const int count = pm_objective_samples(o->objective);
     const size_t n = (size_t)pm_objective_size(o->objective);
     *s = (solver){.o = o, .size = (int)n, .damping = o->moment};
@@ -137,36 +134,28 @@ static pm_status open_solver(solver *s, pm_optimisation *o) {
     }
     s->batch = o->schedule.batch < count ? o->schedule.batch : count;
     s->index = malloc((size_t)count * sizeof *s->index);
-    s->gradient = malloc(n * sizeof *s->gradient);
-    s->hessian = malloc(n * n * sizeof *s->hessian);
-    s->damped = malloc(n * n * sizeof *s->damped);
     s->step = malloc(n * sizeof *s->step);
     s->trial =
         malloc(2 * n * sizeof *s->trial); // the second half receives gradients that are not used
-    if (s->index == NULL || s->gradient == NULL || s->hessian == NULL || s->damped == NULL ||
-        s->step == NULL || s->trial == NULL) {
+    if (s->index == NULL || s->step == NULL || s->trial == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for Gauss-Newton with %zu weights", n);
     }
-    return pm_gauss_newton_matrix_open(&s->normal, o->objective);
+    return pm_damped_equations_open(&s->equations, o->objective, matrix);
 }
 
 static void close_solver(solver *s) {
-    pm_gauss_newton_matrix_close(s->normal);
+    pm_damped_equations_close(&s->equations);
     free(s->index);
-    free(s->gradient);
-    free(s->hessian);
-    free(s->damped);
     free(s->step);
     free(s->trial);
 }
 
-pm_status pm_gauss_newton_run(pm_optimisation *optimisation) {
-    pm_optimisation *o = optimisation;
+static pm_status run(pm_optimisation *o, bool matrix) {
     if (pm_objective_size(o->objective) == 0) {
         return PM_OK;
     }
     solver s;
-    pm_status status = open_solver(&s, o);
+    pm_status status = open_solver(&s, o, matrix);
     while (status == PM_OK && o->done < o->schedule.iterations) {
         draw_batch(&s, pm_objective_samples(o->objective));
         double loss = 0;
@@ -181,4 +170,12 @@ pm_status pm_gauss_newton_run(pm_optimisation *optimisation) {
     pm_objective_set_weights(o->objective, o->theta);
     close_solver(&s);
     return status;
+}
+
+pm_status pm_gauss_newton_run(pm_optimisation *optimisation) {
+    return run(optimisation, pm_objective_size(optimisation->objective) <= MOST_WEIGHTS_OF_MATRIX);
+}
+
+pm_status pm_gauss_newton_cg_run(pm_optimisation *optimisation) {
+    return run(optimisation, false);
 }

@@ -1,0 +1,183 @@
+// Solves the damped normal equations with or without a matrix.
+#include "learn/damped_equations.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+
+// A weight without any effect at present still gets a positive diagonal entry, in units of the
+// largest one.
+#define SMALLEST_DIAGONAL 1e-10
+// Conjugate gradients end when the last tenth of the iterations, at least FEWEST, has lowered the
+// quadratic model of the loss by less than PROGRESS of its decrease for each of them (Martens, ICML
+// 2010, section 4.4), or after MOST iterations.
+#define FEWEST_ITERATIONS 10
+#define MOST_ITERATIONS 250
+#define PROGRESS 5e-4
+
+// --- opening ---
+
+static pm_status open_matrix(pm_damped_equations *e, pm_objective *objective) {
+    const size_t n = (size_t)e->size;
+    e->hessian = malloc(n * n * sizeof *e->hessian);
+    e->damped = malloc(n * n * sizeof *e->damped);
+    if (e->hessian == NULL || e->damped == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the normal equations of %zu weights", n);
+    }
+    return pm_gauss_newton_matrix_open(&e->matrix, objective);
+}
+
+static pm_status open_product(pm_damped_equations *e, pm_objective *objective) {
+    const size_t n = (size_t)e->size;
+    e->residual = malloc(n * sizeof *e->residual);
+    e->conditioned = malloc(n * sizeof *e->conditioned);
+    e->direction = malloc(n * sizeof *e->direction);
+    e->image = malloc(n * sizeof *e->image);
+    if (e->residual == NULL || e->conditioned == NULL || e->direction == NULL || e->image == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for conjugate gradients with %zu weights", n);
+    }
+    return pm_gauss_newton_product_open(&e->product, objective);
+}
+
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix) {
+    *e = (pm_damped_equations){.size = pm_objective_size(objective), .objective = objective};
+    const size_t n = (size_t)e->size;
+    e->gradient = malloc(n * sizeof *e->gradient);
+    e->diagonal = malloc(n * sizeof *e->diagonal);
+    if (e->gradient == NULL || e->diagonal == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the normal equations of %zu weights", n);
+    }
+    return matrix ? open_matrix(e, objective) : open_product(e, objective);
+}
+
+void pm_damped_equations_close(pm_damped_equations *e) {
+    pm_gauss_newton_matrix_close(e->matrix);
+    pm_gauss_newton_product_close(e->product);
+    free(e->gradient);
+    free(e->diagonal);
+    free(e->hessian);
+    free(e->damped);
+    free(e->residual);
+    free(e->conditioned);
+    free(e->direction);
+    free(e->image);
+}
+
+void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
+                                   uint64_t seed) {
+    e->count = count;
+    e->index = index;
+    if (e->matrix != NULL) {
+        pm_gauss_newton_matrix_evaluate(e->matrix, count, index, e->gradient, e->hessian);
+        for (size_t i = 0; i < (size_t)e->size; ++i) {
+            e->diagonal[i] = e->hessian[i * (size_t)e->size + i];
+        }
+    } else {
+        pm_gauss_newton_product_linearise(e->product, count, index, seed, e->gradient, e->diagonal);
+    }
+    double largest = 0;
+    for (int i = 0; i < e->size; ++i) {
+        largest = fmax(largest, e->diagonal[i]);
+    }
+    for (int i = 0; i < e->size; ++i) {
+        e->diagonal[i] += SMALLEST_DIAGONAL * largest;
+    }
+}
+
+// --- Cholesky ---
+
+static bool solve_by_factors(pm_damped_equations *e, double damping, double *step) {
+    const size_t n = (size_t)e->size;
+    memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
+    for (size_t i = 0; i < n; ++i) {
+        e->damped[i * n + i] += damping * e->diagonal[i];
+        step[i] = -e->gradient[i];
+    }
+    return pm_cholesky_solve(e->size, e->damped, step);
+}
+
+// --- conjugate gradients ---
+
+static double dot(int n, const double *a, const double *b) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+// Computes image = (H + damping D) vector.
+static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
+    pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
+    for (int i = 0; i < e->size; ++i) {
+        image[i] += damping * e->diagonal[i] * vector[i];
+    }
+}
+
+// Divides the residual by the diagonal of the damped matrix, and returns their product.
+static double condition(pm_damped_equations *e, double damping) {
+    for (int i = 0; i < e->size; ++i) {
+        e->conditioned[i] = e->residual[i] / ((1 + damping) * e->diagonal[i]);
+    }
+    return dot(e->size, e->residual, e->conditioned);
+}
+
+// Starts with the guess if that is better than zero, and returns the quadratic model of the loss
+// there, g.x + x.(H + damping D)x / 2.
+static double start(pm_damped_equations *e, double damping, double *step) {
+    const int n = e->size;
+    double model = 0;
+    if (dot(n, step, step) > 0) {
+        multiply(e, damping, step, e->image);
+        model = dot(n, e->gradient, step) + 0.5 * dot(n, step, e->image);
+    }
+    const bool keep = model < 0;
+    for (int i = 0; i < n; ++i) {
+        step[i] = keep ? step[i] : 0;
+        e->residual[i] = -e->gradient[i] - (keep ? e->image[i] : 0);
+    }
+    return keep ? model : 0;
+}
+
+// Preconditioned conjugate gradients (Nocedal, Wright, algorithm 5.3).
+static bool solve_by_products(pm_damped_equations *e, double damping, double *step) {
+    const int n = e->size;
+    double before[MOST_ITERATIONS + 1]; // the model after each iteration
+    before[0] = start(e, damping, step);
+    double rho = condition(e, damping);
+    memcpy(e->direction, e->conditioned, (size_t)n * sizeof *e->direction);
+    for (int k = 1; k <= MOST_ITERATIONS && rho > 0; ++k) {
+        multiply(e, damping, e->direction, e->image);
+        const double curvature = dot(n, e->direction, e->image);
+        if (!(curvature > 0) || !isfinite(curvature)) {
+            return isfinite(curvature) && k > 1;
+        }
+        const double length = rho / curvature;
+        for (int i = 0; i < n; ++i) {
+            step[i] += length * e->direction[i];
+            e->residual[i] -= length * e->image[i];
+        }
+        before[k] = before[k - 1] - 0.5 * length * rho;
+        const int lag = k / 10 > FEWEST_ITERATIONS ? k / 10 : FEWEST_ITERATIONS;
+        if (k > lag && before[k - lag] - before[k] < lag * PROGRESS * -before[k]) {
+            break;
+        }
+        const double next = condition(e, damping);
+        for (int i = 0; i < n; ++i) {
+            e->direction[i] = e->conditioned[i] + next / rho * e->direction[i];
+        }
+        rho = next;
+    }
+    return true;
+}
+
+bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
+                               double *step) {
+    if (e->matrix != NULL) {
+        return solve_by_factors(e, damping, step);
+    }
+    pm_objective_set_weights(e->objective, theta);
+    return solve_by_products(e, damping, step);
+}

@@ -1,0 +1,43 @@
+// The damped normal equations of Levenberg-Marquardt,
+//     (H + damping D) step = -gradient,
+// where H is the Gauss-Newton matrix of a loss on a batch and D its diagonal. They are solved by a
+// Cholesky factorisation of the matrix (gauss_newton_matrix.h), or by conjugate gradients, which
+// need products with H alone (gauss_newton_product.h).
+#ifndef PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
+#define PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
+
+#include <stdint.h>
+
+#include "learn/gauss_newton_matrix.h"
+#include "learn/gauss_newton_product.h"
+
+typedef struct pm_damped_equations {
+    int size;
+    pm_objective *objective;                            // borrowed
+    pm_gauss_newton_matrix *matrix;                     // NULL: conjugate gradients
+    pm_gauss_newton_product *product;                   // NULL: Cholesky
+    double *gradient, *diagonal;                        // [size]
+    double *hessian, *damped;                           // [size][size], of the matrix
+    double *residual, *conditioned, *direction, *image; // [size], of conjugate gradients
+    int count;                                          // the batch of the last linearisation
+    const int *index;                                   // [count], borrowed
+} pm_damped_equations;
+
+// Prepares the equations for the loss of `objective`, which must outlive them. The caller closes
+// them, also after an error. PM_ENOMEM.
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix);
+void pm_damped_equations_close(pm_damped_equations *e);
+
+// Computes the gradient and the matrix, or its diagonal, on the samples index [count], at the
+// present weights. The last call of pm_objective_evaluate must have covered these samples at these
+// weights. `seed` decides the estimate of the diagonal. `index` is borrowed until the next call.
+void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
+                                   uint64_t seed);
+
+// Replaces step [size], a first guess, by the solution. The weights of the objective may have
+// changed since the linearisation; `theta` [size] are those of the linearisation. Returns false if
+// the equations cannot be solved with this damping.
+bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
+                               double *step);
+
+#endif

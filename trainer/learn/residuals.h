@@ -1,0 +1,21 @@
+// The residuals of one sample as a graph, whose squares sum to the loss of the sample without its
+// robust function. Gauss-Newton methods differentiate them (Nocedal, Wright, Numerical
+// Optimization, 2006, section 10.3).
+#ifndef PM_TRAINER_LEARN_RESIDUALS_H
+#define PM_TRAINER_LEARN_RESIDUALS_H
+
+#include "graph/graph.h"
+#include "learn/objective.h"
+
+// Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the
+// data and, in the soft form, the root of the weighted degeneracy penalty. *input receives the
+// window (learn/loss_graph.h). PM_ENOMEM.
+pm_status pm_residuals_build(pm_graph *g, const pm_loss_context *context, pm_node *input,
+                             pm_node *residual);
+
+// Adds every trained matrix of the system as a node leaf [result], writes how many numbers each has
+// to size [result], and returns how many matrices there are. The order is that of
+// pm_objective_weights. With leaf NULL the function only counts.
+int pm_residuals_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int *size);
+
+#endif
