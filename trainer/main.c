@@ -1,8 +1,6 @@
 // portmet-train: the offline tools.
-#include <signal.h>
-#include <string.h>
-
 #include "base/linalg.h"
+#include "base/stop.h"
 #include "base/subcommand.h"
 #include "command/commands.h"
 
@@ -31,26 +29,7 @@ static const pm_subcommands program = {
     .command = commands,
 };
 
-static volatile sig_atomic_t stop; // a signal handler can only reach a global
-
-static void request_stop(int signal_number) {
-    (void)signal_number;
-    stop = 1;
-}
-
-// A second signal ends the program at once.
-static void catch_signals(void) {
-    struct sigaction action;
-    memset(&action, 0, sizeof action);
-    action.sa_handler = request_stop;
-    action.sa_flags = (int)SA_RESETHAND;
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
-
 int main(int argc, char **argv) {
     pm_linalg_init();
-    catch_signals();
-    return pm_subcommand_main(&program, argc, argv, &stop);
+    return pm_subcommand_main(&program, argc, argv, pm_stop_install(PM_STOP_SECOND_ENDS));
 }

@@ -1,7 +1,7 @@
 // portmetd: the daemon's subcommands.
 #include "app/command.h"
-#include "app/stop.h"
 #include "base/linalg.h"
+#include "base/stop.h"
 #include "base/subcommand.h"
 
 static const pm_subcommand commands[] = {
@@ -25,5 +25,5 @@ static const pm_subcommands program = {
 
 int main(int argc, char **argv) {
     pm_linalg_init();
-    return pm_subcommand_main(&program, argc, argv, pm_stop_install());
+    return pm_subcommand_main(&program, argc, argv, pm_stop_install(PM_STOP_SECOND_IGNORED));
 }

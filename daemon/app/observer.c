@@ -18,11 +18,25 @@ static pm_status record(pm_observer *observer, const pm_sample *sample) {
     return pm_recording_append(observer->recording, sample);
 }
 
+// Passes on the status of the recording, unless the scene wants the run to go on without it.
+static pm_status outlive(pm_observer *observer, pm_status status) {
+    if (status != PM_EFILE || !observer->scene->outlives_recording) {
+        return status;
+    }
+    fprintf(stderr, "portmetd: the run goes on without its recording: %s\n", pm_error());
+    (void)pm_recording_close(observer->recording);
+    observer->recording = NULL;
+    observer->unrecorded = true;
+    return PM_OK;
+}
+
 static pm_status observe(void *context, const pm_sample *sample) {
     pm_observer *observer = context;
     pm_report_add(observer->report, sample);
     pm_progress_update(&observer->progress, sample->step, NULL);
-    return observer->options->record == NULL ? PM_OK : record(observer, sample);
+    return observer->options->record == NULL || observer->unrecorded
+               ? PM_OK
+               : outlive(observer, record(observer, sample));
 }
 
 static void tell_pause(void *context, const char *silent) {
@@ -51,16 +65,18 @@ static void put_record(void *context, pm_record *record) {
 }
 
 static pm_status flush(void *context) {
-    const pm_observer *observer = context;
-    return observer->recording == NULL ? PM_OK : pm_recording_flush(observer->recording);
+    pm_observer *observer = context;
+    return observer->recording == NULL ? PM_OK
+                                       : outlive(observer, pm_recording_flush(observer->recording));
 }
 
 static pm_status resume(void *context, long step) {
     pm_observer *observer = context;
     return observer->options->record == NULL
                ? PM_OK
-               : pm_recording_reopen(&observer->recording, observer->options->record,
-                                     observer->scene, step + 1);
+               : outlive(observer,
+                         pm_recording_reopen(&observer->recording, observer->options->record,
+                                             observer->scene, step + 1));
 }
 
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup) {
@@ -84,8 +100,9 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
                              const char *how) {
     pm_progress_finish(&observer->progress);
-    const pm_status closed = pm_recording_close(observer->recording);
+    pm_recording *recording = observer->recording;
     observer->recording = NULL;
+    const pm_status closed = outlive(observer, pm_recording_close(recording));
     if (!observer->options->quiet && ledger->steps > 0) {
         pm_report_print(observer->report, ledger, how, pm_clock() - observer->started);
     }

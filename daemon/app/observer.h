@@ -1,4 +1,6 @@
-// Handles the samples of a run for `run` and `coordinator`: progress, recording and tables.
+// Handles the samples of a run for `run` and `coordinator`: progress, recording and tables. A
+// recording that cannot be written ends the run, unless the scene says `record: {on_error: go_on}`:
+// then a line on stderr says so, and the run goes on without its recording.
 #ifndef PM_APP_OBSERVER_H
 #define PM_APP_OBSERVER_H
 
@@ -12,6 +14,7 @@ typedef struct pm_observer {
     const pm_scene *scene;
     pm_report *report;
     pm_recording *recording; // NULL: no recording is wanted, or there was no sample yet
+    bool unrecorded;         // the recording has failed, and the run goes on without it
     pm_progress progress;
     double started; // s of pm_clock
 } pm_observer;

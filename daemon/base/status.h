@@ -19,7 +19,7 @@ typedef enum pm_status {
     PM_ENUMERIC = 9, // a value became non-finite, or a solver failed
     PM_ELAW = 10,    // a law of thermodynamics was violated beyond its tolerance
     PM_ENOMEM = 11,  // out of memory
-    PM_EINTERRUPTED = 12, // SIGINT or SIGTERM
+    PM_EINTERRUPTED = 12, // SIGINT, SIGTERM or SIGHUP
     PM_EUNFIT = 13        // what was trained is worse than persistence, or not finite
 } pm_status;
 

@@ -1,9 +1,10 @@
 // Samples of a run and their HDF5 recording. Every quantity is a series of its own with a buffer.
 // The buffers are written when a block is full or a second has passed, so that a step costs one
-// copy.
+// copy. Space on the disk is reserved before, so that a write does not fail halfway.
 #include "scene/recording.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,6 +19,7 @@
 #define CHUNK 131072      // most numbers of a chunk: large states have fewer samples in it
 #define FLUSH_SECONDS 1.0 // of samples that a killed run may lose
 #define MAX_NAMED 1000    // components whose names fit into an attribute of 64 KiB
+#define INDEX_BYTES 8192  // most by which a block makes the file's index of a series grow
 
 // --- samples ---
 
@@ -66,16 +68,23 @@ typedef struct series_column {
     pm_hdf5_series series;
     double *buffer; // [BLOCK][width or 1]
     int count;      // numbers per sample
+    int rows;       // samples in a chunk of the file
 } series_column;
 
 struct pm_recording {
     pm_arena arena;
     pm_hdf5 *file;
+    const char *path;
     const pm_scene *scene;
     int ncolumn;
     series_column *column; // in the order in which put_sample fills them
     int buffered;          // samples
     double flushed;        // s, pm_clock
+    int64_t block;         // bytes by which the file grows at most when the buffers are written
+    int64_t pending;       // such bytes since the last flush
+    int64_t written;       // samples handed to the file
+    int64_t committed;     // samples that are certain
+    bool failed;           // a write has failed
 };
 
 #define SCENE_COLUMNS 6
@@ -94,6 +103,9 @@ static pm_status add(pm_recording *r, const char *folder, const char *name, int 
     c->unit = unit;
     c->width = width;
     c->count = width == 0 ? 1 : width;
+    c->rows = c->count <= CHUNK / BLOCK ? BLOCK : 1 + (CHUNK - 1) / c->count;
+    // A block fills its share of chunks, and may begin one more.
+    r->block += ((int64_t)c->count * (BLOCK + c->rows)) * (int64_t)sizeof *c->buffer + INDEX_BYTES;
     c->buffer = pm_arena_array(&r->arena, (size_t)c->count * BLOCK, sizeof *c->buffer);
     return c->path == NULL || c->buffer == NULL ? fail_memory() : PM_OK;
 }
@@ -177,15 +189,15 @@ static pm_status describe_port(pm_recording *r, const pm_scene_port *port) {
 static pm_status create_all(pm_recording *r) {
     const pm_scene *scene = r->scene;
     PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
-    PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 1));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 2));
+    PM_TRY(pm_hdf5_write_integer(r->file, "/", "committed", 0));
     PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
     PM_TRY(pm_hdf5_write_text(r->file, "/", "integrator", scene->integrator->name));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "substeps", (uint64_t)scene->substeps));
     PM_TRY(pm_hdf5_write_number(r->file, "/", "dt", scene->dt));
     for (int i = 0; i < r->ncolumn; ++i) {
         series_column *c = &r->column[i];
-        const int rows = c->count <= CHUNK / BLOCK ? BLOCK : 1 + (CHUNK - 1) / c->count;
-        PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, rows,
+        PM_TRY(pm_hdf5_series_create(&c->series, r->file, c->path, c->width, c->rows,
                                      strcmp(c->path, "/step") == 0));
         if (c->unit != NULL) {
             PM_TRY(pm_hdf5_write_text(r->file, c->path, "units", c->unit));
@@ -201,7 +213,27 @@ static pm_status create_all(pm_recording *r) {
     return pm_hdf5_flush(r->file);
 }
 
+// Writes down how many samples are certain.
+static pm_status set_committed(pm_recording *r, int64_t count) {
+    if (count != r->committed) {
+        PM_TRY(pm_hdf5_update_integer(r->file, "/", "committed", (uint64_t)count));
+        PM_TRY(pm_hdf5_flush(r->file));
+        r->committed = count;
+    }
+    return PM_OK;
+}
+
 static pm_status open_all(pm_recording *r, long count) {
+    uint64_t committed;
+    PM_TRY(pm_hdf5_read_integer(r->file, "/", "committed", &committed));
+    if (committed < (uint64_t)count) {
+        return pm_fail(PM_EFILE, "%s: %" PRIu64 " samples are certain, expected %ld to go on with",
+                       r->path, committed, count);
+    }
+    r->committed = (int64_t)committed;
+    r->written = count;
+    // The number comes first: whoever dies in between leaves more rows than are certain, not fewer.
+    PM_TRY(set_committed(r, count));
     for (int i = 0; i < r->ncolumn; ++i) {
         series_column *c = &r->column[i];
         PM_TRY(pm_hdf5_series_open(&c->series, r->file, c->path, c->width, count));
@@ -261,7 +293,8 @@ static pm_status open_at(pm_recording **recording, const char *path, const pm_sc
         SCENE_COLUMNS + SUBSYSTEM_COLUMNS * scene->nsubsystem + PORT_COLUMNS * scene->nport;
     r->scene = scene;
     r->column = pm_arena_array(&r->arena, (size_t)ncolumn, sizeof *r->column);
-    if (r->column == NULL) {
+    r->path = pm_arena_strdup(&r->arena, path);
+    if (r->column == NULL || r->path == NULL) {
         status = fail_memory();
         goto done;
     }
@@ -354,37 +387,86 @@ static void put_sample(const pm_recording *r, const pm_sample *s) {
     }
 }
 
-static pm_status write_buffers(pm_recording *r) {
-    const int count = r->buffered;
-    r->buffered = 0;
-    for (int i = 0; count > 0 && i < r->ncolumn; ++i) {
-        PM_TRY(pm_hdf5_series_append(&r->column[i].series, count, r->column[i].buffer));
+// Flushes the samples that the file has been handed, and then says that they are certain.
+static pm_status commit(pm_recording *r) {
+    PM_TRY(pm_hdf5_flush(r->file));
+    r->pending = 0;
+    return set_committed(r, r->written);
+}
+
+// Makes sure that there is space for another block.
+static pm_status reserve_block(pm_recording *r) {
+    if (pm_hdf5_reserve(r->file, r->pending + r->block) != PM_OK) {
+        // The blocks before this one have their space. After a flush it is known how much they
+        // need.
+        PM_TRY(commit(r));
+        PM_TRY(pm_hdf5_reserve(r->file, r->block));
     }
+    r->pending += r->block;
     return PM_OK;
 }
 
+static pm_status write_buffers(pm_recording *r) {
+    if (r->buffered == 0) {
+        return PM_OK;
+    }
+    PM_TRY(reserve_block(r));
+    for (int i = 0; i < r->ncolumn; ++i) {
+        PM_TRY(pm_hdf5_series_append(&r->column[i].series, r->buffered, r->column[i].buffer));
+    }
+    r->written += r->buffered;
+    r->buffered = 0;
+    return PM_OK;
+}
+
+// Passes a status on. On the first failure adds to its description what is left of the recording.
+static pm_status note(pm_recording *r, pm_status status) {
+    if (status == PM_OK || r->failed) {
+        return status;
+    }
+    r->failed = true;
+    char cause[256];
+    snprintf(cause, sizeof cause, "%s", pm_error());
+    return pm_hdf5_is_broken(r->file)
+               ? pm_fail(status, "%s; the recording may be damaged", cause)
+               : pm_fail(status, "%s; the first %" PRId64 " samples are certain", cause,
+                         r->committed);
+}
+
+static pm_status fail_again(const pm_recording *r) {
+    return pm_fail(PM_EFILE, "%s: writing has failed before", r->path);
+}
+
 pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample) {
+    if (recording->failed) {
+        return fail_again(recording);
+    }
     put_sample(recording, sample);
     ++recording->buffered;
     if (pm_clock() - recording->flushed >= FLUSH_SECONDS) {
         return pm_recording_flush(recording);
     }
-    return recording->buffered == BLOCK ? write_buffers(recording) : PM_OK;
+    return recording->buffered == BLOCK ? note(recording, write_buffers(recording)) : PM_OK;
 }
 
 pm_status pm_recording_flush(pm_recording *recording) {
+    if (recording->failed) {
+        return fail_again(recording);
+    }
     recording->flushed = pm_clock();
-    PM_TRY(write_buffers(recording));
-    return pm_hdf5_flush(recording->file);
+    PM_TRY(note(recording, write_buffers(recording)));
+    return note(recording, commit(recording));
 }
 
 pm_status pm_recording_close(pm_recording *recording) {
     if (recording == NULL) {
         return PM_OK;
     }
-    pm_status status;
-    PM_TRY_DONE(write_buffers(recording));
-    status = pm_hdf5_commit(recording->file);
+    pm_status status = PM_OK;
+    if (!recording->failed) {
+        PM_TRY_DONE(pm_recording_flush(recording));
+        status = note(recording, pm_hdf5_commit(recording->file));
+    }
 done:
     pm_hdf5_close(recording->file);
     pm_arena_free(&recording->arena);

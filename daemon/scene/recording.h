@@ -7,8 +7,13 @@
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
+// The attribute `committed` of "/" says how many samples are certain. A run that was killed, or
+// whose disk became full, may leave more rows than that in some series; readers stop at
+// `committed`.
 // The file has the earliest HDF5 format. Samples are appended in chunks and flushed about once a
-// second. After a run was killed, every flushed sample is readable.
+// second. After a run was killed, every flushed sample is readable. Space for a chunk is reserved
+// before it is written: on a full disk the file stays sound and holds all samples but the last few.
+// On a file system that cannot reserve space (FAT, NFS before 4.2) it may be damaged.
 #ifndef PM_SCENE_RECORDING_H
 #define PM_SCENE_RECORDING_H
 
@@ -58,15 +63,18 @@ pm_status pm_recording_check(const char *path);
 // caller closes it with pm_recording_close. PM_EFILE, PM_ENOMEM.
 pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene);
 // Opens the file at `path` to go on after its first `count` samples; later ones are removed.
-// PM_EFILE: the file holds fewer samples, is of another scene, or is damaged. PM_ENOMEM.
+// PM_EFILE: fewer samples are certain, or the file is of another scene or damaged. PM_ENOMEM.
 pm_status pm_recording_reopen(pm_recording **recording, const char *path, const pm_scene *scene,
                               long count);
-// Appends a copy of the sample. PM_EFILE.
+// Appends a copy of the sample. PM_EFILE: the disk is full, or writing failed for another reason.
+// The description tells how many samples are certain. From then on, only pm_recording_close may
+// follow.
 pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample);
 // Writes all samples so far to the file, so that they stay readable if this process is killed.
 // PM_EFILE.
 pm_status pm_recording_flush(pm_recording *recording);
-// Flushes and closes. The recording is gone even on failure. PM_EFILE. NULL is allowed.
+// Flushes and closes. The recording is gone even on failure. PM_EFILE. After a failure to append or
+// to flush it only closes, and returns PM_OK. NULL is allowed.
 pm_status pm_recording_close(pm_recording *recording);
 
 #endif

@@ -93,6 +93,7 @@ typedef struct pm_scene {
     double energy_tolerance, entropy_tolerance; // relative residuals of a hard port
     double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
     double largest_departure; // from the training range, in its widths, likewise
+    bool outlives_recording;  // a run whose recording cannot be written goes on without it
     int nsubsystem;
     pm_scene_subsystem *subsystem; // [nsubsystem]
     int nboundary_input;

@@ -239,3 +239,12 @@ pm_status pm_hdf5_write_integer(pm_hdf5 *file, const char *object, const char *n
 pm_status pm_hdf5_write_number(pm_hdf5 *file, const char *object, const char *name, double value) {
     return write_attribute(file, object, name, -1, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value);
 }
+
+pm_status pm_hdf5_update_integer(pm_hdf5 *file, const char *object, const char *name,
+                                 uint64_t value) {
+    const hid_t id = H5Aopen_by_name(file->file, object, name, H5P_DEFAULT, file->access);
+    const bool written = id >= 0 && H5Awrite(id, H5T_NATIVE_UINT64, &value) >= 0;
+    const pm_status status = written ? PM_OK : pm_hdf5_fail_write(file, name);
+    pm_hdf5_release(id);
+    return status;
+}

@@ -137,10 +137,11 @@ pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *ex
     const hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple(rank, size, NULL);
     const hid_t type = are_floats(count, value) ? H5T_IEEE_F32LE : H5T_IEEE_F64LE;
     const hid_t id = H5Dcreate2(file->file, name, type, space, parents, list, H5P_DEFAULT);
+    // The library keeps small datasets in memory, and writes them when they are closed.
     const bool written =
-        id >= 0 && H5Dwrite(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0;
+        id >= 0 && H5Dwrite(id, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, value) >= 0 &&
+        H5Dclose(id) >= 0;
     const pm_status status = written ? PM_OK : pm_hdf5_fail_write(file, name);
-    pm_hdf5_release(id);
     pm_hdf5_release(space);
     pm_hdf5_release(list);
     pm_hdf5_release(parents);

@@ -8,8 +8,10 @@
 #include "store/hdf5_io.h"
 
 struct pm_hdf5 {
-    hid_t file;   // negative once closed
-    hid_t access; // the rule for links: never into other files
+    hid_t file;       // negative once closed
+    hid_t access;     // the rule for links: never into other files
+    bool broken;      // a write has failed: the library is not called for this file any more
+    int64_t reserved; // bytes from the start of the file that the disk holds free for it
     pm_status content;
     char *path;
     char *temporary; // the file that is written until commit; NULL when reading or IN_PLACE
@@ -24,8 +26,9 @@ void pm_hdf5_release(hid_t id);
 
 // Fails with the innermost cause that HDF5 gives: "PATH: cannot WHAT OBJECT (cause)".
 pm_status pm_hdf5_fail(pm_status code, const char *path, const char *what, const char *object);
-// Fails with PM_EFILE: "PATH: cannot write OBJECT (cause)".
-pm_status pm_hdf5_fail_write(const pm_hdf5 *file, const char *object);
+// Fails with PM_EFILE: "PATH: cannot write OBJECT (cause)", and marks the file as broken. What is
+// open in it stays open.
+pm_status pm_hdf5_fail_write(pm_hdf5 *file, const char *object);
 // Fails with PM_ENOMEM.
 pm_status pm_hdf5_fail_memory(const char *path);
 

@@ -48,7 +48,8 @@ pm_status pm_hdf5_fail(pm_status code, const char *path, const char *what, const
     return pm_fail(code, "%s: cannot %s %s (%s)", path, what, object, shorten_cause(cause));
 }
 
-pm_status pm_hdf5_fail_write(const pm_hdf5 *file, const char *object) {
+pm_status pm_hdf5_fail_write(pm_hdf5 *file, const char *object) {
+    file->broken = true;
     return pm_hdf5_fail(PM_EFILE, file->path, "write", object);
 }
 
@@ -65,8 +66,11 @@ static herr_t refuse_link(const char *parent_file, const char *parent_group, con
     return -1;
 }
 
-// Makes a handle without a file, and stops the library from printing its errors.
+// Makes a handle without a file, and stops the library from printing its errors. Keeps the library
+// from closing files when the process exits: it would crash on a file that could not be written.
+// This must be the first call of the library, and even its macros for access flags call it.
 static pm_hdf5 *handle_new(const char *path, pm_status content) {
+    H5dont_atexit();
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     pm_hdf5 *file = calloc(1, sizeof *file);
     if (file == NULL) {
@@ -119,7 +123,7 @@ bool pm_hdf5_is_own(const char *path) {
 }
 
 static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content,
-                         unsigned flags) {
+                         bool to_write) {
     struct stat facts;
     if (stat(path, &facts) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be opened: %s", path, strerror(errno));
@@ -145,7 +149,7 @@ static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source
         return pm_fail(PM_EFILE, "%s: damaged, or not written by portmet: %s", path, objection);
     }
     const hid_t list = file_access();
-    opened->file = H5Fopen(path, flags, list);
+    opened->file = H5Fopen(path, to_write ? H5F_ACC_RDWR : H5F_ACC_RDONLY, list);
     const pm_status status =
         opened->file < 0 ? pm_hdf5_fail(PM_EFILE, path, "open", "it as HDF5") : PM_OK;
     pm_hdf5_release(list);
@@ -158,7 +162,7 @@ static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source
 }
 
 pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, pm_status content) {
-    return open_as(file, path, source, content, H5F_ACC_RDONLY);
+    return open_as(file, path, source, content, false);
 }
 
 void pm_hdf5_end(void) {
@@ -166,7 +170,7 @@ void pm_hdf5_end(void) {
 }
 
 pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
-    return open_as(file, path, PM_HDF5_ANY, PM_EFILE, H5F_ACC_RDWR);
+    return open_as(file, path, PM_HDF5_ANY, PM_EFILE, true);
 }
 
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
@@ -201,7 +205,17 @@ pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
 }
 
 pm_status pm_hdf5_flush(pm_hdf5 *file) {
-    return H5Fflush(file->file, H5F_SCOPE_LOCAL) < 0 ? pm_hdf5_fail_write(file, "/") : PM_OK;
+    hsize_t end = 0;
+    if (H5Fflush(file->file, H5F_SCOPE_LOCAL) < 0 || H5Fget_filesize(file->file, &end) < 0) {
+        return pm_hdf5_fail_write(file, "/");
+    }
+    // The library has cut off what was reserved beyond the end.
+    file->reserved = (int64_t)end < file->reserved ? (int64_t)end : file->reserved;
+    return PM_OK;
+}
+
+bool pm_hdf5_is_broken(const pm_hdf5 *file) {
+    return file->broken;
 }
 
 static pm_status sync_file(const char *name, const char *path) {
@@ -214,12 +228,21 @@ static pm_status sync_file(const char *name, const char *path) {
     return failed ? pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(cause)) : PM_OK;
 }
 
+// Gives back the space that was reserved beyond the end of a file that is closed.
+static void trim(const pm_hdf5 *file) {
+    struct stat facts;
+    if (file->reserved > 0 && stat(file->path, &facts) == 0) {
+        (void)!truncate(file->path, facts.st_size);
+    }
+}
+
 pm_status pm_hdf5_commit(pm_hdf5 *file) {
     const herr_t closed = H5Fclose(file->file);
     file->file = H5I_INVALID_HID;
     if (closed < 0) {
         return pm_hdf5_fail_write(file, "/");
     }
+    trim(file);
     if (file->temporary != NULL) {
         PM_TRY(sync_file(file->temporary, file->path));
         if (rename(file->temporary, file->path) != 0) {
@@ -235,8 +258,11 @@ void pm_hdf5_close(pm_hdf5 *file) {
     if (file == NULL) {
         return;
     }
-    if (file->file >= 0) {
+    // After a failed write the library's picture of the file is not that of the disk, and closing
+    // the file would crash.
+    if (file->file >= 0 && !file->broken) {
         H5Fclose(file->file);
+        trim(file);
     }
     pm_hdf5_release(file->access);
     if (file->temporary != NULL) {

@@ -43,8 +43,16 @@ pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);
 // death of its writer.
 typedef enum pm_hdf5_mode { PM_HDF5_ATOMIC, PM_HDF5_IN_PLACE } pm_hdf5_mode;
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode);
+// Makes sure that the disk has room for the file to grow by `size` bytes, so that the next writes
+// do not fail halfway. A flush gives back what was not used. A file whose space cannot be reserved
+// stays sound and can be closed. Does nothing on a file system that cannot reserve space. PM_EFILE:
+// the disk is full, or a limit of the user or of the process would be exceeded.
+pm_status pm_hdf5_reserve(pm_hdf5 *file, int64_t size);
 // Passes everything written so far to the operating system.
 pm_status pm_hdf5_flush(pm_hdf5 *file);
+// Whether this or any other function that writes to the file has failed. What the file holds is
+// then not certain, and only pm_hdf5_close may follow. A failed pm_hdf5_reserve does not count.
+bool pm_hdf5_is_broken(const pm_hdf5 *file);
 // Closes the file. An ATOMIC file is then synchronised with the disk and renamed. The caller must
 // still call pm_hdf5_close, which frees the handle.
 pm_status pm_hdf5_commit(pm_hdf5 *file);
@@ -87,6 +95,9 @@ pm_status pm_hdf5_write_integers(pm_hdf5 *file, const char *object, const char *
 pm_status pm_hdf5_write_integer(pm_hdf5 *file, const char *object, const char *name,
                                 uint64_t value);
 pm_status pm_hdf5_write_number(pm_hdf5 *file, const char *object, const char *name, double value);
+// Replaces the value of an integer that is there.
+pm_status pm_hdf5_update_integer(pm_hdf5 *file, const char *object, const char *name,
+                                 uint64_t value);
 
 // --- groups and datasets of floating-point numbers (4 or 8 bytes in the file, double here) ---
 

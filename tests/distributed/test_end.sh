@@ -72,7 +72,7 @@ lonely_left=$pid
 start lonely coordinator "$hasty" --quiet --session 104
 lonely_coordinator=$pid
 
-# SIGINT and SIGTERM to the run, held and on its way. No process has threads, so that nothing is shared that
+# SIGINT, SIGTERM and SIGHUP to the run, held and on its way. No process has threads, so that nothing is shared that
 # could race (OpenBLAS would keep workers that it is told not to use).
 export OPENBLAS_NUM_THREADS=1
 # begin: a run that is held after step 20; its process ids in $run, $left and $right.
@@ -87,7 +87,7 @@ begin() {
     right=$victim
 }
 for gate in 20 $forever; do
-    for signal in INT TERM; do
+    for signal in INT TERM HUP; do
         begin
         for process in $run $left $right; do
             [ "$(ls "/proc/$process/task" | wc -l)" -eq 1 ] || fail "process $process has threads"
@@ -98,6 +98,24 @@ for gate in 20 $forever; do
         no_orphans "run after SIG$signal"
     done
 done
+
+# A terminal that is closed: with checkpoints nothing starts again, and nohup protects from it.
+open_gate run 20
+start run run "$scene" --steps $forever --gate "$folder/run.gate" --checkpoint "$folder/hung"
+run=$pid
+held run 20
+find_child $run left
+kill -HUP $victim
+ends run $run 12 "left"
+trap '' HUP
+begin
+trap - HUP
+kill -HUP $run $left $right
+open_gate run 40
+held run 40
+kill -TERM $run
+ends run $run 12 "interrupted"
+no_orphans "run after SIGHUP"
 
 # A node killed, and a node interrupted.
 for gate in 20 $forever; do

@@ -171,7 +171,7 @@ static void a_recording_goes_on_where_it_is_told(void **state) {
         assert_all_series(path, 600);
     }
     assert_int_equal(pm_recording_reopen(&recording, path, &scene, 601), PM_EFILE);
-    assert_non_null(strstr(pm_error(), "expected a series of 601 samples"));
+    assert_non_null(strstr(pm_error(), "600 samples are certain, expected 601"));
     subsystem[1].name = "other";
     assert_int_equal(pm_recording_reopen(&recording, path, &scene, 5), PM_EFILE);
     subsystem[1].name = "right";
@@ -363,38 +363,79 @@ static void a_check_tells_beforehand_and_changes_nothing(void **state) {
     assert_refused("/dev/null", "not a file");
 }
 
-// The child's exit status says what went wrong. It may not write files beyond 40 kB, which a full
-// disk resembles.
-static void record_beyond_the_limit(const char *path) {
-    const struct rlimit limit = {.rlim_cur = 40000, .rlim_max = 40000};
+// A process that may not write files beyond a limit resembles one whose disk is full. It flushes
+// the first 300 samples and sets the limit, in bytes, after as many samples as `unlimited` says.
+// Its exit status says what went wrong. `left`: what the error says of the file.
+static void record_beyond_the_limit(const char *path, rlim_t bytes, long unlimited,
+                                    const char *left) {
+    const struct rlimit limit = {.rlim_cur = bytes, .rlim_max = bytes};
     pm_sample *sample = NULL;
     pm_recording *recording = NULL;
     signal(SIGXFSZ, SIG_IGN);
-    if (setrlimit(RLIMIT_FSIZE, &limit) != 0 || pm_sample_new(&sample, &scene) != PM_OK ||
+    if (pm_sample_new(&sample, &scene) != PM_OK ||
         pm_recording_open(&recording, path, &scene) != PM_OK) {
         _exit(2);
     }
     pm_status status = PM_OK;
     for (long step = 0; status == PM_OK && step < 6000; ++step) {
+        if (step == unlimited && setrlimit(RLIMIT_FSIZE, &limit) != 0) {
+            _exit(2);
+        }
         fill(sample, step);
         status = pm_recording_append(recording, sample);
+        if (status == PM_OK && step == 299) {
+            status = pm_recording_flush(recording);
+        }
     }
-    const pm_status closed = pm_recording_close(recording);
-    pm_sample_free(sample);
     const bool told = strstr(pm_error(), "full.h5: cannot write") != NULL &&
-                      strstr(pm_error(), "(File too large)") != NULL;
-    _exit((status == PM_EFILE || closed == PM_EFILE) && told ? 0 : 3);
+                      strstr(pm_error(), "(File too large)") != NULL &&
+                      strstr(pm_error(), left) != NULL;
+    const bool again = pm_recording_append(recording, sample) == PM_EFILE &&
+                       pm_recording_flush(recording) == PM_EFILE;
+    const bool closed = pm_recording_close(recording) == PM_OK;
+    pm_sample_free(sample);
+    _exit(status == PM_EFILE && told && again && closed ? 0 : 3);
 }
 
-static void a_full_disk_is_reported(void **state) {
-    const char *path = scratch_path(*state, "full.h5");
+static void record_in_a_child(const char *path, rlim_t bytes, long unlimited, const char *left) {
     const pid_t child = fork();
     if (child == 0) {
-        record_beyond_the_limit(path);
+        record_beyond_the_limit(path, bytes, unlimited, left);
     }
     int ending;
     assert_int_equal(waitpid(child, &ending, 0), child);
     assert_int_equal(ending, 0);
+}
+
+static int count_committed(const char *path) {
+    uint64_t count = 0;
+    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    const hid_t id = H5Aopen(file, "committed", H5P_DEFAULT);
+    assert_true(file >= 0 && id >= 0 && H5Aread(id, H5T_NATIVE_UINT64, &count) >= 0);
+    H5Aclose(id);
+    H5Fclose(file);
+    return (int)count;
+}
+
+// The disk is full before a block is written: the file is sound, ends with a whole block, and has
+// what was appended to it.
+static void a_full_disk_costs_no_more_than_the_last_block(void **state) {
+    const char *path = scratch_path(*state, "full.h5");
+    const rlim_t limits[] = {380000, 400000, 430000};
+    for (int i = 0; i < 3; ++i) {
+        record_in_a_child(path, limits[i], 0, "samples are certain");
+        const int count = count_committed(path);
+        if (count < 300 || count > 1000) {
+            fail_msg("limit %d: %d samples are certain", i, count);
+        }
+        assert_all_series(path, count);
+    }
+}
+
+// A write fails although its space was reserved: nothing crashes, and the error says what is left.
+static void a_write_that_fails_halfway_ends_the_recording(void **state) {
+    const char *path = scratch_path(*state, "full.h5");
+    record_in_a_child(path, 40000, 560, "may be damaged");
 }
 
 int main(void) {
@@ -416,7 +457,10 @@ int main(void) {
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(a_check_tells_beforehand_and_changes_nothing, scratch_setup,
                                         scratch_teardown),
-        cmocka_unit_test_setup_teardown(a_full_disk_is_reported, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_full_disk_costs_no_more_than_the_last_block,
+                                        scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_write_that_fails_halfway_ends_the_recording,
+                                        scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

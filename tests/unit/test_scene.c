@@ -34,6 +34,7 @@ static const char good[] = "scene: pair\n"
                            "laws: {energy: 1.0e-11, entropy: 0}\n"
                            "guards: {energy_drift: 0.01, training_range: 0.5}\n"
                            "lockstep: {window: 4, patience: 2.5, checkpoint: 30}\n"
+                           "record: {on_error: go_on}\n"
                            "key_file: pair.key\n";
 
 static const char minimal[] = "scene: one\n"
@@ -67,7 +68,8 @@ static void test_settings(void **state) {
     assert_true(scene->largest_drift == 0.01 && scene->largest_departure == 0.5);
     assert_true(scene->window == 4 && scene->patience == 2.5 && scene->checkpoint == 30);
     assert_string_equal(scene->key_file, "dir/pair.key");
-    assert_string_equal(scene->key_file_at, "dir/t.yaml:27:11");
+    assert_string_equal(scene->key_file_at, "dir/t.yaml:28:11");
+    assert_true(scene->outlives_recording);
     pm_scene_free(scene);
 }
 
@@ -215,6 +217,8 @@ static const yaml_case bad[] = {
     {"energy_drift: 0.01", "energy_drift: 0", "0", "energy_drift: expected a number > 0"},
     {"window: 4", "window: 0", "0", "window: expected a whole number >= 1"},
     {"patience: 2.5", "patience: 0", "0", "patience: expected a number > 0"},
+    {"on_error: go_on", "on_error: wait", "wait", "on_error: expected one of stop, go_on"},
+    {"on_error: go_on", "at_error: go_on", "at_error", "record: unknown key \"at_error\""},
     {"checkpoint: 30", "checkpoint: 0", "0", "checkpoint: expected a whole number >= 1"},
     {"trajectory: 3", "trajectory: -1", "-1", "trajectory: expected a whole number >= 0"},
     {"file: ref.h5", "path: ref.h5", "path", "unknown key \"path\"; allowed: file, trajectory"},

@@ -1,6 +1,6 @@
 // The subcommands of portmet-train. Each one gets its own name as argv[0] and the arguments after
 // it, prints its results on standard output, and describes a failure with pm_fail, which main
-// prints. `stop` becomes non-zero on SIGINT or SIGTERM. A long command then ends soon with
+// prints. `stop` becomes non-zero on SIGINT, SIGTERM or SIGHUP. A long command then ends soon with
 // PM_EINTERRUPTED and leaves no file half-written.
 #ifndef PM_TRAINER_COMMAND_COMMANDS_H
 #define PM_TRAINER_COMMAND_COMMANDS_H
