@@ -5,6 +5,7 @@
 
 #include "app/command.h"
 #include "app/connect.h"
+#include "app/prepare.h"
 #include "app/skipped.h"
 #include "scene/model_reader.h"
 #include "sim/subsystem.h"
@@ -280,7 +281,7 @@ static pm_status describe(const pm_setup *setup) {
 static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_DESCRIBE));
+    PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_DESCRIBE));
     status = describe(&setup);
 done:
     pm_setup_free(&setup);

@@ -5,6 +5,7 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/observer.h"
+#include "app/prepare.h"
 #include "lockstep/lockstep.h"
 
 static pm_status conduct(pm_setup *setup, pm_observer *observer) {
@@ -12,7 +13,7 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     pm_lockstep_coordinator *coordinator = NULL;
     pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_status status;
-    PM_TRY_DONE(pm_setup_checkpoint(setup, observer->options, NULL, &options.checkpoint));
+    PM_TRY_DONE(pm_prepare_checkpoint(setup, observer->options, NULL, &options.checkpoint));
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator"));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
@@ -29,7 +30,7 @@ static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_observer observer = {0};
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_COORDINATE));
+    PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_observer_open(&observer, &setup, options));
     status = conduct(&setup, &observer);
 done:

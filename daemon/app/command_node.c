@@ -3,7 +3,7 @@
 
 #include "app/command.h"
 #include "app/connect.h"
-#include "app/setup.h"
+#include "app/prepare.h"
 #include "lockstep/lockstep.h"
 
 static pm_status serve(pm_setup *setup, const pm_run_options *options, int process_id) {
@@ -15,8 +15,8 @@ static pm_status serve(pm_setup *setup, const pm_run_options *options, int proce
         .boundary_input = &setup->boundary_input,
     };
     pm_status status;
-    PM_TRY_DONE(pm_setup_checkpoint(setup, options, setup->scene->process[process_id].name,
-                                    &node_options.checkpoint));
+    PM_TRY_DONE(pm_prepare_checkpoint(setup, options, setup->scene->process[process_id].name,
+                                      &node_options.checkpoint));
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene, setup->scene->process[process_id].name));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, options->stop);
@@ -42,7 +42,7 @@ static pm_status fail_name(const pm_scene *scene, const char *name) {
 static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
-    PM_TRY_DONE(pm_setup_load(&setup, options, PM_TO_SERVE));
+    PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_SERVE));
     const int process_id = pm_scene_find_process(setup.scene, options->name);
     status =
         process_id < 0 ? fail_name(setup.scene, options->name) : serve(&setup, options, process_id);

@@ -3,15 +3,20 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <time.h>
 
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/launch.h"
 #include "app/observer.h"
+#include "app/prepare.h"
 #include "app/supervise.h"
+#include "library/local_run.h"
+#include "lockstep/gate.h"
 #include "lockstep/lockstep.h"
 
 #define WATCH_INTERVAL 0.05 // s between two looks at the children
+#define GATE_INTERVAL 0.002 // s between two looks at the gate that holds a run in this thread
 #define END_GRACE 5.0       // s for the nodes to end by themselves after the last step
 
 // --- over LCM ---
@@ -86,32 +91,47 @@ done:
 
 // --- in this thread ---
 
-// Runs the scene as a single process of all subsystems, which is joined to the coordinator by a hub
-// in memory.
+static bool is_interrupted(const pm_observer *observer) {
+    return observer->options->stop != NULL && *observer->options->stop != 0;
+}
+
+// Waits until the gate lets the run go beyond `step`. PM_EINTERRUPTED, PM_EFILE.
+static pm_status pass_gate(pm_gate *gate, const pm_lockstep_observer *tell, long step) {
+    const pm_observer *observer = tell->context;
+    const struct timespec pause = {0, (long)(1e9 * GATE_INTERVAL)};
+    for (bool told = false; gate->steps <= step && !is_interrupted(observer);) {
+        if (!told) {
+            tell->hold(tell->context, step);
+            told = true;
+        }
+        nanosleep(&pause, NULL);
+        PM_TRY(pm_gate_refresh(gate, pm_clock()));
+    }
+    return is_interrupted(observer) ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
+}
+
+static pm_status step_to_the_end(pm_local_run *run, pm_gate *gate,
+                                 const pm_lockstep_observer *tell) {
+    PM_TRY(tell->step(tell->context, &run->sample));
+    while (run->sample.step < run->setup->scene->steps) {
+        PM_TRY(pass_gate(gate, tell, run->sample.step));
+        PM_TRY(pm_local_run_step(run));
+        PM_TRY(tell->step(tell->context, &run->sample));
+    }
+    return PM_OK;
+}
+
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
-    const char *url = "memory://";
-    const pm_lockstep_node_options node_options = {.z = setup->initial,
-                                                   .boundary_input = &setup->boundary_input};
-    const pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
-    pm_hub *hub = NULL;
-    pm_transport *transport[2] = {NULL, NULL};
-    pm_lockstep_node *node = NULL;
-    pm_lockstep_coordinator *coordinator = NULL;
+    const pm_lockstep_observer tell = pm_observer_attach(observer, setup).observer;
+    pm_local_run run = {0};
+    pm_gate gate;
     pm_status status;
-    PM_TRY_DONE(pm_hub_open(&hub, NULL));
-    PM_TRY_DONE(pm_transport_open(&transport[0], url, hub));
-    PM_TRY_DONE(pm_transport_open(&transport[1], url, hub));
-    PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, 0, transport[0], &node_options));
-    PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport[1], &options));
-    status = pm_lockstep_run_together(coordinator, 1, &node, observer->options->stop);
-    status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
-                                "in one process");
+    PM_TRY_DONE(pm_gate_init(&gate, observer->options->gate));
+    PM_TRY_DONE(pm_local_run_open(&run, setup));
+    status = step_to_the_end(&run, &gate, &tell);
+    status = pm_observer_finish(observer, status, &run.ledger, "in one process");
 done:
-    pm_lockstep_coordinator_close(coordinator);
-    pm_lockstep_node_close(node);
-    pm_transport_close(transport[1]);
-    pm_transport_close(transport[0]);
-    pm_hub_close(hub);
+    pm_local_run_close(&run);
     return status;
 }
 
@@ -132,7 +152,7 @@ static pm_status execute(const pm_run_options *options) {
         return pm_fail(PM_EUSAGE, "run: --checkpoint is for processes that may die one by one, "
                                   "not for --in-process");
     }
-    pm_status status = pm_setup_load(&setup, options, PM_TO_COORDINATE);
+    pm_status status = pm_prepare(&setup, options, PM_TO_COORDINATE);
     if (status == PM_OK) {
         status =
             options->checkpoint == NULL ? run_here(&setup, options) : pm_supervise(&setup, options);

@@ -4,6 +4,7 @@
 #ifndef PM_APP_OBSERVER_H
 #define PM_APP_OBSERVER_H
 
+#include "app/options.h"
 #include "app/report.h"
 #include "base/progress.h"
 #include "lockstep/lockstep_coordinator.h"

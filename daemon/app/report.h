@@ -3,8 +3,8 @@
 #ifndef PM_APP_REPORT_H
 #define PM_APP_REPORT_H
 
-#include "app/setup.h"
 #include "base/record.h"
+#include "library/setup.h"
 #include "scene/recording.h"
 #include "sim/ledger.h"
 

@@ -2,7 +2,7 @@
 #ifndef PM_APP_SKIPPED_H
 #define PM_APP_SKIPPED_H
 
-#include "app/setup.h"
+#include "library/setup.h"
 
 // Prints these findings on standard output, one line each.
 void pm_skipped_print(const pm_setup *setup);

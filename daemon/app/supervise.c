@@ -12,6 +12,7 @@
 #include "base/progress.h"
 
 #include "app/launch.h"
+#include "app/prepare.h"
 #include "lockstep/lockstep_coordinator.h"
 #include "store/snapshot.h"
 
@@ -95,12 +96,12 @@ static pm_status start(pm_launch *launch, pm_setup *setup, const pm_run_options 
 static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_run_options *options) {
     const pm_scene *scene = setup->scene;
     const char *checkpoint, *session;
-    PM_TRY(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
+    PM_TRY(pm_prepare_checkpoint(setup, options, NULL, &checkpoint));
     PM_TRY(choose_session(setup, checkpoint, &session));
     PM_TRY(start(launch, setup, options, session, NULL, checkpoint));
     for (int i = 0; i < scene->nprocess; ++i) {
         const char *name = scene->process[i].name;
-        PM_TRY(pm_setup_checkpoint(setup, options, name, &checkpoint));
+        PM_TRY(pm_prepare_checkpoint(setup, options, name, &checkpoint));
         PM_TRY(start(launch, setup, options, session, name, checkpoint));
     }
     return PM_OK;
@@ -127,7 +128,7 @@ static void remove_checkpoints(pm_setup *setup, const pm_run_options *options) {
     for (int i = -1; i < setup->scene->nprocess; ++i) {
         const char *name = i < 0 ? NULL : setup->scene->process[i].name;
         const char *checkpoint;
-        if (pm_setup_checkpoint(setup, options, name, &checkpoint) == PM_OK) {
+        if (pm_prepare_checkpoint(setup, options, name, &checkpoint) == PM_OK) {
             unlink(checkpoint);
         }
     }
@@ -139,7 +140,7 @@ pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     const char *checkpoint;
     pm_status status;
     // This makes the folder, too.
-    PM_TRY_DONE(pm_setup_checkpoint(setup, options, NULL, &checkpoint));
+    PM_TRY_DONE(pm_prepare_checkpoint(setup, options, NULL, &checkpoint));
     PM_TRY_DONE(lock(&folder, options->checkpoint, options->stop));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
     PM_TRY_DONE(start_all(launch, setup, options));

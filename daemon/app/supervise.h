@@ -3,7 +3,8 @@
 #ifndef PM_APP_SUPERVISE_H
 #define PM_APP_SUPERVISE_H
 
-#include "app/setup.h"
+#include "app/options.h"
+#include "library/setup.h"
 
 // Returns the arguments of a child of the run `session`: the node `process`, or the coordinator if
 // `process` is NULL. Texts must outlive the child; the list lives in the setup's arena. NULL: out

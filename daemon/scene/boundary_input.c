@@ -2,6 +2,7 @@
 #include "scene/boundary_input.h"
 
 #include <limits.h>
+#include <math.h>
 #include <string.h>
 
 #include "base/digest.h"
@@ -148,6 +149,22 @@ const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input
                                              PM_BOUNDARY_INPUT_ORDER * (ptrdiff_t)boundary_input->n;
 }
 
+static bool is_held(const pm_boundary_input *boundary_input, int i) {
+    return boundary_input->held != NULL && !isnan(boundary_input->held[i]);
+}
+
+bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step) {
+    if (step < boundary_input->end) {
+        return true;
+    }
+    for (int i = 0; i < boundary_input->n; ++i) {
+        if (boundary_input->column[i] >= 0 && !is_held(boundary_input, i)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, double fraction,
                           double *value) {
     const long last = boundary_input->end / boundary_input->stride - 1;
@@ -163,6 +180,9 @@ void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, do
         for (int i = 0; i < boundary_input->n; ++i) {
             value[i] = value[i] * x + c[i];
         }
+    }
+    for (int i = 0; i < boundary_input->n && boundary_input->held != NULL; ++i) {
+        value[i] = is_held(boundary_input, i) ? boundary_input->held[i] : value[i];
     }
 }
 

@@ -26,6 +26,8 @@ typedef struct pm_boundary_input {
     double *coefficient;
     const pm_scene *scene; // borrowed
     int *column;           // [n] in the dataset; -1: a constant
+    const double *held;    // [n] borrowed; a number replaces the scene's value, NaN does not; NULL:
+                           // no value is replaced
     double *value;         // [n] work space
 } pm_boundary_input;
 
@@ -43,6 +45,10 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
 
 // Returns the polynomials of one interval, [PM_BOUNDARY_INPUT_ORDER][n]. Owned by the object.
 const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input, long interval);
+
+// Tells whether the step that begins after `step` steps lies within the trajectory. Values that are
+// held need no trajectory.
+bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step);
 
 // Writes the values at step `step` of the scene plus a fraction (0 to 1) of a step to value [n], in
 // the SI units of the groups. Beyond the end of the trajectory the last polynomial continues.

@@ -158,7 +158,7 @@ static uint64_t digest_layout(uint64_t digest, const pm_layout *layout) {
 }
 
 // Computes the digest of all that the processes of a run must agree on. The number of steps is not
-// part of it, since the coordinator announces it. app/setup.h adds the initial state.
+// part of it, since the coordinator announces it. library/setup.h adds the initial state.
 static uint64_t digest_system(const pm_system *system) {
     const pm_scene *scene = system->scene;
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);

@@ -98,7 +98,7 @@ static pm_status check_training_range(pm_subsystem *s) {
 }
 
 static pm_status check_boundary_input(const pm_subsystem *s) {
-    if (s->boundary_input == NULL || s->step < s->boundary_input->end) {
+    if (s->boundary_input == NULL || pm_boundary_input_covers(s->boundary_input, s->step)) {
         return PM_OK;
     }
     return pm_fail(

@@ -4,6 +4,7 @@ set -u
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 prefix=$folder/prefix
+source=$(realpath "$(dirname "$0")/../..")
 failures=0
 
 fail() {
@@ -18,7 +19,7 @@ cmake --install "$1" --prefix "$prefix" >"$folder/install.log" 2>&1 || {
 share=$prefix/share/portmet
 for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/man1/portmet-train.1 \
     share/portmet/lcmtypes/portmet.lcm share/portmet/daemon/spy.sh share/portmet/daemon/loopback.sh \
-    share/portmet/daemon/setup.sh share/portmet/configs/double_pendulum.yaml; do
+    share/portmet/daemon/setup.sh share/portmet/configs/double_pendulum.yaml include/portmet.h; do
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
@@ -34,6 +35,38 @@ if [ "$(id -u)" -eq 0 ] && unshare -n true 2>/dev/null; then
     unshare -n sh "$share/daemon/loopback.sh" "$prefix/bin/portmetd" run "$share/configs/double_pendulum.yaml" \
         --steps 3 --quiet >"$folder/lcm.out" 2>&1 || fail "the installed program does not run over LCM: $(cat "$folder/lcm.out")"
 fi
+
+# The example of daemon/LIBRARY.md, with pkg-config and with CMake.
+sed -n '/^```c$/,/^```$/p' "$source/daemon/LIBRARY.md" | sed '/^```/d' >"$folder/example.c"
+pc=$(dirname "$(find "$prefix" -name libportmet.pc)")
+library=$(dirname "$(find "$prefix" -name libportmet.so)")
+cc -Wall -Wextra -Werror -std=c99 -o "$folder/example" "$folder/example.c" \
+    $(PKG_CONFIG_PATH=$pc pkg-config --cflags --libs libportmet) || fail "the example does not compile"
+LD_LIBRARY_PATH=$library "$folder/example" "$share/configs/double_pendulum.yaml" >"$folder/example.out" 2>&1 &&
+    grep -q "t = 60 s: upper has" "$folder/example.out" || fail "the example: $(cat "$folder/example.out")"
+cat >"$folder/CMakeLists.txt" <<END
+cmake_minimum_required(VERSION 3.25)
+project(example C)
+find_package(portmet REQUIRED)
+add_executable(example example.c)
+target_link_libraries(example portmet::portmet)
+END
+{ cmake -S "$folder" -B "$folder/cmake" -DCMAKE_PREFIX_PATH="$prefix" && cmake --build "$folder/cmake"; } \
+    >"$folder/cmake.out" 2>&1 || fail "find_package: $(cat "$folder/cmake.out")"
+foreign=$(nm -D --defined-only "$library/libportmet.so" | awk '$2 != "A" && $3 !~ /^portmet_[a-z_]+@@PORTMET_/')
+[ -z "$foreign" ] || fail "the library shows symbols that are not its interface: $foreign"
+
+# The installed Python package finds the installed library and programs.
+for python in python3 /usr/bin/python3; do
+    "$python" -c 'import numpy, h5py' 2>/dev/null || continue
+    package=$(dirname "$(dirname "$(find "$prefix" -path '*/portmet/scene.py')")")
+    PYTHONPATH=$package "$python" -c "import portmet, portmet.types
+scene = portmet.Scene('$share/configs/double_pendulum.yaml').step(3)
+assert scene.steps == 3 and '$prefix' in portmet._library.place('', portmet._places.TRAINER, '')" ||
+        fail "the installed Python package"
+    break
+done
+
 sh "$share/daemon/spy.sh" --help | grep -q usage || fail "the installed spy.sh does not start"
 
 [ $failures -eq 0 ] && echo "all well"

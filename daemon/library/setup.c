@@ -1,14 +1,10 @@
-// Loads a scene with all that a run of it needs.
-#include "app/setup.h"
+// Loads all that a run of a scene needs.
+#include "library/setup.h"
 
-#include <errno.h>
 #include <math.h>
 #include <string.h>
-#include <sys/stat.h>
 
-#include "app/connect.h"
 #include "base/digest.h"
-#include "transport/transport.h"
 
 // Relative difference of two time steps that are meant to be equal; decimal fractions are rounded.
 #define TIME_TOLERANCE 1e-9
@@ -66,26 +62,13 @@ static pm_status find_initial(pm_setup *setup) {
     return PM_OK;
 }
 
-static pm_status override(pm_scene *scene, const pm_run_options *options) {
-    if (options->url != NULL) {
-        PM_TRY(pm_transport_check(options->url));
-        scene->url = options->url;
-    }
-    if (options->steps != 0) {
-        scene->steps = (int)options->steps;
-    }
-    return options->in_process ? pm_scene_join_processes(scene) : PM_OK;
+pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights) {
+    *setup = (pm_setup){.scene = scene};
+    return pm_system_load(&setup->system, scene, weights);
 }
 
-pm_status pm_setup_load(pm_setup *setup, const pm_run_options *options, pm_purpose purpose) {
-    *setup = (pm_setup){0};
-    PM_TRY(pm_scene_load(&setup->scene, options->scene));
+pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
     const pm_scene *scene = setup->scene;
-    PM_TRY(pm_system_load(&setup->system, scene, options->weights));
-    // This follows the digest, because hosts may have different URLs and only one of them counts
-    // steps.
-    PM_TRY(pm_connect_check(setup->scene));
-    PM_TRY(override(setup->scene, options));
     const pm_scene_subsystem *needs = needs_reference(scene);
     if (needs != NULL && scene->reference == NULL) {
         if (purpose == PM_TO_DESCRIBE) {
@@ -118,27 +101,6 @@ void pm_setup_free(pm_setup *setup) {
     pm_system_free(setup->system);
     pm_scene_free(setup->scene);
     pm_arena_free(&setup->arena);
-}
-
-pm_status pm_setup_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
-                              const char **path) {
-    const char *folder = options->checkpoint;
-    *path = NULL;
-    if (folder == NULL) {
-        return PM_OK;
-    }
-    if (setup->scene->tolerance > 0) {
-        return pm_fail(PM_ECONFIG,
-                       "scene %s has a tolerance: the substeps of steps gone by are not kept, and "
-                       "no process could return from its death: leave --checkpoint out",
-                       setup->scene->name);
-    }
-    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
-        return pm_fail(PM_EFILE, "%s: cannot be made: %s", folder, strerror(errno));
-    }
-    *path = pm_arena_printf(&setup->arena, "%s/%s%s%s.checkpoint", folder, setup->scene->name,
-                            process == NULL ? "" : "-", process == NULL ? "" : process);
-    return *path == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", folder) : PM_OK;
 }
 
 const double *pm_setup_truth(const pm_setup *setup, int time_id) {

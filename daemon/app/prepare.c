@@ -1,0 +1,53 @@
+// Loads a scene and puts the options of the command line in place of its settings.
+#include "app/prepare.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "app/connect.h"
+#include "transport/transport.h"
+
+static pm_status override(pm_scene *scene, const pm_run_options *options) {
+    if (options->url != NULL) {
+        PM_TRY(pm_transport_check(options->url));
+        scene->url = options->url;
+    }
+    if (options->steps != 0) {
+        scene->steps = (int)options->steps;
+    }
+    return options->in_process ? pm_scene_join_processes(scene) : PM_OK;
+}
+
+pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose) {
+    pm_scene *scene = NULL;
+    *setup = (pm_setup){0};
+    PM_TRY(pm_scene_load(&scene, options->scene));
+    PM_TRY(pm_setup_open(setup, scene, options->weights));
+    // This follows the digest, because hosts may have different URLs and only one of them counts
+    // steps.
+    PM_TRY(pm_connect_check(scene));
+    PM_TRY(override(scene, options));
+    return pm_setup_complete(setup, purpose);
+}
+
+pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
+                                const char **path) {
+    const char *folder = options->checkpoint;
+    *path = NULL;
+    if (folder == NULL) {
+        return PM_OK;
+    }
+    if (setup->scene->tolerance > 0) {
+        return pm_fail(PM_ECONFIG,
+                       "scene %s has a tolerance: the substeps of steps gone by are not kept, and "
+                       "no process could return from its death: leave --checkpoint out",
+                       setup->scene->name);
+    }
+    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
+        return pm_fail(PM_EFILE, "%s: cannot be made: %s", folder, strerror(errno));
+    }
+    *path = pm_arena_printf(&setup->arena, "%s/%s%s%s.checkpoint", folder, setup->scene->name,
+                            process == NULL ? "" : "-", process == NULL ? "" : process);
+    return *path == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", folder) : PM_OK;
+}

@@ -1,0 +1,21 @@
+// Prepares a run as the command line asks for it: the setup of its scene (library/setup.h) with the
+// options in place of the scene's own settings, and the files of its checkpoints.
+#ifndef PM_APP_PREPARE_H
+#define PM_APP_PREPARE_H
+
+#include "app/options.h"
+#include "library/setup.h"
+
+// Loads the scene of the options, whose URL, number of steps and --in-process replace its own, and
+// completes the setup for `purpose`. Fails as the functions of library/setup.h do, and with
+// PM_ECONFIG where the URL or the key of the scene is not usable. The caller frees the setup, on
+// failure too.
+pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose);
+
+// Writes the path of the file in which `process` (NULL: the coordinator) keeps its checkpoint to
+// `path`, and makes its folder. `path` becomes NULL if the options ask for no checkpoint. PM_EFILE,
+// PM_ENOMEM.
+pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
+                                const char **path);
+
+#endif

@@ -1,0 +1,235 @@
+// The functions of the shared library, around a local run.
+#include "library/portmet.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/linalg.h"
+#include "library/local_run.h"
+#include "library/names.h"
+
+struct portmet_scene {
+    pm_setup setup;
+    pm_local_run run;
+    pm_scene_variables variables;
+    double *input; // [nprescribed] held values, NaN: the scene's own
+    double ledger[PORTMET_LEDGER_SIZE];
+    pm_recording *recording; // NULL: nobody records
+};
+
+const char *portmet_version(void) {
+    return PM_VERSION;
+}
+
+const char *portmet_error(void) {
+    return pm_error();
+}
+
+// --- opening ---
+
+static void copy_ledger(portmet_scene *s) {
+    const pm_ledger *ledger = &s->run.ledger;
+    const double value[PORTMET_LEDGER_SIZE] = {
+        [PORTMET_FIRST_ENERGY] = ledger->first_energy,
+        [PORTMET_TOTAL_ENERGY] = ledger->energy,
+        [PORTMET_FIRST_ENTROPY] = ledger->first_entropy,
+        [PORTMET_TOTAL_ENTROPY] = ledger->entropy,
+        [PORTMET_ENERGY_DRIFT] = ledger->energy_drift,
+        [PORTMET_ENTROPY_FALL] = ledger->worst_entropy_fall,
+        [PORTMET_OUTSIDE_ENERGY] = ledger->outside_energy,
+        [PORTMET_OUTSIDE_ENTROPY] = ledger->outside_entropy,
+        [PORTMET_ENERGY_RESIDUAL] = ledger->worst_energy,
+        [PORTMET_ENTROPY_RESIDUAL] = ledger->worst_entropy,
+        [PORTMET_VIOLATIONS] = (double)ledger->violations,
+    };
+    for (int i = 0; i < PORTMET_LEDGER_SIZE; ++i) {
+        s->ledger[i] = value[i];
+    }
+}
+
+static pm_status hold_inputs(portmet_scene *s) {
+    const int n = s->setup.scene->nprescribed;
+    s->input = pm_arena_array(&s->setup.arena, (size_t)n, sizeof *s->input);
+    if (s->input == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
+    }
+    for (int i = 0; i < n; ++i) {
+        s->input[i] = NAN;
+    }
+    s->setup.boundary_input.held = s->input;
+    return PM_OK;
+}
+
+// Takes over `scene`.
+static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights) {
+    PM_TRY(pm_setup_open(&s->setup, scene, weights));
+    PM_TRY(pm_setup_complete(&s->setup, PM_TO_SERVE));
+    PM_TRY(hold_inputs(s));
+    PM_TRY(pm_scene_variable_names(&s->variables, scene, &s->setup.arena));
+    PM_TRY(pm_local_run_open(&s->run, &s->setup));
+    copy_ledger(s);
+    return PM_OK;
+}
+
+static int open_scene(portmet_scene **scene, pm_scene *description, const char *weights) {
+    pm_linalg_init();
+    portmet_scene *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        pm_scene_free(description);
+        return pm_fail(PM_ENOMEM, "out of memory for a scene");
+    }
+    const pm_status status = open_run(s, description, weights);
+    if (status != PM_OK) {
+        portmet_scene_close(s);
+        return status;
+    }
+    *scene = s;
+    return PM_OK;
+}
+
+int portmet_scene_open(portmet_scene **scene, const char *path, const char *weights) {
+    pm_scene *description = NULL;
+    PM_TRY(pm_scene_load(&description, path));
+    return open_scene(scene, description, weights);
+}
+
+int portmet_scene_parse(portmet_scene **scene, const char *text, const char *path,
+                        const char *weights) {
+    pm_scene *description = NULL;
+    PM_TRY(pm_scene_parse(&description, text, path));
+    return open_scene(scene, description, weights);
+}
+
+void portmet_scene_close(portmet_scene *scene) {
+    if (scene != NULL) {
+        (void)pm_recording_close(scene->recording);
+        pm_local_run_close(&scene->run);
+        pm_setup_free(&scene->setup);
+        free(scene);
+    }
+}
+
+// --- stepping ---
+
+int portmet_scene_step(portmet_scene *scene, int64_t count) {
+    pm_status status = PM_OK;
+    for (int64_t i = 0; i < count && status == PM_OK; ++i) {
+        status = pm_local_run_step(&scene->run);
+        if (status == PM_OK && scene->recording != NULL) {
+            status = pm_recording_append(scene->recording, &scene->run.sample);
+        }
+    }
+    copy_ledger(scene);
+    return status;
+}
+
+int portmet_scene_restart(portmet_scene *scene, const double *z) {
+    PM_TRY(portmet_scene_record(scene, NULL));
+    const pm_status status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
+    copy_ledger(scene);
+    return status;
+}
+
+int64_t portmet_scene_steps(const portmet_scene *scene) {
+    return scene->run.sample.step;
+}
+
+double portmet_scene_time(const portmet_scene *scene) {
+    return scene->run.sample.time;
+}
+
+double portmet_scene_dt(const portmet_scene *scene) {
+    return scene->setup.scene->dt;
+}
+
+int64_t portmet_scene_planned(const portmet_scene *scene) {
+    return scene->setup.scene->steps;
+}
+
+// --- arrays and names ---
+
+const double *portmet_scene_array(const portmet_scene *scene, int array, size_t *size) {
+    const pm_sample *sample = &scene->run.sample;
+    const size_t nsubsystem = (size_t)scene->setup.scene->nsubsystem;
+    const struct {
+        const double *value;
+        size_t size;
+    } arrays[] = {
+        [PORTMET_STATE] = {sample->z, (size_t)scene->setup.scene->nz},
+        [PORTMET_ENERGY] = {sample->energy, nsubsystem},
+        [PORTMET_ENTROPY] = {sample->entropy, nsubsystem},
+        [PORTMET_BULK_ENERGY] = {sample->bulk_energy, nsubsystem},
+        [PORTMET_BULK_ENTROPY] = {sample->bulk_entropy, nsubsystem},
+        [PORTMET_FLUX] = {(const double *)sample->flux, 8 * (size_t)scene->setup.scene->nport},
+        [PORTMET_LEDGER] = {scene->ledger, PORTMET_LEDGER_SIZE},
+    };
+    if (array < 0 || array >= (int)(sizeof arrays / sizeof arrays[0])) {
+        return NULL;
+    }
+    if (size != NULL) {
+        *size = arrays[array].size;
+    }
+    return arrays[array].value;
+}
+
+double *portmet_scene_inputs(portmet_scene *scene, size_t *size) {
+    const int n = scene->setup.scene->nprescribed;
+    if (size != NULL) {
+        *size = (size_t)n;
+    }
+    return n == 0 ? NULL : scene->input;
+}
+
+static const char *name_of(const char *const *name, int count, size_t index) {
+    return index < (size_t)count ? name[index] : NULL;
+}
+
+static const char *name_of_port(const pm_scene *scene, int kind, size_t index) {
+    if (index >= (size_t)scene->nport) {
+        return NULL;
+    }
+    const pm_scene_port *port = &scene->port[index];
+    return kind == PORTMET_PORT ? port->name
+                                : pm_scene_end_name(scene, port, kind == PORTMET_PORT_B);
+}
+
+const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t index) {
+    const pm_scene *s = scene->setup.scene;
+    const pm_scene_variables *v = &scene->variables;
+    switch (kind) {
+    case PORTMET_SUBSYSTEM:
+        return index < (size_t)s->nsubsystem ? s->subsystem[index].name : NULL;
+    case PORTMET_VARIABLE:
+        return name_of(v->name, s->nz, index);
+    case PORTMET_VARIABLE_UNIT:
+        return name_of(v->unit, s->nz, index);
+    case PORTMET_PORT:
+    case PORTMET_PORT_A:
+    case PORTMET_PORT_B:
+        return name_of_port(s, kind, index);
+    case PORTMET_INPUT:
+        return name_of(v->input_name, s->nprescribed, index);
+    case PORTMET_INPUT_UNIT:
+        return name_of(v->input_unit, s->nprescribed, index);
+    case PORTMET_REFERENCE:
+        return name_of(&s->reference, 1, index);
+    case PORTMET_SCENE:
+        return name_of(&s->name, 1, index);
+    default:
+        return NULL;
+    }
+}
+
+// --- recording ---
+
+int portmet_scene_record(portmet_scene *scene, const char *path) {
+    pm_recording *old = scene->recording;
+    scene->recording = NULL;
+    PM_TRY(pm_recording_close(old));
+    if (path == NULL) {
+        return PM_OK;
+    }
+    PM_TRY(pm_recording_check(path));
+    PM_TRY(pm_recording_open(&scene->recording, path, scene->setup.scene));
+    return pm_recording_append(scene->recording, &scene->run.sample);
+}

@@ -1,0 +1,144 @@
+/* libportmet: opens a scene of learned thermodynamic subsystems and steps it in the caller's
+ * process.
+ *
+ *     portmet_scene *scene;
+ *     if (portmet_scene_open(&scene, "double_pendulum.yaml", NULL) != PORTMET_OK) {
+ *         puts(portmet_error());
+ *     }
+ *     portmet_scene_step(scene, 200);
+ *     const double *z = portmet_scene_array(scene, PORTMET_STATE, NULL);
+ *     portmet_scene_close(scene);
+ *
+ * No function prints, exits or changes global state. A function that can fail returns 0 on success
+ * and else a code of portmet_status, and portmet_error() says in one line what failed. The numbers
+ * of a run are those of `portmetd run`, bit by bit. Threads may use different scenes at the same
+ * time; one scene belongs to one thread at a time. All numbers are in SI units.
+ *
+ * The interface grows only at its end: a program that was linked with this version runs with every
+ * later one of the same major number. */
+#ifndef PORTMET_H
+#define PORTMET_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+#pragma GCC visibility push(default)
+
+/* The codes are the exit codes of the programs. */
+enum portmet_status {
+    PORTMET_OK = 0,
+    PORTMET_ECONFIG = 3,  /* the scene has a wrong key, type, name or value */
+    PORTMET_EFILE = 4,    /* a file is missing, unreadable, truncated or of another kind */
+    PORTMET_EDATA = 5,    /* a dataset lacks columns, has a wrong shape, or is over */
+    PORTMET_EWEIGHTS = 6, /* weights are missing, damaged or not made for this scene */
+    PORTMET_ENUMERIC = 9, /* a value is not finite, or a guard of the scene ended the run */
+    PORTMET_ELAW = 10,    /* a component in the hard form violated a law beyond its tolerance */
+    PORTMET_ENOMEM = 11,  /* out of memory */
+    PORTMET_EUSAGE = 2    /* an argument is not valid */
+};
+
+/* Returns the version of the library, such as "0.1.0". */
+const char *portmet_version(void);
+
+/* Returns the description of this thread's last failure: one line, "" if there was none. It is
+ * valid until the next failure of this thread. */
+const char *portmet_error(void);
+
+typedef struct portmet_scene portmet_scene;
+
+/* Opens the scene file at `path` and stands at its initial state. The weights come from the files
+ * that the scene names; with `weights` not NULL, from the files of the same names in that folder.
+ * The caller closes the scene. */
+int portmet_scene_open(portmet_scene **scene, const char *path, const char *weights);
+/* Does the same for the text of a scene, as if it were the file `path`. */
+int portmet_scene_parse(portmet_scene **scene, const char *text, const char *path,
+                        const char *weights);
+void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */
+
+/* Takes `count` steps and returns after the first failure. After PORTMET_ENUMERIC or PORTMET_EDATA
+ * the failed step is not taken. */
+int portmet_scene_step(portmet_scene *scene, int64_t count);
+
+/* Starts again at step 0, at the state z [state] (see PORTMET_STATE), with an empty ledger. NULL:
+ * at the initial state of the scene. A recording ends. */
+int portmet_scene_restart(portmet_scene *scene, const double *z);
+
+/* Returns the number of steps taken, the time in s, the length of a step in s, and the number of
+ * steps that the scene file asks for. */
+int64_t portmet_scene_steps(const portmet_scene *scene);
+double portmet_scene_time(const portmet_scene *scene);
+double portmet_scene_dt(const portmet_scene *scene);
+int64_t portmet_scene_planned(const portmet_scene *scene);
+
+/* The arrays of a scene. They keep their place in memory until the scene is closed, and every step
+ * updates them. S is the number of subsystems and P that of ports. */
+enum portmet_array {
+    PORTMET_STATE = 0,        /* [variables] of all subsystems, one after the other */
+    PORTMET_ENERGY = 1,       /* [S] J */
+    PORTMET_ENTROPY = 2,      /* [S] J/K */
+    PORTMET_BULK_ENERGY = 3,  /* [S] W, the power of the subsystem's own term: 0 in the hard form */
+    PORTMET_BULK_ENTROPY = 4, /* [S] W/K, the production of the subsystem's own term */
+    PORTMET_FLUX = 5,  /* [P][2][4] for the ends a and b, positive into the subsystem: energy in
+                          W, entropy in W/K, and the sums of the magnitudes that cancel in
+                          them; means over the last step */
+    PORTMET_LEDGER = 6 /* [PORTMET_LEDGER_SIZE] see portmet_ledger */
+};
+
+/* The positions in the array PORTMET_LEDGER. The totals include what has left through boundary
+ * inputs. Residuals are relative to the gross flux. */
+enum portmet_ledger {
+    PORTMET_FIRST_ENERGY = 0,     /* J, total at step 0 */
+    PORTMET_TOTAL_ENERGY = 1,     /* J, total now */
+    PORTMET_FIRST_ENTROPY = 2,    /* J/K, total at step 0 */
+    PORTMET_TOTAL_ENTROPY = 3,    /* J/K, total now */
+    PORTMET_ENERGY_DRIFT = 4,     /* J, largest difference of the total from that at step 0 */
+    PORTMET_ENTROPY_FALL = 5,     /* J/K, largest fall of the total over one step */
+    PORTMET_OUTSIDE_ENERGY = 6,   /* J, what has left through boundary inputs */
+    PORTMET_OUTSIDE_ENTROPY = 7,  /* J/K, likewise */
+    PORTMET_ENERGY_RESIDUAL = 8,  /* largest residual of the first law in any step */
+    PORTMET_ENTROPY_RESIDUAL = 9, /* most negative residual of the second law in any step */
+    PORTMET_VIOLATIONS = 10,      /* steps with a residual beyond the scene's tolerances */
+    PORTMET_LEDGER_SIZE = 11
+};
+
+/* Returns an array of the scene, which owns it, and its size in numbers (`size` may be NULL). NULL:
+ * there is no such array. */
+const double *portmet_scene_array(const portmet_scene *scene, int array, size_t *size);
+
+/* Returns the values of the boundary inputs that the caller prescribes, and their number. The
+ * caller writes to the array: a number holds from the next step on, in place of what the scene
+ * prescribes, and NaN, with which the array is filled first, leaves the scene's own value. NULL:
+ * the scene has no boundary inputs. */
+double *portmet_scene_inputs(portmet_scene *scene, size_t *size);
+
+/* What portmet_scene_name names. */
+enum portmet_kind {
+    PORTMET_SUBSYSTEM = 0,     /* "upper" */
+    PORTMET_VARIABLE = 1,      /* of PORTMET_STATE: "upper.q[0]" */
+    PORTMET_VARIABLE_UNIT = 2, /* "m" */
+    PORTMET_PORT = 3,          /* "joint" */
+    PORTMET_PORT_A = 4,        /* the subsystem or boundary input at end a of the port: "upper" */
+    PORTMET_PORT_B = 5,        /* at end b */
+    PORTMET_INPUT = 6,         /* of portmet_scene_inputs: "hand.f[0]", "hand.dE/df[0]",
+                                  "hand.dS/df[0]" */
+    PORTMET_INPUT_UNIT = 7,    /* "m", "J/(m)", "J/K/(m)" */
+    PORTMET_REFERENCE = 8,     /* the file of the reference trajectory */
+    PORTMET_SCENE = 9          /* the name of the scene */
+};
+
+/* Returns the name number `index`, from 0 on, which the scene owns. NULL: there are no more. */
+const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t index);
+
+/* Records the present state and every later step in an HDF5 file, which is replaced. NULL ends the
+ * recording and completes the file; so does closing the scene. */
+int portmet_scene_record(portmet_scene *scene, const char *path);
+
+#pragma GCC visibility pop
+#ifdef __cplusplus
+}
+#endif
+
+#endif

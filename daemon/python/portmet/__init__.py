@@ -1,0 +1,20 @@
+"""Python's door to portmet: scenes to step, their files as objects, and the trainer.
+
+    import portmet
+    scene = portmet.Scene("configs/double_pendulum.yaml")
+    scene.step(200)
+    print(scene.energy, scene["upper"].state)
+
+Arrays of a scene are numpy arrays on the memory of libportmet.so: nothing is copied, and every step
+updates them. daemon/LIBRARY.md has the details.
+"""
+from ._library import Error, version
+from .files import Dataset, Recording, Weights
+from .listener import Listener
+from .plot import plot
+from .scene import Part, Scene
+from .train import Fit, evaluate, fit, propose
+
+__version__ = version()
+__all__ = ["Dataset", "Error", "Fit", "Listener", "Part", "Recording", "Scene", "Weights", "evaluate",
+           "fit", "plot", "propose", "version"]

@@ -1,0 +1,72 @@
+"""Finds libportmet.so and declares its functions (daemon/library/portmet.h) for ctypes."""
+import ctypes
+import os
+
+from . import _places
+
+# The arrays and names of portmet.h, by their numbers there.
+STATE, ENERGY, ENTROPY, BULK_ENERGY, BULK_ENTROPY, FLUX, LEDGER = range(7)
+(SUBSYSTEM, VARIABLE, VARIABLE_UNIT, PORT, PORT_A, PORT_B, INPUT, INPUT_UNIT, REFERENCE,
+ SCENE) = range(10)
+
+
+class Error(RuntimeError):
+    """What libportmet or a program of portmet refused: `code` is the exit code of its class."""
+
+    def __init__(self, code, text):
+        super().__init__(text)
+        self.code = code
+
+
+def place(variable, relative, name):
+    """Returns the path in an environment variable, or the file that was built or installed with
+    this package, or the bare name, which the system looks up."""
+    if variable in os.environ:
+        return os.environ[variable]
+    path = os.path.normpath(os.path.join(os.path.dirname(os.path.abspath(__file__)), relative))
+    return path if os.path.exists(path) else name
+
+
+def _load():
+    library = ctypes.CDLL(place("PORTMET_LIBRARY", _places.LIBRARY, "libportmet.so.0"))
+    text, scene, number = ctypes.c_char_p, ctypes.c_void_p, ctypes.c_double
+    size = ctypes.POINTER(ctypes.c_size_t)
+    signatures = {
+        "portmet_version": (text, []),
+        "portmet_error": (text, []),
+        "portmet_scene_open": (ctypes.c_int, [ctypes.POINTER(scene), text, text]),
+        "portmet_scene_parse": (ctypes.c_int, [ctypes.POINTER(scene), text, text, text]),
+        "portmet_scene_close": (None, [scene]),
+        "portmet_scene_step": (ctypes.c_int, [scene, ctypes.c_int64]),
+        "portmet_scene_restart": (ctypes.c_int, [scene, ctypes.c_void_p]),
+        "portmet_scene_steps": (ctypes.c_int64, [scene]),
+        "portmet_scene_time": (number, [scene]),
+        "portmet_scene_dt": (number, [scene]),
+        "portmet_scene_planned": (ctypes.c_int64, [scene]),
+        "portmet_scene_array": (ctypes.c_void_p, [scene, ctypes.c_int, size]),
+        "portmet_scene_inputs": (ctypes.c_void_p, [scene, size]),
+        "portmet_scene_name": (text, [scene, ctypes.c_int, ctypes.c_size_t]),
+        "portmet_scene_record": (ctypes.c_int, [scene, text]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+library = _load()
+
+
+def check(code):
+    """Raises Error unless `code` is 0."""
+    if code != 0:
+        raise Error(code, library.portmet_error().decode())
+
+
+def path_bytes(path):
+    return None if path is None else os.fsencode(path)
+
+
+def version():
+    """Returns the version of libportmet."""
+    return library.portmet_version().decode()

@@ -1,0 +1,116 @@
+"""Listens and speaks LCM in pure Python (daemon/WIRE.md; the protocol is LCM's udpm)."""
+import collections
+import re
+import socket
+import struct
+import time
+import urllib.parse
+
+ONE_PIECE, FRAGMENT = 0x4C433032, 0x4C433033  # "LC02" and "LC03": LCM's two kinds of datagram
+LARGEST_PIECE = 65487  # bytes of a datagram's payload
+MOST_UNFINISHED = 64  # messages of several datagrams that are kept while pieces are missing
+
+# `content` is a decoded message of portmet, or None for another type; `data` are the bytes.
+Message = collections.namedtuple("Message", "channel content data")
+
+
+def _types():
+    from . import types  # made by lcm-gen
+
+    known = [t for t in vars(types).values() if hasattr(t, "_get_packed_fingerprint")]
+    return {t._get_packed_fingerprint(): t for t in known}
+
+
+class Listener:
+    """A member of the multicast group of an LCM `url`. Iterating yields every Message whose channel
+    matches the regular expression `channels`, until `timeout` seconds pass without one."""
+
+    def __init__(self, url="udpm://239.255.76.67:7667?ttl=0", channels=".*", timeout=None):
+        parts = urllib.parse.urlsplit(url)
+        if parts.scheme != "udpm":
+            raise ValueError(f"{url}: expected udpm://GROUP:PORT")
+        ttl = int(urllib.parse.parse_qs(parts.query).get("ttl", ["0"])[0])
+        self._group = (parts.hostname or "239.255.76.67", parts.port or 7667)
+        self._wanted = re.compile(channels)
+        self._types = _types()
+        self._unfinished = collections.OrderedDict()
+        self._number = 0
+        self.timeout = timeout
+        self._socket = self._open(ttl)
+
+    def _open(self, ttl):
+        s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # others listen at this port, too
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        s.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, ttl)
+        s.bind(self._group)
+        member = socket.inet_aton(self._group[0]) + socket.inet_aton("0.0.0.0")
+        s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+        return s
+
+    def close(self):
+        self._socket.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def publish(self, channel, message):
+        """Sends a message: bytes, or an object of a type that lcm-gen made."""
+        data = message if isinstance(message, bytes) else message.encode()
+        body = channel.encode() + b"\0" + data
+        head = struct.pack(">II", ONE_PIECE, self._number)
+        if len(body) > LARGEST_PIECE:
+            raise ValueError(f"a message of {len(body)} bytes, at most {LARGEST_PIECE} can be sent")
+        self._number = (self._number + 1) % (1 << 32)
+        self._socket.sendto(head + body, self._group)
+
+    def receive(self, timeout=None):
+        """Returns the next message, or None after `timeout` seconds (None: waits forever)."""
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = None if end is None else max(0.0, end - time.monotonic())
+            self._socket.settimeout(left)
+            try:
+                datagram, sender = self._socket.recvfrom(65536)
+            except (TimeoutError, BlockingIOError):
+                return None
+            body = self._join(datagram, sender)
+            if body is None or b"\0" not in body:
+                continue
+            channel, data = body.split(b"\0", 1)
+            name = channel.decode(errors="replace")
+            if self._wanted.fullmatch(name):
+                return Message(name, self._decode(data), data)
+
+    def __iter__(self):
+        while (message := self.receive(self.timeout)) is not None:
+            yield message
+
+    def _decode(self, data):
+        kind = self._types.get(data[:8])
+        try:
+            return None if kind is None else kind.decode(data)
+        except (ValueError, struct.error, MemoryError, OverflowError):
+            return None
+
+    def _join(self, datagram, sender):
+        """Returns the channel and the payload of a message once all its datagrams are there."""
+        if len(datagram) < 8:
+            return None
+        magic, number = struct.unpack_from(">II", datagram)
+        if magic == ONE_PIECE:
+            return datagram[8:]
+        if magic != FRAGMENT or len(datagram) < 20:
+            return None
+        _, _, which, count = struct.unpack_from(">IIHH", datagram, 8)
+        pieces = self._unfinished.setdefault((sender, number), {})
+        pieces[which] = datagram[20:]
+        if len(pieces) == count and all(i in pieces for i in range(count)):
+            del self._unfinished[sender, number]
+            return b"".join(pieces[i] for i in range(count))
+        while len(self._unfinished) > MOST_UNFINISHED:
+            self._unfinished.popitem(last=False)
+        return None

@@ -1,0 +1,183 @@
+"""The Python package: scenes, files, the trainer and the listener, on shipped scenes."""
+import os
+import re
+import subprocess
+import tempfile
+import unittest
+
+import numpy
+
+import portmet
+
+
+class Scenes(unittest.TestCase):
+    def test_same_bits_as_the_program(self):
+        for name, steps in (("double_pendulum", 40), ("gas_containers", 20), ("beam", 10), ("crossed_beams", 2)):
+            with self.subTest(name), tempfile.TemporaryDirectory() as folder:
+                scene, path = f"configs/{name}.yaml", os.path.join(folder, "run.h5")
+                subprocess.run(["portmetd", "run", scene, "--in-process", "--quiet", "--steps", str(steps),
+                                "--record", path], check=True)
+                recorded = portmet.Recording(path)
+                stepped = portmet.Scene(scene)
+                for i in range(steps + 1):
+                    for part, mine in stepped.subsystems.items():
+                        theirs = recorded.subsystems[part]
+                        self.assertEqual(mine.state.tobytes(), theirs["z"][i].tobytes())
+                        self.assertEqual(mine.energy, theirs["E"][i])
+                        self.assertEqual(mine.entropy, theirs["S"][i])
+                    for port, mine in stepped.ports.items():
+                        theirs = recorded.ports[port]
+                        self.assertEqual(list(mine.energy), [theirs["energy_flux_a"][i], theirs["energy_flux_b"][i]])
+                    self.assertEqual(stepped.ledger.energy, recorded.ledger["energy"][i])
+                    if i < steps:
+                        stepped.step()
+
+    def test_nothing_is_copied(self):
+        scene = portmet.Scene("configs/double_pendulum.yaml")
+        state, q = scene.state, scene["upper"]["q"]
+        before = q.copy()
+        scene.step(3)
+        self.assertIs(state, scene.state)
+        self.assertTrue(numpy.shares_memory(q, state))
+        self.assertFalse(numpy.array_equal(q, before))
+        with self.assertRaises(ValueError):
+            state[0] = 1.0
+        del scene  # the arrays keep the scene open
+        self.assertTrue(numpy.isfinite(state).all())
+
+    def test_restart(self):
+        scene = portmet.Scene("configs/double_pendulum.yaml")
+        start = scene.state.copy()
+        end = scene.step(5).state.copy()
+        self.assertEqual(scene.restart(start).step(5).state.tobytes(), end.tobytes())
+        self.assertEqual(scene.restart().state.tobytes(), start.tobytes())
+        with self.assertRaises(ValueError):
+            scene.restart(start[1:])
+
+    def test_inputs(self):
+        scene = portmet.Scene("configs/driven_lower.yaml")
+        free = scene.step(3).state.copy()
+        name = next(n for n in scene.input_names if "dE/d" in n).rpartition("[")[0]
+        scene.restart().set_input(name, 7.0)
+        self.assertNotEqual(scene.step(3).state.tobytes(), free.tobytes())
+        scene.restart().set_input(name, numpy.nan)
+        self.assertEqual(scene.step(3).state.tobytes(), free.tobytes())
+        with self.assertRaises(KeyError):
+            scene.set_input("nobody", 0)
+
+    def test_error(self):
+        with self.assertRaisesRegex(portmet.Error, "nowhere.yaml") as caught:
+            portmet.Scene("nowhere.yaml")
+        self.assertEqual(caught.exception.code, 4)
+
+    def test_part(self):
+        part = portmet.Part("configs/weights/double_pendulum/upper.h5", dt=0.01,
+                            initial={"q": [1.5, 0.5], "p": 0, "s": 0})
+        energy = part.energy[0]
+        part.step(100)
+        self.assertNotEqual(part["part"]["q"][0], 1.5)
+        self.assertAlmostEqual(part.energy[0], energy, delta=1e-6 * abs(energy))
+
+
+class Files(unittest.TestCase):
+    def test_dataset(self):
+        data = portmet.Scene("configs/double_pendulum.yaml").reference
+        self.assertEqual(data.z.shape, (1, 200, 10))
+        self.assertEqual(data["q1x"].shape, (1, 200))
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "copy.h5")
+            data.save(path)
+            again = portmet.Dataset(path)
+            self.assertEqual(again.z.tobytes(), data.z.tobytes())
+            self.assertEqual((again.columns, again.dt, again.notes), (data.columns, data.dt, data.notes))
+            # portmetd accepts it, too.
+            report = portmet.evaluate("configs/double_pendulum.yaml", data=path)
+            self.assertIn("q", report)
+
+    def test_ranges_of_columns(self):
+        data = portmet.Dataset("configs/reference/beam_graph.h5")
+        self.assertEqual(data.z.shape[2], len(data.columns))
+        self.assertIn("u2159", data.columns)
+
+    def test_weights(self):
+        part = portmet.Weights("configs/weights/double_pendulum/upper.h5")
+        self.assertEqual([(g.name, g.size, g.unit) for g in part.layout], [("q", 2, "m"), ("p", 2, "kg m/s"), ("s", 1, "J/K")])
+        self.assertIn("form: hard", part.model)
+        self.assertTrue(part.trained)
+        port = portmet.Weights("configs/weights/double_pendulum/joint.h5")
+        self.assertEqual((port.kind, len(port.layout)), ("port", 2))
+
+    def test_recording(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "run.h5")
+            portmet.Scene("configs/gas_containers.yaml").record(path).step(5).record(None)
+            recording = portmet.Recording(path)
+            self.assertEqual(list(recording.step), list(range(6)))
+            try:
+                import matplotlib  # noqa: F401
+            except ImportError:
+                return
+            portmet.plot(recording, os.path.join(folder, "run.png"))
+            self.assertGreater(os.path.getsize(os.path.join(folder, "run.png")), 10000)
+
+
+@unittest.skipUnless(os.environ.get("PM_PRIVATE_NETWORK"), "no private network can be made here")
+class Listening(unittest.TestCase):
+    def test_run(self):
+        with portmet.Listener(channels="double_pendulum_.*", timeout=10) as listener:
+            run = subprocess.Popen(["portmetd", "run", "configs/double_pendulum.yaml", "--steps", "5", "--quiet"])
+            ledgers, fluxes, unknown = [], 0, 0
+            for message in listener:
+                unknown += message.content is None
+                fluxes += "_FLUX_" in message.channel
+                if message.channel.endswith("_LEDGER"):
+                    ledgers.append(message.content)
+                if message.channel.endswith("_COMMAND") and message.content.kind == message.content.END:
+                    break
+            self.assertEqual(run.wait(), 0)
+        self.assertEqual(unknown, 0)
+        self.assertGreater(fluxes, 0)
+        scene = portmet.Scene("configs/double_pendulum.yaml").step(5)
+        self.assertEqual((ledgers[-1].step, ledgers[-1].energy), (5, scene.ledger.energy))
+
+    def test_publishing(self):
+        with portmet.Listener(channels="HELLO") as hears, portmet.Listener() as speaks:
+            speaks.publish("OTHER", b"not this")
+            speaks.publish("HELLO", b"12345678 and more")
+            message = hears.receive(10)
+        self.assertEqual((message.channel, message.content, message.data), ("HELLO", None, b"12345678 and more"))
+
+    def test_message_in_pieces(self):
+        import socket
+        import struct
+        body = b"BIG\0" + bytes(range(256)) * 10
+        pieces = [body[i:i + 1000] for i in range(0, len(body), 1000)]
+        s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        s.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        with portmet.Listener(channels="BIG") as hears:
+            for i in reversed(range(len(pieces))):
+                head = struct.pack(">IIIIHH", 0x4C433033, 9, len(body), 1000 * i, i, len(pieces))
+                s.sendto(head + pieces[i], ("239.255.76.67", 7667))
+            message = hears.receive(10)
+        s.close()
+        self.assertEqual(message.data, bytes(range(256)) * 10)
+
+
+class Pages(unittest.TestCase):
+    def test_script_of_the_page(self):
+        with open("configs/README.md", encoding="utf-8") as page:
+            script = re.search(r"```python\n(.*?)```", page.read(), re.S)[1]
+        self.assertLessEqual(len([line for line in script.splitlines() if line]), 30)
+        with tempfile.TemporaryDirectory() as folder:
+            os.environ["PORTMET_EXAMPLE"] = folder
+            space, here = {}, os.getcwd()
+            try:
+                exec(compile(script, "configs/README.md", "exec"), space)  # pylint: disable=exec-used
+            finally:
+                os.chdir(here)
+            self.assertLess(space["error"], 0.01)
+            self.assertEqual(space["chain"].ledger.violations, 0)
+
+
+if __name__ == "__main__":
+    unittest.main()
