@@ -40,8 +40,8 @@ pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, 
     }
     if (setup->scene->tolerance > 0) {
         return pm_fail(PM_ECONFIG,
-                       "scene %s has a tolerance: the substeps of steps gone by are not kept, and "
-                       "no process could return from its death: leave --checkpoint out",
+                       "scene %s has a tolerance, and --checkpoint needs fixed substeps: a "
+                       "restarted process could not repeat the substeps of earlier steps",
                        setup->scene->name);
     }
     if (mkdir(folder, 0777) != 0 && errno != EEXIST) {

@@ -42,7 +42,7 @@ pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_
         ended = child < 0 ? -1 : waitpid(child, &end, 0);
     } while (ended < 0 && child > 0 && errno == EINTR);
     if (ended < 0) {
-        return pm_fail(PM_ENOMEM, "%s: cannot start a process to try it in: %s", what,
+        return pm_fail(PM_ENOMEM, "%s: cannot start a child process to open it: %s", what,
                        strerror(errno));
     }
     if (WIFSIGNALED(end)) {

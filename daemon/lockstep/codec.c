@@ -414,9 +414,6 @@ int64_t pm_protocol(void) {
     }                                                                                           \
     size_t pm_##type##_encode(const portmet_##type##_t *message, void *data, size_t capacity) { \
         return encode(&type##_type, message, data, capacity);                                   \
-    }                                                                                           \
-    size_t pm_##type##_size(const portmet_##type##_t *message) {                                \
-        return size_of(&type##_type, message);                                                  \
     }
 
 CODEC(hello)
@@ -426,3 +423,11 @@ CODEC(report)
 CODEC(ledger)
 CODEC(command)
 CODEC(request)
+
+size_t pm_flux_size(const portmet_flux_t *message) {
+    return size_of(&flux_type, message);
+}
+
+size_t pm_report_size(const portmet_report_t *message) {
+    return size_of(&report_type, message);
+}

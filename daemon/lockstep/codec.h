@@ -37,7 +37,6 @@ int64_t pm_protocol(void);
 
 pm_drop pm_hello_decode(portmet_hello_t *message, const void *data, size_t size);
 size_t pm_hello_encode(const portmet_hello_t *message, void *data, size_t capacity);
-size_t pm_hello_size(const portmet_hello_t *message);
 
 pm_drop pm_flux_decode(portmet_flux_t *message, const void *data, size_t size);
 size_t pm_flux_encode(const portmet_flux_t *message, void *data, size_t capacity);
@@ -45,7 +44,6 @@ size_t pm_flux_size(const portmet_flux_t *message);
 
 pm_drop pm_tick_decode(portmet_tick_t *message, const void *data, size_t size);
 size_t pm_tick_encode(const portmet_tick_t *message, void *data, size_t capacity);
-size_t pm_tick_size(const portmet_tick_t *message);
 
 pm_drop pm_report_decode(portmet_report_t *message, const void *data, size_t size);
 size_t pm_report_encode(const portmet_report_t *message, void *data, size_t capacity);
@@ -53,14 +51,11 @@ size_t pm_report_size(const portmet_report_t *message);
 
 pm_drop pm_ledger_decode(portmet_ledger_t *message, const void *data, size_t size);
 size_t pm_ledger_encode(const portmet_ledger_t *message, void *data, size_t capacity);
-size_t pm_ledger_size(const portmet_ledger_t *message);
 
 pm_drop pm_command_decode(portmet_command_t *message, const void *data, size_t size);
 size_t pm_command_encode(const portmet_command_t *message, void *data, size_t capacity);
-size_t pm_command_size(const portmet_command_t *message);
 
 pm_drop pm_request_decode(portmet_request_t *message, const void *data, size_t size);
 size_t pm_request_encode(const portmet_request_t *message, void *data, size_t capacity);
-size_t pm_request_size(const portmet_request_t *message);
 
 #endif

@@ -215,8 +215,8 @@ static pm_status check_patience(const pm_lockstep_coordinator *c) {
         list_missing(c, -1, names, sizeof names);
         return pm_fail(
             PM_ETIMEOUT,
-            "no node got on for %.3g s, in step %lld, though alive; its reports are missing "
-            "from: %s",
+            "no progress for %.3g s, in step %lld, though all processes are alive; reports are "
+            "missing from: %s",
             idle, (long long)pm_coordinator_steps_shown(c), names);
     }
     return PM_OK;

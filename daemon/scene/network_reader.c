@@ -71,7 +71,7 @@ static pm_status read_message(pm_yaml block, pm_yaml nodes, const pm_mesh *mesh,
         }
     }
     if (mesh == NULL) {
-        return pm_yaml_fail(nodes, "nodes of which mesh? The model needs a \"mesh\"");
+        return pm_yaml_fail(nodes, "a network of nodes needs a \"mesh\" in the model");
     }
     *m = (pm_message_spec){.mesh = mesh, .within = 1};
     PM_TRY(pm_model_read_names(block, "nodes", arena, &network->nfeature, &network->feature));

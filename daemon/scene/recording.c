@@ -270,10 +270,7 @@ pm_status pm_recording_check(const char *path) {
         return *path == 0 ? pm_fail(PM_EFILE, "a recording needs a name") : check_folder(path);
     }
     if (!S_ISREG(there.st_mode)) {
-        return pm_fail(PM_EFILE,
-                       "%s: cannot create a recording: there is something that is not a "
-                       "file",
-                       path);
+        return pm_fail(PM_EFILE, "%s: cannot create a recording: this is not a file", path);
     }
     if (access(path, W_OK) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));

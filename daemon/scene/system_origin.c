@@ -55,7 +55,7 @@ static pm_status check_swapped(const pm_system *system, int id) {
             pm_system_columns_digest(&scene->subsystem[i]) == own->columns) {
             return pm_fail(PM_EWEIGHTS,
                            "%s: subsystem %s: the weights %s were trained on the columns of "
-                           "subsystem %s, whose own weights are others: exchanged?",
+                           "subsystem %s, which has other weights: are the two exchanged?",
                            scene->subsystem[id].weights_at, scene->subsystem[id].name, own->path,
                            scene->subsystem[i].name);
         }

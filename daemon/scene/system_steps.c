@@ -22,7 +22,7 @@ static pm_status check_rate(const pm_scene *scene, const pm_network_spec *rate,
         return PM_OK;
     }
     return pm_fail(PM_EWEIGHTS,
-                   "%s: %s: the weights %s say what happens within a step of %.9g s of "
+                   "%s: %s: the weights %s predict the change within a step of %.9g s of "
                    "%.40s, and hold for no other; the scene takes steps of %s%.9g s of %s",
                    at, name, p->path, p->step, p->integrator, scene->tolerance > 0 ? "up to " : "",
                    step, scene->integrator->name);

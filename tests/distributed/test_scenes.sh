@@ -49,7 +49,7 @@ grep -q "substeps for a tolerance of 3e-05" "$folder/adaptive.out" || fail "adap
 grep -q "steps in violation: 0;" "$folder/adaptive.out" || fail "adaptive: a law is violated"
 same_bits adaptive 200 "$folder"
 start kept run "$folder/adaptive.yaml" --checkpoint "$folder/kept"
-ends kept $pid 3 "has a tolerance: the substeps of steps gone by are not kept"
+ends kept $pid 3 "has a tolerance, and --checkpoint needs fixed substeps"
 
 # said PATTERN: a line of what `check` printed last.
 said() {

@@ -45,13 +45,12 @@ static void arrays_close(arrays *a) {
     free(a->number[2]);
 }
 
-// Decodes into `message`; if it is kept, checks its size and the bytes it encodes to.
+// Decodes into `message`; if it is kept, checks the number of bytes it encodes to, and these bytes.
 #define ROUND_TRIP(type, message)                                       \
     do {                                                                \
         if (pm_##type##_decode(&(message), data, size) == PM_KEEP) {    \
             uint8_t *copy = malloc(size + 1);                           \
             check(copy != NULL);                                        \
-            check(pm_##type##_size(&(message)) == size);                \
             check(pm_##type##_encode(&(message), copy, size - 1) == 0); \
             check(pm_##type##_encode(&(message), copy, size) == size);  \
             check(memcmp(copy, data, size) == 0);                       \

@@ -17,7 +17,7 @@
 #include "scene/columns.h"
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
-#include "tests/support/projection.h"
+#include "tests/support/balance.h"
 #include "tests/support/random_system.h"
 
 #define WORLDS 300
@@ -392,7 +392,7 @@ static void penalty_is_zero_exactly_for_degenerate_models(void **state) {
     };
     for (uint64_t seed = 1; seed <= 20; ++seed) {
         for (size_t i = 0; i < sizeof model / sizeof *model; ++i) {
-            char part[WORLD_TEXT];
+            char part[RANDOM_SYSTEM_TEXT];
             snprintf(part, sizeof part,
                      "form: soft\nenergy: {features: [%s], hidden: [4], skip: linear}\n"
                      "entropy: {features: [%s], hidden: [4], skip: linear}\n"

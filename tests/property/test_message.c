@@ -15,8 +15,8 @@
 #include "graph/program.h"
 #include "model/operator.h"
 #include "sim/monolithic.h"
+#include "tests/support/balance.h"
 #include "tests/support/mesh_part.h"
-#include "tests/support/projection.h"
 
 #define SYSTEMS 60
 // Rounding, relative to the sum of the magnitudes that cancel.
@@ -183,7 +183,7 @@ static void operators_act_node_by_node(void **state) {
 static void the_soft_form_pays_and_does_not_project(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; ++seed) {
-        char text[WORLD_TEXT];
+        char text[RANDOM_SYSTEM_TEXT];
         random_system w;
         snprintf(text, sizeof text, "form: soft\n%s", mesh_part[seed % 2]);
         random_system_of_text(&w, seed, scene, text, NULL);
@@ -244,7 +244,7 @@ static const double *run_at(pm_program *p, pm_node input, const double *value, i
 static void messages_reach_as_far_as_they_are_passed(void **state) {
     (void)state;
     for (int passes = 0; passes <= 3; ++passes) {
-        char text[WORLD_TEXT];
+        char text[RANDOM_SYSTEM_TEXT];
         random_system w;
         snprintf(text, sizeof text,
                  MESH_TEXT "form: free\nrate: {nodes: [u, sigma], width: 6, passes: %d}\n", passes);

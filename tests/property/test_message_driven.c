@@ -12,8 +12,8 @@
 
 #include "graph/program.h"
 #include "learn/objective.h"
+#include "tests/support/balance.h"
 #include "tests/support/mesh_part.h"
-#include "tests/support/projection.h"
 
 // Rounding, relative to the largest rate.
 #define TOLERANCE 1e-12

@@ -54,9 +54,9 @@ __attribute__((format(printf, 2, 3))) static void add(char *text, const char *fo
     const size_t used = strlen(text);
     va_list arguments;
     va_start(arguments, format);
-    const int length = vsnprintf(text + used, WORLD_TEXT - used, format, arguments);
+    const int length = vsnprintf(text + used, RANDOM_SYSTEM_TEXT - used, format, arguments);
     va_end(arguments);
-    if (length < 0 || used + (size_t)length >= WORLD_TEXT) {
+    if (length < 0 || used + (size_t)length >= RANDOM_SYSTEM_TEXT) {
         abort();
     }
 }

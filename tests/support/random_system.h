@@ -7,7 +7,7 @@
 #include "base/rng.h"
 #include "scene/system.h"
 
-#define WORLD_TEXT 4096
+#define RANDOM_SYSTEM_TEXT 4096
 
 // Storage the caller owns.
 typedef struct random_system {
@@ -15,10 +15,10 @@ typedef struct random_system {
     pm_rng rng;
     pm_scene *scene;
     pm_system *system;
-    double *z;                   // [scene->nz] initial state; in the scene's arena
-    char scene_text[WORLD_TEXT]; // texts of scene and models, for messages
-    char part_text[2][WORLD_TEXT];
-    char port_text[WORLD_TEXT];
+    double *z;                           // [scene->nz] initial state; in the scene's arena
+    char scene_text[RANDOM_SYSTEM_TEXT]; // texts of scene and models, for messages
+    char part_text[2][RANDOM_SYSTEM_TEXT];
+    char port_text[RANDOM_SYSTEM_TEXT];
 } random_system;
 
 // Draws a system from `seed`. It has groups q[d], p[d], s[1] and sometimes r; entropies that are

@@ -400,7 +400,7 @@ static void a_failed_step_is_taken_back(void **state) {
     (void)state;
     static const char *const energy[] = {"q, p", "\"|q|^2\", p"}; // the second overflows before q
     for (int i = 0; i < 2; ++i) {
-        char part[WORLD_TEXT];
+        char part[RANDOM_SYSTEM_TEXT];
         snprintf(part, sizeof part, "energy: {features: [%s], skip: quadratic}\n" CANONICAL,
                  energy[i]);
         random_system w;

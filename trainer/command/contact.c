@@ -26,9 +26,9 @@ static pm_status read_arguments(contact_arguments *a, int argc, char **argv, boo
         {"--output", "-o", "DIR", NULL, &a->output, false,
          "write the weights into DIR, and with --data also modes.h5"},
         {"--stiffness", "-k", "K", NULL, &a->stiffness, false,
-         "N/m of a contact pair, of the bodies' edges, which modes lack; -o needs it"},
+         "N/m, stiffness of a contact pair (of the bodies' edges); required with -o"},
         {"--creep", "-c", "C", NULL, &a->creep, false,
-         "m/(N s), > 0, at which a pressed pair opens for good (default: not at all)"},
+         "m/(N s), > 0, rate at which a pressed pair creeps open (default: no creep)"},
         {"--data", "-d", "NAME=FILE,...", NULL, &a->data, false, "the fields of every body (HDF5)"},
         {"--score", NULL, "MODES", NULL, &a->modes, false,
          "print the errors of the contact forces in this recording; needs --data"},
@@ -50,7 +50,7 @@ static pm_status read_arguments(contact_arguments *a, int argc, char **argv, boo
             "the opening that each contact pair has gained by creeping. The opening of a pair is\n"
             "g + creep + u slope_u + v slope_v, where g, u, v and the slopes are derived "
             "variables,\n"
-            "linear in the travel. Sliding is taken to be small.",
+            "linear in the travel. Sliding is assumed to be small.",
         .positional_name = "CONFIG",
         .positional = &a->configuration,
         .count = sizeof table / sizeof *table,

@@ -1,11 +1,10 @@
 // portmet-train correct: corrects the fields of a simulation by better known fields.
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "base/options.h"
 #include "body/correction.h"
 #include "command/commands.h"
-#include "store/xdmf.h"
+#include "command/save_fields.h"
 
 typedef struct correct_arguments {
     const char *fields, *known, *trajectories, *output;
@@ -32,19 +31,6 @@ static pm_status read_arguments(correct_arguments *a, int argc, char **argv, boo
     return pm_options_read(&options, argc, argv, helped);
 }
 
-static pm_status save(const correct_arguments *a, const pm_field *field, const char *command) {
-    const char *const notes[][2] = {
-        {"title", "Fields of a simulation, corrected by better known ones"},
-        {"source", "portmet-train correct"},
-        {"command", command},
-    };
-    PM_TRY(pm_field_save(field, a->output, (int)(sizeof notes / sizeof *notes), notes));
-    PM_TRY(field->nelement == 0 ? PM_OK : pm_xdmf_save(field, a->output));
-    printf("wrote %s: %d trajectories of %d states, %d nodes\n", a->output, field->ntrajectory,
-           field->ntime, field->nnode);
-    return PM_OK;
-}
-
 pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     correct_arguments a = {0};
@@ -67,7 +53,9 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
     }
     PM_TRY_DONE(pm_options_list(a.trajectories, known->ntrajectory, which, &count));
     PM_TRY_DONE(pm_correct(&corrected, own, known, count, which));
-    status = save(&a, corrected, command);
+    status = pm_fields_save(corrected, a.output,
+                            "Fields of a simulation, corrected by better known ones",
+                            "portmet-train correct", command);
 done:
     free(which);
     pm_field_free(own);

@@ -7,9 +7,9 @@
 #include "base/options.h"
 #include "body/nodes.h"
 #include "command/commands.h"
+#include "command/save_fields.h"
 #include "modal/contact_part.h"
 #include "modal/field_report.h"
-#include "store/xdmf.h"
 
 typedef struct reconstruct_arguments {
     const char *dataset, *basis, *body, *contact, *weights, *truth, *trajectories, *trained, *plot,
@@ -25,13 +25,13 @@ static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv,
         {"--contact", NULL, "CONFIG", NULL, &a->contact, false,
          "add the stress that other bodies cause, placed as CONFIG says"},
         {"--weights", "-w", "DIR", NULL, &a->weights, false,
-         "the weights that `contact` wrote, which know the stiffness of the contact"},
+         "the weights that `contact` wrote, which contain the stiffness of the contact"},
         {"--truth", "-t", "FILE", NULL, &a->truth, false,
-         "fields to score against, which also know the loads on the nodes (HDF5)"},
+         "fields to score against, which also contain the loads on the nodes (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "the trajectories of the truth that DATASET is about"},
+         "the trajectories of the truth to which those of DATASET belong"},
         {"--trained", NULL, "LIST", NULL, &a->trained, false,
-         "report the errors of these trajectories apart, because training saw them"},
+         "report the errors of these trajectories separately, because training saw them"},
         {"--plot", NULL, "DIR", NULL, &a->plot, false, "draw box plots of the errors (gnuplot)"},
         {"--output", "-o", "FILE", NULL, &a->output, false, "write the fields (HDF5)"},
     };
@@ -43,7 +43,7 @@ static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv,
             "writes, into fields of the body: positions, velocities, stresses. Recordings of\n"
             "`evaluate --record` work as well. Prints the relative L2 errors per trajectory, of\n"
             "stresses on free nodes. Modes need the --basis. Nodal values need the --truth, which\n"
-            "knows the body, and all of its states, whatever --relaxation `nodes` was given.",
+            "describes the body, and all of its states; `nodes` may have had any --relaxation.",
         .positional_name = "DATASET",
         .positional = &a->dataset,
         .count = sizeof table / sizeof *table,
@@ -174,20 +174,6 @@ done:
     return status;
 }
 
-static pm_status save(const pm_field *field, const reconstruct_arguments *a, const char *command) {
-    const char *const notes[][2] = {
-        {"title", a->basis == NULL ? "Fields reconstructed from nodal values"
-                                   : "Fields reconstructed from modes"},
-        {"source", "portmet-train reconstruct"},
-        {"command", command},
-    };
-    PM_TRY(pm_field_save(field, a->output, (int)(sizeof notes / sizeof *notes), notes));
-    PM_TRY(field->nelement == 0 ? PM_OK : pm_xdmf_save(field, a->output));
-    printf("wrote %s: %d trajectories of %d states, %d nodes\n", a->output, field->ntrajectory,
-           field->ntime, field->nnode);
-    return PM_OK;
-}
-
 pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     reconstruct_arguments a;
@@ -214,7 +200,12 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     if (truth != NULL) {
         PM_TRY_DONE(report_errors(&a, field, truth, trajectory));
     }
-    status = a.output == NULL ? PM_OK : save(field, &a, command);
+    status = a.output == NULL
+                 ? PM_OK
+                 : pm_fields_save(field, a.output,
+                                  a.basis == NULL ? "Fields reconstructed from nodal values"
+                                                  : "Fields reconstructed from modes",
+                                  "portmet-train reconstruct", command);
 done:
     free(trajectory);
     pm_field_free(truth);

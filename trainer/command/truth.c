@@ -29,12 +29,12 @@ static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool 
         .usage = "portmet-train truth CONFIG -o FILE [--trajectories A:B]",
         .summary =
             "Simulates ground truth with SUNDIALS CVODE at the limit of double precision. Prints\n"
-            "how far the result is converged and how well it keeps the laws. Every trajectory has\n"
-            "random numbers of its own, so that a part of the trajectories equals that part of "
-            "the\n"
-            "whole. Bodies on a mesh are simulated with quasi-static finite elements, and their\n"
-            "balance of energy is printed. Each body is written to a file of its own, with its\n"
-            "name before the ending of FILE, and an XDMF file beside it, which ParaView opens.",
+            "how far the result is converged, how well energy is conserved, and the smallest\n"
+            "change of the entropy. Every trajectory has random numbers of its own: simulating a\n"
+            "part of the trajectories gives the same numbers as simulating all. Bodies on a mesh\n"
+            "are simulated with quasi-static finite elements, and their balance of energy is\n"
+            "printed. Each body is written to a file of its own, with its name before the ending\n"
+            "of FILE, and an XDMF file beside it, which ParaView opens.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof table / sizeof *table,

@@ -156,8 +156,7 @@ static pm_status check_stages(const pm_fit *f, const double *own) {
     const int stage = (int)f->position[PM_FIT_STAGE];
     for (int i = 0; i <= stage; ++i) {
         if (stage >= f->training->nstage || f->position[PM_FIT_DIGEST + i] != own[i]) {
-            return pm_fail(PM_EFILE,
-                           "%s: made by other stages: stage %d of %s is not what it was then",
+            return pm_fail(PM_EFILE, "%s: made by other stages: stage %d of %s has changed since",
                            f->checkpoint, i + 1, f->arguments->config);
         }
     }

@@ -29,7 +29,7 @@ typedef struct pm_reduction {
     pm_arena arena;            // work space
 } pm_reduction;
 
-// Makes the symmetric copies (`square`: all eight) and room for one trajectory; The caller sets
+// Makes the symmetric copies (`square`: all eight) and room for one trajectory. The caller sets
 // `field`, `settings`, `count` and `trajectory` first. PM_EDATA, PM_ENOMEM. The caller closes the
 // reduction, after a failure too.
 pm_status pm_reduction_open(pm_reduction *r, int nmode, int nbranch, bool square,

@@ -72,7 +72,7 @@ static pm_status check_sizes(const pm_network_spec *spec) {
     }
     return spec->nhidden == 0 || m->patterns > 0
                ? PM_OK
-               : pm_fail(PM_ECONFIG, "hidden layers are of patterns, and there are none");
+               : pm_fail(PM_ECONFIG, "hidden layers need patterns, on whose amplitudes they act");
 }
 
 static pm_status check_driver(const pm_network_spec *spec, const pm_symbols *symbols) {
