@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-// The caller owns the storage.
+// The state of a progress bar. The caller owns the storage.
 typedef struct pm_progress {
     bool enabled;
     double started, drawn; // s of pm_clock: the start, and the last redraw

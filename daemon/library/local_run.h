@@ -10,7 +10,7 @@
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct pm_local_run {
     const pm_setup *setup; // borrowed
     pm_monolithic *monolithic;

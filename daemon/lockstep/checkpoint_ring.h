@@ -8,7 +8,7 @@
 
 #include "lockstep/process_subsystems.h"
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage and initialises it with zeros.
 typedef struct pm_checkpoint_ring {
     const char *path; // NULL: no checkpoints are kept
     uint64_t digest;  // of scene, weights and initial state

@@ -15,7 +15,7 @@
 // needs this process's flux of a round to finish the round.
 #define PM_INBOX_DEPTH 2
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct pm_flux_link {
     struct pm_lockstep_node *node; // context of the message handler
     int process_id;                // the neighbour

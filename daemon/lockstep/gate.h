@@ -9,15 +9,16 @@
 
 #include "base/status.h"
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct pm_gate {
     const char *path; // NULL: there is no gate
     int64_t steps;    // steps that may be granted, as last read; INT64_MAX without a gate
     double read_at;   // s, monotonic, when the file may be read again
 } pm_gate;
 
-// Reads the file; `path` (may be NULL) must outlive the gate. A file that is absent or empty allows
-// no step. PM_EFILE: the file cannot be read, or holds something other than a whole number.
+// Opens a gate and reads its file. `path` (NULL: no gate) must outlive the gate. A file that is
+// absent or empty allows no step. PM_EFILE: the file cannot be read, or holds something other than
+// a whole number.
 pm_status pm_gate_init(pm_gate *gate, const char *path);
 
 // Reads the file again if the last reading is old enough. `now` is the present time (s, monotonic).

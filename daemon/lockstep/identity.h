@@ -11,7 +11,7 @@
 #include "scene/system.h"
 #include "transport/transport.h"
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct pm_identity {
     pm_transport *transport;
     char hello_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];

@@ -24,7 +24,7 @@ typedef struct pm_process_subsystem {
     pm_process_port *port; // [nport]
 } pm_process_subsystem;
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage and initialises it with zeros.
 typedef struct pm_process_subsystems {
     int count;
     pm_process_subsystem *part; // [count], in the scene's order

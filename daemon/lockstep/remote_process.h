@@ -10,7 +10,7 @@
 #include "scene/recording.h"
 #include "transport/transport.h"
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage and initialises it with zeros.
 typedef struct pm_remote_process {
     struct pm_lockstep_coordinator *coordinator; // context of the message handlers
     int id;                                      // of the process in the scene

@@ -18,7 +18,7 @@ typedef struct pm_report_window_slot {
     pm_sample *sample;
 } pm_report_window_slot;
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage and initialises it with zeros.
 typedef struct pm_report_window {
     const pm_scene *scene;
     int depth;                   // steps

@@ -8,7 +8,7 @@
 #include "lockstep/process_subsystems.h"
 #include "lockstep/resend_buffer.h"
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct pm_reporter {
     const pm_scene *scene;
     const pm_scene_process *process;

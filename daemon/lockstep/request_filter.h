@@ -9,14 +9,14 @@
 
 #include "lockstep/codec.h"
 
-// The newest request of one sender. Storage the caller owns; zero-initialise.
+// The newest request of one sender. The caller initialises it with zeros.
 typedef struct pm_request_filter {
     int64_t instance, attempt; // of the sender
     int64_t key;               // round (flux_link.h) or step that was requested
 } pm_request_filter;
 
-// Notes a request for `key`. Returns true if it is newer than all before: from an instance that was
-// started later, of a later attempt, or for a later key.
+// Records a request for `key`. Returns true if it is newer than all before: from an instance that
+// was started later, of a later attempt, or for a later key.
 bool pm_request_filter_accept(pm_request_filter *filter, const portmet_request_t *request,
                               int64_t key);
 

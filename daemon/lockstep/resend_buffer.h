@@ -15,7 +15,7 @@ typedef struct pm_resend_buffer_slot {
     unsigned char *data; // [capacity]
 } pm_resend_buffer_slot;
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct pm_resend_buffer {
     char channel[PM_CHANNEL_SIZE];
     size_t capacity; // bytes of one message

@@ -18,7 +18,7 @@
 #define PM_WAITING_FACTOR 3       // first interval in usual waiting times
 #define PM_WAITING_LATELY 1000    // waits
 
-// Storage the caller owns. Times in s, monotonic.
+// The caller owns this storage. Times in s, monotonic.
 typedef struct pm_waiting {
     double first;                 // upper limit of the first interval
     double since, next, interval; // start of the wait; next request; present interval

@@ -17,7 +17,7 @@
 #define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS + PM_MAX_LEARNED)
 #define PM_MAX_NAME 64
 
-// The named vectors [1][size] that an expression may use. `node` is PM_NO_NODE while a spec is only
+// A named vector [1][size] that an expression may use. `node` is PM_NO_NODE while a spec is only
 // being checked.
 typedef struct pm_symbol {
     char name[PM_MAX_NAME];

@@ -26,7 +26,8 @@ pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symb
 pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features,
                               const pm_params *params, const char *prefix);
 
-// Returns the deviations of all features [1][sum of sizes].
+// Returns the standard deviations by which the features are divided, for all features [1][sum of
+// sizes].
 pm_node pm_thermal_deviation(pm_graph *g, const pm_network_spec *spec, const pm_params *params,
                              const char *prefix);
 

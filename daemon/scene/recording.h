@@ -73,8 +73,9 @@ pm_status pm_recording_append(pm_recording *recording, const pm_sample *sample);
 // Writes all samples so far to the file, so that they stay readable if this process is killed.
 // PM_EFILE.
 pm_status pm_recording_flush(pm_recording *recording);
-// Flushes and closes. The recording is gone even on failure. PM_EFILE. After a failure to append or
-// to flush it only closes, and returns PM_OK. NULL is allowed.
+// Flushes the samples, closes the file and frees the recording, which is freed after a failure,
+// too. PM_EFILE. If an earlier append or flush has failed, nothing is flushed and the result is
+// PM_OK. NULL is allowed.
 pm_status pm_recording_close(pm_recording *recording);
 
 #endif

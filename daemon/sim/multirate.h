@@ -34,7 +34,8 @@ typedef struct pm_multirate_books {
     pm_invariant_projection *projection; // NULL: the method is not balanced
 } pm_multirate_books;
 
-// Prepares a subsystem of nz components. Memory comes from the arena. PM_ENOMEM.
+// Prepares the substeps of a subsystem of nz components, which takes `steps` steps per interval of
+// the multirate method `exchange`. Memory comes from the arena. PM_ENOMEM.
 pm_status pm_multirate_open(pm_multirate *m, pm_arena *arena, int nz, int steps,
                             const pm_integrator *exchange);
 

@@ -49,7 +49,8 @@ struct pm_subsystem {
     pm_flux *flux;           // [nflux] of books
 };
 
-// Marks dE and dS as those of stage_z, counts the exposure, and writes what the ports show.
+// Notes that dE and dS belong to stage_z, counts the exposure, and computes the values that the
+// ports show.
 void pm_subsystem_show(pm_subsystem *s, pm_exposure exposure);
 
 // Copies n numbers; nothing if either array is NULL.

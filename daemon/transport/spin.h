@@ -11,7 +11,7 @@
 #define PM_SPIN_FIRST_PAUSE 0.1 // s without polling after a loss, doubled by each that follows soon
 #define PM_SPIN_LONGEST_PAUSE 10 // s
 
-// Storage the caller owns; zero-initialise. Times in s, monotonic.
+// The caller owns this storage and initialises it with zeros. Times in s, monotonic.
 typedef struct pm_spin {
     double usual;         // a decaying maximum of the last waiting times
     double pause, resume; // length of the last pause, and its end

@@ -5,7 +5,7 @@
 
 #include "scene/system.h"
 
-// Storage the caller owns; zero-initialise.
+// The caller owns this storage and initialises it with zeros.
 typedef struct fixture {
     pm_scene *scene;
     pm_system *system; // its digest follows from the seed

@@ -9,7 +9,7 @@
 
 #define RANDOM_SYSTEM_TEXT 4096
 
-// Storage the caller owns.
+// The caller owns this storage.
 typedef struct random_system {
     uint64_t seed;
     pm_rng rng;

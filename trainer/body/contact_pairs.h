@@ -49,7 +49,7 @@ typedef struct pm_contact_point {
     int node[PM_CONTACT_MOST_NODES];
     double value[PM_CONTACT_MOST_NODES];    // weights of the displacement
     double slope[2][PM_CONTACT_MOST_NODES]; // 1/m, weights of its derivatives along t_u and t_v
-    double share[2]; // of this body's slope in that of the pair, along t_u and t_v: 0, 1/2 or 1
+    double share[2]; // weight of this body's slope in the slope of the pair, along t_u and t_v
 } pm_contact_point;
 
 typedef struct pm_contact_pair {

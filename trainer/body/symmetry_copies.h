@@ -24,10 +24,11 @@ pm_status pm_symmetry_copies_make(pm_copy copy[PM_SYMMETRY_COPIES_OF_SQUARE], co
 // Makes the copy that is the original itself. Memory from the arena. PM_ENOMEM.
 pm_status pm_symmetry_copies_none(pm_copy *copy, const pm_field *field, pm_arena *arena);
 
-// Copies vectors to to [nnode][3]. The vectors of the original begin at `from` and are `stride`
-// numbers apart.
+// Writes the copy of a vector field into the array `to` [nnode][3]. The vectors of the original
+// begin at `from` and are `stride` numbers apart.
 void pm_copy_vectors(const pm_copy *copy, int nnode, const double *from, int stride, double *to);
-// Copies symmetric tensors xx yy zz xy xz yz to to [nnode][6] in the same way.
+// Writes the copy of a field of symmetric tensors (xx yy zz xy xz yz) into the array `to`
+// [nnode][6] in the same way.
 void pm_copy_tensors(const pm_copy *copy, int nnode, const double *from, int stride, double *to);
 
 #endif

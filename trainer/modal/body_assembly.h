@@ -26,9 +26,10 @@ typedef struct pm_body_assembly {
 // The names of the five quantities of a contact pair, indexed by pm_contact_group.
 extern const char *const pm_contact_group_name[PM_CONTACT_GROUPS];
 
-// Places the bodies that the configuration of a ground truth lists under system: beams: and finds
-// their interfaces. Of the assembly only `basis` is set before. PM_EFILE, PM_ECONFIG, PM_EDATA,
-// PM_ENOMEM. Also on failure the caller frees the arena.
+// Reads the names and placements of bodies from the truth file at `path` (its key system: beams:)
+// and finds the interfaces between them. The caller sets assembly->basis first and zero-initialises
+// the rest; it frees assembly->arena, after a failure too. PM_EFILE, PM_ECONFIG, PM_EDATA,
+// PM_ENOMEM.
 pm_status pm_body_assembly_load(pm_body_assembly *assembly, const char *path);
 
 // Finds the interfaces between the bodies. Two bodies with a third body between them have none.

@@ -39,7 +39,8 @@ typedef struct pm_beam_contact_force {
         stiffness[3 * PM_BEAM_CONTACT_NODES * 3 * PM_BEAM_CONTACT_NODES]; // N/m, [3 nnode][3 nnode]
 } pm_beam_contact_force;
 
-// Finds the candidates. `stiffness` is in Pa/m. Memory from the arena. PM_ENOMEM.
+// Finds the candidates for contact between all bodies of the mesh. `stiffness` is the penalty
+// stiffness per area, Pa/m. Memory from the arena. PM_ENOMEM.
 pm_status pm_beam_contact_make(pm_beam_contact *contact, const pm_beam_mesh *mesh, double stiffness,
                                pm_arena *arena);
 

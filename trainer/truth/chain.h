@@ -22,7 +22,8 @@ typedef struct pm_chain_link {
     double c;    // J/K
 } pm_chain_link;
 
-// The state z [5n] is q_1 .. q_n [2] m, p_1 .. p_n [2] kg m/s, s_1 .. s_n J/K.
+// The state z [5n] of a chain of n links holds the positions q_1 to q_n (m, two components each),
+// then the momenta p_1 to p_n (kg m/s, two components each), then the entropies s_1 to s_n (J/K).
 typedef struct pm_chain {
     int n;
     double conductivity;          // K, W/K
@@ -52,7 +53,8 @@ double pm_chain_temperature(const pm_chain *chain, const double *z, int k); // o
 
 // Sets the entropies of z, given its positions, such that link k has the temperature T[k], T [n] K.
 void pm_chain_set_temperatures(const pm_chain *chain, const double *T, double *z);
-// Sets them such that all links have the same temperature and the entropies sum to `total` J/K.
+// Sets the entropies of z, given its positions, such that all links have the same temperature and
+// the entropies sum to `total` J/K.
 void pm_chain_equilibrate(const pm_chain *chain, double total, double *z);
 
 #endif

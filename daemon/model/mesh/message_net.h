@@ -52,7 +52,8 @@ const char *pm_message_join(pm_message_name buffer, const char *stage, int pass,
 
 // Returns the number of components of a group, whose name has been checked.
 int pm_message_field_size(const pm_symbols *symbols, const char *name);
-// Returns the field number `which` as rows of nodes, divided by its typical component.
+// Returns field number `which`, the group `name`, as a matrix [nnode][components], divided by the
+// root mean square of its components.
 pm_node pm_message_field(pm_message_net *n, int which, const char *name);
 
 // Returns one row per edge [nedge][cols]: `at_source` of its source plus `at_target` of its target
