@@ -2,8 +2,8 @@
 // other forms are compared with it.
 //     rate = scale * network(features)
 // The scale [1][n] makes the units of the groups comparable. On a mesh the network is one of
-// mesh/message.h. A site (operator.h) names the groups whose rate is built and those that may be
-// read.
+// mesh/message.h. The site (site.h) lists the groups whose rate is built and the symbols that
+// features may name.
 #ifndef PM_MODEL_UNSTRUCTURED_RATE_H
 #define PM_MODEL_UNSTRUCTURED_RATE_H
 

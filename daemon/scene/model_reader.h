@@ -37,9 +37,9 @@
 #include "model/spec.h"
 #include "store/yaml.h"
 
-// Read a block into plain data; everything that the spec points to lives in the arena. `constants`,
-// a mapping or absent, comes before the constants of the block, and replaces those of the same
-// name. Groups and features are checked later, against the layout (pm_part_declare,
+// Read a block into plain data; everything that the spec points to lives in the arena. The
+// constants of the mapping `constants`, which may be absent, replace constants of the same name in
+// the block. Groups and features are checked later, against the layout (pm_part_declare,
 // pm_port_declare). PM_ECONFIG with the place in the file, PM_ENOMEM; on failure *spec is
 // untouched.
 pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec);

@@ -23,8 +23,9 @@ typedef struct pm_damped_equations {
     const int *index;                                   // [count], borrowed
 } pm_damped_equations;
 
-// Prepares the equations for the loss of `objective`, which must outlive them. The caller closes
-// them, also after an error. PM_ENOMEM.
+// Prepares the equations for the loss of `objective`, which must outlive them. With `matrix` they
+// are solved by a Cholesky factorisation, otherwise by conjugate gradients. The caller closes them,
+// after a failure too. PM_ENOMEM.
 pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix);
 void pm_damped_equations_close(pm_damped_equations *e);
 
@@ -34,9 +35,9 @@ void pm_damped_equations_close(pm_damped_equations *e);
 void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
                                    uint64_t seed);
 
-// Replaces step [size], a first guess, by the solution. The weights of the objective may have
-// changed since the linearisation; `theta` [size] are those of the linearisation. Returns false if
-// the equations cannot be solved with this damping.
+// Replaces step [size], the initial guess of conjugate gradients, by the solution. The weights of
+// the objective may have changed since the linearisation; `theta` [size] are those of the
+// linearisation. Returns false if the equations cannot be solved with this damping.
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
                                double *step);
 
