@@ -3,7 +3,7 @@
 // bitwise the same. While the state stays in the box, comparing nz numbers replaces the evaluation
 // of all pairs. The box is long in each direction in which the state moves fast.
 //
-// Life cycle: zero-initialise; open; enclose a state; ask holds for later ones; close.
+// Life cycle: zero-initialise; open; enclose a state; call _holds for later states; close.
 #ifndef PM_SIM_CONTACT_BROADPHASE_H
 #define PM_SIM_CONTACT_BROADPHASE_H
 

@@ -11,8 +11,8 @@
 // output depends on it, so that nothing needs to be written.
 double *pm_input_of(pm_program *program, pm_node x);
 
-// Copies `from` [n] to `to` [n]. Returns true if any bit of `to` was different before. If either
-// array is NULL, it copies nothing and returns false.
+// Copies `from` [n] to `to` [n]. Returns true if this changed any bit of `to`. If either array is
+// NULL, it copies nothing and returns false.
 bool pm_renew(double *to, const double *from, int n);
 
 #endif

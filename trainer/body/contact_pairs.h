@@ -39,7 +39,8 @@ typedef struct pm_placed_body {
     pm_placement placement;   // of its own frame in the global frame
 } pm_placed_body;
 
-// Seven quadrangles that meet at a node have 15 nodes.
+// The most nodes of a contact point. If seven quadrangles meet at a node, they have 15 nodes in
+// all.
 #define PM_CONTACT_MOST_NODES 16
 
 // A point of a body's surface: its displacement and the slopes of its surface are weighted sums

@@ -29,9 +29,9 @@ typedef struct pm_nodes_settings {
     int nstate;                         // of each trajectory, from its first on; 0: all
 } pm_nodes_settings;
 
-// Finds the mesh of the free nodes, and the body's node of each of them, node [mesh->nnode]. Memory
-// from the arena. PM_EDATA (the nodes do not form a box of bricks with at least one brick along
-// each axis, or are too many), PM_ENOMEM.
+// Finds the mesh of the free nodes. node [mesh->nnode] receives, for each node of the mesh, its
+// number among the nodes of the field. Memory from the arena. PM_EDATA (the nodes do not form a box
+// of bricks with at least one brick along each axis, or are too many), PM_ENOMEM.
 pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **mesh,
                         const int **node);
 

@@ -21,7 +21,7 @@ void pm_gauss_newton_product_close(pm_gauss_newton_product *product); // NULL is
 // pm_objective_size, and an estimate of the diagonal [n] of the matrix: the mean square of J^T u
 // over random signs u, which `seed` decides (Bekas, Kokiopoulou, Saad, Appl. Numer. Math. 57 (2007)
 // 1214). The last call of pm_objective_evaluate must have covered these samples at the present
-// weights, since its robust weights of the samples are used.
+// weights, since this function uses the robust weights that it computed.
 void pm_gauss_newton_product_linearise(pm_gauss_newton_product *product, int count,
                                        const int *index, uint64_t seed, double *gradient,
                                        double *diagonal);
