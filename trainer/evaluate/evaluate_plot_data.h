@@ -6,7 +6,7 @@
 
 #include "evaluate/evaluate.h"
 
-// Opens the file `name` in `folder` for writing; closes it again. PM_EFILE.
+// Open the file `name` in `folder` for writing, and close it. PM_EFILE.
 pm_status pm_plot_open(FILE **file, const char *folder, const char *name);
 pm_status pm_plot_close(FILE *file, const char *folder);
 
