@@ -46,8 +46,8 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
 // Returns the polynomials of one interval, [PM_BOUNDARY_INPUT_ORDER][n]. Owned by the object.
 const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input, long interval);
 
-// Tells whether the step that begins after `step` steps lies within the trajectory. Values that are
-// held need no trajectory.
+// Returns true if the step that begins after `step` steps lies within the trajectory, or if every
+// value that follows a column is held.
 bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step);
 
 // Writes the values at step `step` of the scene plus a fraction (0 to 1) of a step to value [n], in

@@ -102,7 +102,7 @@ pm_status pm_hdf5_update_integer(pm_hdf5 *file, const char *object, const char *
 // --- groups and datasets of floating-point numbers (4 or 8 bytes in the file, double here) ---
 
 pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name);
-// Returns whether the file has an object of the name `name`, such as "/z".
+// Returns true if the file has an object of the name `name`, such as "/z".
 bool pm_hdf5_has(const pm_hdf5 *file, const char *name);
 // Gives extent [rank] of a dataset of this rank; each extent is at least 1. For a scalar, rank is 0
 // and `extent` may be NULL.
