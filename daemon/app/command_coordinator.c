@@ -43,8 +43,9 @@ static const pm_command command = {
     .arguments = "SCENE",
     .help =
         "Waits for one `portmetd node` per process, on this or any other host of the network,\n"
-        "then steps them together, keeps the ledger of both laws, records, and prints the same\n"
-        "tables as `portmetd run`. Nodes with another scene, other weights or another initial\n"
+        "then steps them together, keeps the ledger of energy and entropy, records, and prints\n"
+        "the same tables as `portmetd run`. Nodes with another scene, other weights or another "
+        "initial\n"
         "state are refused by name. With --checkpoint it goes on where it was killed;\n"
         "remove the files in the folder when all processes have ended well.",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS | PM_OPTION_URL |

@@ -166,8 +166,8 @@ static const pm_command command = {
     .help =
         "Launches `portmetd node` once per process, by default one for each subsystem,\n"
         "coordinates them over LCM, and prints mean fluxes, errors against the scene's\n"
-        "reference trajectory, the ledger of both laws, and the speed. It starts from each\n"
-        "subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
+        "reference trajectory, the ledger of energy and entropy, and the speed. It starts\n"
+        "from each subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
         "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
         "that is killed starts again and goes on, with the same bits at the end; so does the\n"
         "whole run when this command is given again.",

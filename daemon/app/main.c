@@ -15,7 +15,8 @@ static const pm_subcommands program = {
     .program = "portmetd",
     .about =
         "Serves learned thermodynamic subsystems over LCM: one process per subsystem, energy and\n"
-        "entropy fluxes between neighbours, both laws kept by construction.",
+        "entropy fluxes between neighbours. By construction energy is conserved and entropy\n"
+        "never falls.",
     .codes = "0 success, 2 command line, 3 scene, 4 file, 5 dataset, 6 weights,\n"
              "7 transport, 8 silent peer, 9 non-finite value, 10 law violated, 11 memory,\n"
              "12 interrupted.",

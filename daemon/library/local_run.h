@@ -1,4 +1,4 @@
-// A run of a whole scene in one process, with the ledger of both laws: what `portmetd run
+// A run of a whole scene in one process, with the ledger of energy and entropy: what `portmetd run
 // --in-process` and the shared library (portmet.h) do. The numbers are those of a run over several
 // processes, bit by bit.
 //

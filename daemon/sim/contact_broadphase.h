@@ -20,11 +20,11 @@ typedef struct pm_contact_broadphase {
     double duration;     // s, for which the last box was expected to last
     pm_program *program; // z, width -> value, spread
     double *program_z, *program_width; // [nz] inputs
-    const double *value, *spread;      // [n] openings, and by how much they can change in the box
+    const double *value, *spread; // [n] openings of the pairs, and their largest change in the box
 } pm_contact_broadphase;
 
-// Builds the graph of the openings for a part, which is borrowed. Memory comes from the arena; the
-// caller closes. PM_ENOMEM.
+// Builds the graph of the openings of all pairs of points of a part, which is borrowed. Memory
+// comes from the arena; the caller closes. PM_ENOMEM.
 pm_status pm_contact_broadphase_open(pm_contact_broadphase *b, pm_arena *arena,
                                      const pm_part *part);
 void pm_contact_broadphase_close(pm_contact_broadphase *b);

@@ -1,4 +1,4 @@
-// The residuals of both laws, step by step, and the totals.
+// The residuals of energy and of entropy, step by step, and the totals.
 #include "sim/ledger.h"
 
 #include <math.h>

@@ -1,5 +1,5 @@
 // The parts of one subsystem. Only the files that implement subsystem.h include this header:
-//     subsystem.c             opens it and tells what it is
+//     subsystem.c             opens it and returns its properties
 //     subsystem_stage.c       evaluates and combines the stages of the integrator
 //     subsystem_step.c        starts a run, ends a step and keeps pm_books
 //     subsystem_checkpoint.c  saves and restores it

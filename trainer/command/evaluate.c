@@ -1,5 +1,5 @@
 // portmet-train evaluate: rolls out a scene from the first state of each trajectory of a dataset
-// and prints errors and both laws.
+// and prints errors, the balance of energy, and the growth of entropy.
 #include "command/commands.h"
 
 #include <stdbool.h>
@@ -43,8 +43,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
             "error of each group of variables per trajectory and per snapshot (whiskers of 1.5\n"
             "interquartile ranges, quartiles, median, mean), the errors of the entropy produced,\n"
             "of the power through each port and of the energy and entropy of each subsystem, and\n"
-            "how well both laws were kept. The exit code is 10 if a component that keeps a law\n"
-            "by construction violates it.",
+            "how well energy was conserved and entropy kept from falling. The exit code is 10 if\n"
+            "a component that keeps a law by construction violates it.",
         .positional_name = "SCENE",
         .positional = &a->scene,
         .count = sizeof table / sizeof *table,

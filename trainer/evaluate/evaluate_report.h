@@ -5,8 +5,9 @@
 #include "evaluate/evaluate.h"
 #include "evaluate/thermo.h"
 
-// Prints tables of errors, of thermodynamic quantities and of both laws. `trained` is an evaluation
-// on trajectories that training used, whose errors are printed as well; or NULL.
+// Prints tables of errors, of thermodynamic quantities and of the residuals of both laws of
+// thermodynamics. `trained` is an evaluation on trajectories that training used, whose errors are
+// printed as well; or NULL.
 void pm_evaluation_print(const pm_evaluation *evaluation, const pm_evaluation *trained,
                          const pm_thermo *thermo);
 
