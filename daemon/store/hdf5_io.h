@@ -50,8 +50,8 @@ pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode);
 pm_status pm_hdf5_reserve(pm_hdf5 *file, int64_t size);
 // Passes everything written so far to the operating system.
 pm_status pm_hdf5_flush(pm_hdf5 *file);
-// Whether this or any other function that writes to the file has failed. What the file holds is
-// then not certain, and only pm_hdf5_close may follow. A failed pm_hdf5_reserve does not count.
+// Returns true if any function that writes to the file has failed. The content of the file is then
+// not certain, and only pm_hdf5_close may follow. A failed pm_hdf5_reserve does not count.
 bool pm_hdf5_is_broken(const pm_hdf5 *file);
 // Closes the file. An ATOMIC file is then synchronised with the disk and renamed. The caller must
 // still call pm_hdf5_close, which frees the handle.

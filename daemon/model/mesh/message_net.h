@@ -40,7 +40,7 @@ typedef struct pm_message_shape {
 pm_message_net pm_message_begin(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,
                                 const pm_params *params, const char *prefix, pm_params *declaring);
 
-// Returns the parameter "<prefix>.<name>"; declares it first where the network is being declared.
+// Returns the parameter "<prefix>.<name>". While the network is being declared, declares it first.
 pm_node pm_message_parameter(pm_message_net *n, const char *name, pm_message_shape s);
 // Returns x [rows][..] times a trained matrix with `nout` columns. Initially the results are about
 // `gain` times as large as x.
