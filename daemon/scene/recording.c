@@ -236,7 +236,7 @@ static pm_status open_all(pm_recording *r, long count) {
     PM_TRY(set_committed(r, count));
     for (int i = 0; i < r->ncolumn; ++i) {
         series_column *c = &r->column[i];
-        PM_TRY(pm_hdf5_series_open(&c->series, r->file, c->path, c->width, count));
+        PM_TRY(pm_hdf5_series_open(&c->series, r->file, c->path, c->width, c->rows, count));
     }
     return PM_OK;
 }

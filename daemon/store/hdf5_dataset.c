@@ -150,18 +150,30 @@ pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *ex
 
 // --- series ---
 
+// Dataset access that keeps only the last chunk, of `chunk` samples of `width` numbers, in memory.
+// By default the library keeps a mebibyte of each dataset, and a recording has a dataset for each
+// quantity of each part.
+static hid_t with_one_chunk(int width, int chunk) {
+    const size_t size = (size_t)(width == 0 ? 1 : width) * (size_t)chunk * sizeof(double);
+    const hid_t list = H5Pcreate(H5P_DATASET_ACCESS);
+    H5Pset_chunk_cache(list, 1, size, H5D_CHUNK_CACHE_W0_DEFAULT);
+    return list;
+}
+
 pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
                                 int chunk, bool integer) {
     const int rank = width == 0 ? 1 : 2;
     const hsize_t size[2] = {0, (hsize_t)width}, limit[2] = {H5S_UNLIMITED, (hsize_t)width};
     const hsize_t piece[2] = {(hsize_t)chunk, (hsize_t)width};
     const hid_t parents = with_parents(), list = without_times();
+    const hid_t access = with_one_chunk(width, chunk);
     const hid_t space = H5Screate_simple(rank, size, limit);
     H5Pset_chunk(list, rank, piece);
     const hid_t id = H5Dcreate2(file->file, name, integer ? H5T_STD_I64LE : H5T_IEEE_F64LE, space,
-                                parents, list, H5P_DEFAULT);
+                                parents, list, access);
     const pm_status status = id < 0 ? pm_hdf5_fail_write(file, name) : PM_OK;
     pm_hdf5_release(list);
+    pm_hdf5_release(access);
     pm_hdf5_release(space);
     pm_hdf5_release(parents);
     *series = (pm_hdf5_series){.file = file, .id = id, .width = width};
@@ -169,16 +181,18 @@ pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const cha
 }
 
 pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
-                              int64_t count) {
+                              int chunk, int64_t count) {
     const int rank = width == 0 ? 1 : 2;
     const hsize_t kept[2] = {(hsize_t)count, (hsize_t)width};
     hsize_t size[2] = {0, 0};
-    const hid_t id = H5Dopen2(file->file, name, H5P_DEFAULT);
+    const hid_t access = with_one_chunk(width, chunk);
+    const hid_t id = H5Dopen2(file->file, name, access);
     const hid_t space = id < 0 ? H5I_INVALID_HID : H5Dget_space(id);
     const bool fits = space >= 0 && H5Sget_simple_extent_ndims(space) == rank &&
                       H5Sget_simple_extent_dims(space, size, NULL) == rank && size[0] >= kept[0] &&
                       (rank == 1 || size[1] == kept[1]);
     pm_hdf5_release(space);
+    pm_hdf5_release(access);
     if (!fits || H5Dset_extent(id, kept) < 0) {
         pm_hdf5_release(id);
         return pm_fail(PM_EFILE, "%s: %s: expected a series of %lld samples to go on with",

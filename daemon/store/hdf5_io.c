@@ -12,7 +12,8 @@
 #include "store/hdf5_check.h"
 #include "store/hdf5_handle.h"
 
-#define CAUSE_SIZE 1024 // of HDF5's description, which contains paths
+#define INDEX_CACHE (1 << 18) // bytes of a file's index that are kept in memory at first
+#define CAUSE_SIZE 1024       // of HDF5's description, which contains paths
 
 void pm_hdf5_release(hid_t id) {
     if (id >= 0) {
@@ -88,11 +89,23 @@ static pm_hdf5 *handle_new(const char *path, pm_status content) {
     return file;
 }
 
+// Makes the library begin with a small cache of a file's index. The cache grows where the index
+// does not fit; an entry takes ten times the memory that the library counts for it.
+static void limit_index_cache(hid_t list) {
+    H5AC_cache_config_t config = {.version = H5AC__CURR_CACHE_CONFIG_VERSION};
+    if (H5Pget_mdc_config(list, &config) >= 0) {
+        config.set_initial_size = true;
+        config.initial_size = config.min_size = INDEX_CACHE;
+        H5Pset_mdc_config(list, &config);
+    }
+}
+
 // Chooses the earliest file format, which stays readable when its writer is killed, and strong
 // closing.
 static hid_t file_access(void) {
     const hid_t list = H5Pcreate(H5P_FILE_ACCESS);
     if (list >= 0) {
+        limit_index_cache(list);
         H5Pset_fclose_degree(list, H5F_CLOSE_STRONG);
         H5Pset_libver_bounds(list, H5F_LIBVER_EARLIEST, H5F_LIBVER_LATEST);
     }

@@ -124,13 +124,13 @@ typedef struct pm_hdf5_series {
     int64_t count; // samples so far
 } pm_hdf5_series;
 
-// Makes an empty series that grows by `chunk` samples at a time. `integer`: the file holds 64-bit
-// integers.
+// Makes an empty series that grows by `chunk` samples at a time, of which the library keeps no more
+// in memory. `integer`: the file holds 64-bit integers.
 pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
                                 int chunk, bool integer);
 // Opens a series and truncates it to its first `count` samples. PM_EFILE: it has fewer.
 pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
-                              int64_t count);
+                              int chunk, int64_t count);
 // Appends samples value [count][width].
 pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value);
 

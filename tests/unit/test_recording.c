@@ -1,6 +1,7 @@
 // Recordings: every number of every sample arrives where it belongs, and what was flushed outlives
 // a killed writer.
 #include <hdf5.h>
+#include <malloc.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -432,6 +433,31 @@ static void a_full_disk_costs_no_more_than_the_last_block(void **state) {
     }
 }
 
+static void append_many(pm_recording *recording, pm_sample *sample, long from, long to) {
+    for (long step = from; step < to; ++step) {
+        fill(sample, step);
+        assert_int_equal(pm_recording_append(recording, sample), PM_OK);
+    }
+}
+
+// By default the library would keep a mebibyte of each series, and much of the file's index.
+static void a_long_recording_takes_no_more_memory_than_a_short_one(void **state) {
+    const char *path = scratch_path(*state, "long.h5");
+    pm_sample *sample = NULL;
+    pm_recording *recording = NULL;
+    assert_int_equal(pm_sample_new(&sample, &scene), PM_OK);
+    assert_int_equal(pm_recording_open(&recording, path, &scene), PM_OK);
+    append_many(recording, sample, 0, 100000);
+    const size_t before = mallinfo2().uordblks;
+    append_many(recording, sample, 100000, 200000);
+    const size_t after = mallinfo2().uordblks;
+    assert_int_equal(pm_recording_close(recording), PM_OK);
+    pm_sample_free(sample);
+    if (after > before + 1000000) {
+        fail_msg("%zu bytes after 100,000 samples, %zu after 200,000", before, after);
+    }
+}
+
 // A write fails although its space was reserved: nothing crashes, and the error says what is left.
 static void a_write_that_fails_halfway_ends_the_recording(void **state) {
     const char *path = scratch_path(*state, "full.h5");
@@ -458,6 +484,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_check_tells_beforehand_and_changes_nothing, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(a_full_disk_costs_no_more_than_the_last_block,
+                                        scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_long_recording_takes_no_more_memory_than_a_short_one,
                                         scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(a_write_that_fails_halfway_ends_the_recording,
                                         scratch_setup, scratch_teardown),
