@@ -21,8 +21,8 @@ typedef struct pm_contact_force {
 pm_status pm_contact_force_open(pm_contact_force *force, const pm_body_assembly *assembly, int body,
                                 const pm_dataset *modes, const double *stiffness, pm_arena *arena);
 
-// Adds the contact forces in the state `row`, one row of the dataset given to open, to f [nnode][3],
-// N, in the body's own frame.
+// Adds the contact forces in the state `row`, one row of the dataset given to open, to f
+// [nnode][3], N, in the body's own frame.
 void pm_contact_force_add(const pm_contact_force *force, const double *row, double *f);
 
 // Computes the relative L2 error over each trajectory of the total normal force of an interface,
