@@ -22,6 +22,7 @@ void pm_objective_close(pm_objective *objective); // NULL is allowed
 int pm_objective_samples(const pm_objective *o); // the number of samples
 // Returns the number of samples including their symmetric copies (learn/samples.h).
 int pm_objective_symmetry_copies(const pm_objective *o);
+
 int pm_objective_size(const pm_objective *o); // the number of weights
 // Copies all weights from and to the system; theta is [pm_objective_size].
 void pm_objective_weights(const pm_objective *o, double *theta);
