@@ -20,7 +20,9 @@ pm_status pm_constants_declare(const pm_constants *c, pm_params *params) {
         char name[PM_MAX_NAME + 16];
         snprintf(name, sizeof name, "constant.%.*s", PM_MAX_NAME, c->name[i]);
         const double start = c->learned[i] == PM_CONSTANT_POSITIVE ? log(c->value[i]) : c->value[i];
-        PM_TRY(pm_params_add(params, name, 1, 1, true, 0, start));
+        PM_TRY(c->shared != NULL && c->shared[i]
+                   ? pm_params_add_shared(params, name, start)
+                   : pm_params_add(params, name, 1, 1, true, 0, start));
     }
     return PM_OK;
 }

@@ -111,7 +111,7 @@ pm_node pm_network_param(pm_graph *g, const pm_params *params, const char *prefi
     parameter_name full;
     const pm_param_entry *entry = pm_params_find(params, join(full, prefix, name));
     assert(entry != NULL);
-    return entry->trained ? pm_weight(g, entry->value, entry->rows, entry->cols)
+    return entry->trained || entry->shared ? pm_weight(g, entry->value, entry->rows, entry->cols)
                           : pm_param(g, entry->value, entry->rows, entry->cols);
 }
 

@@ -16,7 +16,9 @@ static size_t entry_size(const pm_param_entry *entry) {
 void pm_params_free(pm_params *params) {
     for (int i = 0; i < params->count; ++i) {
         free(params->entry[i].name);
-        free(params->entry[i].value);
+        if (!params->entry[i].borrowed) {
+            free(params->entry[i].value);
+        }
     }
     free(params->entry);
     *params = (pm_params){0};
@@ -85,6 +87,25 @@ pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols,
         entry->value[i] = start;
     }
     return PM_OK;
+}
+
+pm_status pm_params_add_shared(pm_params *params, const char *name, double start) {
+    PM_TRY(pm_params_add(params, name, 1, 1, true, 0, start));
+    pm_params_find(params, name)->shared = true;
+    return PM_OK;
+}
+
+void pm_params_share(pm_params *params, const pm_params *owner) {
+    for (int i = 0; i < params->count; ++i) {
+        pm_param_entry *entry = &params->entry[i];
+        const pm_param_entry *other = pm_params_find(owner, entry->name);
+        if (entry->shared && !entry->borrowed && other != NULL && other->shared) {
+            free(entry->value);
+            entry->value = other->value;
+            entry->borrowed = true;
+            entry->trained = false;
+        }
+    }
 }
 
 pm_status pm_params_check_given(const pm_params *params) {

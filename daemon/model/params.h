@@ -15,7 +15,10 @@ typedef struct pm_param_entry {
     int rows, cols;
     bool trained;  // true: the optimiser changes it; false: it is fixed from the data
     double spread; // standard deviation of the numbers that pm_params_randomise adds
-    double *value; // [rows][cols], owned; the pointer stays valid until pm_params_free
+    double *value; // [rows][cols], owned unless borrowed; the pointer stays valid until
+                   // pm_params_free
+    bool shared;   // the entries of this name in all components of a system are one weight
+    bool borrowed; // the value belongs to the entry of another component, which is trained
 } pm_param_entry;
 
 // The caller owns this storage, initialises it with zeros and frees it with pm_params_free.
@@ -34,6 +37,13 @@ pm_param_entry *pm_params_find(const pm_params *params, const char *name);
 // memory runs out, or all entries together would have more than 2^24 numbers.
 pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols, bool trained,
                         double spread, double start);
+
+// Does the same for one number that is trained, and shared by all components of a system.
+pm_status pm_params_add_shared(pm_params *params, const char *name, double start);
+
+// Makes the shared entries of `params` borrow the values of the entries of the same names in
+// `owner`, which must live longer. They are then no longer trained themselves.
+void pm_params_share(pm_params *params, const pm_params *owner);
 
 // Checks that all numbers are finite. A number that must be given by the user is NaN until it is
 // given. PM_ECONFIG.

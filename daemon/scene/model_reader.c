@@ -28,20 +28,23 @@ static pm_status read_rate(pm_yaml block, const pm_model_context *r, pm_form for
     return pm_network_read(value, r->mesh, r->arena, rate);
 }
 
-// Reads a constant: a number, or {learned: start, positive: true}.
-static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *kind) {
-    static const char *const keys[] = {"learned", "positive", NULL};
+// Reads a constant: a number, or {learned: start, positive: true, shared: true}.
+static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *kind,
+                               bool *shared) {
+    static const char *const keys[] = {"learned", "positive", "shared", NULL};
     *kind = PM_CONSTANT_KNOWN;
     if (!pm_yaml_is_map(value)) {
         return pm_yaml_double(value, -INFINITY, INFINITY, number);
     }
     pm_yaml start;
     const pm_yaml positive = pm_yaml_get(value, "positive");
+    const pm_yaml once = pm_yaml_get(value, "shared");
     bool stays = false;
     PM_TRY(pm_yaml_allow(value, keys));
     PM_TRY(pm_yaml_require(value, "learned", &start));
     PM_TRY(pm_yaml_double(start, -INFINITY, INFINITY, number));
     PM_TRY(pm_yaml_exists(positive) ? pm_yaml_bool(positive, &stays) : PM_OK);
+    PM_TRY(pm_yaml_exists(once) ? pm_yaml_bool(once, shared) : PM_OK);
     *kind = stays ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
     return stays && !(*number > 0)
                ? pm_yaml_fail(start, "a positive constant starts from a number > 0")
@@ -51,7 +54,8 @@ static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *
 // Adds the constants of a mapping, which may be absent. A constant that is already in the list
 // keeps its value.
 static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *constants,
-                               const char **name, double *value, pm_constant_kind *learned) {
+                               const char **name, double *value, pm_constant_kind *learned,
+                               bool *shared) {
     if (pm_yaml_exists(map)) {
         PM_TRY(pm_yaml_require_entries(map));
     }
@@ -61,7 +65,7 @@ static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *const
         const int last = constants->count;
         pm_yaml_entry(map, i, &key, &number);
         PM_TRY(pm_yaml_text(key, arena, &name[last]));
-        PM_TRY(read_constant(number, &value[last], &learned[last]));
+        PM_TRY(read_constant(number, &value[last], &learned[last], &shared[last]));
         bool there = false;
         for (int k = 0; k < before; ++k) {
             there = there || strcmp(name[k], name[last]) == 0;
@@ -78,12 +82,13 @@ static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
     const char **name = pm_arena_array(arena, most, sizeof *name);
     double *value = pm_arena_array(arena, most, sizeof *value);
     pm_constant_kind *learned = pm_arena_array(arena, most, sizeof *learned);
-    if (constants == NULL || name == NULL || value == NULL || learned == NULL) {
+    bool *shared = pm_arena_array(arena, most, sizeof *shared);
+    if (constants == NULL || name == NULL || value == NULL || learned == NULL || shared == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory while reading a model");
     }
-    *constants = (pm_constants){0, name, value, learned};
-    PM_TRY(add_constants(first, arena, constants, name, value, learned));
-    PM_TRY(add_constants(second, arena, constants, name, value, learned));
+    *constants = (pm_constants){0, name, value, learned, shared};
+    PM_TRY(add_constants(first, arena, constants, name, value, learned, shared));
+    PM_TRY(add_constants(second, arena, constants, name, value, learned, shared));
     *result = constants;
     return PM_OK;
 }

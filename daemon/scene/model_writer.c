@@ -15,10 +15,9 @@ static void write_constant(FILE *file, const pm_constants *constants, int i) {
     const bool known = constants->learned == NULL || constants->learned[i] == PM_CONSTANT_KNOWN;
     fputs(known ? "" : "{learned: ", file);
     pm_model_write_number(file, constants->value[i]);
-    fputs(known                                           ? ""
-          : constants->learned[i] == PM_CONSTANT_POSITIVE ? ", positive: true}"
-                                                          : "}",
-          file);
+    fputs(!known && constants->learned[i] == PM_CONSTANT_POSITIVE ? ", positive: true" : "", file);
+    fputs(constants->shared != NULL && constants->shared[i] ? ", shared: true" : "", file);
+    fputs(known ? "" : "}", file);
 }
 
 static void write_constants(FILE *file, const pm_constants *constants) {

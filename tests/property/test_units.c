@@ -289,6 +289,45 @@ static void constants_are_found(void **state) {
     pm_training_free(t);
 }
 
+// The temperature of reference that two bodies share is one weight, and it is found although
+// conduction depends on the ratio of the temperatures only.
+static void shared_constants_are_one_weight(void **state) {
+    (void)state;
+    static const char part[] =
+        "    constants: {m: {learned: 1.3, positive: true}, k: {learned: 1.0, positive: true}, b: "
+        "{learned: 0.3}, T: {learned: 250.0, positive: true, shared: true}, c: {learned: 0.3, "
+        "positive: true}, g: {learned: 0.15, positive: true}}\n"
+        "    energy: [\"p^2/(2*m)\", \"k*x^2/2 + b*x^4/4\", \"c*T*(exp(s/c) - "
+        "1)\"]\n"
+        "    entropy: {given: s}\n"
+        "    reversible: {given: [[x, p, 1.0]]}\n"
+        "    irreversible: {given: [[p, s, \"g*dE.s\"]]}\n";
+    static const char port[] = "    constants: {K: {learned: 0.1, positive: true}}\n"
+                               "    reversible: {given: [[a.p, b.x, 1.0]]}\n"
+                               "    irreversible: {given: [[a.s, b.s, \"K*b.dE.s/a.dE.s\"]]}\n";
+    static const double unit[NZ] = {1, 1, 1, 1, 1, 1};
+    double *theta;
+    pm_training *t = boundary_input(1, part, port, "bracket");
+    pm_dataset *data = make_data(unit, 1);
+    const pm_param_entry *T[2];
+    for (int i = 0; i < 2; ++i) {
+        T[i] = pm_params_find(pm_system_params(t->system, i), "constant.T");
+        assert_non_null(T[i]);
+    }
+    assert_true(T[0]->trained && !T[1]->trained && T[1]->borrowed);
+    train(t, data, MAX_ITERATIONS, &theta);
+    for (int i = 0; i < 2; ++i) {
+        T[i] = pm_params_find(pm_system_params(t->system, i), "constant.T");
+    }
+    const double first = exp(*T[0]->value), second = exp(*T[1]->value);
+    if (first != second || fabs(first - 300) > 3) {
+        fail_msg("the shared constant is %.9g and %.9g, expected 300", first, second);
+    }
+    free(theta);
+    pm_dataset_free(data);
+    pm_training_free(t);
+}
+
 static void no_start_is_dead(void **state) {
     (void)state;
     static const char *const skips[] = {"none", "linear", "quadratic"};
@@ -318,6 +357,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(curves_do_not_depend_on_units),
         cmocka_unit_test(constants_are_found),
+        cmocka_unit_test(shared_constants_are_one_weight),
         cmocka_unit_test(no_start_is_dead),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -56,6 +56,27 @@ static void parameters_are_found_and_copied(void **state) {
     assert_int_equal(params.count, 0);
 }
 
+// A shared entry borrows the value of its owner and is no longer trained; other entries stay.
+static void shared_parameters_are_one_weight(void **state) {
+    (void)state;
+    pm_params a = {0}, b = {0};
+    assert_int_equal(pm_params_add(&a, "w", 1, 1, true, 0, 1), PM_OK);
+    assert_int_equal(pm_params_add_shared(&a, "T", 5), PM_OK);
+    assert_int_equal(pm_params_add(&b, "w", 1, 1, true, 0, 2), PM_OK);
+    assert_int_equal(pm_params_add_shared(&b, "T", 7), PM_OK);
+    assert_int_equal(pm_params_add_shared(&b, "alone", 9), PM_OK);
+    assert_int_equal(pm_params_trained(&b), 3);
+    pm_params_share(&b, &a);
+    pm_params_share(&b, &a); // a second time changes nothing
+    assert_int_equal(pm_params_trained(&a), 2);
+    assert_int_equal(pm_params_trained(&b), 2);
+    assert_ptr_equal(pm_params_find(&b, "T")->value, pm_params_find(&a, "T")->value);
+    assert_true(*pm_params_find(&b, "T")->value == 5 && *pm_params_find(&b, "w")->value == 2);
+    assert_true(*pm_params_find(&b, "alone")->value == 9);
+    pm_params_free(&b);
+    pm_params_free(&a);
+}
+
 // Sizes come from files: products of them must neither wrap around nor take all memory.
 static void sizes_are_bounded(void **state) {
     (void)state;
@@ -338,6 +359,7 @@ static void mistakes_are_named(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(parameters_are_found_and_copied),
+        cmocka_unit_test(shared_parameters_are_one_weight),
         cmocka_unit_test(sizes_are_bounded),
         cmocka_unit_test(features_are_their_formulas),
         cmocka_unit_test(features_stay_finite_at_zero),

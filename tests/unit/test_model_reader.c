@@ -358,7 +358,8 @@ static void test_bad(void **state) {
 static void test_physics_round_trip(void **state) {
     (void)state;
     static const char text[] =
-        "constants: {m: 2.0, g: {learned: 0.1}, K: {learned: 1.5, positive: true}}\n"
+        "constants: {m: 2.0, g: {learned: 0.1}, K: {learned: 1.5, positive: true, shared: "
+        "true}}\n"
         "energy:\n"
         "  - \"|p|^2/(2*m)\"\n"
         "  - {features: [x], thermal: [s, r], hidden: [4], exponentials: 3, temperature: 290.0}\n"
@@ -375,6 +376,7 @@ static void test_physics_round_trip(void **state) {
         assert_int_equal(spec.constants->learned[0], PM_CONSTANT_KNOWN);
         assert_int_equal(spec.constants->learned[1], PM_CONSTANT_LEARNED);
         assert_int_equal(spec.constants->learned[2], PM_CONSTANT_POSITIVE);
+        assert_true(spec.constants->shared[2] && !spec.constants->shared[1]);
         const pm_network_spec *thermal = &spec.energy.term[0];
         assert_names(thermal->nfeature, thermal->feature, "x s r");
         assert_true(thermal->nthermal == 2 && thermal->exponentials == 3 && thermal->scaled);

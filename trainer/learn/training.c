@@ -123,6 +123,15 @@ static pm_status read_models(pm_training *t, pm_yaml root) {
     return PM_OK;
 }
 
+// Makes one weight of the shared numbers of all components.
+static void share_weights(pm_system *system) {
+    for (int i = 1; i < pm_system_components(system); ++i) {
+        for (int k = 0; k < i; ++k) {
+            pm_params_share(pm_system_params(system, i), pm_system_params(system, k));
+        }
+    }
+}
+
 // Reads the number of random draws. By default there are several, if they differ and if a short fit
 // of each is affordable.
 static pm_status read_start(pm_training *t, pm_yaml block) {
@@ -240,6 +249,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     }
     PM_TRY(read_data(t, root));
     PM_TRY(read_models(t, root));
+    share_weights(t->system);
     PM_TRY(pm_system_check_boundary_inputs(t->system));
     PM_TRY(pm_training_read_stages(t, root));
     PM_TRY(read_start(t, pm_yaml_get(root, "start")));
