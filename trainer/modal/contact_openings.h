@@ -19,8 +19,8 @@ pm_status pm_contact_openings_open(pm_contact_openings *openings, const pm_body_
                                    const pm_contact_interface *interface, const pm_dataset *modes,
                                    pm_arena *arena);
 
-// Computes the five quantities of all pairs in a row of that dataset, [PM_CONTACT_GROUPS][npair].
-// Creep is included in g. The result is valid until the next call.
+// Computes the five quantities of all pairs, [PM_CONTACT_GROUPS][npair], from `row`, one row of the
+// dataset given to open. Creep is included in g. The result is valid until the next call.
 const double *pm_contact_openings_compute(const pm_contact_openings *openings, const double *row);
 
 #endif
