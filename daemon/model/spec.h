@@ -236,8 +236,7 @@ typedef struct pm_part_spec {
 //   exchange  Soft or free. The block describes a boundary term of equation (1), which each end has
 //             with weights of its own: potentials and operators, or a rate. It names the groups of
 //             its end "own.q" and those of the neighbour "other.q".
-//   contact   A matrix, or the identity, maps the components that a exposes to those that b
-//   exposes.
+//   contact   A matrix, or the identity, maps the exposed components of a to those of b.
 typedef struct pm_port_spec {
     const char *law;
     pm_form form;

@@ -1,4 +1,4 @@
-// Tensors of three dimensions: 3x3 matrices [9] by rows, and symmetric ones [6] as xx yy zz xy xz
+// Tensors in three dimensions: 3x3 matrices [9] by rows, and symmetric ones [6] as xx yy zz xy xz
 // yz.
 #ifndef PM_TRAINER_TRUTH_BEAM_TENSOR_H
 #define PM_TRAINER_TRUTH_BEAM_TENSOR_H
