@@ -65,7 +65,7 @@ typedef struct pm_constants {
     const char *const *name;
     const double *value;
     const pm_constant_kind *learned; // NULL: all are known
-    const bool *shared; // learned once for all components that name it; NULL: none is
+    const bool *shared;              // learned once for all components that name it; NULL: none is
 } pm_constants;
 
 // A known expression of named groups and constants (formula.h).
