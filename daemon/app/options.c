@@ -62,6 +62,11 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .value = "FILE",
           .text = &run->gate,
           .help = "hold the run after the number of steps in FILE until FILE has a larger one"}},
+        {PM_OPTION_C,
+         {.name = "--c",
+          .value = "DIR",
+          .text = &run->c_folder,
+          .help = "write a header and a source to DIR"}},
         {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
     };
     int count = 0;

@@ -1,6 +1,5 @@
-// Elementwise transcendental functions over arrays. The compiler vectorises them; results are exact
-// to a few units in the last place. Arguments must be finite: callers check for NaN and infinity
-// once per step.
+// Elementwise transcendental functions over arrays (elementary.h). The compiler vectorises them,
+// which changes no bit.
 #ifndef PM_BASE_ACTIVATION_H
 #define PM_BASE_ACTIVATION_H
 

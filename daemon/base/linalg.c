@@ -10,12 +10,6 @@
 
 #include "base/simd.h"
 
-// Below this number of multiply-adds, calling BLAS costs more than the product itself.
-#define SMALL_PRODUCT 4096
-// From this number of rows on, transposing the other factor first pays off.
-#define MANY_ROWS 4
-// Number of partial sums of an inner product: one register of the widest instruction set.
-#define LANES 8
 #define CHOLESKY_BLOCK 64
 
 void pm_linalg_init(void) {
@@ -43,8 +37,8 @@ PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdif
         const double *a_i = a + i * a_row;
         double *restrict row = c + (ptrdiff_t)i * n;
         int j = 0;
-        while (j + LANES <= n) {
-            SUM_COLUMNS(LANES)
+        while (j + PM_LANES <= n) {
+            SUM_COLUMNS(PM_LANES)
         }
         if (j + 4 <= n) {
             SUM_COLUMNS(4)
@@ -58,23 +52,24 @@ PM_SIMD_CLONES static void small_nn(int m, int n, int k, const double *a, ptrdif
     }
 }
 
-// Returns the inner product of x and y [k], with LANES partial sums in a fixed order. The remainder
-// of k modulo LANES is gathered separately, so that the partial sums stay in registers.
+// Returns the inner product of x and y [k], with PM_LANES partial sums in a fixed order. The
+// remainder of k modulo PM_LANES is gathered separately, so that the partial sums stay in
+// registers.
 static inline double inner(int k, const double *restrict x, ptrdiff_t stride,
                            const double *restrict y) {
-    double lane[LANES] = {0};
+    double lane[PM_LANES] = {0};
     int l = 0;
-    for (; l + LANES <= k; l += LANES) {
-        for (int i = 0; i < LANES; ++i) {
+    for (; l + PM_LANES <= k; l += PM_LANES) {
+        for (int i = 0; i < PM_LANES; ++i) {
             lane[i] += x[(l + i) * stride] * y[l + i];
         }
     }
     if (l < k) {
-        double rest[LANES] = {0};
+        double rest[PM_LANES] = {0};
         for (int i = 0; l + i < k; ++i) {
             rest[i] = x[(l + i) * stride] * y[l + i];
         }
-        for (int i = 0; i < LANES; ++i) {
+        for (int i = 0; i < PM_LANES; ++i) {
             lane[i] += rest[i];
         }
     }
@@ -95,7 +90,7 @@ static inline double short_inner(int k, const double *restrict x, ptrdiff_t stri
 // Computes c = a b^T by transposing b first, for more than a few rows.
 static void small_nt_rows(int m, int n, int k, const double *a, ptrdiff_t a_row, ptrdiff_t a_col,
                           const double *b, double *c) {
-    double transposed[SMALL_PRODUCT / MANY_ROWS];
+    double transposed[PM_SMALL_PRODUCT / PM_MANY_ROWS];
     for (int j = 0; j < n; ++j) {
         for (int l = 0; l < k; ++l) {
             transposed[l * n + j] = b[j * k + l];
@@ -133,7 +128,7 @@ PM_SIMD_CLONES static void small_outer(int m, int n, const double *restrict a,
 
 void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const double *a,
              const double *b, double *c) {
-    if ((long)m * n * k > SMALL_PRODUCT) {
+    if ((long)m * n * k > PM_SMALL_PRODUCT) {
         cblas_dgemm(CblasRowMajor, transpose_a ? CblasTrans : CblasNoTrans,
                     transpose_b ? CblasTrans : CblasNoTrans, m, n, k, 1.0, a, transpose_a ? m : k,
                     b, transpose_b ? k : n, 0.0, c, n);
@@ -143,7 +138,7 @@ void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const doub
     const ptrdiff_t a_col = transpose_a ? m : 1;
     if (k == 1) {
         small_outer(m, n, a, b, c);
-    } else if (transpose_b && m >= MANY_ROWS) {
+    } else if (transpose_b && m >= PM_MANY_ROWS) {
         small_nt_rows(m, n, k, a, a_row, a_col, b, c);
     } else if (transpose_b) {
         small_nt(m, n, k, a, a_row, a_col, b, c);

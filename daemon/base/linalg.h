@@ -5,6 +5,14 @@
 
 #include <stdbool.h>
 
+// Products of up to this number of multiply-adds run here in an order of sums that is the same on
+// every processor; larger ones call BLAS, because they take longer than the call.
+#define PM_SMALL_PRODUCT 4096
+// A product with b transposed transposes b first if it has at least this many rows.
+#define PM_MANY_ROWS 4
+// Number of partial sums of an inner product: one register of the widest instruction set.
+#define PM_LANES 8
+
 // Restricts BLAS to one thread; a program calls this once at its start. The threads of BLAS cost
 // more than they gain on small matrices and would change the order of sums.
 void pm_linalg_init(void);

@@ -40,7 +40,9 @@ fi
 sed -n '/^```c$/,/^```$/p' "$source/daemon/LIBRARY.md" | sed '/^```/d' >"$folder/example.c"
 pc=$(dirname "$(find "$prefix" -name libportmet.pc)")
 library=$(dirname "$(find "$prefix" -name libportmet.so)")
-cc -Wall -Wextra -Werror -std=c99 -o "$folder/example" "$folder/example.c" \
+flags=
+nm -D "$library/libportmet.so" | grep -q __asan_init && flags=-fsanitize=address,undefined
+cc $flags -Wall -Wextra -Werror -std=c99 -o "$folder/example" "$folder/example.c" \
     $(PKG_CONFIG_PATH=$pc pkg-config --cflags --libs libportmet) || fail "the example does not compile"
 LD_LIBRARY_PATH=$library "$folder/example" "$share/configs/double_pendulum.yaml" >"$folder/example.out" 2>&1 &&
     grep -q "t = 60 s: upper has" "$folder/example.out" || fail "the example: $(cat "$folder/example.out")"
@@ -49,7 +51,7 @@ cmake_minimum_required(VERSION 3.25)
 project(example C)
 find_package(portmet REQUIRED)
 add_executable(example example.c)
-target_link_libraries(example portmet::portmet)
+target_link_libraries(example portmet::portmet $flags)
 END
 { cmake -S "$folder" -B "$folder/cmake" -DCMAKE_PREFIX_PATH="$prefix" && cmake --build "$folder/cmake"; } \
     >"$folder/cmake.out" 2>&1 || fail "find_package: $(cat "$folder/cmake.out")"
@@ -58,7 +60,7 @@ foreign=$(nm -D --defined-only "$library/libportmet.so" | awk '$2 != "A" && $3 !
 
 # The installed Python package finds the installed library and programs.
 for python in python3 /usr/bin/python3; do
-    "$python" -c 'import numpy, h5py' 2>/dev/null || continue
+    [ -z "$flags" ] && "$python" -c 'import numpy, h5py' 2>/dev/null || continue
     package=$(dirname "$(dirname "$(find "$prefix" -path '*/portmet/scene.py')")")
     PYTHONPATH=$package "$python" -c "import portmet, portmet.types
 scene = portmet.Scene('$share/configs/double_pendulum.yaml').step(3)

@@ -16,7 +16,7 @@ includes() {
 }
 
 # The folders of daemon/, in the order data flows; each may include those before it.
-later="base store graph model scene sim library transport lockstep app"
+later="base store graph model scene sim library export transport lockstep app"
 for layer in $later; do
     later=${later#"$layer"}
     later=${later# }
@@ -28,8 +28,8 @@ done
 
 found=$(includes daemon | grep -E ':(trainer|truth)/')
 [ -z "$found" ] || fail "daemon/ includes the trainer: $found"
-found=$(includes trainer | grep -E ':(library|transport|lockstep|app)/')
-[ -z "$found" ] || fail "trainer/ includes library, transport, lockstep or app: $found"
+found=$(includes trainer | grep -E ':(library|export|transport|lockstep|app)/')
+[ -z "$found" ] || fail "trainer/ includes library, export, transport, lockstep or app: $found"
 # The folders of trainer/ but truth, in their order; each may include those before it.
 later="evaluate body modal learn command"
 for folder in $later; do
@@ -41,7 +41,7 @@ done
 found=$(includes trainer | grep -vE '^trainer/(command|truth)/' | grep ':truth/')
 [ -z "$found" ] || fail "only trainer/command may include trainer/truth: $found"
 # Reference physics that shares code with the model cannot reveal its mistakes.
-found=$(includes trainer/truth | grep -E ':(graph|model|scene|sim|library|transport|lockstep|app)/|:store/' |
+found=$(includes trainer/truth | grep -E ':(graph|model|scene|sim|library|export|transport|lockstep|app)/|:store/' |
     grep -vE ':store/(dataset|field|yaml)\.h')
 [ -z "$found" ] || fail "trainer/truth includes more than base, datasets, fields and YAML: $found"
 
@@ -56,7 +56,7 @@ door 'yaml\.h' 'daemon/store/'
 door 'hdf5' 'daemon/store/'
 door 'lcm/|portmet_' 'daemon/(transport|lockstep)/'
 # Below the transport nobody knows how messages travel.
-found=$(grep -rniE 'lcm|multicast' --include='*.[ch]' daemon/base daemon/store daemon/graph daemon/model daemon/scene daemon/sim daemon/library)
+found=$(grep -rniE 'lcm|multicast' --include='*.[ch]' daemon/base daemon/store daemon/graph daemon/model daemon/scene daemon/sim daemon/library daemon/export)
 [ -z "$found" ] || fail "LCM is named below the transport: $found"
 door 'cvode|nvector|sun' 'trainer/truth/'
 door '(suitesparse/)?cholmod' 'trainer/truth/beam_matrix'

@@ -1,0 +1,91 @@
+// Elementary functions in plain C99: the same bits on every processor that follows IEEE 754, alone
+// or in a vectorised loop, since they have no table, no branch and no fused multiply-add. portmetd
+// uses them, and the C source that it exports begins with a copy of this file. Results are exact to
+// two units in the last place.
+#ifndef PM_BASE_ELEMENTARY_H
+#define PM_BASE_ELEMENTARY_H
+
+#include <stdint.h>
+#include <string.h>
+
+// 2^n for a whole number n, -1022 <= n <= 1023.
+static inline double pm_power_of_two(double n) {
+    // Adding 1.5 * 2^52 leaves the exponent n + 1023 in the lowest bits of the sum.
+    const double shifted = n + (6755399441055744.0 + 1023.0);
+    uint64_t bits;
+    double result;
+    memcpy(&bits, &shifted, sizeof bits);
+    bits <<= 52;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
+
+// Splits x = n ln 2 + r with a whole n and |r| <= ln 2 / 2 (Cody and Waite 1980). Returns n.
+static inline double pm_reduce(double x, double *r) {
+    const double shift = 6755399441055744.0; // 1.5 * 2^52: what is added to it becomes whole
+    const double n = (x * 1.44269504088896338700e+00 + shift) - shift;
+    *r = (x - n * 6.93147180369123816490e-01) - n * 1.90821492927058770002e-10;
+    return n;
+}
+
+// exp(r) - 1 for |r| <= ln 2 / 2, by its Taylor polynomial of degree 13. Groups of four terms
+// (Estrin's scheme) do not have to wait for each other.
+static inline double pm_short_expm1(double r) {
+    const double r2 = r * r, r4 = r2 * r2;
+    const double low = (0.5 + r * (1.0 / 6.0)) + (1.0 / 24.0 + r * (1.0 / 120.0)) * r2;
+    const double middle =
+        (1.0 / 720.0 + r * (1.0 / 5040.0)) + (1.0 / 40320.0 + r * (1.0 / 362880.0)) * r2;
+    const double high = (1.0 / 3628800.0 + r * (1.0 / 39916800.0)) +
+                        (1.0 / 479001600.0 + r * (1.0 / 6227020800.0)) * r2;
+    return r + r2 * (low + (middle + high * r4) * r4);
+}
+
+// exp(x); below -708 it stays at exp(-708), from 709.4 on it is infinite.
+static inline double pm_exp_of(double x) {
+    double r;
+    x = x < -708.0 ? -708.0 : x;
+    x = x > 710.0 ? 710.0 : x;
+    const double n = pm_reduce(x, &r);
+    const double power = pm_power_of_two(n);
+    return power + power * pm_short_expm1(r);
+}
+
+// tanh(x) = sign(x) e / (e + 2) with e = exp(2 |x|) - 1.
+static inline double pm_tanh_of(double x) {
+    double twice = 2.0 * (x < 0 ? -x : x), r;
+    twice = twice > 40.0 ? 40.0 : twice; // there the result is 1
+    const double n = pm_reduce(twice, &r);
+    const double power = pm_power_of_two(n);
+    const double e = power * pm_short_expm1(r) + (power - 1.0);
+    const double y = e / (e + 2.0);
+    return x < 0 ? -y : y;
+}
+
+// 1 / (1 + exp(-x)).
+static inline double pm_sigmoid_of(double x) {
+    return 1.0 / (1.0 + pm_exp_of(-x));
+}
+
+// log(1 + u) for 0 <= u <= 1. With f = u, or (u - 1)/2 so that 1 + u = 2 (1 + f), and s = f/(2 + f)
+// it is the series of log(1 + f) = log((1 + s)/(1 - s)) (FDLIBM, s_log1p.c, with its coefficients).
+static inline double pm_log1p_of(double u) {
+    const double fold = u > 0.41421356237309503 ? 1.0 : 0.0;
+    const double f = fold * (0.5 * (u - 1.0)) + (1.0 - fold) * u;
+    const double s = f / (2.0 + f), z = s * s, half = 0.5 * f * f;
+    double p = 1.479819860511658591e-01;
+    p = p * z + 1.531383769920937332e-01;
+    p = p * z + 1.818357216161805012e-01;
+    p = p * z + 2.222219843214978396e-01;
+    p = p * z + 2.857142874366239149e-01;
+    p = p * z + 3.999999999940941908e-01;
+    p = p * z + 6.666666666666735130e-01;
+    const double series = f - (half - s * (half + p * z));
+    return fold * 6.93147180369123816490e-01 + (series + fold * 1.90821492927058770002e-10);
+}
+
+// log(1 + exp(x)) = max(x, 0) + log(1 + exp(-|x|)), which does not overflow.
+static inline double pm_softplus_of(double x) {
+    return (x > 0 ? x : 0.0) + pm_log1p_of(pm_exp_of(x < 0 ? x : -x));
+}
+
+#endif

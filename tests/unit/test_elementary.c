@@ -1,0 +1,111 @@
+// Elementary functions: close to exact values, and the same bits alone and in vectorised loops.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/activation.h"
+#include "base/elementary.h"
+#include "base/rng.h"
+
+#define SAMPLES 200000
+#define LONGEST 37 // numbers of an array; every shorter length is tried, too
+
+// Largest relative error, in units of the last place at 1. Two of them are promised.
+#define TOLERANCE 2.0
+
+typedef struct function {
+    const char *name;
+    double (*plain)(double);
+    void (*array)(size_t, const double *, double *);
+    long double (*exact)(long double);
+    double low, high;
+} function;
+
+static long double exact_sigmoid(long double x) {
+    return 1 / (1 + expl(-x));
+}
+
+static long double exact_softplus(long double x) {
+    return (x > 0 ? x : 0) + log1pl(expl(-fabsl(x)));
+}
+
+static const function functions[] = {
+    {"tanh", pm_tanh_of, pm_array_tanh, tanhl, -25, 25},
+    {"tanh, small", pm_tanh_of, pm_array_tanh, tanhl, -1e-3, 1e-3},
+    {"exp", pm_exp_of, pm_array_exp, expl, -700, 700},
+    {"exp, small", pm_exp_of, pm_array_exp, expl, -1, 1},
+    {"sigmoid", pm_sigmoid_of, pm_array_sigmoid, exact_sigmoid, -40, 40},
+    {"softplus", pm_softplus_of, pm_array_softplus, exact_softplus, -40, 40},
+};
+
+static void test_accuracy(void **state) {
+    (void)state;
+    pm_rng rng;
+    pm_rng_init(&rng, 1, 0);
+    for (size_t f = 0; f < sizeof functions / sizeof functions[0]; ++f) {
+        double worst = 0, at = 0;
+        for (int i = 0; i < SAMPLES; ++i) {
+            const function *t = &functions[f];
+            const double x = t->low + (t->high - t->low) * pm_rng_uniform(&rng);
+            const long double exact = t->exact(x);
+            const double error = (double)fabsl((t->plain(x) - exact) / exact) / 0x1p-52;
+            if (!(error <= worst)) {
+                worst = error;
+                at = x;
+            }
+        }
+        if (!(worst <= TOLERANCE)) {
+            fail_msg("%s: error of %g units in the last place at %.17g", functions[f].name, worst,
+                     at);
+        }
+    }
+}
+
+static void test_same_bits_in_arrays(void **state) {
+    (void)state;
+    pm_rng rng;
+    pm_rng_init(&rng, 2, 0);
+    for (size_t f = 0; f < sizeof functions / sizeof functions[0]; ++f) {
+        const function *t = &functions[f];
+        for (int n = 1; n <= LONGEST; ++n) {
+            double x[LONGEST], y[LONGEST];
+            for (int i = 0; i < n; ++i) {
+                x[i] = t->low + (t->high - t->low) * pm_rng_uniform(&rng);
+            }
+            t->array((size_t)n, x, y);
+            for (int i = 0; i < n; ++i) {
+                const double alone = t->plain(x[i]);
+                assert_memory_equal(&alone, &y[i], sizeof alone);
+            }
+        }
+    }
+}
+
+static void test_limits(void **state) {
+    (void)state;
+    assert_true(pm_tanh_of(0) == 0 && pm_tanh_of(1e308) == 1 && pm_tanh_of(-INFINITY) == -1);
+    assert_true(pm_exp_of(0) == 1 && pm_exp_of(-1e9) > 0 && pm_exp_of(-1e9) < 1e-300);
+    assert_true(!isfinite(pm_exp_of(1e9)));
+    assert_true(pm_sigmoid_of(0) == 0.5 && pm_sigmoid_of(1e9) == 1);
+    assert_true(pm_softplus_of(1000) == 1000 && pm_softplus_of(-1000) >= 0);
+    assert_true(isnan(pm_tanh_of(NAN)) && isnan(pm_exp_of(NAN)) && isnan(pm_sigmoid_of(NAN)));
+    assert_true(isnan(pm_softplus_of(NAN)));
+    for (double x = 1e-300; x < 1; x *= 7) {
+        assert_true(pm_tanh_of(-x) == -pm_tanh_of(x));
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_accuracy),
+        cmocka_unit_test(test_same_bits_in_arrays),
+        cmocka_unit_test(test_limits),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
