@@ -253,6 +253,8 @@ static pm_status print_channels(const pm_scene *scene) {
         }
         PM_TRY(pm_channel_process(channel, scene, "REPORT", i));
         printf("  %s\n", channel);
+        PM_TRY(pm_channel_hello(channel, scene, scene->process[i].name));
+        printf("  %s\n", channel);
         PM_TRY(pm_channel_request(channel, scene, scene->process[i].name));
         printf("  %s\n", channel);
     }

@@ -26,7 +26,7 @@ typedef struct field {
     size_t offset, count; // in the struct
 } field;
 
-#define MAX_FIELDS 26
+#define MAX_FIELDS 27
 
 typedef struct wire_type {
     int64_t (*fingerprint)(void);
@@ -43,9 +43,10 @@ typedef struct wire_type {
 
 static const wire_type hello_type = {
     __portmet_hello_t_get_hash,
-    6,
-    {F(I64, hello, protocol), F(I64, hello, session), F(I64, hello, instance),
-     F(I64, hello, digest), F(I64, hello, checkpoint), F(TEXT, hello, sender)},
+    8,
+    {F(I64, hello, protocol), F(I64, hello, session), F(I64, hello, instance), F(I64, hello, nonce),
+     F(I64, hello, coordinator), F(I64, hello, digest), F(I64, hello, checkpoint),
+     F(TEXT, hello, sender)},
 };
 
 static const wire_type flux_type = {
@@ -60,17 +61,19 @@ static const wire_type flux_type = {
 
 static const wire_type tick_type = {
     __portmet_tick_t_get_hash,
-    10,
+    12,
     {F(I64, tick, session), F(I64, tick, instance), F(I64, tick, digest), F(I64, tick, granted),
      F(I64, tick, steps), F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(I32, tick, substeps),
-     F(BOOLEAN, tick, want_state), F(BOOLEAN, tick, open)},
+     F(BOOLEAN, tick, want_state), F(BOOLEAN, tick, open), F(COUNT_TO, tick, nanswer),
+     ARRAY(I64S, tick, answer, nanswer)},
 };
 
 static const wire_type report_type = {
     __portmet_report_t_get_hash,
-    26,
+    27,
     {F(I64, report, session),
      F(I64, report, instance),
+     F(I64, report, coordinator),
      F(I64, report, digest),
      F(I8, report, kind),
      F(I8, report, code),
@@ -107,9 +110,9 @@ static const wire_type ledger_type = {
 
 static const wire_type command_type = {
     __portmet_command_t_get_hash,
-    5,
-    {F(I64, command, session), F(I64, command, instance), F(I8, command, kind),
-     F(I8, command, code), F(TEXT, command, reason)},
+    7,
+    {F(I64, command, session), F(I64, command, instance), F(I64, command, addressee),
+     F(I64, command, answer), F(I8, command, kind), F(I8, command, code), F(TEXT, command, reason)},
 };
 
 static const wire_type request_type = {
@@ -426,6 +429,10 @@ CODEC(request)
 
 size_t pm_flux_size(const portmet_flux_t *message) {
     return size_of(&flux_type, message);
+}
+
+size_t pm_tick_size(const portmet_tick_t *message) {
+    return size_of(&tick_type, message);
 }
 
 size_t pm_report_size(const portmet_report_t *message) {

@@ -3,10 +3,10 @@
 // lcm-gen generates. Its decoders trust the sender; the functions here check everything.
 //
 // _decode: the caller sets the array counts of `message`, and its array pointers to that many
-// numbers. A flux must have exactly these counts. For a report they are the largest counts that are
-// accepted, and are replaced by the counts of the message. Length, fingerprint, counts, text and
-// numbers are checked; only after PM_KEEP may the message be read. Its text then points into
-// `data`. Array pointers never change.
+// numbers. A flux must have exactly these counts. For a report and a tick they are the largest
+// counts that are accepted, and are replaced by the counts of the message. Length, fingerprint,
+// counts, text and numbers are checked; only after PM_KEEP may the message be read. Its text then
+// points into `data`. Array pointers never change.
 //
 // _encode writes at most `capacity` bytes and returns their number; 0 if they do not suffice or a
 // number is not finite. Text is cut after PM_TEXT_MAX characters; control characters become blanks.
@@ -44,6 +44,7 @@ size_t pm_flux_size(const portmet_flux_t *message);
 
 pm_drop pm_tick_decode(portmet_tick_t *message, const void *data, size_t size);
 size_t pm_tick_encode(const portmet_tick_t *message, void *data, size_t capacity);
+size_t pm_tick_size(const portmet_tick_t *message);
 
 pm_drop pm_report_decode(portmet_report_t *message, const void *data, size_t size);
 size_t pm_report_encode(const portmet_report_t *message, void *data, size_t capacity);

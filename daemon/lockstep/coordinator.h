@@ -5,13 +5,14 @@
 //
 // The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING, which
 // `completed` and `held` divide. `patience` and `checkpoint` are those of the scene. A coordinator
-// that is started with a checkpoint begins in STEPPING with a tick.
+// that is started with a checkpoint begins in STEPPING with a tick. A tick and a command that
+// answer a hello repeat its nonce (identity.h). Hellos and notices (FAILED, BYE) of processes count
+// only if they name this coordinator, which shows that they are not of an earlier run.
 //
 // state      awaits             message or time-out              next       sends
 // ---------  -----------------  -------------------------------  ---------  ---------------------
 // GATHERING  every process's    0.1 s passed                     GATHERING  hello
-//            report of step 0   hello, fits                      GATHERING  tick, granted = 0
-//                               hello, another digest            CLOSING    REFUSE to the sender
+//            report of step 0   hello, another digest            CLOSING    REFUSE to the sender
 //                               every report is there            STEPPING   tick, ledger
 // STEPPING   reports of         every report of a step is there  STEPPING   tick, ledger
 //            granted steps,     flux: a process made progress    STEPPING   tick if it may grant
@@ -20,17 +21,24 @@
 //                               every report of the last step    CLOSING    ledger
 // HELD       a larger number    the file was read: larger        STEPPING   tick
 //            in the gate file   time to request (waiting.h)      HELD       tick: a sign of life
-// any of                        time to request, not HELD        the same   request for fluxes,
-// these                                                                     then for reports
-// three                         a process silent for 2 s         the same   tell the observer
+// any of                        hello that names another         the same   hello
+// these                           coordinator, or none
+// three                         hello, fits                      the same   tick
+//                               time to request, not HELD        the same   request for fluxes,
+//                                                                           then for reports
+//                               a process silent for 2 s         the same   tell the observer
 //                               a process silent for patience    CLOSING
 //                               no progress in 3 patience,       CLOSING
 //                                 though all show life
 //                               report FAILED; own failure       CLOSING
+//                               two reports of a step that       CLOSING
+//                                 contradict each other; BYE:
+//                                 a message was forged
 //                               hello of a later coordinator     the same   REFUSE to the sender
-//                               REFUSE of this coordinator       FINISHED
+//                               REFUSE that answers its hello    FINISHED
 // CLOSING    BYE of every       0.02 s passed                    CLOSING    END, or ABORT
-//            process            hello, after a failure           CLOSING    REFUSE to the sender
+//            process            hello                            CLOSING    END; after a failure
+//                                                                             REFUSE
 //                               every BYE, or END or ABORT       FINISHED
 //                                 was sent 11 times
 #ifndef PM_LOCKSTEP_COORDINATOR_H
@@ -72,6 +80,11 @@ struct pm_lockstep_coordinator {
     bool paused;                // the observer was told that the run pauses
     bool held;                  // the gate holds the run after the step `completed`
     bool tick_wanted;           // a message since the last poll needs a tick as its answer
+    bool hello_wanted;          // a process asked for another coordinator: it needs a hello
+    int nanswer;
+    int64_t *answer;          // [nremote] nonces of the hellos that the next tick answers
+    unsigned char *tick_data; // [tick_capacity] a tick that answers as many
+    size_t tick_capacity;
 
     int nremote;
     pm_remote_process *remote; // [nremote]

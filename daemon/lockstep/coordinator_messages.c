@@ -17,82 +17,107 @@ static pm_remote_process *find_remote(const pm_lockstep_coordinator *c, const ch
 
 // --- hellos ---
 
-// Refuses the sender of a hello. This ends a run that has not begun; a run that is under way
-// (`late`) continues without the sender.
+// Answers the hello of a process with a command.
+static void answer(pm_lockstep_coordinator *c, const portmet_hello_t *hello, int8_t kind,
+                   pm_status code, const char *reason) {
+    pm_coordinator_check(c, pm_identity_answer(&c->endpoint.identity, hello, c->endpoint.session,
+                                               kind, code, reason));
+}
+
+// Refuses the sender of a hello. A node that does not fit ends a run that has not begun; a run that
+// is under way (`late`) goes on without it.
 static pm_drop refuse(pm_lockstep_coordinator *c, const portmet_hello_t *hello, const char *reason,
                       bool late) {
-    pm_coordinator_check(c, pm_identity_refuse(&c->endpoint.identity, hello->session,
-                                               hello->instance, PM_ENET, reason));
+    answer(c, hello, PORTMET_COMMAND_T_REFUSE, PM_ENET, reason);
     if (!late) {
         pm_coordinator_check(c, pm_fail(PM_ENET, "%s", reason));
     }
     return PM_KEEP;
 }
 
-// Refuses a second instance of a process. Without checkpoints no other instance can take the place
-// of the one that has reported the initial state.
-static bool is_second(pm_lockstep_coordinator *c, const pm_remote_process *remote, int64_t session,
-                      int64_t instance) {
-    if (instance == remote->instance) {
-        return false;
-    }
-    char reason[256];
-    snprintf(reason, sizeof reason,
+// Writes into `reason` [256] why a second instance of a process is refused. Without checkpoints no
+// other instance can take the place of the one that has reported the initial state.
+static void say_second(const pm_remote_process *remote, char *reason) {
+    snprintf(reason, 256,
              "node %s: the run goes on without it; only runs with --checkpoint take a node back",
              remote->name);
-    pm_coordinator_check(
-        c, pm_identity_refuse(&c->endpoint.identity, session, instance, PM_ENET, reason));
-    return true;
+}
+
+// Notes that the next tick answers a hello. If there are too many, the sender repeats it.
+static void answer_by_tick(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    int i = 0;
+    while (i < c->nanswer && c->answer[i] != hello->nonce) {
+        ++i;
+    }
+    if (i == c->nanswer && i < c->nremote) {
+        c->answer[c->nanswer++] = hello->nonce;
+    }
+    c->tick_wanted = true;
 }
 
 static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
     char reason[512];
     pm_remote_process *remote = find_remote(c, hello->sender);
     if (remote == NULL) {
-        snprintf(reason, sizeof reason, "scene %s has no process %.64s",
-                 c->endpoint.system->scene->name, hello->sender);
-        return refuse(c, hello, reason, true);
+        return PM_DROP_IMPLAUSIBLE; // no process has a channel for such a hello
     }
     const bool late = pm_report_window_has(&c->reports, 0, remote->id) || c->completed >= 0;
     if (pm_identity_mismatch(&c->endpoint.identity, hello, reason, sizeof reason)) {
-        return refuse(c, hello, reason, late);
+        // An instance that has said otherwise before did not send this.
+        return pm_remote_process_is_greeted(remote, hello->instance)
+                   ? PM_DROP_CONFLICT
+                   : refuse(c, hello, reason, late);
     }
-    if (late && c->checkpoint == NULL) {
-        return is_second(c, remote, hello->session, hello->instance) ? PM_KEEP : PM_DROP_REPEATED;
+    if (late && c->checkpoint == NULL && hello->instance != remote->instance) {
+        say_second(remote, reason);
+        return refuse(c, hello, reason, true);
     }
+    pm_remote_process_greet(remote, hello->instance);
     remote->alive = true;
-    c->tick_wanted = true;
+    answer_by_tick(c, hello);
     return PM_KEEP;
 }
 
+static pm_drop greet_coordinator(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    const pm_identity *own = &c->endpoint.identity;
+    const bool first = c->completed >= 0 || pm_identity_is_older(own, hello->instance);
+    if (first && pm_identity_is_rival(own, hello)) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
+                 c->endpoint.system->scene->name);
+        answer(c, hello, PORTMET_COMMAND_T_REFUSE, PM_ENET, reason);
+    }
+    return PM_KEEP;
+}
+
+// A process that joins or returns during the end of the run need not wait for a tick.
+static pm_drop send_away(pm_lockstep_coordinator *c, const portmet_hello_t *hello) {
+    if (hello->sender[0] == 0 || c->phase != PM_COORDINATOR_CLOSING) {
+        return PM_DROP_REPEATED;
+    }
+    answer(c, hello, c->endpoint.status != PM_OK ? PORTMET_COMMAND_T_REFUSE : PORTMET_COMMAND_T_END,
+           c->endpoint.status, c->endpoint.message);
+    return PM_KEEP;
+}
+
+// A process must name this coordinator: that shows that its hello is not one of an earlier run.
 static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
     pm_lockstep_coordinator *c = context;
     const pm_identity *own = &c->endpoint.identity;
     if (hello->session != own->hello.session) {
         return PM_DROP_SESSION;
     }
-    if (c->phase == PM_COORDINATOR_CLOSING && c->endpoint.status != PM_OK &&
-        hello->sender[0] != 0) {
-        // The run has failed before this process could join: it need not wait for a tick.
-        pm_coordinator_check(c, pm_identity_refuse(own, hello->session, hello->instance,
-                                                   c->endpoint.status, c->endpoint.message));
+    if (c->phase != PM_COORDINATOR_RUNNING) {
+        return send_away(c, hello);
+    }
+    if (hello->sender[0] == 0) {
+        return greet_coordinator(c, hello);
+    }
+    if (hello->coordinator != own->hello.instance) {
+        c->hello_wanted = true;
         return PM_KEEP;
     }
-    if (c->phase != PM_COORDINATOR_RUNNING) {
-        return PM_DROP_REPEATED;
-    }
-    if (hello->sender[0] != 0) {
-        return greet_node(c, hello);
-    }
-    const bool first = c->completed >= 0 || pm_identity_is_older(own, hello->instance);
-    if (first && pm_identity_is_rival(own, hello)) {
-        char reason[256];
-        snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
-                 c->endpoint.system->scene->name);
-        pm_coordinator_check(
-            c, pm_identity_refuse(own, hello->session, hello->instance, PM_ENET, reason));
-    }
-    return PM_KEEP;
+    return greet_node(c, hello);
 }
 
 // --- commands ---
@@ -101,8 +126,8 @@ static pm_drop accept_hello(void *context, const portmet_hello_t *hello) {
 // names it.
 static pm_drop accept_command(void *context, const portmet_command_t *command) {
     pm_lockstep_coordinator *c = context;
-    if (c->phase == PM_COORDINATOR_RUNNING &&
-        pm_identity_is_refused(&c->endpoint.identity, c->endpoint.session, command)) {
+    if (c->phase == PM_COORDINATOR_RUNNING && command->kind == PORTMET_COMMAND_T_REFUSE &&
+        pm_identity_is_proven(&c->endpoint.identity, command)) {
         pm_endpoint_end(&c->endpoint, PM_ENET, command->reason);
         c->phase = PM_COORDINATOR_FINISHED;
     }
@@ -121,13 +146,24 @@ static pm_drop accept_done(pm_remote_process *remote) {
     pm_lockstep_coordinator *c = remote->coordinator;
     const int64_t first = remote->report.step;
     const int rows = pm_remote_process_rows(remote);
-    if (first < 0 || first > c->granted) {
+    if (first < 0 || first > c->endpoint.steps ||
+        remote->report.time != pm_scene_time(remote->scene, 0, (long)first)) {
+        return PM_DROP_IMPLAUSIBLE;
+    }
+    if (first > c->granted) {
         return PM_DROP_RANGE;
     }
     remote->moved = remote->moved || first != remote->reported;
     remote->reported = first;
     pm_drop drop = PM_DROP_REPEATED;
     for (int row = 0; row < rows; ++row) {
+        if (!pm_remote_process_agrees(remote, row, first + row)) {
+            pm_coordinator_check(c, pm_fail(PM_ENET,
+                                            "two reports of %s on step %lld contradict each other, "
+                                            "so that one is forged: give the scene a key_file",
+                                            remote->name, (long long)(first + row)));
+            return PM_DROP_CONFLICT;
+        }
         note_done(remote, first + row);
         pm_sample *sample = pm_report_window_missing(&c->reports, first + row, remote->id);
         if (sample != NULL) {
@@ -139,32 +175,73 @@ static pm_drop accept_done(pm_remote_process *remote) {
     return drop;
 }
 
+// True if a report may come from the instance that takes part in the run; without checkpoints there
+// is only one. Another one that has said hello is refused.
+static bool is_from_run(pm_remote_process *remote) {
+    pm_lockstep_coordinator *c = remote->coordinator;
+    const portmet_report_t *report = &remote->report;
+    const bool greeted = pm_remote_process_is_greeted(remote, report->instance);
+    if (!pm_report_window_has(&c->reports, 0, remote->id) && c->completed < 0 && greeted) {
+        remote->instance = report->instance;
+    }
+    if (c->checkpoint != NULL || report->instance == remote->instance) {
+        return true;
+    }
+    if (greeted) {
+        char reason[256];
+        say_second(remote, reason);
+        pm_coordinator_check(c, pm_identity_refuse(&c->endpoint.identity, report->session,
+                                                   report->instance, reason));
+    }
+    return false;
+}
+
+// A failure, or a BYE: only of a process that follows this coordinator, for it may be one of an
+// earlier run. A process that leaves in the middle of the run was told to by somebody else.
+static pm_drop accept_notice(pm_remote_process *remote) {
+    pm_lockstep_coordinator *c = remote->coordinator;
+    const portmet_report_t *report = &remote->report;
+    const bool failed = report->kind == PORTMET_REPORT_T_FAILED;
+    if ((!failed && report->kind != PORTMET_REPORT_T_BYE) ||
+        report->coordinator != c->endpoint.identity.hello.instance) {
+        return PM_DROP_IMPLAUSIBLE;
+    }
+    const bool other = remote->instance != 0 && report->instance != remote->instance;
+    if (c->checkpoint == NULL && other) {
+        return PM_DROP_REPEATED; // a second instance of the process
+    }
+    if (failed) {
+        pm_coordinator_check(c, pm_fail(pm_endpoint_code(report->code), "node %s failed: %s",
+                                        remote->name, report->message));
+        return PM_KEEP;
+    }
+    if (c->phase == PM_COORDINATOR_RUNNING) {
+        pm_coordinator_check(c, pm_fail(PM_ENET,
+                                        "node %s left the run, because a command was forged: give "
+                                        "the scene a key_file",
+                                        remote->name));
+    }
+    remote->left = true;
+    return PM_KEEP;
+}
+
 static pm_drop accept_report(pm_remote_process *remote) {
     pm_lockstep_coordinator *c = remote->coordinator;
     const portmet_report_t *report = &remote->report;
     if (report->session != c->endpoint.session) {
         return PM_DROP_SESSION;
     }
-    if (!pm_report_window_has(&c->reports, 0, remote->id) && c->completed < 0) {
-        remote->instance = report->instance;
+    if (report->digest != (int64_t)c->endpoint.system->digest) {
+        return PM_DROP_IMPLAUSIBLE;
     }
-    if (c->checkpoint == NULL && is_second(c, remote, report->session, report->instance)) {
+    if (report->kind == PORTMET_REPORT_T_DONE && !is_from_run(remote)) {
         return PM_DROP_REPEATED;
     }
-    remote->alive = true;
-    switch (report->kind) {
-    case PORTMET_REPORT_T_DONE:
-        return accept_done(remote);
-    case PORTMET_REPORT_T_FAILED:
-        pm_coordinator_check(c, pm_fail(pm_endpoint_code(report->code), "node %s failed: %s",
-                                        remote->name, report->message));
-        return PM_KEEP;
-    case PORTMET_REPORT_T_BYE:
-        remote->left = c->phase == PM_COORDINATOR_CLOSING;
-        return remote->left ? PM_KEEP : PM_DROP_RANGE;
-    default:
-        return PM_DROP_RANGE;
+    if (report->kind != PORTMET_REPORT_T_DONE) {
+        return accept_notice(remote);
     }
+    remote->alive = true;
+    return accept_done(remote);
 }
 
 static void on_report(void *context, const char *channel, const void *data, size_t size) {
@@ -184,7 +261,11 @@ static pm_drop accept_flux(pm_remote_process *remote) {
     if (flux->session != remote->coordinator->endpoint.session) {
         return PM_DROP_SESSION;
     }
-    if (flux->round != 0 || flux->step < 0 || flux->step > remote->coordinator->granted) {
+    if (flux->round != 0 || flux->step < 0 ||
+        flux->time != pm_scene_time(remote->scene, 0, (long)flux->step)) {
+        return PM_DROP_IMPLAUSIBLE;
+    }
+    if (flux->step > remote->coordinator->granted) {
         return PM_DROP_RANGE;
     }
     remote->alive = true;
@@ -234,7 +315,7 @@ pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t session) {
                                           remote));
         }
         // A request to a neighbour shows that its sender is alive.
-        PM_TRY(pm_endpoint_listen_to(&c->endpoint, remote->address));
+        PM_TRY(pm_endpoint_listen_to(&c->endpoint, remote->name, remote->address));
     }
     return PM_OK;
 }

@@ -52,7 +52,7 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
                            const char *name, int64_t asked, bool keeps_checkpoints) {
     const pm_scene *scene = endpoint->system->scene;
     pm_transport *transport = endpoint->transport;
-    char own_address[PM_CHANNEL_SIZE];
+    char own_address[PM_CHANNEL_SIZE], coordinators[PM_CHANNEL_SIZE];
     endpoint->handlers = handlers;
     endpoint->context = context;
     pm_waiting_init(&endpoint->waiting, scene->nprocess);
@@ -62,14 +62,22 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
     PM_TRY(pm_channel_scene(endpoint->request_channel, scene, "REQUEST"));
     PM_TRY(pm_channel_request(endpoint->coordinator_address, scene, ""));
     PM_TRY(pm_channel_request(own_address, scene, name));
-    PM_TRY(pm_transport_subscribe(transport, endpoint->identity.hello_channel, on_hello, endpoint));
+    PM_TRY(pm_channel_hello(coordinators, scene, ""));
+    PM_TRY(pm_transport_subscribe(transport, coordinators, on_hello, endpoint));
+    if (name[0] != 0) { // rivals
+        PM_TRY(pm_transport_subscribe(transport, endpoint->identity.hello_channel, on_hello,
+                                      endpoint));
+    }
     PM_TRY(pm_transport_subscribe(transport, endpoint->identity.command_channel, on_command,
                                   endpoint));
     PM_TRY(pm_transport_subscribe(transport, own_address, on_request, endpoint));
     return pm_transport_subscribe(transport, endpoint->request_channel, on_request, endpoint);
 }
 
-pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address) {
+pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *name, const char *address) {
+    char hellos[PM_CHANNEL_SIZE];
+    PM_TRY(pm_channel_hello(hellos, endpoint->system->scene, name));
+    PM_TRY(pm_transport_subscribe(endpoint->transport, hellos, on_hello, endpoint));
     return pm_transport_subscribe(endpoint->transport, address, on_request, endpoint);
 }
 

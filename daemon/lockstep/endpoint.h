@@ -45,9 +45,9 @@ typedef struct pm_endpoint {
 pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, void *context,
                            const char *name, int64_t session, bool keeps_checkpoints);
 
-// Also passes requests that are sent to another process, on the channel `address`, to the handlers.
-// PM_ENET, PM_ENOMEM.
-pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *address);
+// Passes the hellos of the process `name`, and the requests that are sent to it at `address`, to
+// the handlers, too. PM_ECONFIG, PM_ENET, PM_ENOMEM.
+pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *name, const char *address);
 
 // Sets endpoint->now, the clock that all waiting times refer to, to `clock` (s, monotonic) minus
 // the time in which this process did not run. It must be called at the beginning of each poll.

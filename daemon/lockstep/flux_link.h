@@ -33,9 +33,9 @@ typedef struct pm_flux_link {
 pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,
                             int process_id);
 
-// Keeps the message in `scratch`, which belongs to the round `key`, while this process computes the
-// round `present`. PM_DROP_REPEATED: it is kept already, or the round is over; PM_DROP_RANGE: the
-// round is further ahead than a neighbour can be.
+// Keeps the message in `scratch`, which is of the round `key`. PM_DROP_REPEATED: it is kept
+// already, or the round is over; PM_DROP_CONFLICT: one with other bits is kept already;
+// PM_DROP_RANGE: no neighbour can be there while this process computes the round `present`.
 pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present);
 
 // Returns the neighbour's message of the round `key`, which the link owns; NULL if it has not

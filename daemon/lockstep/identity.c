@@ -1,13 +1,25 @@
-// Makes and compares hellos, and publishes refusals.
+// Hellos, answers to hellos, and refusals.
 #include "lockstep/identity.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/random.h>
 #include <time.h>
 
 #include "lockstep/checkpoint_ring.h"
 #include "transport/channel.h"
+
+// A random number that is not 0. The time is good enough if the system has no better one.
+static int64_t draw(void) {
+    uint64_t bits;
+    if (getrandom(&bits, sizeof bits, GRND_NONBLOCK) != (ssize_t)sizeof bits) {
+        struct timespec now;
+        clock_gettime(CLOCK_REALTIME, &now);
+        bits = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+    }
+    return (int64_t)(bits | 1);
+}
 
 pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const char *name,
                            int64_t session, bool keeps_checkpoints, pm_transport *transport) {
@@ -18,18 +30,33 @@ pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const
         .protocol = pm_protocol(),
         .session = session,
         .instance = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec,
+        .nonce = draw(),
         .digest = (int64_t)system->digest,
         .checkpoint = keeps_checkpoints ? pm_checkpoint_ring_interval(system->scene) : 0,
         .sender = (char *)name,
     };
-    PM_TRY(pm_channel_scene(identity->hello_channel, system->scene, "HELLO"));
+    PM_TRY(pm_channel_hello(identity->hello_channel, system->scene, name));
     return pm_channel_scene(identity->command_channel, system->scene, "COMMAND");
 }
 
 pm_status pm_identity_publish_hello(const pm_identity *identity) {
-    unsigned char data[64 + PM_CHANNEL_SIZE];
+    unsigned char data[96 + PM_CHANNEL_SIZE];
     const size_t size = pm_hello_encode(&identity->hello, data, sizeof data);
     return pm_transport_publish(identity->transport, identity->hello_channel, data, size);
+}
+
+bool pm_identity_is_answer(const pm_identity *identity, const int64_t *answer, int count) {
+    for (int i = 0; i < count; ++i) {
+        if (answer[i] == identity->hello.nonce) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void pm_identity_renew(pm_identity *identity) {
+    identity->answered = identity->hello.nonce;
+    identity->hello.nonce = draw();
 }
 
 bool pm_identity_is_rival(const pm_identity *identity, const portmet_hello_t *hello) {
@@ -66,23 +93,44 @@ bool pm_identity_mismatch(const pm_identity *identity, const portmet_hello_t *he
     return true;
 }
 
-pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
-                             pm_status code, const char *reason) {
-    const portmet_command_t message = {
-        .session = session,
-        .instance = instance,
-        .kind = PORTMET_COMMAND_T_REFUSE,
-        .code = (int8_t)code,
-        .reason = (char *)reason,
-    };
-    unsigned char data[64 + PM_TEXT_MAX];
-    const size_t size = pm_command_encode(&message, data, sizeof data);
+static pm_status publish_command(const pm_identity *identity, const portmet_command_t *message) {
+    unsigned char data[96 + PM_TEXT_MAX];
+    const size_t size = pm_command_encode(message, data, sizeof data);
     return pm_transport_publish(identity->transport, identity->command_channel, data, size);
 }
 
-bool pm_identity_is_refused(const pm_identity *identity, int64_t session,
-                            const portmet_command_t *command) {
-    return command->kind == PORTMET_COMMAND_T_REFUSE &&
-           command->instance == identity->hello.instance &&
-           (command->session == identity->hello.session || command->session == session);
+pm_status pm_identity_answer(const pm_identity *identity, const portmet_hello_t *hello,
+                             int64_t session, int8_t kind, pm_status code, const char *reason) {
+    const portmet_command_t message = {
+        .session = session,
+        .instance = identity->hello.instance,
+        .addressee = hello->instance,
+        .answer = hello->nonce,
+        .kind = kind,
+        .code = (int8_t)code,
+        .reason = (char *)reason,
+    };
+    return publish_command(identity, &message);
+}
+
+pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
+                             const char *reason) {
+    const portmet_command_t message = {
+        .session = session,
+        .instance = identity->hello.instance,
+        .addressee = instance,
+        .kind = PORTMET_COMMAND_T_REFUSE,
+        .code = PM_ENET,
+        .reason = (char *)reason,
+    };
+    return publish_command(identity, &message);
+}
+
+bool pm_identity_is_addressed(const pm_identity *identity, const portmet_command_t *command) {
+    return command->addressee == identity->hello.instance;
+}
+
+bool pm_identity_is_proven(const pm_identity *identity, const portmet_command_t *command) {
+    return pm_identity_is_addressed(identity, command) && command->answer != 0 &&
+           (command->answer == identity->hello.nonce || command->answer == identity->answered);
 }

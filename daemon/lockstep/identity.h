@@ -1,7 +1,11 @@
-// The identity of a node or coordinator: the hello that it publishes at its start, and the refusal
-// of other instances that have another digest or the same name. The number of an instance is the
-// time at which it was started (ns since 1970), so that the older of two rivals has the smaller
-// number.
+// The identity of a node or coordinator: the hello with which it announces itself and asks for an
+// answer, and the refusal of others that do not fit or that claim the same place. An instance is
+// identified by the time at which it was started (ns since 1970), so the older of two rivals is the
+// one with the smaller number.
+//
+// A hello has a nonce, a random number. What repeats the nonce was sent after the hello, by
+// somebody who received it: neither a message that was recorded before nor a blind guess can do
+// that.
 #ifndef PM_LOCKSTEP_IDENTITY_H
 #define PM_LOCKSTEP_IDENTITY_H
 
@@ -14,8 +18,10 @@
 // The caller owns this storage.
 typedef struct pm_identity {
     pm_transport *transport;
-    char hello_channel[PM_CHANNEL_SIZE], command_channel[PM_CHANNEL_SIZE];
-    portmet_hello_t hello; // the hello of this instance
+    char hello_channel[PM_CHANNEL_SIZE]; // of its own hellos
+    char command_channel[PM_CHANNEL_SIZE];
+    portmet_hello_t hello; // what this one says of itself, with the present nonce
+    int64_t answered;      // the nonce before, to which an answer came; 0: none
 } pm_identity;
 
 // Makes the hello and the channel names of an instance. `name` is the name of the process, or ""
@@ -27,7 +33,13 @@ pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const
 // Publishes the hello. PM_ENET.
 pm_status pm_identity_publish_hello(const pm_identity *identity);
 
-// Returns true if a hello comes from another instance of the same process in the same run.
+// True if one of the nonces `answer` [count] is that of the present hello.
+bool pm_identity_is_answer(const pm_identity *identity, const int64_t *answer, int count);
+
+// Draws another nonce, since the present one has been answered.
+void pm_identity_renew(pm_identity *identity);
+
+// True if a hello comes from another instance of the same process of the same run.
 bool pm_identity_is_rival(const pm_identity *identity, const portmet_hello_t *hello);
 
 // Returns true if this instance was started before `instance`.
@@ -38,13 +50,20 @@ bool pm_identity_is_older(const pm_identity *identity, int64_t instance);
 bool pm_identity_mismatch(const pm_identity *identity, const portmet_hello_t *hello, char *reason,
                           size_t size);
 
-// Publishes a command that tells `instance`, a sender of messages of `session`, to end with `code`
-// and `reason`. PM_ENET.
-pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
-                             pm_status code, const char *reason);
+// Publishes a command of `kind` with `code` and `reason` for the sender of `hello`, as the answer
+// to it, in the run `session`. PM_ENET.
+pm_status pm_identity_answer(const pm_identity *identity, const portmet_hello_t *hello,
+                             int64_t session, int8_t kind, pm_status code, const char *reason);
 
-// Returns true if a command refuses this instance, which takes part in `session` (0: in none yet).
-bool pm_identity_is_refused(const pm_identity *identity, int64_t session,
-                            const portmet_command_t *command);
+// Publishes a refusal of `instance`, which sends messages of `session`, with `reason`. As it
+// answers no hello, it only makes that instance ask. PM_ENET.
+pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
+                             const char *reason);
+
+// True if a command was sent to this instance alone.
+bool pm_identity_is_addressed(const pm_identity *identity, const portmet_command_t *command);
+
+// True if a command that was sent to this instance answers its present hello, or the one before.
+bool pm_identity_is_proven(const pm_identity *identity, const portmet_command_t *command);
 
 #endif

@@ -34,11 +34,14 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .substeps = c->step_controller.substeps,
         .want_state = c->want_state,
         .open = c->endpoint.identity.hello.session == 0,
+        .nanswer = c->nanswer,
+        .answer = c->answer,
     };
-    unsigned char data[128];
-    const size_t size = pm_tick_encode(&message, data, sizeof data);
+    const size_t size = pm_tick_encode(&message, c->tick_data, c->tick_capacity);
     c->tick_wanted = false;
-    return pm_transport_publish(c->endpoint.transport, c->endpoint.tick_channel, data, size);
+    c->nanswer = 0;
+    return pm_transport_publish(c->endpoint.transport, c->endpoint.tick_channel, c->tick_data,
+                                size);
 }
 
 static pm_status publish_ledger(pm_lockstep_coordinator *c, const pm_sample *sample) {
@@ -64,11 +67,12 @@ static pm_status publish_ledger(pm_lockstep_coordinator *c, const pm_sample *sam
 static pm_status publish_command(pm_lockstep_coordinator *c) {
     const portmet_command_t message = {
         .session = c->endpoint.session,
+        .instance = c->endpoint.identity.hello.instance,
         .kind = c->endpoint.status == PM_OK ? PORTMET_COMMAND_T_END : PORTMET_COMMAND_T_ABORT,
         .code = (int8_t)c->endpoint.status,
         .reason = c->endpoint.message,
     };
-    unsigned char data[64 + PM_TEXT_MAX];
+    unsigned char data[96 + PM_TEXT_MAX];
     const size_t size = pm_command_encode(&message, data, sizeof data);
     return pm_transport_publish(c->endpoint.transport, c->endpoint.identity.command_channel, data,
                                 size);
@@ -275,12 +279,15 @@ static void repeat_command(pm_lockstep_coordinator *c) {
 
 // --- a poll ---
 
-// Publishes a hello at the start, and repeats it until the initial state is known.
+// Publishes a hello at the start, again and again until the initial state is known, and when a
+// process asked for another coordinator.
 static pm_status say_hello(pm_lockstep_coordinator *c) {
-    if (c->said_hello && (c->completed >= 0 || c->endpoint.now < c->hello_at)) {
+    const bool due = c->completed < 0 && c->endpoint.now >= c->hello_at;
+    if (c->said_hello && !due && !c->hello_wanted) {
         return PM_OK;
     }
     c->said_hello = true;
+    c->hello_wanted = false;
     c->hello_at = c->endpoint.now + HELLO_INTERVAL;
     return pm_identity_publish_hello(&c->endpoint.identity);
 }
@@ -336,7 +343,12 @@ static pm_status open_remotes(pm_lockstep_coordinator *c) {
         remote->coordinator = c;
         PM_TRY(pm_remote_process_init(remote, &c->arena, c->endpoint.system->scene, i));
     }
-    return PM_OK;
+    c->tick_capacity = pm_tick_size(&(portmet_tick_t){.nanswer = c->nremote});
+    c->tick_data = pm_arena_alloc(&c->arena, c->tick_capacity);
+    c->answer = pm_arena_array(&c->arena, (size_t)c->nremote, sizeof *c->answer);
+    return c->tick_data != NULL && c->answer != NULL
+               ? PM_OK
+               : pm_fail(PM_ENOMEM, "coordinator: out of memory");
 }
 
 static pm_status prepare(pm_lockstep_coordinator *c, int64_t session, const char *gate) {

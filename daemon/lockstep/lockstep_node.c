@@ -11,6 +11,7 @@
 #define HELLO_INTERVAL 0.1   // s
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
+#define LONG_ASK 1.0         // s between two questions of a node that waits for long
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the run
 
 // The resend buffer keeps the fluxes of the last SENT_DEPTH rounds. A neighbour requests the flux
@@ -39,7 +40,15 @@ static pm_status await(pm_lockstep_node *node) {
                        "no word from the coordinator for %.3g s, in round %d of step %lld",
                        now - waiting->since, node->round, (long long)node->step);
     }
-    if (pm_waiting_request_due(waiting, now) && node->step < node->endpoint.steps) {
+    if (!pm_waiting_request_due(waiting, now)) {
+        node->next = waiting->next;
+        return PM_OK;
+    }
+    if (pm_waiting_is_long(waiting) && now >= node->asked_at + LONG_ASK) {
+        // Another coordinator may lead the run, or this node may believe something wrong.
+        pm_node_ask(node, node->coordinator);
+    }
+    if (node->step < node->endpoint.steps) {
         // While blocked, publish the partially filled report.
         PM_TRY(pm_reporter_flush(&node->reporter));
         // A missing flux is requested before a missing tick, since the grant may depend on the
@@ -87,8 +96,10 @@ static void repeat_failure(pm_lockstep_node *node) {
         (void)pm_reporter_flush(&node->reporter);
         const int64_t session = node->endpoint.session != 0 ? node->endpoint.session
                                                             : node->endpoint.identity.hello.session;
-        (void)pm_reporter_notify(&node->reporter, session, PORTMET_REPORT_T_FAILED,
-                                 node->endpoint.status, node->endpoint.message);
+        (void)pm_reporter_notify(
+            &node->reporter, session,
+            node->coordinator != 0 ? node->coordinator : node->endpoint.identity.hello.coordinator,
+            PORTMET_REPORT_T_FAILED, node->endpoint.status, node->endpoint.message);
     }
 }
 
@@ -148,6 +159,11 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
                                       SENT_DEPTH + more));
     PM_TRY(pm_checkpoint_ring_init(&node->checkpoints, &node->arena, options->checkpoint,
                                    node->endpoint.system, &node->subsystems));
+    node->answers = pm_arena_array(&node->arena, (size_t)node->endpoint.system->scene->nprocess,
+                                   sizeof *node->answers);
+    if (node->answers == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
+    }
     node->rounds = pm_subsystem_most_rounds(node->subsystems.part[0].subsystem);
     node->fluxes_show_progress =
         node->subsystems.nlink > 0 && pm_lookahead_uses_fluxes(node->endpoint.system->scene);

@@ -1,19 +1,25 @@
-// The inside of a node, private to its four files and to tests: lockstep_node.c polls, waits and
-// ends; node_messages.c handles messages; node_steps.c computes rounds and steps; node_state.c
-// holds functions that these three share. Each file calls only files named after it.
+// The inside of a node, private to its five files and to tests: lockstep_node.c polls, waits and
+// ends; node_messages.c handles messages, node_orders.c those of the coordinator; node_steps.c
+// computes rounds and steps; node_state.c holds functions that these share. Each file calls only
+// files named after it.
 //
 // The state machine. A round begins as soon as the round before it is complete and its step is
-// granted. `patience` and `checkpoint` are those of the scene.
+// granted. `patience` and `checkpoint` are those of the scene. A message is "proven" if it repeats
+// the nonce of this node's present hello (identity.h). "Its coordinator" is the one whose tick was
+// proven last; a node asks a coordinator by a hello that names it. Messages that nobody can have
+// sent in this run are dropped first.
 //
 // state    awaits             message or time-out                next      sends
 // -------  -----------------  ---------------------------------  --------  ---------------------
 // HELLO    a tick             0.1 s passed                       HELLO     hello
-//                             tick, granted = 0                  RUNNING   report of step 0
-//                             tick, granted > 0, and a           RUNNING   hello
+//                             hello, tick, END or ABORT of an    HELLO     hello that names it
+//                               unknown coordinator
+//                             proven tick, granted = 0           RUNNING   report of step 0
+//                             proven tick, granted > 0, and a    RUNNING   hello
 //                               checkpoint of its session
 //                             patience passed                    FAILING
-//                             END (with a checkpoint) or ABORT   LEAVING   BYE
-//                               of the session asked for
+//                             proven END (with a checkpoint)     LEAVING   BYE
+//                               or proven ABORT
 // RUNNING  a grant; every     tick that grants more              RUNNING   flux of the round
 //          neighbour's flux   every flux of a round is there     RUNNING   flux of the next round
 //          of the round       every round of a step is complete  RUNNING   report: when full, 20 ms
@@ -23,9 +29,20 @@
 //                             request, still buffered            RUNNING   flux or report again
 //                             request, new, no longer buffered   RUNNING   none: roll back to the
 //                                                                          checkpoint before it
+//                             hello, tick or command of          RUNNING   hello that names it
+//                               another coordinator; refusal
+//                               that is not proven; END before
+//                               the last step (with a
+//                               checkpoint); a long wait
+//                             proven tick of another             RUNNING
+//                               coordinator: now its own
+//                             two fluxes of a round, or two      FAILING
+//                               ticks, that contradict each
+//                               other: one is forged
 //                             coordinator silent for patience    FAILING
-//                             END after the last step, or with   LEAVING   BYE
-//                               a checkpoint; ABORT
+//                             ABORT of its coordinator, its END  LEAVING   BYE
+//                               after the last step, proven END
+//                               or ABORT
 // FAILING  ABORT              0.02 s passed                      FAILING   report FAILED
 //                             ABORT                              LEAVING   BYE
 //                             0.3 s passed                       FINISHED
@@ -34,8 +51,8 @@
 //                             0.15 s passed                      FINISHED
 // HELLO or                    hello of a later node of its name  the same  REFUSE to the sender
 // RUNNING                     own failure, interrupt             FAILING
-// HELLO to                    REFUSE of this node                FINISHED
-// FAILING
+// HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
+// FAILING                                                                    keeps no checkpoint
 #ifndef PM_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_NODE_H
 
@@ -64,20 +81,24 @@ struct pm_lockstep_node {
     double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
 
     // Members that describe the run, taken from the coordinator's ticks.
-    int64_t coordinator; // instance of the coordinator
-    int64_t granted;     // steps
-    double t0;           // s, time at step 0
-    bool want_state;     // reports carry the state z
-    bool late;           // in HELLO: a run is under way that this node cannot join
+    portmet_tick_t followed; // the tick with which it joined the coordinator; no array
+    int64_t *answers;        // [processes] scratch for the nonces in a tick
+    int64_t coordinator;     // instance of the coordinator
+    int64_t granted;         // steps
+    double t0;               // s, time at step 0
+    bool want_state;         // reports carry the state z
+    bool late;               // in HELLO: a run is under way that this node cannot join
     bool coordinator_alive;
     double coordinator_heard; // s
 
-    int rounds;      // of a step, at most
-    int substeps;    // of the last step granted
-    int64_t step;    // that is being computed, or comes next
-    int round;       // within the step
-    bool started;    // the round: its flux is published, its bulk term computed
-    bool progressed; // since the last poll: a new wait begins
+    int rounds;       // of a step, at most
+    int substeps;     // of the last step granted
+    double asked_at;  // s, when it last published a hello as a question
+    int64_t furthest; // steps that this instance has known to be complete, at most
+    int64_t step;     // that is being computed, or comes next
+    int round;        // within the step
+    bool started;     // the round: its flux is published, its bulk term computed
+    bool progressed;  // since the last poll: a new wait begins
     pm_request_filter coordinator_requests; // for reports
 
     pm_checkpoint_ring checkpoints;
@@ -96,6 +117,15 @@ void pm_node_enter(pm_lockstep_node *node, pm_node_phase next);
 // this function.
 void pm_node_check(pm_lockstep_node *node, pm_status status);
 
+// Publishes a hello that asks the instance `coordinator`, but not too often.
+void pm_node_ask(pm_lockstep_node *node, int64_t coordinator);
+
+// --- orders (node_orders.c) ---
+
+// The handlers of ticks and of commands. `context` is the node.
+void pm_node_on_tick(void *context, const char *channel, const void *data, size_t size);
+pm_drop pm_node_accept_command(void *context, const portmet_command_t *command);
+
 // --- messages (node_messages.c) ---
 
 // Opens the endpoint and subscribes to ticks and the neighbours' fluxes. `session` is the session
@@ -103,6 +133,9 @@ void pm_node_check(pm_lockstep_node *node, pm_status status);
 pm_status pm_node_listen(pm_lockstep_node *node, int64_t session);
 
 // --- steps (node_steps.c) ---
+
+// Returns the time at the start of a step, s.
+double pm_node_time(const pm_lockstep_node *node, int64_t step);
 
 // Returns the key of the present round: its number, counted from the start of the run.
 int64_t pm_node_round_key(const pm_lockstep_node *node);

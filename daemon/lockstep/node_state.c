@@ -2,6 +2,8 @@
 // tell its state. node.h has the table of states.
 #include "lockstep/node.h"
 
+#define ASK_INTERVAL 0.01 // s between two questions of a node that takes part in a run
+
 void pm_node_enter(pm_lockstep_node *node, pm_node_phase next) {
     node->phase = next;
     node->until = node->next = 0;
@@ -17,6 +19,18 @@ void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *m
 void pm_node_check(pm_lockstep_node *node, pm_status status) {
     if (status != PM_OK) {
         pm_lockstep_node_fail(node, status, pm_error());
+    }
+}
+
+void pm_node_ask(pm_lockstep_node *node, int64_t coordinator) {
+    const double now = node->endpoint.now;
+    if (node->phase == PM_NODE_HELLO) {
+        node->endpoint.identity.hello.coordinator = coordinator;
+        node->next = now; // the next poll says hello
+    } else if (now >= node->asked_at + ASK_INTERVAL) {
+        node->asked_at = now;
+        node->endpoint.identity.hello.coordinator = coordinator;
+        pm_node_check(node, pm_identity_publish_hello(&node->endpoint.identity));
     }
 }
 

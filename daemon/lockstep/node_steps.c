@@ -7,7 +7,7 @@
 
 #define REPORT_INTERVAL 0.02 // s between two reports at most, while steps are computed
 
-static double time_of(const pm_lockstep_node *node, int64_t step) {
+double pm_node_time(const pm_lockstep_node *node, int64_t step) {
     return pm_scene_time(node->endpoint.system->scene, node->t0, step);
 }
 
@@ -35,8 +35,13 @@ bool pm_node_may_start(const pm_lockstep_node *node) {
 // Adds the step just completed to the report, which is published when it is full, when the last one
 // is REPORT_INTERVAL old, or when the next grant waits for it.
 static pm_status report(pm_lockstep_node *node) {
-    PM_TRY(pm_reporter_add_step(&node->reporter, node->endpoint.session, node->step,
-                                time_of(node, node->step), &node->subsystems, node->want_state));
+    const portmet_report_t head = {
+        .session = node->endpoint.session,
+        .coordinator = node->coordinator,
+        .step = node->step,
+        .time = pm_node_time(node, node->step),
+    };
+    PM_TRY(pm_reporter_add_step(&node->reporter, &head, &node->subsystems, node->want_state));
     const bool awaited =
         !is_granted(node) && !(node->fluxes_show_progress && may_publish_ahead(node));
     if (!awaited && node->endpoint.now < node->report_at) {
@@ -55,6 +60,7 @@ pm_status pm_node_roll_back(pm_lockstep_node *node, int64_t step) {
     }
     node->endpoint.attempt += 1;
     node->step = found;
+    node->furthest = found > node->furthest ? found : node->furthest;
     node->round = 0;
     node->started = false;
     node->progressed = true;
@@ -77,7 +83,7 @@ static pm_status start_round(pm_lockstep_node *node) {
         .session = node->endpoint.session,
         .step = node->step,
         .round = node->round,
-        .time = time_of(node, node->step),
+        .time = pm_node_time(node, node->step),
     };
     PM_TRY(pm_process_subsystems_start_round(&node->subsystems, node->endpoint.transport,
                                              pm_node_round_key(node), &head));
@@ -96,6 +102,7 @@ static pm_status finish_round(pm_lockstep_node *node) {
     PM_TRY(pm_process_subsystems_end_step(&node->subsystems));
     node->step += 1;
     node->round = 0;
+    node->furthest = node->step > node->furthest ? node->step : node->furthest;
     PM_TRY(pm_checkpoint_ring_save_due(&node->checkpoints, node->endpoint.session, node->step,
                                        &node->subsystems));
     return report(node);

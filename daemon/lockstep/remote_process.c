@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "base/digest.h"
 #include "lockstep/flux_link.h"
 #include "lockstep/reporter.h"
 #include "transport/channel.h"
@@ -40,6 +41,7 @@ pm_status pm_remote_process_init(pm_remote_process *remote, pm_arena *arena, con
     remote->name = scene->process[process_id].name;
     remote->scene = scene;
     remote->done = -1;
+    memset(remote->seen_step, -1, sizeof remote->seen_step);
     PM_TRY(pm_channel_process(remote->channel, scene, "REPORT", process_id));
     PM_TRY(pm_channel_process(remote->flux_channel, scene, "FLUX", process_id));
     PM_TRY(pm_channel_request(remote->address, scene, remote->name));
@@ -71,6 +73,60 @@ pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, si
                        r->nend == rows * remote->nend &&
                        r->nz == (with_state ? rows * remote->nz : 0);
     return whole ? PM_KEEP : PM_DROP_COUNT;
+}
+
+// Folds numbers into a digest, eight bytes at a time; quick, as every report passes through it.
+static uint64_t fold(uint64_t digest, const void *value, int count) {
+    for (int i = 0; i < count; ++i) {
+        uint64_t bits;
+        memcpy(&bits, (const char *)value + 8 * i, sizeof bits);
+        digest = (digest ^ bits) * UINT64_C(0x9e3779b97f4a7c15);
+        digest ^= digest >> 32;
+    }
+    return digest;
+}
+
+bool pm_remote_process_agrees(pm_remote_process *remote, int row, int64_t step) {
+    const portmet_report_t *r = &remote->report;
+    const int part = remote->scene->process[remote->id].count, end = remote->nend;
+    const void *const of_part[] = {r->energy,       r->entropy,           r->bulk_energy,
+                                   r->bulk_entropy, r->bulk_energy_gross, r->bulk_entropy_gross,
+                                   r->evaluated,    r->skipped,           r->outside,
+                                   r->error};
+    const double *const of_end[] = {r->energy_flux, r->entropy_flux, r->energy_gross,
+                                    r->entropy_gross};
+    uint64_t digest = PM_DIGEST_INIT;
+    for (size_t i = 0; i < sizeof of_part / sizeof of_part[0]; ++i) {
+        digest = fold(digest, (const char *)of_part[i] + 8 * row * part, part);
+    }
+    for (size_t i = 0; i < sizeof of_end / sizeof of_end[0]; ++i) {
+        digest = fold(digest, of_end[i] + row * end, end);
+    }
+    digest = r->nz > 0 ? fold(digest, r->z + row * remote->nz, remote->nz) : digest;
+    const int slot = (int)(step % PM_REMOTE_SEEN);
+    if (remote->seen_step[slot] == step) {
+        return remote->seen[slot] == digest;
+    }
+    remote->seen_step[slot] = step;
+    remote->seen[slot] = digest;
+    return true;
+}
+
+bool pm_remote_process_is_greeted(const pm_remote_process *remote, int64_t instance) {
+    for (int i = 0; i < PM_REMOTE_GREETED; ++i) {
+        if (remote->greeted[i] == instance) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void pm_remote_process_greet(pm_remote_process *remote, int64_t instance) {
+    if (!pm_remote_process_is_greeted(remote, instance)) {
+        memmove(remote->greeted + 1, remote->greeted,
+                (PM_REMOTE_GREETED - 1) * sizeof remote->greeted[0]);
+        remote->greeted[0] = instance;
+    }
 }
 
 void pm_remote_process_fill(const pm_remote_process *remote, int row, pm_sample *sample) {

@@ -10,6 +10,9 @@
 #include "scene/recording.h"
 #include "transport/transport.h"
 
+#define PM_REMOTE_GREETED 4 // instances that are remembered
+#define PM_REMOTE_SEEN 64   // steps whose reports are remembered
+
 // The caller owns this storage and initialises it with zeros.
 typedef struct pm_remote_process {
     struct pm_lockstep_coordinator *coordinator; // context of the message handlers
@@ -32,6 +35,9 @@ typedef struct pm_remote_process {
     bool left;                           // has sent BYE
     double heard;                        // s, when a message last arrived
     int64_t instance;                    // that reported the initial state; 0: none
+    int64_t greeted[PM_REMOTE_GREETED];  // the last instances whose hellos fitted; 0: none
+    int64_t seen_step[PM_REMOTE_SEEN];   // by step modulo their number; -1: none
+    uint64_t seen[PM_REMOTE_SEEN];       // digest of the reported numbers of that step
 } pm_remote_process;
 
 // Sets the channel names and allocates the messages for process `process_id`, with memory from the
@@ -48,6 +54,14 @@ pm_drop pm_remote_process_decode(pm_remote_process *remote, const void *data, si
 
 // Returns the number of steps in `report`.
 int pm_remote_process_rows(const pm_remote_process *remote);
+
+// Remembers row `row` of `report`, which is of `step`. Returns false if another report of that
+// step, one of the last PM_REMOTE_SEEN, had other numbers.
+bool pm_remote_process_agrees(pm_remote_process *remote, int row, int64_t step);
+
+// Remembers an instance of the process, and tells whether one is remembered.
+void pm_remote_process_greet(pm_remote_process *remote, int64_t instance);
+bool pm_remote_process_is_greeted(const pm_remote_process *remote, int64_t instance);
 
 // Writes this process's numbers of row `row` of `report` into the sample of that step.
 void pm_remote_process_fill(const pm_remote_process *remote, int row, pm_sample *sample);

@@ -98,10 +98,11 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
 
 // --- FAILED and BYE ---
 
-pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
-                             const char *message) {
+pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int64_t coordinator,
+                             int8_t kind, pm_status code, const char *message) {
     portmet_report_t *m = &reporter->notice;
     m->session = session;
+    m->coordinator = coordinator;
     m->kind = kind;
     m->code = (int8_t)code;
     m->message = (char *)message;
@@ -159,15 +160,16 @@ static pm_status check_books(pm_reporter *r, int64_t step,
     return PM_OK;
 }
 
-pm_status pm_reporter_add_step(pm_reporter *reporter, int64_t session, int64_t step, double time,
+pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *head,
                                const pm_process_subsystems *subsystems, bool with_state) {
     pm_reporter *r = reporter;
     portmet_report_t *m = &r->done;
-    PM_TRY(check_books(r, step, subsystems));
+    PM_TRY(check_books(r, head->step, subsystems));
     if (r->rows == 0) {
-        m->session = session;
-        m->step = step;
-        m->time = time;
+        m->session = head->session;
+        m->coordinator = head->coordinator;
+        m->step = head->step;
+        m->time = head->time;
         m->nz = 0;
     }
     int end = r->rows * r->nend;

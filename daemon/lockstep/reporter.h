@@ -34,13 +34,15 @@ pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, con
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int process_id, pm_transport *transport, int64_t instance, int more);
 
-// Publishes a report of `kind` FAILED, with code and message, or BYE. PM_ENET.
-pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int8_t kind, pm_status code,
-                             const char *message);
+// Publishes a report of `kind` FAILED, with code and message, or BYE, for the instance
+// `coordinator`. PM_ENET.
+pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int64_t coordinator,
+                             int8_t kind, pm_status code, const char *message);
 
 // Adds the fluxes, energies and, with `with_state`, the state after `step` steps to the report, and
-// publishes it when it is full. `time` in s. PM_ENUMERIC: a number is not finite; PM_ENET.
-pm_status pm_reporter_add_step(pm_reporter *reporter, int64_t session, int64_t step, double time,
+// publishes it when it is full. `head` gives the session, the coordinator, the step and the time
+// (s) of its first row. PM_ENUMERIC: a number is not finite; PM_ENET.
+pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *head,
                                const pm_process_subsystems *subsystems, bool with_state);
 
 // Publishes a report that holds at least one step. PM_ENUMERIC, PM_ENET.

@@ -31,6 +31,10 @@ pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *w
     return print(channel, "%s_%s_%s", scene->name, word, scene->process[process_id].name);
 }
 
+pm_status pm_channel_hello(char *channel, const pm_scene *scene, const char *owner) {
+    return print(channel, "%s_HELLO%s%s", scene->name, owner[0] != 0 ? "_" : "", owner);
+}
+
 pm_status pm_channel_request(char *channel, const pm_scene *scene, const char *owner) {
     return print(channel, "%s_REQUEST_%s", scene->name, owner[0] != 0 ? owner : "TICK");
 }

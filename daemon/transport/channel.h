@@ -17,6 +17,10 @@ pm_status pm_channel_scene(char *channel, const pm_scene *scene, const char *wor
 pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *word,
                              int process_id);
 
+// <SCENE>_HELLO_<OWNER>: the channel of the hellos of `owner`, a process, or "" for the
+// coordinator, whose channel is <SCENE>_HELLO.
+pm_status pm_channel_hello(char *channel, const pm_scene *scene, const char *owner);
+
 // <SCENE>_REQUEST_<OWNER>: the channel of requests for the messages of `owner`, a process, or ""
 // for the coordinator, whose channel ends in TICK.
 pm_status pm_channel_request(char *channel, const pm_scene *scene, const char *owner);

@@ -4,19 +4,21 @@
 #define PM_TRANSPORT_DROPS_H
 
 typedef enum pm_drop {
-    PM_KEEP = 0,      // the message is used
-    PM_DROP_LENGTH,   // it ends before its last field, or goes on after it
-    PM_DROP_TYPE,     // its fingerprint is that of another type or version
-    PM_DROP_COUNT,    // an array has another size than the scene's
-    PM_DROP_TEXT,     // a text is too long, not terminated, or has control characters
-    PM_DROP_NUMBER,   // a number is not finite, or a boolean is neither 0 nor 1
-    PM_DROP_SESSION,  // it belongs to another run
-    PM_DROP_REPEATED, // it is known already, or no longer needed
-    PM_DROP_RANGE,    // its kind, step or round is impossible now
-    PM_DROP_DATAGRAM, // the datagram is not in LCM's format
-    PM_DROP_SEAL,     // no holder of the key sent it, or it was changed (seal.h)
-    PM_DROP_REPLAY,   // a holder of the key sent it, but too long ago
-    PM_DROP_CLOCK,    // a holder of the key sent it, but its clock is ahead
+    PM_KEEP = 0,         // the message is used
+    PM_DROP_LENGTH,      // it ends before its last field, or goes on after it
+    PM_DROP_TYPE,        // its fingerprint is that of another type or version
+    PM_DROP_COUNT,       // an array has another size than the scene's
+    PM_DROP_TEXT,        // a text is too long, not terminated, or has control characters
+    PM_DROP_NUMBER,      // a number is not finite, or a boolean is neither 0 nor 1
+    PM_DROP_SESSION,     // it belongs to another run
+    PM_DROP_REPEATED,    // it is known already, or no longer needed
+    PM_DROP_RANGE,       // its kind, step or round is impossible now
+    PM_DROP_IMPLAUSIBLE, // no process of this run can have sent it
+    PM_DROP_CONFLICT,    // it contradicts an earlier message, and one of the two is forged
+    PM_DROP_DATAGRAM,    // the datagram is not in LCM's format
+    PM_DROP_SEAL,        // no holder of the key sent it, or it was changed (seal.h)
+    PM_DROP_REPLAY,      // a holder of the key sent it, but too long ago
+    PM_DROP_CLOCK,       // a holder of the key sent it, but its clock is ahead
     PM_NDROP
 } pm_drop;
 

@@ -13,8 +13,25 @@
 // clock is wrong. It is dropped for the reason PM_DROP_CLOCK. The clock of one sender does not
 // affect the messages of another.
 //
+// A message that is younger than that can be replayed. It then does not:
+//   - let a node join, follow another coordinator, leave before its last step or take a refusal:
+//     this takes an answer to a hello, and an answer repeats the nonce of the hello;
+//   - end a run: a command counts for the nodes that follow its sender, and a report of a failure
+//     for the coordinator that it names; a hello counts for the coordinator that it names;
+//   - change a number: fluxes and reports of one session have the same bits whenever they are sent.
+// What it can do, for PM_SEAL_AGE after it was sent: keep a process that has died looking alive, so
+// that `patience` with it begins later; have a buffered message sent again; and, repeated for half a
+// second, make a process with checkpoints roll back and compute the same bits again
+// (lockstep/request_filter.h).
+//
 // The seal does not protect against readers (nothing is encrypted), against holders of the key (any
 // of them can speak for all), or against a flooded or cut network.
+//
+// Without a key nothing keeps an attacker from ending a run or from changing its numbers. Messages
+// that no process of the run can have sent are dropped as implausible, and two messages that
+// contradict each other end the run with an error that says so. A single forged message therefore
+// does not make a run stand still (tests/fuzz/fuzz_pair.c); it changes numbers only if it takes the
+// place of a message that is lost.
 #ifndef PM_TRANSPORT_SEAL_H
 #define PM_TRANSPORT_SEAL_H
 

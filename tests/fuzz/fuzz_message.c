@@ -87,7 +87,7 @@ static void try_type(int type, int count, const arrays *a, const uint8_t *data, 
                                .entropy_gross = v[9],
                                .nz = count,
                                .z = v[10]};
-    portmet_tick_t tick = {0};
+    portmet_tick_t tick = {.nanswer = count, .answer = a->number[0]};
     portmet_ledger_t ledger = {0};
     portmet_command_t command = {0};
     portmet_request_t request = {0};

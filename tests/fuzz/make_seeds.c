@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/rng.h"
 #include "lockstep/codec.h"
 #include "modal/basis.h"
 #include "store/checkpoint.h"
@@ -120,6 +121,17 @@ static size_t add_datagram(unsigned char *at, const void *head, size_t head_size
     return 3 + all;
 }
 
+// Eight forgeries: random bytes, to be changed.
+static pm_status make_forgery(void) {
+    unsigned char bytes[96];
+    pm_rng rng;
+    pm_rng_init(&rng, 1, 1);
+    for (size_t i = 0; i < sizeof bytes; ++i) {
+        bytes[i] = (unsigned char)pm_rng_below(&rng, 256);
+    }
+    return write_seed("pair.forgery", bytes, sizeof bytes);
+}
+
 // A tick in one datagram, and a message of 20 bytes in two.
 static pm_status make_datagrams(void) {
     static const unsigned char whole[] = "LC02\0\0\0\1";
@@ -139,7 +151,7 @@ int main(int argc, char **argv) {
     }
     static pm_status (*const make[])(void) = {make_dataset,    make_fields,   make_basis,
                                               make_checkpoint, make_snapshot, make_message,
-                                              make_datagrams};
+                                              make_datagrams,  make_forgery};
     pm_status status = PM_OK;
     for (size_t i = 0; i < sizeof make / sizeof make[0] && status == PM_OK; ++i) {
         status = make[i]();

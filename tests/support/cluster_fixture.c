@@ -226,6 +226,22 @@ long cluster_coordinator_step(const pm_lockstep_coordinator *coordinator) {
     return (long)coordinator->completed;
 }
 
+int64_t cluster_instance(const cluster *c) {
+    return c->coordinator->endpoint.identity.hello.instance;
+}
+
+int64_t cluster_node_instance(const pm_lockstep_node *node) {
+    return node->endpoint.identity.hello.instance;
+}
+
+bool cluster_has_joined(const pm_lockstep_node *node) {
+    return node->endpoint.session != 0;
+}
+
+int64_t cluster_nonce(const pm_lockstep_node *node) {
+    return node->endpoint.identity.hello.nonce;
+}
+
 bool cluster_is_over(const cluster *c) {
     bool over = c->coordinator == NULL || pm_lockstep_coordinator_finished(c->coordinator);
     for (int i = 0; i < c->count; ++i) {

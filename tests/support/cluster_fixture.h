@@ -63,6 +63,13 @@ void cluster_kill(cluster *c, int i);
 void cluster_return(cluster *c, int i);
 bool cluster_has(const cluster *c, int i);
 
+// The instances of the coordinator and of a node, and the nonce of a node's present hello.
+int64_t cluster_instance(const cluster *c);
+int64_t cluster_node_instance(const pm_lockstep_node *node);
+int64_t cluster_nonce(const pm_lockstep_node *node);
+// True if a node takes part in a run.
+bool cluster_has_joined(const pm_lockstep_node *node);
+
 bool cluster_is_over(const cluster *c);
 // Passes the waiting messages to every endpoint and polls it. Returns the number of messages; time
 // advances when there are none. A run that takes too long fails the test.

@@ -48,10 +48,13 @@ static const portmet_tick_t tick = {
     .substeps = 16,
     .want_state = 1,
     .open = 1,
+    .nanswer = COUNT,
+    .answer = counts[0],
 };
 static const portmet_report_t report = {
     .session = 11,
     .instance = INT64_MAX,
+    .coordinator = 6,
     .digest = -5,
     .kind = PORTMET_REPORT_T_FAILED,
     .code = 9,
@@ -89,11 +92,19 @@ static const portmet_ledger_t ledger = {
 };
 static const portmet_command_t command = {.session = 11,
                                           .instance = 3,
+                                          .addressee = 7,
+                                          .answer = INT64_MIN,
                                           .kind = PORTMET_COMMAND_T_ABORT,
                                           .code = 7,
                                           .reason = "gr\xc3\xbc\xc3\x9f dich"};
-static const portmet_hello_t hello = {
-    .protocol = -5, .session = 0, .instance = 7, .digest = -9, .checkpoint = 100, .sender = "a"};
+static const portmet_hello_t hello = {.protocol = -5,
+                                      .session = 0,
+                                      .instance = 7,
+                                      .nonce = INT64_MAX,
+                                      .coordinator = 6,
+                                      .digest = -9,
+                                      .checkpoint = 100,
+                                      .sender = "a"};
 static const portmet_request_t request = {.session = 11,
                                           .sender = "",
                                           .instance = 4,
@@ -136,7 +147,7 @@ typedef struct codec_case {
 CODEC_CASE(flux, .nend = COUNT, .energy_flux = decoded[0], .entropy_flux = decoded[1], .ny = COUNT,
            .y = decoded[2], .e = decoded[3], .eta = decoded[4], .nresponse = COUNT,
            .response = decoded[5])
-CODEC_CASE(tick, .session = 0)
+CODEC_CASE(tick, .nanswer = COUNT, .answer = decoded_counts[0])
 CODEC_CASE(report, .npart = COUNT, .energy = decoded[0], .entropy = decoded[1],
            .bulk_energy = decoded[2], .bulk_entropy = decoded[3], .bulk_energy_gross = decoded[4],
            .bulk_entropy_gross = decoded[5], .evaluated = decoded_counts[0],
@@ -282,12 +293,14 @@ static void test_hostile_counts_are_dropped(void **context) {
     static const uint32_t hostile[] = {0x10000000, 0x20000001, 0x7fffffff,
                                        0xffffffff, 0x80000000, COUNT + 1};
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
-    const size_t report_parts = 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
+    const size_t report_parts = 8 + 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
+    const size_t tick_answers = 8 + 5 * 8 + 2 * 8 + 4 + 2;
     const size_t report_ends = report_parts + 4 + 10 * 8 * COUNT;
     const size_t report_z = report_ends + 4 + 4 * 8 * (COUNT - 1);
     for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {
         assert_count_dropped(&cases[0], hostile[j], flux_ends);
         assert_count_dropped(&cases[0], hostile[j], flux_y);
+        assert_count_dropped(&cases[1], hostile[j], tick_answers);
         assert_count_dropped(&cases[2], hostile[j], report_parts);
         assert_count_dropped(&cases[2], hostile[j], report_ends);
         assert_count_dropped(&cases[2], hostile[j], report_z);
@@ -320,7 +333,7 @@ static void test_numbers_must_be_finite(void **context) {
     }
     unsigned char boolean[CAPACITY];
     const size_t size = pm_tick_encode(&tick, boolean, sizeof boolean);
-    boolean[size - 1] = 2;
+    boolean[size - 1 - 4 - 8 * COUNT] = 2; // before the answers
     assert_drop(&cases[1], boolean, size, PM_DROP_NUMBER);
 }
 
@@ -329,7 +342,7 @@ static void test_text_must_be_clean(void **context) {
     const codec_case *c = &cases[4];
     unsigned char good[CAPACITY], data[CAPACITY];
     const size_t size = c->ours(good, sizeof good);
-    const size_t length_at = 8 + 8 + 8 + 1 + 1;
+    const size_t length_at = 8 + 4 * 8 + 1 + 1;
     static const uint32_t lengths[] = {0, PM_TEXT_MAX + 2, 0x7fffffff, 0xffffffff, 0x80000000};
     for (size_t i = 0; i < sizeof lengths / sizeof lengths[0]; ++i) {
         memcpy(data, good, size);

@@ -193,8 +193,9 @@ static void test_forged_fluxes_grant_nothing(void **context) {
         int32_t round;
         pm_drop drop;
     } cases[] = {
-        {78, 6, 0, PM_DROP_SESSION},       {77, -1, 0, PM_DROP_RANGE}, {77, 9, 0, PM_DROP_RANGE},
-        {77, INT64_MAX, 0, PM_DROP_RANGE}, {77, 1, 1, PM_DROP_RANGE},  {77, 1, 0, PM_KEEP}, // late
+        {78, 6, 0, PM_DROP_SESSION},     {77, -1, 0, PM_DROP_IMPLAUSIBLE},
+        {77, 9, 0, PM_DROP_RANGE},       {77, INT64_MAX, 0, PM_DROP_RANGE},
+        {77, 1, 1, PM_DROP_IMPLAUSIBLE}, {77, 1, 0, PM_KEEP}, // late
     };
     pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
@@ -211,6 +212,7 @@ static void test_forged_fluxes_grant_nothing(void **context) {
         const portmet_flux_t flux = {.session = cases[i].session,
                                      .step = cases[i].step,
                                      .round = cases[i].round,
+                                     .time = pm_scene_time(c.f.scene, 0, (long)cases[i].step),
                                      .nend = 1,
                                      .energy_flux = y,
                                      .entropy_flux = y,

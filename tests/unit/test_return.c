@@ -174,11 +174,12 @@ static void test_coordinator_and_long_reports(void **context) {
     }
 }
 
-// A node that returns during the end of the run receives END. A node without checkpoints ignores
-// the END of an earlier run.
+// A node that returns during the end of the run receives END as the answer to its hello. It ignores
+// an END that answers nothing, such as one of an earlier run; so does a node without checkpoints.
 static void test_node_at_the_end(void **context) {
     (void)context;
-    for (int keeps = 0; keeps < 2; ++keeps) {
+    for (int i = 0; i < 4; ++i) {
+        const bool keeps = i % 2 == 1, answers = i / 2 == 1;
         scratch s;
         scratch_open(&s);
         fixture f = {0};
@@ -192,12 +193,15 @@ static void test_node_at_the_end(void **context) {
         assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
         assert_int_equal(pm_lockstep_node_open(&node, f.system, 0, transport, &options), PM_OK);
         pm_lockstep_node_poll(node, 1);
-        const portmet_command_t end = {.session = SESSION, .reason = ""};
-        unsigned char data[64];
+        const portmet_command_t end = {.session = SESSION,
+                                       .addressee = answers ? cluster_node_instance(node) : 0,
+                                       .answer = answers ? cluster_nonce(node) : 0,
+                                       .reason = ""};
+        unsigned char data[128];
         const size_t size = pm_command_encode(&end, data, sizeof data);
         assert_int_equal(pm_transport_publish(stranger, "chain_COMMAND", data, size), PM_OK);
         assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
-        assert_int_equal(pm_lockstep_node_leaving(node), keeps);
+        assert_int_equal(pm_lockstep_node_leaving(node), keeps && answers);
         assert_int_equal(pm_lockstep_node_result(node), PM_OK);
         pm_lockstep_node_close(node);
         pm_transport_close(stranger);
