@@ -209,6 +209,21 @@ static void print_worst(const char *what, double residual, double tolerance, con
     }
 }
 
+// Prints how well the integrator keeps the energy: to rounding by construction, or to its error.
+static void print_step(const pm_scene *scene, const pm_ledger *ledger) {
+    printf("  %-16s %15.2e ", "energy of a step", ledger->worst_step);
+    if (pm_ledger_integrator_keeps_energy(scene->integrator)) {
+        printf("%15.0e", scene->energy_tolerance);
+    } else {
+        printf("%15s", "none");
+    }
+    printf("   step %ld, %s\n", ledger->worst_step_at, scene->integrator->name);
+    if (ledger->unbalanced > 0) {
+        printf("  %s has not converged on %ld of %ld steps: take a smaller dt or more substeps\n",
+               scene->integrator->name, ledger->unbalanced, ledger->steps);
+    }
+}
+
 static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     const pm_scene *scene = report->setup->scene;
     const int without = pm_system_without_energy(report->setup->system);
@@ -229,6 +244,7 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
                 ledger->worst_energy_step);
     print_worst("entropy", ledger->worst_entropy, scene->entropy_tolerance,
                 ledger->worst_entropy_at, ledger->worst_entropy_step);
+    print_step(scene, ledger);
     printf("  steps in violation: %ld; largest fall of the total entropy over a step: %.2e J/K\n",
            ledger->violations, ledger->worst_entropy_fall);
     printf("  largest drift of the total energy: %.2e J\n", ledger->energy_drift);

@@ -112,8 +112,54 @@ static void book_outside(pm_ledger *ledger, pm_sample *sample) {
     sample->outside_entropy = ledger->outside_entropy;
 }
 
-static void book_totals(pm_ledger *ledger, pm_sample *sample) {
+bool pm_ledger_integrator_keeps_energy(const pm_integrator *integrator) {
+    return integrator->discrete || integrator->balanced;
+}
+
+// Returns the energy that all ports and bulk terms have booked during the step, in J, and adds the
+// magnitudes of its terms to `gross`. In the hard form it is rounding.
+static double booked_energy(const pm_scene *scene, const pm_sample *sample, double *gross) {
+    double sum = 0;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        sum += sample->bulk_energy[i];
+        *gross += scene->dt * sample->bulk_gross[2 * i];
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            sum += sample->flux[i][end].energy;
+            *gross += scene->dt * sample->flux[i][end].energy_gross;
+        }
+    }
+    return scene->dt * sum;
+}
+
+// Enters the residual of the whole step, in which the total energy has become `energy`. Returns
+// true if the integrator promises to keep it at rounding, and has not.
+static bool book_step(pm_ledger *ledger, const pm_sample *sample, double energy) {
+    const pm_scene *scene = ledger->system->scene;
+    if (pm_system_without_energy(ledger->system) >= 0) {
+        return false;
+    }
+    double gross = fabs(ledger->outside_energy);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        gross += fabs(sample->energy[i]);
+    }
+    const double error = fabs(energy - ledger->energy - booked_energy(scene, sample, &gross));
+    const double relative_error = gross > 0 ? error / gross : 0;
+    if (relative_error > ledger->worst_step) {
+        ledger->worst_step = relative_error;
+        ledger->worst_step_at = sample->step;
+    }
+    const bool unbalanced = pm_ledger_integrator_keeps_energy(scene->integrator) &&
+                            relative_error > scene->energy_tolerance;
+    ledger->unbalanced += unbalanced ? 1 : 0;
+    return unbalanced;
+}
+
+// Returns true if the integrator has not kept the energy that it promises to keep.
+static bool book_totals(pm_ledger *ledger, pm_sample *sample) {
     book_outside(ledger, sample);
+    bool unbalanced = false;
     double energy = ledger->outside_energy, entropy = ledger->outside_entropy;
     for (int i = 0; i < ledger->system->scene->nsubsystem; ++i) {
         energy += sample->energy[i];
@@ -124,11 +170,13 @@ static void book_totals(pm_ledger *ledger, pm_sample *sample) {
         ledger->first_entropy = entropy;
     } else {
         ledger->worst_entropy_fall = fmax(ledger->worst_entropy_fall, ledger->entropy - entropy);
+        unbalanced = book_step(ledger, sample, energy);
     }
     ledger->energy_drift = fmax(ledger->energy_drift, fabs(energy - ledger->first_energy));
     ledger->energy = energy;
     ledger->entropy = entropy;
     ledger->steps = sample->step;
+    return unbalanced;
 }
 
 // Fails if the total energy has drifted too far. This catches a step that is too long for the
@@ -148,9 +196,8 @@ static pm_status check_drift(const pm_ledger *ledger) {
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
     sample->energy_residual = sample->entropy_residual = 0;
-    book_totals(ledger, sample);
+    bool violated = book_totals(ledger, sample);
     const turnover t = turnover_of(scene, sample);
-    bool violated = false;
     pm_status status = PM_OK;
     for (int i = 0; i < scene->nport + scene->nsubsystem; ++i) {
         const residual b = i < scene->nport ? residual_of_port(ledger, sample, t, i)
@@ -216,5 +263,8 @@ void pm_ledger_record(pm_ledger *l, pm_record *record) {
     put_name(record, "worst energy at", scene, &l->worst_energy_at);
     put_name(record, "worst entropy at", scene, &l->worst_entropy_at);
     pm_record_put(record, "worst entropy fall", &l->worst_entropy_fall, 1);
+    pm_record_put(record, "worst step", &l->worst_step, 1);
+    pm_record_put_long(record, "worst step at", &l->worst_step_at);
+    pm_record_put_long(record, "unbalanced", &l->unbalanced);
     pm_record_put_long(record, "violations", &l->violations);
 }

@@ -7,6 +7,13 @@
 // few units in 1e-16. Where a gross flux is below 1e-12 of the step's largest, it is rounding
 // itself, and the residuals count as 0.
 //
+// The energy residual of a whole step compares how far the total energy has changed with what was
+// booked:
+//     |E' - E - h sum of all energy fluxes| / (sum of |E_i| + h sum of all gross energy fluxes)
+// It is the error of the integrator. An integrator that is discrete or balanced (integrator.h)
+// keeps it at rounding. Where it exceeds the scene's tolerance, the iteration of such a method has
+// not converged, and the step counts as a violation. For other methods it is only measured.
+//
 // A port with a boundary input is balanced like any other. The energy and entropy that left through
 // it are counted as the content of one more subsystem, so that the totals are those of a closed
 // system.
@@ -31,8 +38,14 @@ typedef struct pm_ledger {
     long worst_energy_step, worst_entropy_step;
     const char *worst_energy_at, *worst_entropy_at; // name of the port or subsystem; NULL: none
     double worst_entropy_fall; // J/K, largest fall of the total S over one step (>= 0)
-    long violations;           // steps with a residual beyond the scene's tolerances
+    double worst_step;         // largest energy residual of a whole step
+    long worst_step_at;
+    long unbalanced; // steps on which an integrator that keeps the energy did not
+    long violations; // steps with a residual beyond the scene's tolerances, these included
 } pm_ledger;
+
+// Returns whether the integrator keeps the energy of a step by construction.
+bool pm_ledger_integrator_keeps_energy(const pm_integrator *integrator);
 
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 

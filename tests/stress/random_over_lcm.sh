@@ -1,7 +1,8 @@
 #!/bin/sh
 # random_over_lcm.sh PORTMETD RANDOM_PAIRS CONFIGS SCENES PAIRS: SCENES runs of PAIRS double pendula with
 # random weights over LCM, in a private network; every set with each of three integrators. Each run
-# must go all the way without a violation of either law, and record nothing but finite numbers.
+# must go all the way and record nothing but finite numbers. No step may violate a law, except that the
+# iteration of an integrator may not converge, which the run tells.
 set -u
 if [ "${PM_PRIVATE_NETWORK:-}" != yes ]; then
     if ! { [ "$(id -u)" -eq 0 ] && unshare -n true; } 2>/dev/null; then
@@ -30,10 +31,12 @@ one() {
     "$random_pairs" make "$folder" "$configs" "$1" "$pairs" "$2" || exit 1
     "$portmetd" run "$folder/scene.yaml" --record "$folder/run.h5" >"$folder/out" 2>"$folder/err" ||
         { fail "sets $1 to $(($1 + pairs - 1)), $2"; return; }
-    grep -q "steps in violation: 0;" "$folder/out" || fail "sets from $1, $2: a law is violated"
+    violations=$(sed -n 's/.*steps in violation: \([0-9]*\);.*/\1/p' "$folder/out")
+    unconverged=$(sed -n 's/.* has not converged on \([0-9]*\) of .*/\1/p' "$folder/out")
+    [ "$violations" -eq "${unconverged:-0}" ] || fail "sets from $1, $2: a law is violated"
     "$random_pairs" check "$folder" "$folder/run.h5" 2>"$folder/err" || fail "sets from $1, $2"
     awk '/^Worst residual/ { worst = 1 }
-        worst && ($1 == "energy" || $1 == "entropy") { print $1, $2 }' "$folder/out" >>"$folder/worst"
+        worst && $2 != "of" && ($1 == "energy" || $1 == "entropy") { print $1, $2 }' "$folder/out" >>"$folder/worst"
 }
 
 scene=0

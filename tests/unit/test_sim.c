@@ -288,6 +288,33 @@ static void a_guard_ends_what_strays(void **state) {
     random_system_close(&w);
 }
 
+// Energy appears that nothing has booked: an integrator that keeps the energy has failed, and for
+// another one it is its error.
+static void energy_from_nowhere_is_counted(void **state) {
+    (void)state;
+    static const pm_flux none[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
+    static const double nothing[4] = {0, 0, 0, 0};
+    static const struct {
+        const char *integrator;
+        int counted;
+    } c[] = {{"rk4", 0}, {"multirate3", 0}, {"rk4_balanced", 1}, {"discrete_gradient", 1}};
+    random_system w;
+    random_system_of_text(&w, 1, HEAD PORT("bracket"), inert_entropy, pull);
+    for (size_t i = 0; i < sizeof c / sizeof *c; ++i) {
+        pm_sample *sample = NULL;
+        pm_ledger ledger;
+        assert_int_equal(pm_sample_new(&sample, w.scene), PM_OK);
+        w.scene->integrator = pm_integrator_find(c[i].integrator);
+        assert_int_equal(book(&w, &ledger, none, nothing, sample), PM_OK);
+        random_system_check(&w, "energy of a step", ledger.worst_step, 1, 1e-15);
+        assert_int_equal(ledger.worst_step_at, 1);
+        assert_int_equal(ledger.unbalanced, c[i].counted);
+        assert_int_equal(ledger.violations, c[i].counted);
+        pm_sample_free(sample);
+    }
+    random_system_close(&w);
+}
+
 // The soft form's fluxes do not cancel: measured and counted, not an error.
 static void exchange_is_measured(void **state) {
     (void)state;
@@ -435,6 +462,7 @@ int main(void) {
         cmocka_unit_test(skipping_changes_no_bit),
         cmocka_unit_test(without_entropy_none_is_evaluated),
         cmocka_unit_test(ledger_finds_violations),
+        cmocka_unit_test(energy_from_nowhere_is_counted),
         cmocka_unit_test(a_guard_ends_what_strays),
         cmocka_unit_test(exchange_is_measured),
         cmocka_unit_test(steps_allocate_nothing),
