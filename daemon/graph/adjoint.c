@@ -68,6 +68,14 @@ pm_node pm_adjoint_sqrt(pm_graph *g, pm_node x, pm_node dx, int i) {
     return pm_div(g, pm_scale(g, dx, 0.5), x);
 }
 
+pm_node pm_adjoint_sin(pm_graph *g, pm_node x, pm_node dx, int i) {
+    return pm_mul(g, dx, pm_cos(g, operand(g, x, i)));
+}
+
+pm_node pm_adjoint_cos(pm_graph *g, pm_node x, pm_node dx, int i) {
+    return pm_scale(g, pm_mul(g, dx, pm_sin(g, operand(g, x, i))), -1);
+}
+
 pm_node pm_adjoint_is_negative(pm_graph *g, pm_node x, pm_node dx, int i) {
     (void)g, (void)x, (void)dx, (void)i;
     return PM_NO_NODE;

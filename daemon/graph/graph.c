@@ -295,6 +295,14 @@ pm_node pm_sqrt(pm_graph *g, pm_node x) {
     return intern_unary(g, PM_OP_SQRT, pm_graph_shape(g, x), x, 0, 0);
 }
 
+pm_node pm_sin(pm_graph *g, pm_node x) {
+    return intern_unary(g, PM_OP_SIN, pm_graph_shape(g, x), x, 0, 0);
+}
+
+pm_node pm_cos(pm_graph *g, pm_node x) {
+    return intern_unary(g, PM_OP_COS, pm_graph_shape(g, x), x, 0, 0);
+}
+
 pm_node pm_is_negative(pm_graph *g, pm_node x) {
     return intern_unary(g, PM_OP_IS_NEGATIVE, pm_graph_shape(g, x), x, 0, 0);
 }

@@ -67,6 +67,8 @@ pm_node pm_silu(pm_graph *g, pm_node x);     // x sigmoid(x)
 pm_node pm_exp(pm_graph *g, pm_node x);
 pm_node pm_log(pm_graph *g, pm_node x);
 pm_node pm_sqrt(pm_graph *g, pm_node x);
+pm_node pm_sin(pm_graph *g, pm_node x); // of an angle x in rad
+pm_node pm_cos(pm_graph *g, pm_node x);
 // Builds a matrix that is 1 where x < 0 and 0 elsewhere; its derivative counts as zero.
 pm_node pm_is_negative(pm_graph *g, pm_node x);
 

@@ -142,6 +142,20 @@ void pm_run_sqrt(const pm_instruction *x, int batch) {
     }
 }
 
+void pm_run_sin(const pm_instruction *x, int batch) {
+    const size_t n = entries(x->shape, batch);
+    for (size_t i = 0; i < n; ++i) {
+        x->out[i] = sin(x->a[i]);
+    }
+}
+
+void pm_run_cos(const pm_instruction *x, int batch) {
+    const size_t n = entries(x->shape, batch);
+    for (size_t i = 0; i < n; ++i) {
+        x->out[i] = cos(x->a[i]);
+    }
+}
+
 void pm_run_is_negative(const pm_instruction *x, int batch) {
     const size_t n = entries(x->shape, batch);
     for (size_t i = 0; i < n; ++i) {

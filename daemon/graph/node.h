@@ -23,6 +23,8 @@ typedef enum pm_op {
     PM_OP_EXP,
     PM_OP_LOG,
     PM_OP_SQRT,
+    PM_OP_SIN,
+    PM_OP_COS,
     PM_OP_IS_NEGATIVE,
     PM_OP_SUM_TO,
     PM_OP_BROADCAST_TO,
@@ -95,14 +97,15 @@ extern const pm_operation pm_operations[PM_OP_COUNT];
 
 // Kernels (kernel.c) and derivative rules (adjoint.c), one per operation, listed in operation.c.
 pm_kernel pm_run_add, pm_run_sub, pm_run_mul, pm_run_div, pm_run_scale, pm_run_offset, pm_run_tanh,
-    pm_run_sigmoid, pm_run_softplus, pm_run_exp, pm_run_log, pm_run_sqrt, pm_run_is_negative,
-    pm_run_sum_to, pm_run_broadcast_to, pm_run_dot, pm_run_matmul, pm_run_matmul_sum, pm_run_slice,
-    pm_run_place, pm_run_concat, pm_run_gather_rows, pm_run_scatter_add_rows;
+    pm_run_sigmoid, pm_run_softplus, pm_run_exp, pm_run_log, pm_run_sqrt, pm_run_sin, pm_run_cos,
+    pm_run_is_negative, pm_run_sum_to, pm_run_broadcast_to, pm_run_dot, pm_run_matmul,
+    pm_run_matmul_sum, pm_run_slice, pm_run_place, pm_run_concat, pm_run_gather_rows,
+    pm_run_scatter_add_rows;
 pm_adjoint pm_adjoint_add, pm_adjoint_sub, pm_adjoint_mul, pm_adjoint_div, pm_adjoint_scale,
     pm_adjoint_offset, pm_adjoint_tanh, pm_adjoint_sigmoid, pm_adjoint_softplus, pm_adjoint_exp,
-    pm_adjoint_log, pm_adjoint_sqrt, pm_adjoint_is_negative, pm_adjoint_sum_to,
-    pm_adjoint_broadcast_to, pm_adjoint_dot, pm_adjoint_matmul, pm_adjoint_matmul_sum,
-    pm_adjoint_reshape, pm_adjoint_slice, pm_adjoint_place, pm_adjoint_concat,
-    pm_adjoint_gather_rows, pm_adjoint_scatter_add_rows;
+    pm_adjoint_log, pm_adjoint_sqrt, pm_adjoint_sin, pm_adjoint_cos, pm_adjoint_is_negative,
+    pm_adjoint_sum_to, pm_adjoint_broadcast_to, pm_adjoint_dot, pm_adjoint_matmul,
+    pm_adjoint_matmul_sum, pm_adjoint_reshape, pm_adjoint_slice, pm_adjoint_place,
+    pm_adjoint_concat, pm_adjoint_gather_rows, pm_adjoint_scatter_add_rows;
 
 #endif

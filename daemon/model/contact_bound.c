@@ -156,6 +156,8 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
     case PM_STEP_EXP:
     case PM_STEP_LN:
     case PM_STEP_SQRT:
+    case PM_STEP_SIN:
+    case PM_STEP_COS:
     case PM_STEP_NEGATIVE_SQUARED:
         break;
     }

@@ -2,7 +2,8 @@
 //     "|p|^2/(2*m) + m*g*q[1]"     "c*Tr*(exp((s - b*ln(|q|/l0))/c) - 1)"
 // A formula consists of numbers, constants, names of one component, components q[0] of vectors
 // (counted from 0), the invariants |q|, <q,p> and |min(q,0)| (the length of the negative components
-// of q), the operations + - * / ^, brackets, and the functions exp, ln, sqrt. An exponent is a
+// of q), the operations + - * / ^, brackets, and the functions exp, ln, sqrt, sin,
+// cos (of an angle in rad). An exponent is a
 // number; if it is not an integer, the base must be positive. In |min(x,0)|^2 x may be an
 // expression of vectors of equal size, evaluated component by component:
 //     "k/2*|min(g + u*v, 0)|^2"

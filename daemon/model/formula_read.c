@@ -65,6 +65,10 @@ static double compute(pm_step_kind kind, double a, double b) {
         return log(a);
     case PM_STEP_SQRT:
         return sqrt(a);
+    case PM_STEP_SIN:
+        return sin(a);
+    case PM_STEP_COS:
+        return cos(a);
     case PM_STEP_NUMBER:
     case PM_STEP_FEATURE:
     case PM_STEP_NEGATIVE_SQUARED:
@@ -205,7 +209,11 @@ static pm_status read_function(formula_reader *r, const char *name, int *result)
     static const struct {
         const char *name;
         pm_step_kind kind;
-    } functions[] = {{"exp", PM_STEP_EXP}, {"ln", PM_STEP_LN}, {"sqrt", PM_STEP_SQRT}};
+    } functions[] = {{"exp", PM_STEP_EXP},
+                     {"ln", PM_STEP_LN},
+                     {"sqrt", PM_STEP_SQRT},
+                     {"sin", PM_STEP_SIN},
+                     {"cos", PM_STEP_COS}};
     for (size_t i = 0; i < sizeof functions / sizeof *functions; ++i) {
         if (strcmp(name, functions[i].name) == 0) {
             int argument = 0;
@@ -214,7 +222,7 @@ static pm_status read_function(formula_reader *r, const char *name, int *result)
         }
     }
     return pm_fail(PM_ECONFIG,
-                   "formula \"%.100s\": there is no function \"%s\", only exp, ln, sqrt",
+                   "formula \"%.100s\": there is no function \"%s\", only exp, ln, sqrt, sin, cos",
                    r->formula->text, name);
 }
 

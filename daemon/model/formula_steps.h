@@ -18,6 +18,8 @@ typedef enum pm_step_kind {
     PM_STEP_EXP,
     PM_STEP_LN,
     PM_STEP_SQRT,
+    PM_STEP_SIN,
+    PM_STEP_COS,
     PM_STEP_NEGATIVE_SQUARED // sum over the components
 } pm_step_kind;
 

@@ -167,9 +167,9 @@ static pm_status check_tolerance(pm_scene_reader *r) {
 
 static pm_status read_scene(pm_scene_reader *r) {
     static const char *const keys[] = {
-        "scene",    "url",    "key_file",  "time",      "subsystems", "boundary_inputs",
-        "models",   "ports",  "processes", "reference", "laws",       "guards",
-        "lockstep", "record", NULL};
+        "scene",    "url",    "key_file",     "time",      "subsystems", "boundary_inputs",
+        "models",   "ports",  "processes",    "reference", "laws",       "guards",
+        "lockstep", "record", "observations", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
@@ -180,6 +180,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(pm_scene_read_subsystems(r));
     PM_TRY(pm_scene_read_boundary_inputs(r));
     PM_TRY(pm_scene_read_ports(r));
+    PM_TRY(pm_scene_read_observations(r));
     PM_TRY(read_reference(r));
     PM_TRY(read_laws(r));
     PM_TRY(read_guards(r));

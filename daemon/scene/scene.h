@@ -29,6 +29,10 @@ typedef struct pm_scene_subsystem {
     // dataset's column then holds the group's own value plus the value in that group's column.
     int relative_subsystem[PM_MAX_GROUPS];
     int relative_group[PM_MAX_GROUPS];
+    // [ngroup] groups whose columns nobody measures: an estimate of their start begins at the
+    // guess, in the unit of the group, and stays within about the deviation of it (0: not given).
+    bool hidden[PM_MAX_GROUPS];
+    double guess[PM_MAX_GROUPS], deviation[PM_MAX_GROUPS];
     const double *initial; // [nz] state at step 0; NULL: not given
     int substeps;          // of its own between two exchanges, for multirate integrators
     const char *substeps_at;
@@ -72,6 +76,13 @@ typedef struct pm_scene_port {
     const int *component[2];          // [layout.nz] position of each in the end's whole state
 } pm_scene_port;
 
+// A column of measurements that is a function of the state instead of a component of it. Its
+// symbols are "subsystem.group" and the co-energies "subsystem.dE.group".
+typedef struct pm_scene_observation {
+    const char *column;
+    pm_formula formula;
+} pm_scene_observation;
+
 typedef struct pm_scene {
     pm_arena arena;                     // owns all that follows
     const char *path;                   // as given to pm_scene_load
@@ -89,7 +100,9 @@ typedef struct pm_scene {
     int checkpoint;                       // steps between two checkpoints of a process
     const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
-    const char *reference_trajectory_at;        // place of the whole reference if none is named
+    const char *reference_trajectory_at; // place of the whole reference if none is named
+    int nobservation;
+    pm_scene_observation *observation;          // [nobservation]
     double energy_tolerance, entropy_tolerance; // relative residuals of a hard port
     double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
     double largest_departure; // from the training range, in its widths, likewise

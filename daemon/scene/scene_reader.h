@@ -29,6 +29,13 @@ pm_status pm_scene_read_subsystems(pm_scene_reader *r);
 pm_status pm_scene_read_boundary_inputs(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_read_processes(pm_scene_reader *r);
+pm_status pm_scene_read_observations(pm_scene_reader *r);
+
+// Reads the key `hidden` of the last group of a subsystem's layout, if there is one. A hidden group
+// that names no columns gets columns [size] named "subsystem.group" (or "subsystem.group_0", ...),
+// which `columns` receives. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_scene_read_hidden(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml block,
+                               pm_scene_named **columns);
 
 // Each reads the source of a component's model: a weights file, or a known model with its
 // constants.

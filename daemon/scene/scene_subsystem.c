@@ -12,9 +12,10 @@
 // --- one subsystem ---
 
 // Reads one group of a state; `columns` receives its dataset columns [size], or NULL.
-static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, pm_yaml block,
-                            pm_scene_named **columns) {
-    static const char *const keys[] = {"unit", "columns", "size", "relative_to", NULL};
+static pm_status read_group(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml key,
+                            pm_yaml block, pm_scene_named **columns) {
+    pm_layout *layout = &subsystem->layout;
+    static const char *const keys[] = {"unit", "columns", "size", "relative_to", "hidden", NULL};
     pm_yaml unit;
     pm_group group = {.first = layout->nz};
     PM_TRY(pm_scene_read_name(r, key, &group.name));
@@ -25,18 +26,20 @@ static pm_status read_group(pm_scene_reader *r, pm_layout *layout, pm_yaml key, 
         return pm_yaml_fail(unit, "expected a unit without ';', found \"%.64s\"", group.unit);
     }
     const pm_yaml list = pm_yaml_get(block, "columns"), size = pm_yaml_get(block, "size");
-    if (pm_yaml_exists(list) == pm_yaml_exists(size)) {
+    const bool hidden = pm_yaml_exists(pm_yaml_get(block, "hidden"));
+    if (pm_yaml_exists(list) == pm_yaml_exists(size) && !(hidden && !pm_yaml_exists(list))) {
         return pm_yaml_fail(block, "expected either \"columns\" (of a dataset) or \"size\"");
     }
     *columns = NULL;
+    group.size = 1;
     if (pm_yaml_exists(size)) {
         PM_TRY(pm_yaml_int(size, 1, MAX_COMPONENTS, &group.size));
-    } else {
+    } else if (pm_yaml_exists(list)) {
         PM_TRY(pm_scene_read_columns(r, list, &group.size, columns));
     }
     layout->nz += group.size;
     layout->group[layout->ngroup++] = group;
-    return PM_OK;
+    return hidden ? pm_scene_read_hidden(r, subsystem, block, columns) : PM_OK;
 }
 
 // Concatenates the groups' columns to those of the state.
@@ -61,7 +64,6 @@ static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
 }
 
 static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state) {
-    pm_layout *layout = &subsystem->layout;
     pm_scene_named *columns[PM_MAX_GROUPS] = {NULL};
     PM_TRY(pm_yaml_require_entries(state));
     if (pm_yaml_count(state) > PM_MAX_GROUPS) {
@@ -71,7 +73,7 @@ static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
     for (int i = 0; i < pm_yaml_count(state); ++i) {
         pm_yaml key, block;
         pm_yaml_entry(state, i, &key, &block);
-        PM_TRY(read_group(r, layout, key, block, &columns[i]));
+        PM_TRY(read_group(r, subsystem, key, block, &columns[i]));
         PM_TRY(pm_scene_read_at(r, key, &subsystem->group_at[i]));
         const bool mapped = subsystem == r->scene->subsystem ? columns[0] != NULL
                                                              : r->scene->subsystem->column != NULL;

@@ -149,7 +149,7 @@ static pm_status check_values(const pm_dataset *d, const char *name, const doubl
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
             for (int k = 0; k < d->ncolumn; ++k, ++value) {
-                if (!isfinite(*value)) {
+                if (!isfinite(*value) && !(d->measured && isnan(*value))) {
                     return pm_fail(PM_EDATA,
                                    "%s: %s of trajectory %d, time %d, column \"%s\" is %g, "
                                    "expected a finite number (indices from 0)",
@@ -161,8 +161,26 @@ static pm_status check_values(const pm_dataset *d, const char *name, const doubl
     return PM_OK;
 }
 
+// Measured times rise, and may end before the last sample.
+static pm_status check_times(const pm_dataset *d, const char *path) {
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int j = 0; j < d->ntime; ++j) {
+            const double now = pm_dataset_time(d, i, j);
+            const double before = j == 0 ? -INFINITY : pm_dataset_time(d, i, j - 1);
+            const bool over = j >= 2 && isnan(now);
+            if (!over && !(isfinite(now) && now > before)) {
+                return pm_fail(PM_EDATA,
+                               "%s: time %d of trajectory %d is %g s after %g s, expected rising "
+                               "times, at least two (indices from 0)",
+                               path, j, i, now, before);
+            }
+        }
+    }
+    return PM_OK;
+}
+
 static pm_status check(const pm_dataset *d, const char *path) {
-    PM_TRY(pm_times_check(path, d->ntime, d->t, d->dt));
+    PM_TRY(d->times != NULL ? check_times(d, path) : pm_times_check(path, d->ntime, d->t, d->dt));
     PM_TRY(check_columns(d, path));
     PM_TRY(check_values(d, "z", d->z, path));
     return d->zdot == NULL ? PM_OK : check_values(d, "zdot", d->zdot, path);
@@ -256,21 +274,115 @@ done:
     return status;
 }
 
-static void try_load(const void *path) {
+// --- loading measurements ---
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+// The median distance of the times of the first trajectory. PM_ENOMEM.
+static pm_status median_distance(const pm_dataset *d, double *dt) {
+    double *distance = malloc((size_t)d->ntime * sizeof *distance);
+    int count = 0;
+    if (distance == NULL) {
+        return fail_memory();
+    }
+    for (int j = 0; j + 1 < d->ntime && !isnan(pm_dataset_time(d, 0, j + 1)); ++j) {
+        distance[count++] = pm_dataset_time(d, 0, j + 1) - pm_dataset_time(d, 0, j);
+    }
+    qsort(distance, (size_t)count, sizeof *distance, compare);
+    *dt = count == 0 ? 1 : distance[count / 2];
+    free(distance);
+    return PM_OK;
+}
+
+// Reads /t [time] or [trajectory][time]. Evenly spaced times of all trajectories go to d->t.
+static pm_status read_times(pm_dataset *d, const pm_hdf5 *file, const char *path) {
+    const int shape[2] = {d->ntrajectory, d->ntime};
+    int length;
+    const bool common = pm_hdf5_shape(file, "/t", 1, &length) == PM_OK;
+    d->times =
+        pm_arena_array(&d->arena, (size_t)d->ntrajectory * (size_t)d->ntime, sizeof *d->times);
+    if (d->times == NULL) {
+        return fail_memory();
+    }
+    PM_TRY(pm_hdf5_read(file, "/t", common ? 1 : 2, common ? &shape[1] : shape, d->times));
+    for (int i = 1; i < d->ntrajectory && common; ++i) {
+        memcpy(d->times + (size_t)i * (size_t)d->ntime, d->times, (size_t)d->ntime * sizeof *d->t);
+    }
+    PM_TRY(pm_hdf5_has(file, "/dt") ? pm_hdf5_read(file, "/dt", 0, NULL, &d->dt)
+                                    : median_distance(d, &d->dt));
+    memcpy(d->t, d->times, (size_t)d->ntime * sizeof *d->t);
+    if (common && pm_times_check(path, d->ntime, d->t, d->dt) == PM_OK) {
+        d->times = NULL;
+    }
+    return PM_OK;
+}
+
+static pm_status read_measured(pm_dataset *d, const pm_hdf5 *file, const char *path,
+                               const char *name) {
+    const int shape[3] = {d->ntrajectory, d->ntime, d->ncolumn};
+    const char *layout;
+    d->measured = true;
+    PM_TRY(pm_hdf5_read_text(file, "/", LAYOUT, &d->arena, &layout));
+    PM_TRY(split_columns(d, layout, path));
+    PM_TRY(read_times(d, file, path));
+    PM_TRY(pm_hdf5_read(file, name, 3, shape, d->z));
+    PM_TRY(read_notes(d, file));
+    return check(d, path);
+}
+
+static pm_status load_measured(pm_dataset **dataset, const char *path, const char *name) {
+    pm_hdf5 *file = NULL;
+    pm_dataset *d = NULL;
+    int shape[3];
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
+    PM_TRY_DONE(pm_hdf5_shape(file, name, 3, shape));
+    PM_TRY_DONE(dataset_alloc(&d, shape[0], shape[1], shape[2]));
+    PM_TRY_DONE(read_measured(d, file, path, name));
+    *dataset = d;
+    d = NULL;
+done:
+    pm_dataset_free(d);
+    pm_hdf5_close(file);
+    return status;
+}
+
+// What a child process tries to load; `name` is NULL for pm_dataset_load.
+typedef struct attempt {
+    const char *path, *name;
+} attempt;
+
+static void try_load(const void *context) {
+    const attempt *a = context;
     pm_dataset *dataset = NULL;
-    (void)load(&dataset, path);
+    (void)(a->name == NULL ? load(&dataset, a->path) : load_measured(&dataset, a->path, a->name));
     pm_dataset_free(dataset);
+}
+
+static pm_status try_foreign(const char *path, const char *name) {
+    if (pm_hdf5_is_own(path)) {
+        return PM_OK;
+    }
+    char what[512];
+    const attempt a = {path, name};
+    snprintf(what, sizeof what, "%s: the file is damaged: the HDF5 library crashes on it", path);
+    return pm_attempt(try_load, &a, PM_EFILE, what);
+}
+
+pm_status pm_dataset_load_measured(pm_dataset **dataset, const char *path, const char *name) {
+    char full[256];
+    snprintf(full, sizeof full, "/%s", name);
+    PM_TRY(try_foreign(path, full));
+    return load_measured(dataset, path, full);
 }
 
 // A file of another tool may use any feature of HDF5, and damaged files can crash the library. A
 // child process therefore opens the file first.
 pm_status pm_dataset_load(pm_dataset **dataset, const char *path) {
-    if (!pm_hdf5_is_own(path)) {
-        char what[512];
-        snprintf(what, sizeof what, "%s: the file is damaged: the HDF5 library crashes on it",
-                 path);
-        PM_TRY(pm_attempt(try_load, path, PM_EFILE, what));
-    }
+    PM_TRY(try_foreign(path, NULL));
     return load(dataset, path);
 }
 
@@ -301,7 +413,8 @@ static pm_status write_content(const pm_dataset *d, pm_hdf5 *file, const char *l
     }
     PM_TRY(pm_hdf5_write(file, "/dt", 0, NULL, &d->dt));
     PM_TRY(pm_hdf5_write_text(file, "/dt", "units", "s"));
-    PM_TRY(pm_hdf5_write(file, "/t", 1, &shape[1], d->t));
+    PM_TRY(d->times != NULL ? pm_hdf5_write(file, "/t", 2, shape, d->times)
+                            : pm_hdf5_write(file, "/t", 1, &shape[1], d->t));
     PM_TRY(pm_hdf5_write_text(file, "/t", "units", "s"));
     PM_TRY(pm_hdf5_write(file, "/z", 3, shape, d->z));
     if (d->zdot != NULL) {

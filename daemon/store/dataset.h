@@ -8,11 +8,13 @@
 //                                      f0 to f179 (names.h), and is used for more than 60 kB of
 //                                      names
 //   units, attribute of /              optional: units of the columns, separated by ';'
-// Other text attributes of / are notes, such as title, source, command, seed, or coordinates
-// (weights.h).
+// A file of measurements (pm_dataset_load_measured) may have times [trajectory][time], and NaN
+// where a sample is missing. Other text attributes of / are notes, such as title, source, command,
+// seed, or coordinates (weights.h).
 #ifndef PM_STORE_DATASET_H
 #define PM_STORE_DATASET_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -31,6 +33,10 @@ typedef struct pm_dataset {
     double *z;                 // [ntrajectory][ntime][ncolumn]
     double *zdot;              // [ntrajectory][ntime][ncolumn]; NULL: there are no rates
     const char *const *column; // [ncolumn] names
+    bool measured;             // z may be NaN, which means that there is no such sample
+    // [ntrajectory][ntime] s, of a measured dataset whose times are not dt apart or differ between
+    // trajectories; NaN after the last sample of a shorter trajectory. NULL: all have the times t.
+    double *times;
     int nnote;
     const pm_note *note; // [nnote]
 } pm_dataset;
@@ -39,6 +45,15 @@ typedef struct pm_dataset {
 // columns, times that are not dt apart, or a value that is not finite, whose trajectory, time and
 // column the error names; PM_ENOMEM. The caller frees.
 pm_status pm_dataset_load(pm_dataset **dataset, const char *path);
+// Loads measurements from the dataset `name` of the file, such as "z" or "z_noise". In contrast to
+// pm_dataset_load, z may be NaN, /t may be [time] or [trajectory][time] and need not be evenly
+// spaced, and /dt may be missing, in which case dt is the median distance of two times. There are
+// no rates. Fails like pm_dataset_load.
+pm_status pm_dataset_load_measured(pm_dataset **dataset, const char *path, const char *name);
+// Returns the time in s of sample j of trajectory i, or NaN after the trajectory's end.
+static inline double pm_dataset_time(const pm_dataset *d, int i, int j) {
+    return d->times == NULL ? d->t[j] : d->times[(size_t)i * (size_t)d->ntime + (size_t)j];
+}
 // Makes a dataset to be filled: z is zero and t = i dt [s]; column [ncolumn] is copied. PM_ENOMEM.
 // The caller frees.
 pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn, double dt,

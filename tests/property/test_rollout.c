@@ -167,7 +167,7 @@ static void graph_step(const random_system *w, const double *z0, double *z) {
     pm_node k[2 * PM_MAX_STAGES], part[2], degeneracy = PM_NO_NODE;
     pm_node last[1];
     bool responding[NZ];
-    const pm_step_work work = {nodes, k, last, responding};
+    const pm_step_work work = {nodes, k, last, responding, PM_NO_NODE};
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node input = pm_input(g, true, 1, scene->nz);
     for (int i = 0; i < 2; ++i) {

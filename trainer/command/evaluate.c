@@ -1,6 +1,7 @@
 // portmet-train evaluate: rolls out a scene from the first state of each trajectory of a dataset
 // and prints errors, the balance of energy, and the growth of entropy.
 #include "command/commands.h"
+#include "command/evaluate_estimate.h"
 
 #include <stdbool.h>
 #include <stdio.h>
@@ -17,7 +18,8 @@
 #include "evaluate/thermo.h"
 
 typedef struct arguments {
-    const char *scene, *data, *weights, *trajectories, *trained, *record, *plot;
+    const char *scene, *data, *weights, *trajectories, *trained, *record, *plot, *estimate,
+        *data_set;
     bool json;
 } arguments;
 
@@ -34,6 +36,10 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "write the predicted trajectories as a dataset like the given one"},
         {"--plot", NULL, "DIR", NULL, &a->plot, false,
          "draw errors, error growth, laws and the first trajectory into DIR (gnuplot)"},
+        {"--estimate", NULL, "SECONDS", NULL, &a->estimate, false,
+         "the data are measurements: estimate each start from these first seconds"},
+        {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
+         "with --estimate: the dataset in FILE, such as z_noise; default: z"},
         {"--json", NULL, NULL, &a->json, NULL, false, "print JSON instead of tables"},
     };
     const pm_options options = {
@@ -184,6 +190,26 @@ static pm_status deliver(const job *j, const arguments *a, const char *command) 
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
 }
 
+// Scores measurements from estimated starts.
+static pm_status evaluate_measured(const arguments *a, const volatile sig_atomic_t *stop) {
+    pm_evaluate_estimate how = {.data = a->data,
+                                .data_set = a->data_set,
+                                .trajectories = a->trajectories,
+                                .record = a->record,
+                                .json = a->json};
+    pm_scene *scene = NULL;
+    pm_system *system = NULL;
+    pm_status status;
+    PM_TRY(pm_options_positive("--estimate", a->estimate, &how.seconds));
+    PM_TRY_DONE(pm_scene_load(&scene, a->scene));
+    PM_TRY_DONE(pm_system_load(&system, scene, a->weights));
+    status = pm_evaluate_from_estimate(system, &how, stop);
+done:
+    pm_system_free(system);
+    pm_scene_free(scene);
+    return status;
+}
+
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop) {
     arguments a;
     memset(&a, 0, sizeof a);
@@ -191,6 +217,9 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
         return PM_OK;
+    }
+    if (a.estimate != NULL) {
+        return evaluate_measured(&a, stop);
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);

@@ -17,6 +17,8 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
         {"--data", "-d", "FILE", NULL, &a->data, false, "dataset, instead of the one CONFIG names"},
         {"--output", "-o", "DIR", NULL, &a->output, true,
          "folder for the weights, one file per subsystem and port"},
+        {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
+         "of measurements: the dataset in FILE, such as z_noise; default: z"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "use only these trajectories, such as 0:40 or 0:4,7"},
         {"--validation", NULL, "LIST", NULL, &a->validation, false,

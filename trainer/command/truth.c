@@ -1,7 +1,9 @@
 // portmet-train truth: simulates the trajectories that a configuration describes, and writes them.
 #include "command/commands.h"
 #include "command/truth_body.h"
+#include "command/truth_noise.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,7 +18,7 @@
 #define CONVERGED 1e-10
 
 typedef struct truth_arguments {
-    const char *config, *output, *trajectories;
+    const char *config, *output, *trajectories, *noise, *missing, *seed;
 } truth_arguments;
 
 static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool *helped) {
@@ -24,9 +26,14 @@ static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool 
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
         {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
          "only the trajectories from A up to, but not including, B"},
+        {"--noise", NULL, "X", NULL, &a->noise, false,
+         "add normal noise, X times the standard deviation of each column"},
+        {"--missing", NULL, "X", NULL, &a->missing, false,
+         "leave out the fraction X of the states at random: uneven times"},
+        {"--seed", NULL, "N", NULL, &a->seed, false, "of noise and missing states; default: 1"},
     };
     const pm_options options = {
-        .usage = "portmet-train truth CONFIG -o FILE [--trajectories A:B]",
+        .usage = "portmet-train truth CONFIG -o FILE [options]",
         .summary =
             "Simulates ground truth with SUNDIALS CVODE at the limit of double precision. Prints\n"
             "how far the result is converged, how well energy is conserved, and the smallest\n"
@@ -138,6 +145,17 @@ done:
     return status;
 }
 
+// Adds the noise of the command line and leaves out states.
+static pm_status measure(const truth_arguments *a, pm_dataset *dataset, int first) {
+    double noise = 0, missing = 0;
+    int64_t seed = 1;
+    PM_TRY(a->noise == NULL ? PM_OK : pm_options_positive("--noise", a->noise, &noise));
+    PM_TRY(a->missing == NULL ? PM_OK : pm_options_positive("--missing", a->missing, &missing));
+    PM_TRY(a->seed == NULL ? PM_OK : pm_options_count("--seed", a->seed, INT_MAX, &seed));
+    return noise > 0 || missing > 0 ? pm_truth_add_noise(dataset, first, noise, missing, (int)seed)
+                                    : PM_OK;
+}
+
 static pm_status add_notes(pm_dataset *dataset, const pm_truth *truth, int first,
                            const char *command) {
     PM_TRY(pm_dataset_note(dataset, "title", "%s", truth->model.title));
@@ -150,7 +168,7 @@ static pm_status add_notes(pm_dataset *dataset, const pm_truth *truth, int first
 }
 
 pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    truth_arguments a = {NULL, NULL, NULL};
+    truth_arguments a = {NULL};
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
@@ -172,6 +190,7 @@ pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *s
                                truth->model.column));
     PM_TRY_DONE(add_notes(dataset, truth, first, command));
     PM_TRY_DONE(simulate(truth, first, dataset, stop));
+    PM_TRY_DONE(measure(&a, dataset, first));
     PM_TRY_DONE(pm_dataset_save(dataset, a.output));
     printf("wrote %s: %d trajectories of %d states, %g s apart\n", a.output, end - first,
            truth->ntime, truth->dt);

@@ -8,6 +8,7 @@
 
 #include "base/digest.h"
 #include "base/options.h"
+#include "learn/fit_measured.h"
 #include "learn/normalization.h"
 #include "learn/spectrum.h"
 #include "learn/start.h"
@@ -164,7 +165,7 @@ static pm_status run_stages(pm_fit *f) {
 }
 
 pm_status pm_fit_run(pm_fit *f) {
-    pm_status status = run_stages(f);
+    pm_status status = f->measured == NULL ? run_stages(f) : pm_fit_measured_run(f);
     if (status == PM_ENUMERIC && f->position[PM_FIT_BEST] >= 0) {
         char reason[256];
         snprintf(reason, sizeof reason, "%s", pm_error());
@@ -179,9 +180,12 @@ pm_status pm_fit_run(pm_fit *f) {
 // --- data ---
 
 static pm_status load_dataset(pm_fit *f, const char *path) {
+    f->data = path;
+    if (pm_training_is_measured(f->training)) {
+        return pm_fit_measured_load(f, path);
+    }
     PM_TRY(pm_dataset_load(&f->dataset, path));
     const double dt = f->training->scene->dt;
-    f->data = path;
     if (f->dataset->dt < dt * (1 - 1e-9) || f->dataset->dt > dt * (1 + 1e-9)) {
         return pm_fail(PM_EDATA, "%s: states are %g s apart, the scene %s steps by %g s", path,
                        f->dataset->dt, f->training->scene->path, dt);
@@ -225,7 +229,9 @@ static pm_status load_data(pm_fit *f) {
     }
     f->digest = f->training->digest;
     for (int i = 0; i < f->dataset->ntrajectory; ++i) {
-        f->seen[i] = pm_dataset_digest(f->dataset, i);
+        f->seen[i] = f->measured == NULL
+                         ? pm_dataset_digest(f->dataset, i)
+                         : pm_dataset_digest(f->measured->data, f->split.trajectory[i]);
         f->digest = pm_digest_integer(f->digest, (int64_t)f->seen[i]);
     }
     f->digest = pm_digest_integer(f->digest, f->split.ntraining);
@@ -244,7 +250,7 @@ static size_t count_weights(const pm_system *system) {
 
 static pm_status search_start(pm_fit *f, const double *declared) {
     pm_samples samples;
-    if (f->training->tries <= 1) {
+    if (f->training->tries <= 1 || pm_training_hides(f->training)) {
         return PM_OK;
     }
     pm_status status = make_samples(f, PM_RESIDUAL_DERIVATIVE, 1, 1, &samples);
@@ -332,5 +338,6 @@ void pm_fit_close(pm_fit *f) {
     }
     pm_training_free(f->training);
     pm_dataset_free(f->dataset);
+    pm_fit_measured_close(f->measured);
     pm_arena_free(&f->arena);
 }

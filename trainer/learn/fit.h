@@ -14,6 +14,7 @@
 // The command line of a fit. Texts are borrowed; NULL: not given.
 typedef struct pm_fit_arguments {
     const char *config, *data, *output, *trajectories, *validation;
+    const char *data_set; // of measurements; NULL: as the training file says, or z
     bool resume, black_box;
     double limit;    // s of training, after which the fit ends with the weights it has; 0: none
     char line[1024]; // the whole command, for the weights files
@@ -38,8 +39,9 @@ typedef struct pm_fit {
     const pm_fit_arguments *arguments; // borrowed
     pm_arena arena;
     pm_training *training;
-    const char *data;    // path of the dataset
-    pm_dataset *dataset; // reordered by the split
+    const char *data;                 // path of the dataset
+    pm_dataset *dataset;              // reordered by the split
+    struct pm_fit_measured *measured; // learn/fit_measured.h; NULL: the data are states
     pm_split split;
     uint64_t *seen; // [trajectories] their digests
     const volatile sig_atomic_t *stop;

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "learn/fit.h"
+#include "learn/fit_measured.h"
 
 // A group that is worse than persistence is unfit only above this relative error. Below, the group
 // hardly changes.
@@ -172,6 +172,9 @@ static void print_all(const report *r) {
 }
 
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box) {
+    if (fit->measured != NULL) {
+        return pm_fit_measured_report(fit);
+    }
     report r = {.fit = fit, .black_box = black_box};
     pm_status status;
     PM_TRY_DONE(pm_fit_measure(fit, false, &r.training));

@@ -65,7 +65,7 @@ pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_sam
         .work = {calloc(count, sizeof *s.work.state),
                  calloc(count * PM_MAX_STAGES, sizeof *s.work.k),
                  calloc((size_t)system->scene->nport + 1, sizeof *s.work.last),
-                 calloc((size_t)system->scene->nz, sizeof *s.work.responding)},
+                 calloc((size_t)system->scene->nz, sizeof *s.work.responding), PM_NO_NODE},
     };
     pm_status status = PM_OK;
     if (s.z == NULL || s.residual == NULL || s.work.state == NULL || s.work.k == NULL ||

@@ -109,14 +109,20 @@ void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
     }
 }
 
+// Returns x times the factor of the steps' length, where there are both.
+static pm_node stretched(pm_graph *g, pm_node x, pm_node stretch) {
+    return x == PM_NO_NODE || stretch == PM_NO_NODE ? x : pm_mul(g, x, stretch);
+}
+
 // Computes how much each co-energy rises per unit of a rate that lasts for h seconds.
 static void build_responses(pm_graph *g, const pm_system *system, pm_state_nodes *state, double h,
-                            bool *responding) {
+                            const pm_step_work *work) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         pm_state_nodes *s = &state[i];
-        pm_system_responding(system, i, responding);
-        s->response = pm_part_response(g, &system->part[i], s->dE, s->to, responding);
+        pm_system_responding(system, i, work->responding);
+        s->response = pm_part_response(g, &system->part[i], s->dE, s->to, work->responding);
         s->response = s->response == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, s->response, h);
+        s->response = stretched(g, s->response, work->stretch);
     }
 }
 
@@ -162,14 +168,14 @@ void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk
             place_stage(g, system, rk, h, stage, z, work);
             pm_build_coenergies(g, system, work->state);
             if (rk->discrete) {
-                build_responses(g, system, work->state, h, work->responding);
+                build_responses(g, system, work->state, h, work);
             }
             const double fraction = (substep + pm_integrator_time(rk, stage)) / substeps;
             pm_build_rates(g, system, work->state,
                            pm_build_boundary_input(g, system, boundary_input, fraction), work->last,
                            degeneracy);
             for (int i = 0; i < count; ++i) {
-                work->k[i * rk->nstage + stage] = work->state[i].zdot;
+                work->k[i * rk->nstage + stage] = stretched(g, work->state[i].zdot, work->stretch);
             }
         }
         for (int i = 0; i < count; ++i) {

@@ -45,6 +45,8 @@ typedef struct pm_step_work {
     pm_node *k;            // [nsubsystem * rk->nstage]
     pm_node *last;         // [nport]
     bool *responding;      // [largest nz of a subsystem]
+    pm_node stretch; // [1][1] batched: the factor by which each item's steps are longer than h;
+                     // PM_NO_NODE: 1
 } pm_step_work;
 
 // Replaces z [nsubsystem] by the states after `substeps` steps of h seconds each, and adds the

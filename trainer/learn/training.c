@@ -2,6 +2,8 @@
 // ports, and the number of starts. learn/training_stages.c reads `loss` and `stages`.
 #include "learn/training.h"
 
+#include <float.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -175,14 +177,56 @@ static pm_status read_placed(pm_training *t, pm_yaml block, const char *key, con
 }
 
 static pm_status read_data(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"file", "trajectories", "validation", NULL};
+    static const char *const keys[] = {"file", "trajectories", "validation", "data_set", NULL};
     const pm_yaml data = pm_yaml_get(root, "data");
     PM_TRY(pm_yaml_exists(data) ? pm_yaml_allow(data, keys) : PM_OK);
     PM_TRY(read_placed(t, data, "file", &t->data, &t->data_at));
     t->data = t->data == NULL ? NULL : resolve(t, t->data);
     PM_TRY(t->data_at != NULL && t->data == NULL ? no_memory() : PM_OK);
+    const char *unused = NULL;
+    PM_TRY(read_placed(t, data, "data_set", &t->data_set, &unused));
     PM_TRY(read_placed(t, data, "trajectories", &t->trajectories, &t->trajectories_at));
     return read_placed(t, data, "validation", &t->validation, &t->validation_at);
+}
+
+// Reads `noise: estimated` or the noise of single columns.
+static pm_status read_noise(pm_training *t, pm_yaml block) {
+    t->noisy = pm_yaml_exists(block);
+    if (!t->noisy || pm_yaml_is_text(block, "estimated")) {
+        return PM_OK;
+    }
+    if (!pm_yaml_is_map(block)) {
+        return pm_yaml_fail(block, "expected \"estimated\", or columns with their noise");
+    }
+    const size_t count = (size_t)pm_yaml_count(block);
+    t->noise_column = pm_arena_array(&t->arena, count + 1, sizeof *t->noise_column);
+    t->noise = pm_arena_array(&t->arena, count + 1, sizeof *t->noise);
+    t->noise_at = pm_yaml_where(block, &t->arena);
+    if (t->noise_column == NULL || t->noise == NULL || t->noise_at == NULL) {
+        return no_memory();
+    }
+    for (; t->nnoise < (int)count; ++t->nnoise) {
+        pm_yaml key, value;
+        pm_yaml_entry(block, t->nnoise, &key, &value);
+        PM_TRY(pm_yaml_text(key, &t->arena, &t->noise_column[t->nnoise]));
+        PM_TRY(pm_yaml_double(value, DBL_MIN, INFINITY, &t->noise[t->nnoise]));
+    }
+    return PM_OK;
+}
+
+bool pm_training_hides(const pm_training *training) {
+    const pm_scene *scene = training->scene;
+    bool hides = false;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        for (int k = 0; k < scene->subsystem[i].layout.ngroup; ++k) {
+            hides = hides || scene->subsystem[i].hidden[k];
+        }
+    }
+    return hides;
+}
+
+bool pm_training_is_measured(const pm_training *training) {
+    return training->noisy || training->scene->nobservation > 0 || pm_training_hides(training);
 }
 
 static pm_status make_digest(pm_training *t) {
@@ -216,9 +260,9 @@ static pm_status load_scene(pm_training *t, pm_yaml at, const char *path) {
 }
 
 static pm_status read_all(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"scene",      "data",     "seed",  "models",
-                                       "subsystems", "ports",    "loss",  "symmetry",
-                                       "stages",     "defaults", "start", NULL};
+    static const char *const keys[] = {"scene", "data",  "seed",     "models", "subsystems",
+                                       "ports", "loss",  "symmetry", "stages", "defaults",
+                                       "start", "noise", NULL};
     static const char *const sections[] = {"any", "square", NULL};
     static const char *const defaults[] = {"physical", "plain", NULL};
     PM_TRY(pm_yaml_allow(root, keys));
@@ -248,6 +292,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
         t->plain = choice == 1;
     }
     PM_TRY(read_data(t, root));
+    PM_TRY(read_noise(t, pm_yaml_get(root, "noise")));
     PM_TRY(read_models(t, root));
     share_weights(t->system);
     PM_TRY(pm_system_check_boundary_inputs(t->system));

@@ -1,0 +1,259 @@
+// Multiple shooting: its gradient agrees with finite differences, and eliminating the starts of all
+// windows gives a step that solves the normal equations of all unknowns.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "learn/shooting.h"
+#include "tests/support/random_system.h"
+
+#define NZ 10
+#define SAMPLES 41 // more windows than one batch, in two tracks
+#define TRACKS 2
+#define LENGTH 3 // of a window
+#define DIRECTIONS 10
+#define DAMPING 1e-3
+#define STEP 1e-5
+// The error of central differences: STEP^2 times a third derivative, and rounding of 1e-16 / STEP.
+#define TOLERANCE 2e-6
+
+typedef struct bench {
+    random_system w;
+    pm_observation observation;
+    int column[NZ], component[NZ], base[NZ];
+    bool hidden[NZ];
+    double guess[NZ], deviation[NZ];
+    const pm_formula *rule[NZ];
+    pm_track track[TRACKS];
+    double time[SAMPLES], y[TRACKS][SAMPLES * NZ], duration[SAMPLES];
+    int steps[SAMPLES];
+    double spread[NZ], difference[NZ];
+    pm_tracks tracks;
+    pm_shooting shooting;
+    size_t size; // weights and starts
+    double *point, *moved, *gradient;
+} bench;
+
+// Measures all components but the last two; the sixth is measured from the first.
+static void observe(bench *b) {
+    for (int c = 0; c < NZ; ++c) {
+        b->base[c] = c == 5 ? 0 : -1;
+        b->hidden[c] = c >= NZ - 2;
+        b->column[c] = b->component[c] = c;
+        b->deviation[c] = 0.5;
+    }
+    b->observation = (pm_observation){.count = NZ - 2,
+                                      .column = b->column,
+                                      .component = b->component,
+                                      .rule = b->rule,
+                                      .base = b->base,
+                                      .hidden = b->hidden,
+                                      .guess = b->guess,
+                                      .deviation = b->deviation};
+}
+
+// Random samples at uneven times, some of them missing, with an outlier now and then.
+static void measure(bench *b) {
+    const int ny = NZ - 2;
+    for (int k = 0; k < SAMPLES; ++k) {
+        b->steps[k] = k + 1 < SAMPLES ? 1 + k % 2 : 0;
+        b->duration[k] = 0.5 + 0.5 * pm_rng_uniform(&b->w.rng);
+        b->time[k] =
+            k == 0 ? 0 : b->time[k - 1] + b->steps[k - 1] * b->duration[k - 1] * b->w.scene->dt;
+        for (int i = 0; i < TRACKS * ny; ++i) {
+            const double outlier = (k + i) % 11 == 0 ? 3 : 0;
+            b->y[i / ny][k * ny + i % ny] =
+                (k * i) % 7 == 3 ? NAN : 0.3 * pm_rng_normal(&b->w.rng) + outlier;
+        }
+    }
+    for (int i = 0; i < TRACKS; ++i) {
+        b->track[i] = (pm_track){.count = SAMPLES - 4 * i,
+                                 .time = b->time,
+                                 .y = b->y[i],
+                                 .steps = b->steps,
+                                 .duration = b->duration};
+    }
+    b->tracks = (pm_tracks){.count = TRACKS,
+                            .ny = ny,
+                            .track = b->track,
+                            .stretched = true,
+                            .deviation = b->spread,
+                            .difference = b->difference};
+}
+
+static void bench_open(bench *b, uint64_t seed, const char *integrator) {
+    memset(b, 0, sizeof *b);
+    random_system_of_text(&b->w, seed, random_system_scene, random_system_part, random_system_port);
+    b->w.scene->dt = 0.01;
+    observe(b);
+    measure(b);
+    const pm_flow_how how = {.system = b->w.system,
+                             .observation = &b->observation,
+                             .integrator = pm_integrator_find(integrator),
+                             .substeps = 2,
+                             .stretched = true};
+    pm_shooting *s = &b->shooting;
+    assert_int_equal(pm_shooting_open(s, &how, &b->tracks), PM_OK);
+    for (int c = 0; c < NZ; ++c) {
+        s->gap[c] = 0.2 + 0.05 * c;
+        s->prior[c] = b->hidden[c] ? 0.7 : 0;
+        if (c < s->ny) {
+            s->noise[c] = 0.3 + 0.1 * c;
+        }
+    }
+    assert_int_equal(pm_shooting_divide(s, LENGTH), PM_OK);
+    b->size = (size_t)s->nweight + (size_t)s->nwindow * NZ;
+    b->point = calloc(3 * b->size, sizeof *b->point);
+    assert_non_null(b->point);
+    b->moved = b->point + b->size;
+    b->gradient = b->moved + b->size;
+    pm_shooting_weights(s, b->point);
+    for (size_t i = (size_t)s->nweight; i < b->size; ++i) {
+        b->point[i] = 0.3 * pm_rng_normal(&b->w.rng);
+    }
+}
+
+static void bench_close(bench *b) {
+    free(b->point);
+    pm_shooting_close(&b->shooting);
+    random_system_close(&b->w);
+}
+
+static double value_at(bench *b, const double *point) {
+    pm_shooting_set_weights(&b->shooting, point);
+    return pm_shooting_evaluate(&b->shooting, point + b->shooting.nweight, false);
+}
+
+// Collects the gradient by weights and starts from the normal equations.
+static double gradient_at(bench *b, const double *point) {
+    pm_shooting *s = &b->shooting;
+    const ptrdiff_t n = s->nweight, nb = s->nborder;
+    pm_shooting_set_weights(s, point);
+    const double value = pm_shooting_evaluate(s, point + n, true);
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        b->gradient[i] = s->matrix[i * nb + n];
+    }
+    for (ptrdiff_t w = 0; w < s->nwindow; ++w) {
+        for (ptrdiff_t c = 0; c < NZ; ++c) {
+            double sum = s->border[(w * NZ + c) * nb + n];
+            if (s->window[w].follows) {
+                sum -= s->end_by_weights[((w - 1) * NZ + c) * nb + n] / s->gap[c];
+            }
+            b->gradient[n + w * NZ + c] = sum;
+        }
+    }
+    return value;
+}
+
+static void check_gradient(const char *integrator) {
+    bench b;
+    bench_open(&b, 5, integrator);
+    const double value = gradient_at(&b, b.point);
+    random_system_check(&b.w, "objective with and without derivatives", value_at(&b, b.point),
+                        value, 1e-9 * value);
+    for (int d = 0; d < DIRECTIONS; ++d) {
+        double *v = calloc(b.size, sizeof *v), slope = 0, scale = 0;
+        assert_non_null(v);
+        for (size_t i = 0; i < b.size; ++i) {
+            const bool weight = i < (size_t)b.shooting.nweight;
+            v[i] = d % 2 == 0 || weight == (d % 4 == 1) ? pm_rng_normal(&b.w.rng) : 0;
+            slope += v[i] * b.gradient[i];
+            scale += fabs(v[i] * b.gradient[i]);
+        }
+        double difference = 0;
+        for (int sign = -1; sign <= 1; sign += 2) {
+            for (size_t i = 0; i < b.size; ++i) {
+                b.moved[i] = b.point[i] + sign * STEP * v[i];
+            }
+            difference += sign * value_at(&b, b.moved) / (2 * STEP);
+        }
+        random_system_check(&b.w, "slope of the objective", slope, difference, TOLERANCE * scale);
+        free(v);
+    }
+    bench_close(&b);
+}
+
+static void gradient_of_rk4(void **state) {
+    (void)state;
+    check_gradient("rk4");
+}
+
+static void gradient_of_discrete_gradient(void **state) {
+    (void)state;
+    check_gradient("discrete_gradient");
+}
+
+// Adds the product of the damped normal matrix and a step to `product` [size]. Every block is
+// multiplied where it stands, without elimination.
+static void multiply(const bench *b, double damping, const double *step, double *product) {
+    const pm_shooting *s = &b->shooting;
+    const ptrdiff_t n = s->nweight, nb = s->nborder;
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        for (ptrdiff_t k = 0; k < n; ++k) {
+            const double entry = s->matrix[i < k ? i * nb + k : k * nb + i];
+            product[i] += (i == k ? 1 + damping : 1) * entry * step[k];
+        }
+    }
+    for (ptrdiff_t w = 0; w < s->nwindow; ++w) {
+        const double *x = step + n + w * NZ;
+        double *y = product + n + w * NZ;
+        for (ptrdiff_t i = 0; i < NZ; ++i) {
+            for (ptrdiff_t k = 0; k < NZ; ++k) {
+                double entry = s->own[(w * NZ + i) * NZ + k];
+                entry += i == k && s->window[w].follows ? 1 / (s->gap[i] * s->gap[i]) : 0;
+                y[i] += (i == k ? 1 + damping : 1) * entry * x[k];
+                if (!s->window[w].ends) {
+                    const double next = -s->end_by_start[(w * NZ + k) * NZ + i] / s->gap[k];
+                    y[i] += next * x[NZ + k];
+                    y[NZ + k] += next * x[i];
+                }
+            }
+            for (ptrdiff_t k = 0; k < n; ++k) {
+                double entry = s->border[(w * NZ + i) * nb + k];
+                if (s->window[w].follows) {
+                    entry -= s->end_by_weights[((w - 1) * NZ + i) * nb + k] / s->gap[i];
+                }
+                y[i] += entry * step[k];
+                product[k] += entry * x[i];
+            }
+        }
+    }
+}
+
+// The step solves the damped normal equations of all unknowns.
+static void elimination_solves_the_equations(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 6, "rk4");
+    pm_shooting *s = &b.shooting;
+    gradient_at(&b, b.point);
+    assert_true(pm_shooting_solve(s, DAMPING, b.moved, b.moved + s->nweight));
+    double *product = calloc(b.size, sizeof *product), largest = 0;
+    assert_non_null(product);
+    multiply(&b, DAMPING, b.moved, product);
+    for (size_t i = 0; i < b.size; ++i) {
+        largest = fmax(largest, fabs(b.gradient[i]));
+    }
+    for (size_t i = 0; i < b.size; ++i) {
+        random_system_check(&b.w, "product with the step, plus the gradient, relative",
+                            (product[i] + b.gradient[i]) / largest, 0, 1e-7);
+    }
+    free(product);
+    bench_close(&b);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gradient_of_rk4),
+        cmocka_unit_test(gradient_of_discrete_gradient),
+        cmocka_unit_test(elimination_solves_the_equations),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

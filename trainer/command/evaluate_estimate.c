@@ -1,0 +1,288 @@
+// Scores predictions from estimated starts against measurements.
+#include "command/evaluate_estimate.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/options.h"
+#include "evaluate/evaluate.h"
+#include "evaluate/seen.h"
+#include "learn/estimate.h"
+#include "store/hdf5_io.h"
+
+// The objects of an evaluation, all owned by this structure.
+typedef struct prediction {
+    pm_arena arena;
+    const pm_evaluate_estimate *how;
+    pm_system *system;
+    pm_dataset *data, *starts;
+    pm_observation observation;
+    pm_estimate estimate;
+    int count, *which;
+    double *error; // [count][ny] relative errors after the time of the estimate
+    pm_evaluation *laws;
+} prediction;
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "evaluate: out of memory");
+}
+
+// --- choice ---
+
+static pm_status choose(prediction *j) {
+    const int n = j->data->ntrajectory;
+    bool *seen = pm_arena_array(&j->arena, (size_t)n, sizeof *seen);
+    j->which = pm_arena_array(&j->arena, (size_t)n, sizeof *j->which);
+    if (seen == NULL || j->which == NULL) {
+        return no_memory();
+    }
+    const int nseen = pm_seen_mark(j->system, j->data, seen);
+    PM_TRY(pm_options_list(j->how->trajectories, n, j->which, &j->count));
+    if (j->how->trajectories == NULL && nseen > 0 && nseen < n) {
+        j->count = 0;
+        for (int i = 0; i < n; ++i) {
+            if (!seen[i]) {
+                j->which[j->count++] = i;
+            }
+        }
+    }
+    int known = 0;
+    for (int i = 0; i < j->count; ++i) {
+        known += seen[j->which[i]];
+    }
+    if (!j->how->json && nseen >= 0) {
+        printf(known > 0 ? "%d of these %d trajectories are ones that the weights were trained or "
+                           "validated on: no test of them\n"
+                         : "unseen: the weights were trained on none of these trajectories\n",
+               known, j->count);
+    }
+    return PM_OK;
+}
+
+// --- scores ---
+
+// The relative L2 error of one column of one trajectory after the time of the estimate: over the
+// deviation of the measurements from their mean there.
+static double error_of(const prediction *j, int id, int column) {
+    const pm_estimate *e = &j->estimate;
+    const pm_dataset *d = j->data;
+    const int trajectory = j->which[id];
+    const double start = pm_dataset_time(d, trajectory, 0);
+    double mean = 0, square = 0, miss = 0;
+    int n = 0;
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int k = 0; k < d->ntime; ++k) {
+            const double t = pm_dataset_time(d, trajectory, k);
+            const double y = pm_dataset_state(d, trajectory, k)[j->observation.column[column]];
+            if (isnan(t) || t - start <= j->how->seconds || isnan(y)) {
+                continue;
+            }
+            const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
+            mean += pass == 0 ? y : 0;
+            n += pass == 0;
+            miss += pass == 1 ? r * r : 0;
+            square += pass == 1 ? (y - mean) * (y - mean) : 0;
+        }
+        mean = pass == 0 && n > 0 ? mean / n : mean;
+    }
+    return n == 0 ? NAN : isfinite(miss) ? sqrt(miss / square) : INFINITY;
+}
+
+static pm_status score(prediction *j) {
+    const int ny = j->estimate.ny;
+    j->error = pm_arena_array(&j->arena, (size_t)j->count * (size_t)ny, sizeof *j->error);
+    if (j->error == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < j->count; ++i) {
+        for (int c = 0; c < ny; ++c) {
+            j->error[i * ny + c] = error_of(j, i, c);
+        }
+    }
+    return PM_OK;
+}
+
+// --- laws ---
+
+// Rolls the estimated starts out in the steps of the scene, which checks both laws.
+static pm_status check_laws(prediction *j) {
+    const pm_scene *scene = j->system->scene;
+    const pm_estimate *e = &j->estimate;
+    const double length = pm_dataset_time(j->data, j->which[0], j->data->ntime - 1) -
+                          pm_dataset_time(j->data, j->which[0], 0);
+    const int ntime = isfinite(length) ? 1 + (int)(length / scene->dt * (1 + 1e-9)) : 2;
+    pm_columns columns;
+    const char **column = pm_arena_array(&j->arena, (size_t)scene->nz, sizeof *column);
+    if (column == NULL || scene->nprescribed > 0 || pm_system_without_energy(j->system) >= 0) {
+        return column == NULL ? no_memory() : PM_OK;
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        memcpy(column + scene->subsystem[i].first, scene->subsystem[i].column,
+               (size_t)scene->subsystem[i].layout.nz * sizeof *column);
+    }
+    PM_TRY(
+        pm_dataset_new(&j->starts, j->count, ntime > 2 ? ntime : 2, scene->nz, scene->dt, column));
+    PM_TRY(pm_columns_bind(&columns, scene, j->starts, &j->arena));
+    for (int i = 0; i < j->count; ++i) {
+        for (int k = 0; k < j->starts->ntime; ++k) {
+            pm_columns_to_row(&columns, e->start + (ptrdiff_t)i * e->nz,
+                              pm_dataset_state(j->starts, i, k));
+        }
+    }
+    const pm_evaluate_how how = {.threads = 2};
+    return pm_evaluate(&j->laws, j->system, j->starts, 0, j->count, &how);
+}
+
+// --- output ---
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+static void print_errors(const prediction *j) {
+    const int ny = j->estimate.ny;
+    printf("Starts estimated in the first %g s of %d trajectories; error after that, %% of the "
+           "deviation from the mean\n",
+           j->how->seconds, j->count);
+    printf("%-16s %10s %10s %10s %14s\n", "column", "median", "mean", "largest", "residual");
+    for (int c = 0; c < ny; ++c) {
+        double sorted[1024], sum = 0;
+        const int n = j->count < 1024 ? j->count : 1024;
+        for (int i = 0; i < n; ++i) {
+            sorted[i] = j->error[i * ny + c];
+            sum += sorted[i];
+        }
+        qsort(sorted, (size_t)n, sizeof *sorted, compare);
+        const double median = 0.5 * (sorted[n / 2] + sorted[(n - 1) / 2]);
+        printf("%-16s %10.3g %10.3g %10.3g %14.3g\n", j->observation.name[c], 100 * median,
+               100 * sum / n, 100 * sorted[n - 1], j->estimate.noise[c]);
+    }
+    for (int i = 0; i < j->count && j->count <= 16; ++i) {
+        printf("  trajectory %-4d", j->which[i]);
+        for (int c = 0; c < ny; ++c) {
+            printf(" %s %.3g", j->observation.name[c], 100 * j->error[i * ny + c]);
+        }
+        printf("\n");
+    }
+}
+
+static void print_laws(const prediction *j) {
+    double residual = 0, drift = 0, fall = 0;
+    long violations = 0;
+    if (j->laws == NULL) {
+        return;
+    }
+    for (int i = 0; i < j->laws->count; ++i) {
+        const pm_ledger *ledger = &j->laws->rollout[i].ledger;
+        residual = fmax(residual, ledger->worst_energy);
+        drift = fmax(drift, ledger->energy_drift);
+        fall = fmax(fall, ledger->worst_entropy_fall);
+        violations += ledger->violations;
+    }
+    printf("Laws: largest energy residual %.2e, steps in violation %ld; the total energy drifts by "
+           "%.2e J at most, the total entropy falls by %.2e J/K at most\n",
+           residual, violations, drift, fall);
+}
+
+static void print_json(const prediction *j) {
+    const int ny = j->estimate.ny;
+    printf("{\"estimate\": %.17g, \"trajectories\": [", j->how->seconds);
+    for (int i = 0; i < j->count; ++i) {
+        printf("%s%d", i > 0 ? ", " : "", j->which[i]);
+    }
+    printf("], \"columns\": {");
+    for (int c = 0; c < ny; ++c) {
+        printf("%s\"%s\": {\"residual\": %.17g, \"error\": [", c > 0 ? ", " : "",
+               j->observation.name[c], j->estimate.noise[c]);
+        for (int i = 0; i < j->count; ++i) {
+            const double error = j->error[i * ny + c];
+            printf(isfinite(error) ? "%s%.17g" : "%snull", i > 0 ? ", " : "", error);
+        }
+        printf("]}");
+    }
+    printf("}}\n");
+}
+
+static pm_status write_content(const prediction *j, pm_hdf5 *file) {
+    const pm_estimate *e = &j->estimate;
+    const pm_dataset *d = j->data;
+    const int shape[3] = {j->count, d->ntime, d->ncolumn}, states[3] = {j->count, d->ntime, e->nz};
+    const size_t rows = (size_t)j->count * (size_t)d->ntime;
+    double *y = malloc(rows * (size_t)d->ncolumn * sizeof *y);
+    double *t = malloc(rows * sizeof *t), *number = malloc((size_t)j->count * sizeof *number);
+    pm_status status = PM_OK;
+    if (y == NULL || t == NULL || number == NULL) {
+        status = no_memory();
+        goto done;
+    }
+    for (size_t i = 0; i < rows * (size_t)d->ncolumn; ++i) {
+        y[i] = NAN;
+    }
+    for (size_t i = 0; i < rows; ++i) {
+        for (int c = 0; c < e->ny; ++c) {
+            y[i * (size_t)d->ncolumn + (size_t)j->observation.column[c]] =
+                e->y[i * (size_t)e->ny + (size_t)c];
+        }
+        t[i] = pm_dataset_time(d, j->which[i / (size_t)d->ntime], (int)(i % (size_t)d->ntime));
+        number[i / (size_t)d->ntime] = j->which[i / (size_t)d->ntime];
+    }
+    PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "columns", d->ncolumn, d->column));
+    PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "components", e->nz, j->observation.component_name));
+    PM_TRY_DONE(pm_hdf5_write(file, "/y", 3, shape, y));
+    PM_TRY_DONE(pm_hdf5_write(file, "/z", 3, states, e->z));
+    PM_TRY_DONE(pm_hdf5_write(file, "/t", 2, shape, t));
+    status = pm_hdf5_write(file, "/trajectory", 1, shape, number);
+done:
+    free(y);
+    free(t);
+    free(number);
+    return status;
+}
+
+static pm_status write_record(const prediction *j) {
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_create(&file, j->how->record, PM_HDF5_ATOMIC));
+    PM_TRY_DONE(write_content(j, file));
+    status = pm_hdf5_commit(file);
+done:
+    pm_hdf5_close(file);
+    return status;
+}
+
+// --- the whole ---
+
+static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
+    const char *name = j->how->data_set == NULL ? "z" : j->how->data_set;
+    PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
+    PM_TRY(pm_observation_bind(&j->observation, j->system->scene, j->data, &j->arena));
+    PM_TRY(choose(j));
+    PM_TRY(pm_estimate_make(&j->estimate, j->system, &j->observation, j->data, j->count, j->which,
+                            j->how->seconds, stop));
+    PM_TRY(score(j));
+    PM_TRY(check_laws(j));
+    if (j->how->json) {
+        print_json(j);
+    } else {
+        print_errors(j);
+        print_laws(j);
+    }
+    PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
+    const pm_rollout *violating = j->laws == NULL ? NULL : pm_evaluation_violation(j->laws);
+    return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
+}
+
+pm_status pm_evaluate_from_estimate(pm_system *system, const pm_evaluate_estimate *how,
+                                    const volatile sig_atomic_t *stop) {
+    prediction j = {.how = how, .system = system};
+    const pm_status status = run(&j, stop);
+    pm_evaluation_free(j.laws);
+    pm_estimate_free(&j.estimate);
+    pm_dataset_free(j.starts);
+    pm_dataset_free(j.data);
+    pm_arena_free(&j.arena);
+    return status;
+}

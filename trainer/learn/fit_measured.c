@@ -1,0 +1,236 @@
+// Measurements in a fit: loading them, states for the scales of models, and multiple shooting.
+#include "learn/fit_measured.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "learn/shooting_schedule.h"
+#include "scene/columns.h"
+
+#define REACH 10.0 // of weights, which begin with deviations of about 1
+#define EQUAL 1e-6 // relative difference of times that count as equal
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for measurements");
+}
+
+// --- loading ---
+
+// Assigns the noise of the training file to columns.
+static pm_status bind_noise(const pm_training *t, struct pm_fit_measured *m) {
+    m->noise = pm_arena_array(&m->arena, (size_t)m->observation.count, sizeof *m->noise);
+    if (m->noise == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < t->nnoise; ++i) {
+        int c = 0;
+        while (c < m->observation.count &&
+               strcmp(m->observation.name[c], t->noise_column[i]) != 0) {
+            ++c;
+        }
+        if (c == m->observation.count) {
+            return pm_fail(PM_ECONFIG, "%s: the scene measures no column \"%.64s\"", t->noise_at,
+                           t->noise_column[i]);
+        }
+        m->noise[c] = t->noise[i];
+    }
+    return PM_OK;
+}
+
+// The columns of all states, followed by those of boundary inputs.
+static pm_status list_columns(struct pm_fit_measured *m, const pm_scene *scene,
+                              const char ***column, int *count) {
+    const char **list =
+        pm_arena_array(&m->arena, (size_t)(scene->nz + scene->nprescribed), sizeof *list);
+    if (list == NULL) {
+        return no_memory();
+    }
+    *count = scene->nz;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &scene->subsystem[i];
+        memcpy(list + s->first, s->column, (size_t)s->layout.nz * sizeof *list);
+    }
+    for (int i = 0; i < scene->nboundary_input; ++i) {
+        const pm_scene_boundary_input *b = &scene->boundary_input[i];
+        for (int k = 0; k < 3 * b->layout.nz; ++k) {
+            const char *name = b->value[k].column;
+            int same = 0;
+            while (same < *count && (name == NULL || strcmp(list[same], name) != 0)) {
+                ++same;
+            }
+            if (name != NULL && same == *count) {
+                list[(*count)++] = name;
+            }
+        }
+    }
+    *column = list;
+    return PM_OK;
+}
+
+// Copies the columns of boundary inputs, which stand behind those of the states.
+static void copy_inputs(const struct pm_fit_measured *m, const pm_track *r, int nz, int trajectory,
+                        pm_dataset *states) {
+    for (int k = nz; k < states->ncolumn; ++k) {
+        int c = 0;
+        while (c + 1 < m->data->ncolumn && strcmp(m->data->column[c], states->column[k]) != 0) {
+            ++c;
+        }
+        for (int j = 0; j < states->ntime && j < r->count; ++j) {
+            pm_dataset_state(states, trajectory, j)[k] =
+                pm_dataset_state(m->data, trajectory, r->sample[j])[c];
+        }
+    }
+}
+
+// Fills the dataset of states from the tracks of all trajectories.
+static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
+    struct pm_fit_measured *m = f->measured;
+    const pm_scene *scene = f->training->scene;
+    const size_t nz = (size_t)scene->nz;
+    int ntime = 0, count = 0;
+    for (int i = 0; i < tracks->count; ++i) {
+        const pm_track *r = &tracks->track[i];
+        const double length = (r->time[r->count - 1] - r->time[0]) / scene->dt;
+        const int own = 1 + (int)floor(length * (1 + EQUAL));
+        ntime = i == 0 || own < ntime ? own : ntime;
+    }
+    const char **column = NULL;
+    pm_columns columns;
+    PM_TRY(list_columns(m, scene, &column, &count));
+    PM_TRY(pm_dataset_new(&f->dataset, tracks->count, ntime, count, scene->dt, column));
+    PM_TRY(pm_columns_bind(&columns, scene, f->dataset, &m->arena));
+    double *state = malloc((size_t)ntime * nz * sizeof *state);
+    if (state == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < tracks->count; ++i) {
+        pm_track_states(tracks, i, scene, &m->observation, ntime, state);
+        for (int j = 0; j < ntime; ++j) {
+            pm_columns_to_row(&columns, state + (size_t)j * nz, pm_dataset_state(f->dataset, i, j));
+        }
+        copy_inputs(m, &tracks->track[i], scene->nz, i, f->dataset);
+    }
+    free(state);
+    return PM_OK;
+}
+
+static pm_status make_states(pm_fit *f) {
+    struct pm_fit_measured *m = f->measured;
+    int *all = pm_arena_array(&m->arena, (size_t)m->data->ntrajectory, sizeof *all);
+    pm_tracks tracks;
+    if (all == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < m->data->ntrajectory; ++i) {
+        all[i] = i;
+    }
+    PM_TRY(pm_tracks_make(&tracks, f->training->scene, &m->observation, m->data,
+                          m->data->ntrajectory, all, INFINITY, true));
+    const pm_status status = fill_states(f, &tracks);
+    pm_tracks_free(&tracks);
+    return status;
+}
+
+pm_status pm_fit_measured_load(pm_fit *f, const char *path) {
+    struct pm_fit_measured *m = calloc(1, sizeof *m);
+    const char *name = f->arguments->data_set != NULL  ? f->arguments->data_set
+                       : f->training->data_set != NULL ? f->training->data_set
+                                                       : "z";
+    if (m == NULL) {
+        return no_memory();
+    }
+    f->measured = m;
+    PM_TRY(pm_dataset_load_measured(&m->data, path, name));
+    PM_TRY(pm_observation_bind(&m->observation, f->training->scene, m->data, &m->arena));
+    PM_TRY(bind_noise(f->training, m));
+    m->typical = pm_arena_array(&m->arena, (size_t)f->training->scene->nz, sizeof *m->typical);
+    if (m->typical == NULL) {
+        return no_memory();
+    }
+    memcpy(m->typical, m->observation.deviation,
+           (size_t)f->training->scene->nz * sizeof *m->typical);
+    return make_states(f);
+}
+
+void pm_fit_measured_close(struct pm_fit_measured *m) {
+    if (m != NULL) {
+        pm_dataset_free(m->data);
+        pm_arena_free(&m->arena);
+        free(m);
+    }
+}
+
+// --- training ---
+
+// Whether a learned constant of component i stays positive.
+static bool is_positive(const pm_fit *f, int component, const char *name) {
+    const pm_system *system = f->training->system;
+    const int nsubsystem = system->scene->nsubsystem;
+    const pm_constants *c = component < nsubsystem
+                                ? system->part[component].spec.constants
+                                : system->port[component - nsubsystem].spec.constants;
+    for (int i = 0; c != NULL && c->learned != NULL && i < c->count; ++i) {
+        if (strcmp(c->name[i], name) == 0) {
+            return c->learned[i] == PM_CONSTANT_POSITIVE;
+        }
+    }
+    return false;
+}
+
+// Weights of networks and logarithms of positive constants are expected within REACH of their first
+// values. Other learned constants have units, so that nothing is known of their reach.
+static void set_reach(const pm_fit *f, pm_shooting *s) {
+    size_t at = 0;
+    pm_shooting_weights(s, s->first_weight);
+    for (int i = 0; i < pm_system_components(f->training->system); ++i) {
+        const pm_params *params = pm_system_params(f->training->system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const bool constant = strncmp(entry->name, "constant.", 9) == 0;
+            for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j) {
+                s->reach[at++] = constant && !is_positive(f, i, entry->name + 9) ? 0 : REACH;
+            }
+        }
+    }
+}
+
+static pm_status shoot(pm_fit *f, pm_shooting *s) {
+    const struct pm_fit_measured *m = f->measured;
+    for (int c = 0; c < s->nz; ++c) {
+        s->prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
+    }
+    set_reach(f, s);
+    const pm_shooting_course course = {
+        .given = m->noise, .typical = m->typical, .loud = true, .stop = f->stop};
+    const pm_status status = pm_shooting_run(s, &course);
+    pm_shooting_weights(s, f->theta);
+    return status;
+}
+
+pm_status pm_fit_measured_run(pm_fit *f) {
+    const struct pm_fit_measured *m = f->measured;
+    const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
+    pm_tracks tracks;
+    pm_shooting shooting = {0};
+    PM_TRY(pm_tracks_make(&tracks, f->training->scene, &m->observation, m->data, f->split.ntraining,
+                          f->split.trajectory, INFINITY, true));
+    const pm_flow_how how = {.system = f->training->system,
+                             .observation = &m->observation,
+                             .integrator = loss->integrator,
+                             .substeps = loss->substeps,
+                             .stretched = tracks.stretched};
+    pm_status status = pm_shooting_open(&shooting, &how, &tracks);
+    if (status == PM_OK) {
+        pm_fit_set_weights(f, f->theta);
+        status = shoot(f, &shooting);
+    }
+    pm_shooting_close(&shooting);
+    pm_tracks_free(&tracks);
+    return status;
+}
+
+pm_status pm_fit_measured_report(pm_fit *f) {
+    (void)f;
+    return PM_OK;
+}

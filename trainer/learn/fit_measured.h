@@ -1,0 +1,28 @@
+// A fit to measurements (learn/shooting.h) in place of one to states: used where the training file
+// gives `noise`, where the scene has hidden groups or `observations`.
+#ifndef PM_TRAINER_LEARN_FIT_MEASURED_H
+#define PM_TRAINER_LEARN_FIT_MEASURED_H
+
+#include "learn/fit.h"
+#include "learn/observation.h"
+
+struct pm_fit_measured {
+    pm_arena arena;
+    pm_dataset *data; // the measurements
+    pm_observation observation;
+    double *noise; // [observation.count] given noise in the unit of the column; 0: to be estimated
+    double *typical; // [nz] typical size of hidden components; 0: not known
+};
+
+// Loads the measurements, and makes f->dataset: states at steps of the scene that are interpolated
+// from them, with guesses for hidden groups. They serve to fix the scales of the models. PM_EDATA,
+// PM_ECONFIG, PM_EFILE, PM_ENOMEM.
+pm_status pm_fit_measured_load(pm_fit *f, const char *path);
+void pm_fit_measured_close(struct pm_fit_measured *m); // NULL is allowed
+// Runs multiple shooting on the training part. f->theta holds the result.
+pm_status pm_fit_measured_run(pm_fit *f);
+// Estimates the starts of the validation part (or of the training part) from its first quarter and
+// prints how well the rest is predicted.
+pm_status pm_fit_measured_report(pm_fit *f);
+
+#endif

@@ -1,0 +1,34 @@
+// What is measured of a system: for each measured column a function of the state. A column that the
+// scene maps to a component is this component, plus those from which it is measured (relative_to);
+// other columns are formulas of states and co-energies (`observations` in the scene).
+#ifndef PM_TRAINER_LEARN_OBSERVATION_H
+#define PM_TRAINER_LEARN_OBSERVATION_H
+
+#include "graph/graph.h"
+#include "scene/system.h"
+
+typedef struct pm_observation {
+    int count;                   // measured columns
+    int *column;                 // [count] positions in a row of the dataset
+    int *component;              // [count] component of the scene's state; -1: a formula
+    const char **name;           // [count] names of the columns
+    const char **unit;           // [count] units of the components; NULL: a formula
+    const pm_formula **rule;     // [count] the formula; NULL: a component
+    int *base;                   // [nz] component from which one is measured; -1: none
+    bool *hidden;                // [nz] components that no column holds
+    double *guess;               // [nz] where the start of a hidden component is looked for first
+    double *deviation;           // [nz] how far from it the start may be; 0: not said
+    const char **component_name; // [nz] "subsystem.group" or "subsystem.group[1]"
+} pm_observation;
+
+// Finds the columns of a measured dataset. Hidden groups are not looked for. The arrays lie in the
+// arena. PM_EDATA: the dataset lacks a column of a group that is not hidden, or one that a formula
+// gives; PM_ECONFIG: a formula is wrong, or nothing is measured; PM_ENOMEM.
+pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm_dataset *dataset,
+                              pm_arena *arena);
+
+// Returns the values [1][count] of all measured columns in the state z [1][nz] of the scene.
+pm_node pm_observation_build(pm_graph *g, const pm_observation *o, const pm_system *system,
+                             pm_node z);
+
+#endif

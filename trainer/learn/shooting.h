@@ -1,0 +1,113 @@
+// Multiple shooting (Bock, 1987): a fit to measurements, whose unknowns are the weights and the
+// state at the start of every window of samples. It minimises
+//
+//     1/2 sum over samples and columns of huber((h(z(t)) - y)/noise)
+//     + 1/2 sum over neighbouring windows and components of ((z at the end - next start)/gap)^2
+//     + 1/2 sum over trajectories and hidden components of ((first start - guess)/deviation)^2
+//     + 1/2 sum over weights of ((weight - first weight)/reach)^2
+//
+// by Gauss-Newton with Marquardt's damping, where h is what is measured of a state and z(t) comes
+// from the start of the window by the integrator. The starts are eliminated window by window, so
+// that the cost grows linearly with the number of windows (learn/shooting_solve.c). As `gap`
+// shrinks, the windows of a trajectory join to one solution.
+#ifndef PM_TRAINER_LEARN_SHOOTING_H
+#define PM_TRAINER_LEARN_SHOOTING_H
+
+#include <signal.h>
+
+#include "learn/flow.h"
+#include "learn/track.h"
+
+#define PM_SHOOTING_LANES 2 // threads; a fixed number, so that the order of sums is fixed
+
+// A window: the samples [first, last) of a track, where the integration ends at sample `last` if
+// another window follows, else at `last - 1`.
+typedef struct pm_window {
+    int track, first, last;
+    bool follows; // it begins where the window before ends
+    bool ends;    // no window of its track follows
+} pm_window;
+
+typedef struct pm_shooting_lane pm_shooting_lane;
+
+typedef struct pm_shooting {
+    pm_arena arena; // owns what does not depend on the windows
+    pm_flow_how how;
+    const pm_tracks *tracks;           // borrowed
+    const pm_observation *observation; // borrowed
+    int nz, ny, nweight, nborder;      // nborder = nweight + 1: the weights and the gradient
+    double *noise;                     // [ny] what residuals are divided by
+    double *gap;                       // [nz] what gaps are divided by
+    double *prior;                     // [nz] deviation of the first start; 0: none
+    bool hold;                         // the weights stay as they are; only starts are sought
+    // [nweight] the weights before the fit, and how far a weight is expected to go from there; 0:
+    // any distance. Weights on which the data have no influence stay near the first ones.
+    double *first_weight, *reach;
+    double huber; // residuals beyond this many deviations count less
+    int nwindow;
+    pm_window *window; // [nwindow], by track and time
+    double *z;         // [nwindow][nz] the starts
+    double *end;       // [nwindow][nz] where the windows end, by the last evaluation
+    double **residual; // [tracks->count] -> [count][ny], model minus data by the last evaluation
+    // The normal equations of the last evaluation with derivatives.
+    double *matrix; // [nborder][nborder] weights and, in the last column, gradient; upper triangle
+    double *own;    // [nwindow][nz][nz] starts
+    double *border; // [nwindow][nz][nborder] starts with weights, and gradient by the starts
+    double *end_by_start;   // [nwindow][nz][nz] derivatives of the gaps, divided by `gap`
+    double *end_by_weights; // [nwindow][nz][nborder], and the gaps themselves
+    // Work space of the solution.
+    double *factor;   // [nwindow][nz][nz]
+    double *coupling; // [nwindow][nz][nz]
+    double *solved;   // [nwindow][nz][nborder]
+    double *reduced;  // [nborder][nborder] the matrix after elimination
+    // Flows without derivatives, with those by starts and weights, and with those by starts alone.
+    pm_flow *value[PM_SHOOTING_LANES], *derivative[PM_SHOOTING_LANES], *start[PM_SHOOTING_LANES];
+    pm_shooting_lane *lane[PM_SHOOTING_LANES];
+} pm_shooting;
+
+// --- learn/shooting.c: windows ---
+
+// Prepares a fit without windows. All arguments must outlive it. The caller closes it. PM_ENOMEM.
+pm_status pm_shooting_open(pm_shooting *s, const pm_flow_how *how, const pm_tracks *tracks);
+void pm_shooting_close(pm_shooting *s); // zeroed storage is allowed
+// Divides all tracks into windows of `length` samples, the last of a track up to half as long
+// again. Starts are taken from the windows before, integrated from there, or, if there are none,
+// from the measurements. PM_ENOMEM.
+pm_status pm_shooting_divide(pm_shooting *s, int length);
+
+// --- learn/shooting_evaluate.c ---
+
+// Integrates all windows with the present weights of the system from the starts z [nwindow][nz].
+// Returns the objective, which may not be finite. With `derivatives` it fills the normal equations.
+double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives);
+pm_status pm_shooting_open_lanes(pm_shooting *s); // PM_ENOMEM
+// Lets later evaluations take this many steps of the integrator in one dt. PM_ENOMEM.
+pm_status pm_shooting_set_substeps(pm_shooting *s, int substeps);
+void pm_shooting_close_lanes(pm_shooting *s);
+
+// --- learn/shooting_solve.c ---
+
+// Eliminates the starts from the normal equations, whose diagonal is multiplied by 1 + damping, and
+// writes the step of the weights [nweight] and of the starts [nwindow][nz]. Returns false if the
+// equations are singular.
+bool pm_shooting_solve(pm_shooting *s, double damping, double *weights, double *z);
+
+// --- learn/shooting_minimise.c ---
+
+typedef struct pm_shooting_progress {
+    int iterations;
+    double before, after; // the objective
+    double damping;
+} pm_shooting_progress;
+
+// Makes up to `iterations` steps, each with the damping that lowers the objective, until one lowers
+// it by less than the fraction `enough`. Weights and starts hold the result. *damping is carried
+// over from call to call; 0 at first. PM_EINTERRUPTED if *stop becomes nonzero, PM_ENUMERIC if the
+// objective is not finite at the beginning, PM_ENOMEM.
+pm_status pm_shooting_minimise(pm_shooting *s, int iterations, double enough, double *damping,
+                               const volatile sig_atomic_t *stop, pm_shooting_progress *progress);
+// Copies all trained weights of the system to and from theta [nweight].
+void pm_shooting_weights(const pm_shooting *s, double *theta);
+void pm_shooting_set_weights(const pm_shooting *s, const double *theta);
+
+#endif

@@ -1,0 +1,305 @@
+// Selects samples, divides the time between them into intervals, and interpolates missing values.
+#include "learn/track.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "scene/boundary_input.h"
+
+#define EQUAL 1e-6   // relative difference of times that count as equal
+#define NEIGHBOURS 4 // samples of an interpolating polynomial
+// The standard deviation of a fourth difference 1 -4 6 -4 1 of white noise of deviation 1, and the
+// ratio of the standard deviation of a normal distribution to its median absolute value.
+#define FOURTH_DIFFERENCE 8.3666002653407556
+#define NORMAL_MEDIAN 1.4826022185056018
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for measured trajectories");
+}
+
+// --- samples ---
+
+// Lists the samples of a trajectory and returns how many there are.
+static int choose_samples(const pm_dataset *d, int trajectory, double dt, double until, bool thin,
+                          int *sample) {
+    const double start = pm_dataset_time(d, trajectory, 0);
+    int count = 0;
+    for (int j = 0; j < d->ntime; ++j) {
+        const double t = pm_dataset_time(d, trajectory, j);
+        if (isnan(t) || t - start > until * (1 + EQUAL)) {
+            break;
+        }
+        const double last =
+            count == 0 ? -INFINITY : pm_dataset_time(d, trajectory, sample[count - 1]);
+        if (!thin || t - last >= dt * (1 - EQUAL)) {
+            sample[count++] = j;
+        }
+    }
+    return count;
+}
+
+static void divide_time(pm_tracks *tracks, pm_track *r, double dt) {
+    for (int k = 0; k + 1 < r->count; ++k) {
+        const double length = (r->time[k + 1] - r->time[k]) / dt;
+        r->steps[k] = (int)fmax(1, ceil(length * (1 - EQUAL)));
+        r->duration[k] = length / r->steps[k];
+        if (fabs(r->duration[k] - 1) < EQUAL) {
+            r->duration[k] = 1;
+        } else {
+            tracks->stretched = true;
+        }
+    }
+}
+
+static pm_status fill(pm_tracks *tracks, pm_track *r, const pm_scene *scene,
+                      const pm_observation *o, const pm_dataset *d, int trajectory) {
+    const size_t n = (size_t)r->count;
+    r->time = pm_arena_array(&tracks->arena, n, sizeof *r->time);
+    r->y = pm_arena_array(&tracks->arena, n * (size_t)o->count, sizeof *r->y);
+    r->steps = pm_arena_array(&tracks->arena, n, sizeof *r->steps);
+    r->duration = pm_arena_array(&tracks->arena, n, sizeof *r->duration);
+    if (r->time == NULL || r->y == NULL || r->steps == NULL || r->duration == NULL) {
+        return no_memory();
+    }
+    for (int k = 0; k < r->count; ++k) {
+        const double *row = pm_dataset_state(d, trajectory, r->sample[k]);
+        r->time[k] = pm_dataset_time(d, trajectory, r->sample[k]);
+        for (int c = 0; c < o->count; ++c) {
+            r->y[(ptrdiff_t)k * o->count + c] = row[o->column[c]];
+        }
+    }
+    divide_time(tracks, r, scene->dt);
+    return PM_OK;
+}
+
+// --- boundary inputs ---
+
+static pm_status follow_inputs(pm_tracks *tracks, const pm_scene *scene, const pm_dataset *d,
+                               const int *which) {
+    if (scene->nprescribed == 0) {
+        return PM_OK;
+    }
+    if (tracks->stretched || d->times != NULL) {
+        return pm_fail(PM_EDATA,
+                       "%s: boundary inputs need measurements that are dt = %g s apart, found %g s",
+                       scene->path, scene->dt, d->dt);
+    }
+    pm_boundary_input input = {0};
+    const size_t width = (size_t)scene->nprescribed * PM_BOUNDARY_INPUT_ORDER;
+    PM_TRY(pm_boundary_input_bind(&input, scene, d, 1, &tracks->arena));
+    for (int i = 0; i < tracks->count; ++i) {
+        pm_track *r = &tracks->track[i];
+        pm_boundary_input_follow(&input, d, which[i]);
+        r->input = pm_arena_array(&tracks->arena, (size_t)r->count * width, sizeof *r->input);
+        if (r->input == NULL) {
+            return no_memory();
+        }
+        for (int k = 0; k + 1 < r->count; ++k) {
+            memcpy(r->input + (size_t)k * width, pm_boundary_input_interval(&input, k),
+                   width * sizeof *r->input);
+        }
+    }
+    return PM_OK;
+}
+
+// --- statistics ---
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+// Computes the deviation and the noise of one column. `work` holds as many numbers as there are
+// samples.
+static void describe_column(pm_tracks *tracks, int column, double *work) {
+    const int ny = tracks->ny;
+    double sum = 0, square = 0;
+    int n = 0, count = 0;
+    for (int i = 0; i < tracks->count; ++i) {
+        const pm_track *r = &tracks->track[i];
+        for (int k = 0; k < r->count; ++k) {
+            const double *y = r->y + (ptrdiff_t)k * ny + column;
+            if (isfinite(*y)) {
+                sum += *y;
+                square += *y * *y;
+                ++n;
+            }
+            if (k + 4 < r->count) {
+                const double fourth = y[0] - 4 * y[ny] + 6 * y[2 * ny] - 4 * y[3 * ny] + y[4 * ny];
+                if (isfinite(fourth)) {
+                    work[count++] = fabs(fourth);
+                }
+            }
+        }
+    }
+    const double mean = n > 0 ? sum / n : 0;
+    const double deviation = n > 1 ? sqrt(fmax(square / n - mean * mean, 0)) : 0;
+    qsort(work, (size_t)count, sizeof *work, compare);
+    tracks->deviation[column] = deviation > 0 ? deviation : 1;
+    tracks->difference[column] =
+        count > 0 ? work[count / 2] * NORMAL_MEDIAN / FOURTH_DIFFERENCE : 0;
+}
+
+static pm_status describe(pm_tracks *tracks) {
+    size_t n = 1;
+    for (int i = 0; i < tracks->count; ++i) {
+        n += (size_t)tracks->track[i].count;
+    }
+    tracks->deviation =
+        pm_arena_array(&tracks->arena, (size_t)tracks->ny, sizeof *tracks->deviation);
+    tracks->difference =
+        pm_arena_array(&tracks->arena, (size_t)tracks->ny, sizeof *tracks->difference);
+    double *work = malloc(n * sizeof *work);
+    if (tracks->deviation == NULL || tracks->difference == NULL || work == NULL) {
+        free(work);
+        return no_memory();
+    }
+    for (int c = 0; c < tracks->ny; ++c) {
+        describe_column(tracks, c, work);
+    }
+    free(work);
+    return PM_OK;
+}
+
+// --- making ---
+
+static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observation *o,
+                      const pm_dataset *d, const int *which, double until, bool thin) {
+    tracks->track = pm_arena_array(&tracks->arena, (size_t)tracks->count, sizeof *tracks->track);
+    int *sample = pm_arena_array(&tracks->arena, (size_t)d->ntime, sizeof *sample);
+    if (tracks->track == NULL || sample == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < tracks->count; ++i) {
+        pm_track *r = &tracks->track[i];
+        r->count = choose_samples(d, which[i], scene->dt, until, thin, sample);
+        if (r->count < 2) {
+            return pm_fail(PM_EDATA,
+                           "trajectory %d has %d samples within %g s that are at least dt = %g s "
+                           "apart, expected two or more",
+                           which[i], r->count, until, scene->dt);
+        }
+        r->sample = pm_arena_array(&tracks->arena, (size_t)r->count, sizeof *r->sample);
+        if (r->sample == NULL) {
+            return no_memory();
+        }
+        memcpy(r->sample, sample, (size_t)r->count * sizeof *sample);
+        PM_TRY(fill(tracks, r, scene, o, d, which[i]));
+    }
+    PM_TRY(follow_inputs(tracks, scene, d, which));
+    return describe(tracks);
+}
+
+pm_status pm_tracks_make(pm_tracks *tracks, const pm_scene *scene, const pm_observation *o,
+                         const pm_dataset *dataset, int count, const int *which, double until,
+                         bool thin) {
+    *tracks = (pm_tracks){.count = count, .ny = o->count};
+    const pm_status status = make(tracks, scene, o, dataset, which, until, thin);
+    if (status != PM_OK) {
+        pm_tracks_free(tracks);
+    }
+    return status;
+}
+
+void pm_tracks_free(pm_tracks *tracks) {
+    pm_arena_free(&tracks->arena);
+    *tracks = (pm_tracks){0};
+}
+
+// --- states ---
+
+// Interpolates a column of a track at a time: the polynomial through the nearest samples that are
+// there, from sample `*near` on, which moves with the time.
+static double interpolate(const pm_track *r, int ny, int column, double time, int *near) {
+    int chosen[NEIGHBOURS], n = 0;
+    while (*near + 1 < r->count && r->time[*near + 1] <= time) {
+        ++*near;
+    }
+    int before = *near, after = *near + 1;
+    while (n < NEIGHBOURS && (before >= 0 || after < r->count)) {
+        const bool back =
+            after >= r->count || (before >= 0 && time - r->time[before] <= r->time[after] - time);
+        const int k = back ? before-- : after++;
+        if (isfinite(r->y[(ptrdiff_t)k * ny + column])) {
+            chosen[n++] = k;
+        }
+    }
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        double weight = 1;
+        for (int j = 0; j < n; ++j) {
+            if (j != i) {
+                weight *= (time - r->time[chosen[j]]) / (r->time[chosen[i]] - r->time[chosen[j]]);
+            }
+        }
+        sum += weight * r->y[(ptrdiff_t)chosen[i] * ny + column];
+    }
+    return sum;
+}
+
+// Columns hold values from the origin, components values from their base. The end of a chain of
+// bases comes first, so that every base still holds its column when it is subtracted.
+static void subtract_bases(const pm_observation *o, int nz, double *z) {
+    int longest = 0;
+    for (int pass = 0; pass <= longest; ++pass) {
+        for (int c = 0; c < nz; ++c) {
+            int depth = 0;
+            for (int base = o->base[c]; base >= 0; base = o->base[base]) {
+                ++depth;
+            }
+            if (pass == 0 && depth > longest) {
+                longest = depth;
+            }
+            if (pass > 0 && depth == longest + 1 - pass && !o->hidden[c]) {
+                z[c] -= z[o->base[c]];
+            }
+        }
+    }
+}
+
+// Writes the states of a track at rising times.
+static void states_at(const pm_track *r, const pm_scene *scene, const pm_observation *o, int n,
+                      double (*time_at)(const void *context, int i), const void *context,
+                      double *state) {
+    const int nz = scene->nz;
+    for (int i = 0; i < n * nz; ++i) {
+        state[i] = o->guess[i % nz];
+    }
+    for (int c = 0; c < o->count; ++c) {
+        int near = 0;
+        for (int i = 0; i < n && o->component[c] >= 0; ++i) {
+            state[(ptrdiff_t)i * nz + o->component[c]] =
+                interpolate(r, o->count, c, time_at(context, i), &near);
+        }
+    }
+    for (int i = 0; i < n; ++i) {
+        subtract_bases(o, nz, state + (ptrdiff_t)i * nz);
+    }
+}
+
+typedef struct grid {
+    double start, dt;
+} grid;
+
+static double grid_time(const void *context, int i) {
+    const grid *g = context;
+    return g->start + i * g->dt;
+}
+
+static double sample_time(const void *context, int i) {
+    return ((const double *)context)[i];
+}
+
+void pm_track_states(const pm_tracks *tracks, int id, const pm_scene *scene,
+                     const pm_observation *o, int ntime, double *state) {
+    const pm_track *r = &tracks->track[id];
+    const grid g = {r->time[0], scene->dt};
+    states_at(r, scene, o, ntime, grid_time, &g, state);
+}
+
+void pm_track_sample_states(const pm_tracks *tracks, int id, const pm_scene *scene,
+                            const pm_observation *o, int first, int end, double *state) {
+    const pm_track *r = &tracks->track[id];
+    states_at(r, scene, o, end - first, sample_time, r->time + first, state);
+}

@@ -1,0 +1,47 @@
+// Measured trajectories as a fit uses them: samples at rising times, and the integration intervals
+// between them.
+#ifndef PM_TRAINER_LEARN_TRACK_H
+#define PM_TRAINER_LEARN_TRACK_H
+
+#include "learn/observation.h"
+
+typedef struct pm_track {
+    int count;        // samples
+    double *time;     // [count] s
+    double *y;        // [count][ny]; NaN where nothing was measured
+    int *sample;      // [count] their positions in the trajectory of the dataset
+    int *steps;       // [count] integration intervals until the next sample; 0 for the last one
+    double *duration; // [count] the length of each of these intervals in dt of the scene
+    // [count - 1][inputs] polynomials of the boundary inputs until the next sample; NULL: none
+    double *input;
+} pm_track;
+
+typedef struct pm_tracks {
+    pm_arena arena; // owns all
+    int count, ny;
+    pm_track *track;    // [count]
+    bool stretched;     // some interval is not dt long
+    double *deviation;  // [ny] standard deviation of each column over all samples
+    double *difference; // [ny] noise of each column, estimated from its fourth differences
+} pm_tracks;
+
+// Makes the tracks of trajectories which [count] of a measured dataset, from their first sample
+// until `until` seconds later (INFINITY: all). Between two samples the intervals are equal and at
+// most dt of the scene long. With `thin`, samples that follow another one by less than dt are left
+// out. The caller frees. PM_EDATA: a trajectory has fewer than two samples, or a scene with
+// boundary inputs has data whose times are not its dt apart; PM_ENOMEM.
+pm_status pm_tracks_make(pm_tracks *tracks, const pm_scene *scene, const pm_observation *o,
+                         const pm_dataset *dataset, int count, const int *which, double until,
+                         bool thin);
+void pm_tracks_free(pm_tracks *tracks);
+
+// Writes the states of track `id` at multiples of dt of the scene to state [ntime][nz]. Measured
+// components are polynomials through the nearest four samples that are there, hidden ones are
+// guesses; values of formulas are not used.
+void pm_track_states(const pm_tracks *tracks, int id, const pm_scene *scene,
+                     const pm_observation *o, int ntime, double *state);
+// Does the same at the times of the samples `first` to `end` - 1: state [end - first][nz].
+void pm_track_sample_states(const pm_tracks *tracks, int id, const pm_scene *scene,
+                            const pm_observation *o, int first, int end, double *state);
+
+#endif
