@@ -194,6 +194,7 @@ static pm_status deliver(const job *j, const arguments *a, const char *command) 
 static pm_status evaluate_measured(const arguments *a, const volatile sig_atomic_t *stop) {
     pm_evaluate_estimate how = {.data = a->data,
                                 .data_set = a->data_set,
+                                .weights = a->weights,
                                 .trajectories = a->trajectories,
                                 .record = a->record,
                                 .json = a->json};

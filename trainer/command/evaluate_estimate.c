@@ -12,6 +12,8 @@
 #include "learn/estimate.h"
 #include "store/hdf5_io.h"
 
+#define NINETY_PER_CENT 1.6448536269514722 // deviations of a normal distribution
+
 // The objects of an evaluation, all owned by this structure.
 typedef struct prediction {
     pm_arena arena;
@@ -19,6 +21,7 @@ typedef struct prediction {
     pm_system *system;
     pm_dataset *data, *starts;
     pm_observation observation;
+    pm_uncertainty uncertainty; // of the weights
     pm_estimate estimate;
     int count, *which;
     double *error; // [count][ny] relative errors after the time of the estimate
@@ -63,33 +66,6 @@ static pm_status choose(prediction *j) {
 
 // --- scores ---
 
-// The relative L2 error of one column of one trajectory after the time of the estimate: over the
-// deviation of the measurements from their mean there.
-static double error_of(const prediction *j, int id, int column) {
-    const pm_estimate *e = &j->estimate;
-    const pm_dataset *d = j->data;
-    const int trajectory = j->which[id];
-    const double start = pm_dataset_time(d, trajectory, 0);
-    double mean = 0, square = 0, miss = 0;
-    int n = 0;
-    for (int pass = 0; pass < 2; ++pass) {
-        for (int k = 0; k < d->ntime; ++k) {
-            const double t = pm_dataset_time(d, trajectory, k);
-            const double y = pm_dataset_state(d, trajectory, k)[j->observation.column[column]];
-            if (isnan(t) || t - start <= j->how->seconds || isnan(y)) {
-                continue;
-            }
-            const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
-            mean += pass == 0 ? y : 0;
-            n += pass == 0;
-            miss += pass == 1 ? r * r : 0;
-            square += pass == 1 ? (y - mean) * (y - mean) : 0;
-        }
-        mean = pass == 0 && n > 0 ? mean / n : mean;
-    }
-    return n == 0 ? NAN : isfinite(miss) ? sqrt(miss / square) : INFINITY;
-}
-
 static pm_status score(prediction *j) {
     const int ny = j->estimate.ny;
     j->error = pm_arena_array(&j->arena, (size_t)j->count * (size_t)ny, sizeof *j->error);
@@ -98,7 +74,8 @@ static pm_status score(prediction *j) {
     }
     for (int i = 0; i < j->count; ++i) {
         for (int c = 0; c < ny; ++c) {
-            j->error[i * ny + c] = error_of(j, i, c);
+            j->error[i * ny + c] = pm_estimate_error(&j->estimate, &j->observation, j->data,
+                                                     j->which, j->how->seconds, i, c);
         }
     }
     return PM_OK;
@@ -137,9 +114,9 @@ static pm_status check_laws(prediction *j) {
 
 // --- output ---
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
+static double coverage(const prediction *j, int column) {
+    return pm_estimate_coverage(&j->estimate, &j->observation, j->data, j->which, j->how->seconds,
+                                column, NINETY_PER_CENT);
 }
 
 static void print_errors(const prediction *j) {
@@ -147,18 +124,17 @@ static void print_errors(const prediction *j) {
     printf("Starts estimated in the first %g s of %d trajectories; error after that, %% of the "
            "deviation from the mean\n",
            j->how->seconds, j->count);
-    printf("%-16s %10s %10s %10s %14s\n", "column", "median", "mean", "largest", "residual");
+    printf("%-16s %10s %10s %10s %12s %18s\n", "column", "median", "mean", "largest", "residual",
+           "inside 90 % bands");
     for (int c = 0; c < ny; ++c) {
-        double sorted[1024], sum = 0;
-        const int n = j->count < 1024 ? j->count : 1024;
-        for (int i = 0; i < n; ++i) {
-            sorted[i] = j->error[i * ny + c];
-            sum += sorted[i];
+        const pm_box box = pm_estimate_errors(&j->estimate, &j->observation, j->data, j->which,
+                                              j->how->seconds, c);
+        printf("%-16s %10.3g %10.3g %10.3g %12.3g", j->observation.name[c], 100 * box.median,
+               100 * box.mean, 100 * box.largest, j->estimate.noise[c]);
+        if (j->estimate.deviation != NULL) {
+            printf(" %16.1f %%", 100 * coverage(j, c));
         }
-        qsort(sorted, (size_t)n, sizeof *sorted, compare);
-        const double median = 0.5 * (sorted[n / 2] + sorted[(n - 1) / 2]);
-        printf("%-16s %10.3g %10.3g %10.3g %14.3g\n", j->observation.name[c], 100 * median,
-               100 * sum / n, 100 * sorted[n - 1], j->estimate.noise[c]);
+        printf("\n");
     }
     for (int i = 0; i < j->count && j->count <= 16; ++i) {
         printf("  trajectory %-4d", j->which[i]);
@@ -195,8 +171,12 @@ static void print_json(const prediction *j) {
     }
     printf("], \"columns\": {");
     for (int c = 0; c < ny; ++c) {
-        printf("%s\"%s\": {\"residual\": %.17g, \"error\": [", c > 0 ? ", " : "",
-               j->observation.name[c], j->estimate.noise[c]);
+        printf("%s\"%s\": {\"residual\": %.17g, ", c > 0 ? ", " : "", j->observation.name[c],
+               j->estimate.noise[c]);
+        if (j->estimate.deviation != NULL) {
+            printf("\"inside_90\": %.17g, ", coverage(j, c));
+        }
+        printf("\"error\": [");
         for (int i = 0; i < j->count; ++i) {
             const double error = j->error[i * ny + c];
             printf(isfinite(error) ? "%s%.17g" : "%snull", i > 0 ? ", " : "", error);
@@ -233,6 +213,16 @@ static pm_status write_content(const prediction *j, pm_hdf5 *file) {
     PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "components", e->nz, j->observation.component_name));
     PM_TRY_DONE(pm_hdf5_write(file, "/y", 3, shape, y));
     PM_TRY_DONE(pm_hdf5_write(file, "/z", 3, states, e->z));
+    if (e->deviation != NULL) {
+        for (size_t i = 0; i < rows * (size_t)d->ncolumn; ++i) {
+            y[i] = NAN;
+        }
+        for (size_t i = 0; i < rows * (size_t)e->ny; ++i) {
+            y[i / (size_t)e->ny * (size_t)d->ncolumn +
+              (size_t)j->observation.column[i % (size_t)e->ny]] = e->deviation[i];
+        }
+        PM_TRY_DONE(pm_hdf5_write(file, "/deviation", 3, shape, y));
+    }
     PM_TRY_DONE(pm_hdf5_write(file, "/t", 2, shape, t));
     status = pm_hdf5_write(file, "/trajectory", 1, shape, number);
 done:
@@ -260,8 +250,15 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
     PM_TRY(pm_observation_bind(&j->observation, j->system->scene, j->data, &j->arena));
     PM_TRY(choose(j));
+    bool found = false;
+    if (j->how->weights != NULL) {
+        PM_TRY(pm_uncertainty_load(&j->uncertainty, j->how->weights, j->system, &j->observation,
+                                   &found));
+    }
+    const pm_estimate_how how = {
+        .seconds = j->how->seconds, .uncertainty = found ? &j->uncertainty : NULL, .stop = stop};
     PM_TRY(pm_estimate_make(&j->estimate, j->system, &j->observation, j->data, j->count, j->which,
-                            j->how->seconds, stop));
+                            &how));
     PM_TRY(score(j));
     PM_TRY(check_laws(j));
     if (j->how->json) {
@@ -281,6 +278,7 @@ pm_status pm_evaluate_from_estimate(pm_system *system, const pm_evaluate_estimat
     const pm_status status = run(&j, stop);
     pm_evaluation_free(j.laws);
     pm_estimate_free(&j.estimate);
+    pm_uncertainty_free(&j.uncertainty);
     pm_dataset_free(j.starts);
     pm_dataset_free(j.data);
     pm_arena_free(&j.arena);

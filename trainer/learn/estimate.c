@@ -1,37 +1,53 @@
 // Multiple shooting with fixed weights on the first samples, and a prediction by the same steps.
 #include "learn/estimate.h"
 
+#include <limits.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "base/linalg.h"
 #include "learn/shooting_schedule.h"
+
+// Keeps the equations of a start regular where nothing depends on a component.
+#define LEAST_CURVATURE 1e-12
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for an estimate");
 }
 
-static pm_flow_how how_of(pm_system *system, const pm_observation *o, const pm_tracks *tracks) {
+static pm_flow_how how_of(pm_system *system, const pm_observation *o, const pm_tracks *tracks,
+                          bool fixed) {
     const pm_scene *scene = system->scene;
     return (pm_flow_how){.system = system,
                          .observation = o,
                          .integrator = scene->integrator,
                          .substeps = scene->substeps,
                          .stretched = tracks->stretched,
-                         .fixed = true};
+                         .fixed = fixed};
 }
 
 // --- starts ---
 
+// What the starts say about the uncertainty of predictions.
+typedef struct start_uncertainty {
+    double *by_weights; // [count][nz][nweight] derivative of the estimated start by the weights
+    double *covariance; // [count][nz][nz] of the start at fixed weights
+} start_uncertainty;
+
 static pm_status shoot(pm_estimate *e, pm_shooting *s, const pm_observation *o,
-                       const volatile sig_atomic_t *stop) {
+                       const pm_estimate_how *how) {
     double *given = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *given);
     if (given == NULL) {
         return no_memory();
     }
+    if (how->uncertainty != NULL) {
+        memcpy(given, how->uncertainty->noise, (size_t)e->ny * sizeof *given);
+    }
     for (int c = 0; c < s->nz; ++c) {
         s->prior[c] = o->hidden[c] ? o->deviation[c] : 0;
     }
-    const pm_shooting_course course = {.given = given, .typical = o->deviation, .stop = stop};
+    const pm_shooting_course course = {.given = given, .typical = o->deviation, .stop = how->stop};
     PM_TRY(pm_shooting_run(s, &course));
     for (int w = 0; w < s->nwindow; ++w) {
         if (!s->window[w].follows) {
@@ -43,79 +59,179 @@ static pm_status shoot(pm_estimate *e, pm_shooting *s, const pm_observation *o,
     return PM_OK;
 }
 
-static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
-                             const pm_dataset *dataset, const int *which, double seconds,
-                             const volatile sig_atomic_t *stop) {
-    pm_tracks tracks;
+// Evaluates the normal equations of the starts and the weights at the estimate, with each track as
+// one window: the start moves with the weights by -own^-1 border.
+static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_uncertainty *u,
+                               start_uncertainty *start) {
+    const ptrdiff_t nz = e->nz, nb = s->nborder, n = s->nweight;
+    PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
+    memcpy(s->noise, u->noise, (size_t)e->ny * sizeof *s->noise);
+    memcpy(s->z, e->start, (size_t)(e->count * nz) * sizeof *s->z);
+    pm_shooting_evaluate(s, s->z, true);
+    for (ptrdiff_t i = 0; i < e->count; ++i) {
+        double *own = s->own + i * nz * nz, *border = s->border + i * nz * nb;
+        double *covariance = start->covariance + i * nz * nz;
+        for (ptrdiff_t k = 0; k < nz; ++k) {
+            own[k * (nz + 1)] += LEAST_CURVATURE;
+            covariance[k * (nz + 1)] = u->samples_per_residual;
+        }
+        if (!pm_cholesky_factor((int)nz, own)) {
+            return pm_fail(PM_ENUMERIC, "the first samples and the priors do not fix a start");
+        }
+        pm_cholesky_back((int)nz, own, (int)nb, border);
+        pm_cholesky_back((int)nz, own, (int)nz, covariance);
+        for (ptrdiff_t k = 0; k < nz * n; ++k) {
+            start->by_weights[i * nz * n + k] = -border[k / n * nb + k % n];
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_observation *o,
+                                  const pm_tracks *tracks, const pm_uncertainty *u,
+                                  start_uncertainty *start) {
+    const size_t cells = (size_t)e->count * (size_t)e->nz;
+    start->by_weights =
+        pm_arena_array(&e->arena, cells * (size_t)u->nweight + 1, sizeof *start->by_weights);
+    start->covariance = pm_arena_array(&e->arena, cells * (size_t)e->nz, sizeof *start->covariance);
+    if (start->by_weights == NULL || start->covariance == NULL) {
+        return no_memory();
+    }
     pm_shooting shooting = {0};
-    PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, seconds, true));
-    const pm_flow_how how = how_of(system, o, &tracks);
-    pm_status status = pm_shooting_open(&shooting, &how, &tracks);
+    const pm_flow_how how = how_of(system, o, tracks, false);
+    pm_status status = pm_shooting_open(&shooting, &how, tracks);
+    for (int c = 0; c < e->nz && status == PM_OK; ++c) {
+        shooting.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
+    }
     if (status == PM_OK) {
-        status = shoot(e, &shooting, o, stop);
+        status = differentiate(e, &shooting, u, start);
     }
     pm_shooting_close(&shooting);
+    return status;
+}
+
+static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
+                             const pm_dataset *dataset, const int *which,
+                             const pm_estimate_how *how, start_uncertainty *start) {
+    pm_tracks tracks;
+    pm_shooting shooting = {0};
+    PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, how->seconds, true));
+    const pm_flow_how flow = how_of(system, o, &tracks, true);
+    pm_status status = pm_shooting_open(&shooting, &flow, &tracks);
+    if (status == PM_OK) {
+        status = shoot(e, &shooting, o, how);
+    }
+    pm_shooting_close(&shooting);
+    if (status == PM_OK && how->uncertainty != NULL) {
+        status = find_uncertainty(e, system, o, &tracks, how->uncertainty, start);
+    }
     pm_tracks_free(&tracks);
     return status;
 }
 
 // --- prediction ---
 
-static void write_sample(pm_estimate *e, const pm_track *track, int id, int k, const double *z,
-                         const double *y) {
-    const ptrdiff_t at = (ptrdiff_t)id * e->ntime + track->sample[k];
-    memcpy(e->z + at * e->nz, z, (size_t)e->nz * sizeof *z);
-    memcpy(e->y + at * e->ny, y, (size_t)e->ny * sizeof *y);
+// A prediction in progress, with work space.
+typedef struct prediction_work {
+    pm_flow *flow;
+    const pm_uncertainty *uncertainty; // NULL: no derivatives
+    const start_uncertainty *start;
+    pm_flow_item item;
+    double *y, *by_start, *by_weights; // [ny], [ny][nz], [ny][nweight]
+} prediction_work;
+
+// Returns row covariance row' for a symmetric covariance [n][n].
+static double quadratic_form(int n, const double *row, const double *covariance) {
+    double sum = 0;
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        double product = 0;
+        for (ptrdiff_t k = 0; k < n; ++k) {
+            product += covariance[i * n + k] * row[k];
+        }
+        sum += row[i] * product;
+    }
+    return sum;
+}
+
+static void write_sample(pm_estimate *e, const prediction_work *p, int id, int sample) {
+    const ptrdiff_t at = (ptrdiff_t)id * e->ntime + sample;
+    const pm_uncertainty *u = p->uncertainty;
+    memcpy(e->z + at * e->nz, p->item.z, (size_t)e->nz * sizeof *e->z);
+    memcpy(e->y + at * e->ny, p->y, (size_t)e->ny * sizeof *e->y);
+    for (ptrdiff_t c = 0; c < e->ny && u != NULL; ++c) {
+        const double *covariance = p->start->covariance + (ptrdiff_t)id * e->nz * e->nz;
+        e->deviation[at * e->ny + c] = sqrt(
+            u->noise[c] * u->noise[c] + quadratic_form(e->nz, p->by_start + c * e->nz, covariance) +
+            quadratic_form(u->nweight, p->by_weights + c * u->nweight, u->covariance));
+    }
 }
 
 // Follows one track from its start, one sample after the other.
-static void follow(pm_estimate *e, pm_flow *flow, const pm_track *track, int id, double *z,
-                   double *y) {
-    pm_flow_item item = {.z = z};
-    pm_flow_item *const items[] = {&item};
-    const ptrdiff_t width = pm_flow_inputs(flow);
-    memcpy(z, e->start + (ptrdiff_t)id * e->nz, (size_t)e->nz * sizeof *z);
+static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, int id) {
+    pm_flow_item *const items[] = {&p->item};
+    const ptrdiff_t width = pm_flow_inputs(p->flow);
+    const size_t nz = (size_t)e->nz;
+    memcpy(p->item.z, e->start + (size_t)id * nz, nz * sizeof *e->start);
+    if (p->uncertainty != NULL) {
+        const size_t cells = nz * (size_t)p->uncertainty->nweight;
+        pm_flow_start(p->flow, &p->item);
+        memcpy(p->item.by_weights, p->start->by_weights + (size_t)id * cells,
+               cells * sizeof *p->item.by_weights);
+    }
     for (int k = 0; k < track->count; ++k) {
-        pm_flow_look(flow, 1, items, y, NULL, NULL);
-        write_sample(e, track, id, k, z, y);
-        item.duration = track->duration[k];
-        item.input = track->input == NULL ? NULL : track->input + k * width;
+        pm_flow_look(p->flow, 1, items, p->y, p->by_start, p->by_weights);
+        write_sample(e, p, id, track->sample[k]);
+        p->item.duration = track->duration[k];
+        p->item.input = track->input == NULL ? NULL : track->input + k * width;
         for (int step = 0; step < track->steps[k]; ++step) {
-            pm_flow_step(flow, 1, items);
+            pm_flow_step(p->flow, 1, items);
         }
     }
 }
 
+static pm_status allocate_work(pm_estimate *e, prediction_work *p) {
+    const size_t nz = (size_t)e->nz, ny = (size_t)e->ny;
+    const size_t n = p->uncertainty == NULL ? 0 : (size_t)p->uncertainty->nweight;
+    p->item.z = pm_arena_array(&e->arena, nz, sizeof *p->item.z);
+    p->item.by_start = pm_arena_array(&e->arena, nz * nz, sizeof *p->item.by_start);
+    p->item.by_weights = pm_arena_array(&e->arena, nz * n + 1, sizeof *p->item.by_weights);
+    p->y = pm_arena_array(&e->arena, ny, sizeof *p->y);
+    p->by_start = pm_arena_array(&e->arena, ny * nz, sizeof *p->by_start);
+    p->by_weights = pm_arena_array(&e->arena, ny * n + 1, sizeof *p->by_weights);
+    return p->item.z == NULL || p->item.by_start == NULL || p->item.by_weights == NULL ||
+                   p->y == NULL || p->by_start == NULL || p->by_weights == NULL
+               ? no_memory()
+               : PM_OK;
+}
+
 static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation *o,
-                         const pm_dataset *dataset, const int *which,
-                         const volatile sig_atomic_t *stop) {
+                         const pm_dataset *dataset, const int *which, const pm_estimate_how *how,
+                         const start_uncertainty *start) {
     pm_tracks tracks;
-    pm_flow *flow = NULL;
-    double *z = pm_arena_array(&e->arena, (size_t)e->nz, sizeof *z);
-    double *y = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *y);
-    if (z == NULL || y == NULL) {
-        return no_memory();
-    }
+    prediction_work p = {.uncertainty = how->uncertainty, .start = start};
+    PM_TRY(allocate_work(e, &p));
     PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, INFINITY, false));
-    const pm_flow_how how = how_of(system, o, &tracks);
-    pm_status status = pm_flow_open(&flow, &how, false);
+    const pm_flow_how flow = how_of(system, o, &tracks, false);
+    pm_status status = pm_flow_open(&p.flow, &flow, how->uncertainty != NULL);
     for (int i = 0; i < e->count && status == PM_OK; ++i) {
-        follow(e, flow, &tracks.track[i], i, z, y);
-        status = stop != NULL && *stop ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
+        follow(e, &p, &tracks.track[i], i);
+        status = how->stop != NULL && *how->stop ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
     }
-    pm_flow_close(flow);
+    pm_flow_close(p.flow);
     pm_tracks_free(&tracks);
     return status;
 }
 
-static pm_status allocate(pm_estimate *e) {
+static pm_status allocate(pm_estimate *e, bool bands) {
     const size_t samples = (size_t)e->count * (size_t)e->ntime;
     const size_t ny = (size_t)e->ny, nz = (size_t)e->nz;
     e->start = pm_arena_array(&e->arena, (size_t)e->count * nz, sizeof *e->start);
     e->noise = pm_arena_array(&e->arena, ny, sizeof *e->noise);
     e->y = pm_arena_array(&e->arena, samples * ny, sizeof *e->y);
     e->z = pm_arena_array(&e->arena, samples * nz, sizeof *e->z);
-    if (e->start == NULL || e->noise == NULL || e->y == NULL || e->z == NULL) {
+    e->deviation = bands ? pm_arena_array(&e->arena, samples * ny, sizeof *e->deviation) : NULL;
+    if (e->start == NULL || e->noise == NULL || e->y == NULL || e->z == NULL ||
+        (bands && e->deviation == NULL)) {
         return no_memory();
     }
     for (size_t i = 0; i < samples * ny; ++i) {
@@ -128,16 +244,17 @@ static pm_status allocate(pm_estimate *e) {
 }
 
 pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observation *o,
-                           const pm_dataset *dataset, int count, const int *which, double seconds,
-                           const volatile sig_atomic_t *stop) {
+                           const pm_dataset *dataset, int count, const int *which,
+                           const pm_estimate_how *how) {
+    start_uncertainty start = {NULL, NULL};
     *e = (pm_estimate){
         .count = count, .ntime = dataset->ntime, .ny = o->count, .nz = system->scene->nz};
-    pm_status status = allocate(e);
+    pm_status status = allocate(e, how->uncertainty != NULL);
     if (status == PM_OK) {
-        status = find_starts(e, system, o, dataset, which, seconds, stop);
+        status = find_starts(e, system, o, dataset, which, how, &start);
     }
     if (status == PM_OK) {
-        status = predict(e, system, o, dataset, which, stop);
+        status = predict(e, system, o, dataset, which, how, &start);
     }
     if (status != PM_OK) {
         pm_estimate_free(e);
@@ -148,4 +265,61 @@ pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observati
 void pm_estimate_free(pm_estimate *e) {
     pm_arena_free(&e->arena);
     *e = (pm_estimate){0};
+}
+
+// --- scores ---
+
+// The measurement of sample k of an estimate, or NAN if there is none after the first seconds.
+static double later_sample(const pm_observation *o, const pm_dataset *d, int trajectory,
+                           double seconds, int k, int column) {
+    const double t = pm_dataset_time(d, trajectory, k) - pm_dataset_time(d, trajectory, 0);
+    return t > seconds ? pm_dataset_state(d, trajectory, k)[o->column[column]] : NAN;
+}
+
+double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                         const int *which, double seconds, int id, int column) {
+    double mean = 0, square = 0, miss = 0;
+    int n = 0;
+    for (int k = 0; k < e->ntime; ++k) {
+        const double y = later_sample(o, dataset, which[id], seconds, k, column);
+        mean += isnan(y) ? 0 : y;
+        n += !isnan(y);
+    }
+    mean /= n > 0 ? n : 1;
+    for (int k = 0; k < e->ntime; ++k) {
+        const double y = later_sample(o, dataset, which[id], seconds, k, column);
+        const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
+        miss += isnan(y) ? 0 : r * r;
+        square += isnan(y) ? 0 : (y - mean) * (y - mean);
+    }
+    return n == 0 ? NAN : isfinite(miss) ? sqrt(miss / square) : INFINITY;
+}
+
+pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                          const int *which, double seconds, int column) {
+    double *error = malloc((size_t)e->count * sizeof *error);
+    if (error == NULL) {
+        return (pm_box){.median = NAN, .mean = NAN, .largest = NAN};
+    }
+    for (int i = 0; i < e->count; ++i) {
+        error[i] = pm_estimate_error(e, o, dataset, which, seconds, i, column);
+    }
+    const pm_box box = pm_box_of(e->count, error);
+    free(error);
+    return box;
+}
+
+double pm_estimate_coverage(const pm_estimate *e, const pm_observation *o,
+                            const pm_dataset *dataset, const int *which, double seconds, int column,
+                            double width) {
+    long inside = 0, all = 0;
+    for (int i = 0; i < e->count && e->deviation != NULL; ++i) {
+        for (int k = 0; k < e->ntime; ++k) {
+            const double y = later_sample(o, dataset, which[i], seconds, k, column);
+            const ptrdiff_t at = ((ptrdiff_t)i * e->ntime + k) * e->ny + column;
+            inside += !isnan(y) && fabs(e->y[at] - y) <= width * e->deviation[at];
+            all += !isnan(y);
+        }
+    }
+    return all > 0 ? (double)inside / (double)all : NAN;
 }

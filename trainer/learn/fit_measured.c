@@ -5,11 +5,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "learn/estimate.h"
 #include "learn/shooting_schedule.h"
+#include "learn/uncertainty.h"
 #include "scene/columns.h"
 
-#define REACH 10.0 // of weights, which begin with deviations of about 1
-#define EQUAL 1e-6 // relative difference of times that count as equal
+#define FAR_REACH 1e6       // of constants whose unit and size are not known
+#define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
+#define EQUAL 1e-6          // relative difference of times that count as equal
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for measurements");
@@ -178,8 +181,8 @@ static bool is_positive(const pm_fit *f, int component, const char *name) {
     return false;
 }
 
-// Weights of networks and logarithms of positive constants are expected within REACH of their first
-// values. Other learned constants have units, so that nothing is known of their reach.
+// Weights of networks and logarithms of positive constants are expected within a reach of their
+// first values. Other learned constants have units, so that little is known of their reach.
 static void set_reach(const pm_fit *f, pm_shooting *s) {
     size_t at = 0;
     pm_shooting_weights(s, s->first_weight);
@@ -189,7 +192,9 @@ static void set_reach(const pm_fit *f, pm_shooting *s) {
             const pm_param_entry *entry = &params->entry[k];
             const bool constant = strncmp(entry->name, "constant.", 9) == 0;
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j) {
-                s->reach[at++] = constant && !is_positive(f, i, entry->name + 9) ? 0 : REACH;
+                const bool free = constant && !is_positive(f, i, entry->name + 9);
+                s->reach[at++] =
+                    free ? FAR_REACH * fmax(fabs(entry->value[j]), 1) : PM_SHOOTING_REACH;
             }
         }
     }
@@ -203,9 +208,15 @@ static pm_status shoot(pm_fit *f, pm_shooting *s) {
     set_reach(f, s);
     const pm_shooting_course course = {
         .given = m->noise, .typical = m->typical, .loud = true, .stop = f->stop};
+    pm_uncertainty u;
     const pm_status status = pm_shooting_run(s, &course);
     pm_shooting_weights(s, f->theta);
-    return status;
+    PM_TRY(status);
+    PM_TRY(pm_uncertainty_make(&u, s));
+    pm_uncertainty_print(&u, s);
+    const pm_status saved = pm_uncertainty_save(&u, f->arguments->output);
+    pm_uncertainty_free(&u);
+    return saved;
 }
 
 pm_status pm_fit_measured_run(pm_fit *f) {
@@ -231,6 +242,25 @@ pm_status pm_fit_measured_run(pm_fit *f) {
 }
 
 pm_status pm_fit_measured_report(pm_fit *f) {
-    (void)f;
-    return PM_OK;
+    const struct pm_fit_measured *m = f->measured;
+    const bool validation = f->split.nvalidation > 0;
+    const int count = validation ? f->split.nvalidation : f->split.ntraining;
+    const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
+    const double seconds = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
+    pm_estimate e;
+    const pm_estimate_how how = {.seconds = seconds, .stop = f->stop};
+    PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data, count, which, &how));
+    printf("Starts of the %s part estimated in the first %.3g s; errors after that, in %% of each "
+           "column's deviation: median and largest\n",
+           validation ? "validation" : "training", seconds);
+    bool finite = true;
+    for (int c = 0; c < m->observation.count; ++c) {
+        const pm_box box = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
+        printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median, 100 * box.high);
+        finite = finite && isfinite(box.median);
+    }
+    pm_estimate_free(&e);
+    return finite ? PM_OK
+                  : pm_fail(PM_EUNFIT, "predictions of the %s part are not finite",
+                            validation ? "validation" : "training");
 }

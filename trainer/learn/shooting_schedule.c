@@ -15,7 +15,8 @@
 #define GAP_FALLS 0.3 // factor from level to level
 // Windows double while a change of their start grows by less than this factor until their end.
 #define MOST_GROWTH 30
-#define COARSER 4 // the factor between the steps of the integrator before the last level and in it
+#define SHORTEST 4 // samples of the first windows, at least
+#define COARSER 4  // the factor between the steps of the integrator before the last level and in it
 #define LEVEL_ITERATIONS 12
 #define LEVEL_ENOUGH 1e-2
 #define LAST_ITERATIONS 40
@@ -37,9 +38,11 @@ static int compare(const void *a, const void *b) {
 
 // --- noise ---
 
-// Estimates the noise of every column from the median absolute residual, where it is not given.
+// Estimates the noise of every column from the median absolute residual. Given noise counts in the
+// last level; before, residuals contain what is still wrong with the model, too.
 // Raises *change to the largest relative change; `change` may be NULL.
-static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, double *change) {
+static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, bool last,
+                              double *change) {
     size_t most = 1;
     for (int i = 0; i < s->tracks->count; ++i) {
         most += (size_t)s->tracks->track[i].count;
@@ -62,7 +65,9 @@ static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, 
         qsort(size, n, sizeof *size, compare);
         const double least = LEAST_NOISE * s->tracks->deviation[c];
         const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
-        const double noise = course->given[c] > 0 ? course->given[c] : fmax(estimate, least);
+        const double given = course->given[c];
+        const double noise =
+            given > 0 ? (last ? given : fmax(given, estimate)) : fmax(estimate, least);
         if (change != NULL) {
             *change = fmax(*change, fabs(noise / s->noise[c] - 1));
         }
@@ -155,10 +160,10 @@ static void print_level(const pm_shooting *s, int length, double factor,
     fflush(stdout);
 }
 
-// The shortest windows with twice as many samples as a start has components.
+// Twice as many samples as one needs to find a start.
 static int first_length(const pm_shooting *s) {
     const int length = (2 * s->nz + s->ny - 1) / s->ny;
-    return length > 2 ? length : 2;
+    return length > SHORTEST ? length : SHORTEST;
 }
 
 static int longest_record(const pm_shooting *s) {
@@ -184,7 +189,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course, int
         all.after = progress.after;
         all.iterations += progress.iterations;
         double change = 0;
-        PM_TRY(update_noise(s, course, &change));
+        PM_TRY(update_noise(s, course, last, &change));
         settled = change < (last ? LAST_SETTLED : LEVEL_SETTLED);
     }
     if (course->loud) {
@@ -203,7 +208,7 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
     // Noise is at first what the model as it is leaves unexplained, so that no residual counts as
     // an outlier before the model is any good.
     pm_shooting_evaluate(s, s->z, false);
-    PM_TRY(update_noise(s, course, NULL));
+    PM_TRY(update_noise(s, course, false, NULL));
     // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
     s->hold = true;
     PM_TRY(run_level(s, course, length, factor, false, &damping));
@@ -221,5 +226,6 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
         PM_TRY(run_level(s, course, length, factor, false, &damping));
     }
     PM_TRY(pm_shooting_set_substeps(s, substeps));
+    PM_TRY(update_noise(s, course, true, NULL));
     return run_level(s, course, length, factor, true, &damping);
 }

@@ -1,0 +1,40 @@
+// What a fit to measurements knows about its result: the covariance of the weights from the normal
+// equations after elimination of all starts, the noise of the columns, and which starts of hidden
+// components the data fix. It is kept in the file "measured.h5" beside the weights.
+#ifndef PM_TRAINER_LEARN_UNCERTAINTY_H
+#define PM_TRAINER_LEARN_UNCERTAINTY_H
+
+#include "learn/shooting.h"
+
+typedef struct pm_uncertainty {
+    pm_arena arena; // owns all
+    int nweight, ny, nz;
+    double *covariance; // [nweight][nweight] of all trained weights
+    double *weights;    // [nweight] the weights that it belongs to
+    double *noise;      // [ny] standard deviation of the residuals, in the unit of each column
+    // Residuals of neighbouring samples agree where the model is wrong. So many samples count as
+    // one: 1 plus twice the sum of the residuals' autocorrelation. The covariance contains it.
+    double samples_per_residual;
+    double *start;   // [nz] mean start of all trajectories
+    double *spread;  // [nz] standard deviation of the starts among trajectories
+    double *unknown; // [nz] deviation of a start that the data leave, over that of its prior; 0:
+                     // the component has no prior
+} pm_uncertainty;
+
+// Computes the uncertainty at the present weights and starts. The caller frees. PM_ENUMERIC: the
+// data and the priors do not fix the weights; PM_ENOMEM.
+pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
+void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
+
+// Writes "measured.h5" into the folder. PM_EFILE.
+pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder);
+// Reads it. `found` tells whether the folder has such a file. PM_EWEIGHTS: it belongs to other
+// weights, columns or states than those of the system and the observation; PM_EFILE, PM_ENOMEM.
+pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, const pm_system *system,
+                              const pm_observation *o, bool *found);
+
+// Prints the learned constants with their standard deviations, and what the data do not fix, by the
+// names of the scene: constants, directions of network weights, and starts of hidden components.
+void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s);
+
+#endif
