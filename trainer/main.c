@@ -11,6 +11,8 @@ static const pm_subcommand commands[] = {
     {"nodes", "write fields of a body as nodal values", pm_command_nodes},
     {"reconstruct", "turn modes or nodal values into fields of the body", pm_command_reconstruct},
     {"contact", "find where bodies face each other", pm_command_contact},
+    {"import", "turn tables of measurements into a dataset", pm_command_import},
+    {"inspect", "describe measurements", pm_command_inspect},
     {"propose", "write a training file for a scene and its data", pm_command_propose},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},

@@ -165,6 +165,8 @@ static frame frame_of(const pm_graph_node *node, char text[64]) {
                                               [PM_OP_EXP] = {"pm_exp_of(", ")"},
                                               [PM_OP_LOG] = {"log(", ")"},
                                               [PM_OP_SQRT] = {"sqrt(", ")"},
+                                              [PM_OP_SIN] = {"sin(", ")"},
+                                              [PM_OP_COS] = {"cos(", ")"},
                                               [PM_OP_IS_NEGATIVE] = {"(", " < 0 ? 1.0 : 0.0)"}};
     if (node->op == PM_OP_SCALE) {
         snprintf(text, 64, "%.17g * ", node->number);
@@ -466,6 +468,8 @@ static write_rule *const rules[PM_OP_COUNT] = {
     [PM_OP_EXP] = write_unary,
     [PM_OP_LOG] = write_unary,
     [PM_OP_SQRT] = write_unary,
+    [PM_OP_SIN] = write_unary,
+    [PM_OP_COS] = write_unary,
     [PM_OP_IS_NEGATIVE] = write_unary,
     [PM_OP_SUM_TO] = write_sum_to,
     [PM_OP_BROADCAST_TO] = move_broadcast,

@@ -34,7 +34,7 @@ typedef struct bench {
     pm_track track[TRACKS];
     double time[SAMPLES], y[TRACKS][SAMPLES * NZ], duration[SAMPLES];
     int steps[SAMPLES];
-    double spread[NZ], difference[NZ];
+    double spread[NZ];
     pm_tracks tracks;
     pm_shooting shooting;
     size_t size; // weights and starts
@@ -80,12 +80,8 @@ static void measure(bench *b) {
                                  .steps = b->steps,
                                  .duration = b->duration};
     }
-    b->tracks = (pm_tracks){.count = TRACKS,
-                            .ny = ny,
-                            .track = b->track,
-                            .stretched = true,
-                            .deviation = b->spread,
-                            .difference = b->difference};
+    b->tracks = (pm_tracks){
+        .count = TRACKS, .ny = ny, .track = b->track, .stretched = true, .deviation = b->spread};
 }
 
 static void bench_open(bench *b, uint64_t seed, const char *integrator) {

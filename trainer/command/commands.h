@@ -15,6 +15,8 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
 pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop);

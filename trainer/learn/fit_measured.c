@@ -10,7 +10,8 @@
 #include "learn/uncertainty.h"
 #include "scene/columns.h"
 
-#define FAR_REACH 1e6       // of constants whose unit and size are not known
+#define FAR_REACH 1e6 // of constants whose unit and size are not known
+#define SWING 16      // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
 #define EQUAL 1e-6          // relative difference of times that count as equal
 
@@ -86,6 +87,28 @@ static void copy_inputs(const struct pm_fit_measured *m, const pm_track *r, int 
     }
 }
 
+// Lets hidden components vary by their deviation about their guess, so that the scales of models
+// are those of such states: entropies rise, others swing once in SWING steps.
+static void vary_hidden(const struct pm_fit_measured *m, const pm_scene *scene, int track,
+                        int ntime, double *state) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_layout *layout = &scene->subsystem[i].layout;
+        for (int g = 0; g < layout->ngroup; ++g) {
+            const pm_group *group = &layout->group[g];
+            const bool entropy = strcmp(group->unit, "J/K") == 0;
+            for (int k = 0; k < group->size * ntime; ++k) {
+                const int c = scene->subsystem[i].first + group->first + k % group->size;
+                const int step = k / group->size;
+                const double part = (double)step / ntime, turn = (step + 3.0 * (track + c)) / SWING;
+                const double x = entropy ? sqrt(3) * (2 * part - 1) : sqrt(2) * sin(6.28 * turn);
+                if (m->observation.hidden[c]) {
+                    state[(ptrdiff_t)step * scene->nz + c] += m->observation.deviation[c] * x;
+                }
+            }
+        }
+    }
+}
+
 // Fills the dataset of states from the tracks of all trajectories.
 static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     struct pm_fit_measured *m = f->measured;
@@ -109,6 +132,7 @@ static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     }
     for (int i = 0; i < tracks->count; ++i) {
         pm_track_states(tracks, i, scene, &m->observation, ntime, state);
+        vary_hidden(m, scene, i, ntime, state);
         for (int j = 0; j < ntime; ++j) {
             pm_columns_to_row(&columns, state + (size_t)j * nz, pm_dataset_state(f->dataset, i, j));
         }

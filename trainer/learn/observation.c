@@ -25,7 +25,7 @@ static pm_status bind_group(pm_observation *o, const pm_scene *scene, const pm_s
         const int c = s->first + group->first + i;
         o->hidden[c] = s->hidden[id];
         o->guess[c] = s->guess[id];
-        o->deviation[c] = s->deviation[id];
+        o->deviation[c] = s->hidden[id] && !(s->deviation[id] > 0) ? 1 : s->deviation[id];
         o->base[c] =
             other < 0 ? -1
                       : scene->subsystem[other].first +

@@ -17,7 +17,7 @@ typedef struct pm_observation {
     int *base;                   // [nz] component from which one is measured; -1: none
     bool *hidden;                // [nz] components that no column holds
     double *guess;               // [nz] where the start of a hidden component is looked for first
-    double *deviation;           // [nz] how far from it the start may be; 0: not said
+    double *deviation;           // [nz] how far from it the start may be; 0: not hidden
     const char **component_name; // [nz] "subsystem.group" or "subsystem.group[1]"
 } pm_observation;
 

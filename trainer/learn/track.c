@@ -2,17 +2,12 @@
 #include "learn/track.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "scene/boundary_input.h"
 
 #define EQUAL 1e-6   // relative difference of times that count as equal
 #define NEIGHBOURS 4 // samples of an interpolating polynomial
-// The standard deviation of a fourth difference 1 -4 6 -4 1 of white noise of deviation 1, and the
-// ratio of the standard deviation of a normal distribution to its median absolute value.
-#define FOURTH_DIFFERENCE 8.3666002653407556
-#define NORMAL_MEDIAN 1.4826022185056018
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for measured trajectories");
@@ -105,60 +100,33 @@ static pm_status follow_inputs(pm_tracks *tracks, const pm_scene *scene, const p
 
 // --- statistics ---
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
-// Computes the deviation and the noise of one column. `work` holds as many numbers as there are
-// samples.
-static void describe_column(pm_tracks *tracks, int column, double *work) {
-    const int ny = tracks->ny;
+// Computes the deviation of one column over all samples.
+static double deviation_of(const pm_tracks *tracks, int column) {
     double sum = 0, square = 0;
-    int n = 0, count = 0;
+    int n = 0;
     for (int i = 0; i < tracks->count; ++i) {
         const pm_track *r = &tracks->track[i];
         for (int k = 0; k < r->count; ++k) {
-            const double *y = r->y + (ptrdiff_t)k * ny + column;
-            if (isfinite(*y)) {
-                sum += *y;
-                square += *y * *y;
-                ++n;
-            }
-            if (k + 4 < r->count) {
-                const double fourth = y[0] - 4 * y[ny] + 6 * y[2 * ny] - 4 * y[3 * ny] + y[4 * ny];
-                if (isfinite(fourth)) {
-                    work[count++] = fabs(fourth);
-                }
-            }
+            const double y = r->y[(ptrdiff_t)k * tracks->ny + column];
+            sum += isfinite(y) ? y : 0;
+            square += isfinite(y) ? y * y : 0;
+            n += isfinite(y);
         }
     }
     const double mean = n > 0 ? sum / n : 0;
     const double deviation = n > 1 ? sqrt(fmax(square / n - mean * mean, 0)) : 0;
-    qsort(work, (size_t)count, sizeof *work, compare);
-    tracks->deviation[column] = deviation > 0 ? deviation : 1;
-    tracks->difference[column] =
-        count > 0 ? work[count / 2] * NORMAL_MEDIAN / FOURTH_DIFFERENCE : 0;
+    return deviation > 0 ? deviation : 1;
 }
 
 static pm_status describe(pm_tracks *tracks) {
-    size_t n = 1;
-    for (int i = 0; i < tracks->count; ++i) {
-        n += (size_t)tracks->track[i].count;
-    }
     tracks->deviation =
         pm_arena_array(&tracks->arena, (size_t)tracks->ny, sizeof *tracks->deviation);
-    tracks->difference =
-        pm_arena_array(&tracks->arena, (size_t)tracks->ny, sizeof *tracks->difference);
-    double *work = malloc(n * sizeof *work);
-    if (tracks->deviation == NULL || tracks->difference == NULL || work == NULL) {
-        free(work);
+    if (tracks->deviation == NULL) {
         return no_memory();
     }
     for (int c = 0; c < tracks->ny; ++c) {
-        describe_column(tracks, c, work);
+        tracks->deviation[c] = deviation_of(tracks, c);
     }
-    free(work);
     return PM_OK;
 }
 

@@ -19,10 +19,9 @@ typedef struct pm_track {
 typedef struct pm_tracks {
     pm_arena arena; // owns all
     int count, ny;
-    pm_track *track;    // [count]
-    bool stretched;     // some interval is not dt long
-    double *deviation;  // [ny] standard deviation of each column over all samples
-    double *difference; // [ny] noise of each column, estimated from its fourth differences
+    pm_track *track;   // [count]
+    bool stretched;    // some interval is not dt long
+    double *deviation; // [ny] standard deviation of each column over all samples
 } pm_tracks;
 
 // Makes the tracks of trajectories which [count] of a measured dataset, from their first sample

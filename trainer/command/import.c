@@ -1,0 +1,171 @@
+// portmet-train import: turns tables of measurements, one file for each trajectory, into a dataset.
+#include "command/commands.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/options.h"
+#include "command/table.h"
+#include "store/dataset.h"
+
+#define MOST_FILES 10000
+
+typedef struct import_arguments {
+    const char *file[MOST_FILES];
+    const char *output, *time, *title;
+} import_arguments;
+
+// --- from tables to a dataset ---
+
+static pm_status check_columns(const pm_table *first, const pm_table *other, const char *path) {
+    bool same = first->ncolumn == other->ncolumn;
+    for (int c = 0; same && c < first->ncolumn; ++c) {
+        same = strcmp(first->name[c], other->name[c]) == 0;
+    }
+    return same ? PM_OK
+                : pm_fail(PM_EDATA, "%s: expected the same columns as in the first file", path);
+}
+
+// Finds the column of times by its name.
+static pm_status find_time(const pm_table *table, const char *name, const char *path, int *column) {
+    for (*column = 0; *column < table->ncolumn; ++*column) {
+        const char *own = table->name[*column];
+        if (name == NULL ? strcmp(own, "t") == 0 || strcmp(own, "time") == 0
+                         : strcmp(own, name) == 0) {
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EDATA, "%s: there is no column \"%s\" with times in s; name it with --time",
+                   path, name == NULL ? "t" : name);
+}
+
+static pm_status note_units(pm_dataset *d, const pm_table *table, int time) {
+    const char *text = "";
+    for (int c = 0, n = 0; c < table->ncolumn && text != NULL; ++c) {
+        text = c == time
+                   ? text
+                   : pm_arena_printf(&d->arena, "%s%s%s", text, n++ > 0 ? ";" : "", table->unit[c]);
+    }
+    return text == NULL ? pm_fail(PM_ENOMEM, "import: out of memory")
+                        : pm_dataset_note(d, "units", "%s", text);
+}
+
+static void copy_table(const pm_table *table, int time, int trajectory, pm_dataset *d) {
+    for (int k = 0; k < d->ntime; ++k) {
+        double *row = pm_dataset_state(d, trajectory, k);
+        const bool there = k < table->nrow;
+        const double *from = table->value + (ptrdiff_t)(there ? k : 0) * table->ncolumn;
+        d->times[(ptrdiff_t)trajectory * d->ntime + k] = there ? from[time] : NAN;
+        for (int c = 0, to = 0; c < table->ncolumn; ++c) {
+            if (c != time) {
+                row[to++] = there ? from[c] : NAN;
+            }
+        }
+    }
+}
+
+// Makes the dataset of all tables.
+static pm_status join(const pm_table *table, int count, int time, pm_dataset **dataset) {
+    const char *column[PM_MOST_TABLE_COLUMNS];
+    int ntime = 0, ncolumn = 0;
+    for (int c = 0; c < table->ncolumn; ++c) {
+        if (c != time) {
+            column[ncolumn++] = table->name[c];
+        }
+    }
+    for (int i = 0; i < count; ++i) {
+        ntime = table[i].nrow > ntime ? table[i].nrow : ntime;
+    }
+    PM_TRY(pm_dataset_new(dataset, count, ntime, ncolumn, 1, column));
+    pm_dataset *d = *dataset;
+    d->measured = true;
+    d->times = pm_arena_array(&d->arena, (size_t)count * (size_t)ntime, sizeof *d->times);
+    if (d->times == NULL) {
+        return pm_fail(PM_ENOMEM, "import: out of memory");
+    }
+    for (int i = 0; i < count; ++i) {
+        copy_table(&table[i], time, i, d);
+    }
+    return note_units(d, table, time);
+}
+
+// --- the command ---
+
+static pm_status read_all(const import_arguments *a, pm_table *table, int count, int *time) {
+    for (int i = 0; i < count; ++i) {
+        PM_TRY(pm_table_read(&table[i], a->file[i]));
+        PM_TRY(check_columns(&table[0], &table[i], a->file[i]));
+    }
+    PM_TRY(find_time(&table[0], a->time, a->file[0], time));
+    return table[0].ncolumn > 1
+               ? PM_OK
+               : pm_fail(PM_EDATA, "%s: there is no column beside the times", a->file[0]);
+}
+
+static pm_status convert(const import_arguments *a, int count) {
+    pm_table *table = calloc((size_t)count, sizeof *table);
+    pm_dataset *dataset = NULL;
+    pm_status status = PM_OK;
+    int time = 0;
+    if (table == NULL) {
+        return pm_fail(PM_ENOMEM, "import: out of memory");
+    }
+    PM_TRY_DONE(read_all(a, table, count, &time));
+    PM_TRY_DONE(join(table, count, time, &dataset));
+    PM_TRY_DONE(pm_dataset_note(dataset, "source", "portmet-train import"));
+    PM_TRY_DONE(pm_dataset_save(dataset, a->output));
+    printf("wrote %s: %d trajectories of at most %d samples, columns", a->output, count,
+           dataset->ntime);
+    for (int c = 0; c < dataset->ncolumn; ++c) {
+        printf(" %s", dataset->column[c]);
+    }
+    printf("\n");
+done:
+    pm_dataset_free(dataset);
+    for (int i = 0; i < count; ++i) {
+        pm_table_free(&table[i]);
+    }
+    free(table);
+    return status;
+}
+
+pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    import_arguments *a = calloc(1, sizeof *a);
+    bool helped = false;
+    (void)stop;
+    if (a == NULL) {
+        return pm_fail(PM_ENOMEM, "import: out of memory");
+    }
+    const pm_option option[] = {
+        {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
+        {"--time", NULL, "NAME", NULL, &a->time, false,
+         "the column with times in s; default: t or time"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train import TABLE... -o FILE [options]",
+        .summary =
+            "Turns tables of measurements into a dataset, one trajectory from each. A table is a\n"
+            "text file whose first line names the columns, with units in brackets if they are\n"
+            "known: t [s], theta [rad]. Commas, semicolons or tabs separate the numbers; an\n"
+            "empty place or nan is a sample that is missing. Lines that begin with # are left\n"
+            "out. Times need not be even.",
+        .positional_name = "TABLE",
+        .positional = a->file,
+        .least = 1,
+        .most = MOST_FILES,
+        .count = sizeof option / sizeof *option,
+        .option = option,
+    };
+    int count = 0;
+    pm_status status = pm_options_read(&options, argc, argv, &helped);
+    while (count < MOST_FILES && a->file[count] != NULL) {
+        ++count;
+    }
+    if (status == PM_OK && !helped) {
+        status = convert(a, count);
+    }
+    free(a);
+    return status;
+}

@@ -1,0 +1,25 @@
+// Tables of numbers in text files, as spreadsheets and loggers write them (CSV).
+#ifndef PM_TRAINER_COMMAND_TABLE_H
+#define PM_TRAINER_COMMAND_TABLE_H
+
+#include "base/arena.h"
+#include "base/status.h"
+
+#define PM_MOST_TABLE_COLUMNS 1000
+
+typedef struct pm_table {
+    pm_arena arena; // owns all
+    int nrow, ncolumn;
+    const char **name; // [ncolumn]
+    const char **unit; // [ncolumn] "" if the file gives none
+    double *value;     // [nrow][ncolumn] NaN where the file has nothing
+} pm_table;
+
+// Reads a table. The first line that does not begin with # names the columns; a unit may follow in
+// brackets. A comma, semicolon or tab separates columns, whichever the first line has. The caller
+// frees. PM_EFILE: the file cannot be read; PM_EDATA, with the line: a line has another number of
+// columns, or a place holds no number; PM_ENOMEM.
+pm_status pm_table_read(pm_table *table, const char *path);
+void pm_table_free(pm_table *table); // zeroed storage is allowed
+
+#endif
