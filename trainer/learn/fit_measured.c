@@ -153,7 +153,7 @@ static pm_status make_states(pm_fit *f) {
         all[i] = i;
     }
     PM_TRY(pm_tracks_make(&tracks, f->training->scene, &m->observation, m->data,
-                          m->data->ntrajectory, all, INFINITY, true));
+                          m->data->ntrajectory, all, f->training->seconds, true));
     const pm_status status = fill_states(f, &tracks);
     pm_tracks_free(&tracks);
     return status;
@@ -249,7 +249,7 @@ pm_status pm_fit_measured_run(pm_fit *f) {
     pm_tracks tracks;
     pm_shooting shooting = {0};
     PM_TRY(pm_tracks_make(&tracks, f->training->scene, &m->observation, m->data, f->split.ntraining,
-                          f->split.trajectory, INFINITY, true));
+                          f->split.trajectory, f->training->seconds, true));
     const pm_flow_how how = {.system = f->training->system,
                              .observation = &m->observation,
                              .integrator = loss->integrator,

@@ -153,10 +153,10 @@ static void print_level(const pm_shooting *s, int length, double factor,
     for (int c = 0; c < s->ny; ++c) {
         noise += log(s->noise[c] / s->tracks->deviation[c]) / s->ny;
     }
-    printf("windows of %-6d %8d iterations %8.1f s   %d windows, objective %.4e to %.4e, residual "
+    printf("%s of %-6d %8d iterations %8.1f s   %d windows, objective %.4e to %.4e, residual "
            "%.3g %% of the deviation, gaps %.2g of the noise\n",
-           length, p->iterations, seconds, s->nwindow, p->before, p->after, 100 * exp(noise),
-           gap_size(s, factor));
+           s->hold ? "starts, windows" : "windows", length, p->iterations, seconds, s->nwindow,
+           p->before, p->after, 100 * exp(noise), gap_size(s, factor));
     fflush(stdout);
 }
 

@@ -177,13 +177,18 @@ static pm_status read_placed(pm_training *t, pm_yaml block, const char *key, con
 }
 
 static pm_status read_data(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"file", "trajectories", "validation", "data_set", NULL};
+    static const char *const keys[] = {"file",     "trajectories", "validation",
+                                       "data_set", "seconds",      NULL};
     const pm_yaml data = pm_yaml_get(root, "data");
     PM_TRY(pm_yaml_exists(data) ? pm_yaml_allow(data, keys) : PM_OK);
     PM_TRY(read_placed(t, data, "file", &t->data, &t->data_at));
     t->data = t->data == NULL ? NULL : resolve(t, t->data);
     PM_TRY(t->data_at != NULL && t->data == NULL ? no_memory() : PM_OK);
     const char *unused = NULL;
+    const pm_yaml seconds = pm_yaml_get(data, "seconds");
+    t->seconds = INFINITY;
+    PM_TRY(pm_yaml_exists(seconds) ? pm_yaml_double(seconds, DBL_MIN, INFINITY, &t->seconds)
+                                   : PM_OK);
     PM_TRY(read_placed(t, data, "data_set", &t->data_set, &unused));
     PM_TRY(read_placed(t, data, "trajectories", &t->trajectories, &t->trajectories_at));
     return read_placed(t, data, "validation", &t->validation, &t->validation_at);

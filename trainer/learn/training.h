@@ -33,6 +33,7 @@ typedef struct pm_training {
     const char **noise_column; // [nnoise]
     double *noise;             // [nnoise] in the unit of the column
     const char *noise_at;
+    double seconds;       // of each trajectory that count; infinite: all
     const char *data_set; // the dataset of the file that holds the measurements; NULL: z
     uint64_t seed;
     bool square;        // samples have symmetric copies (learn/symmetry.h)

@@ -1,0 +1,105 @@
+#!/bin/sh
+# test_measured_cli.sh PORTMET_TRAIN: from tables of angles to a prediction with bands, by the commands of the
+# trainer's page; and mistakes in tables are told with their place.
+set -u
+train=$1
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+    sed 's/^/    /' "$folder/out"
+}
+
+# succeed TEXT ARGUMENT...: TEXT is in the output.
+succeed() {
+    text=$1
+    shift
+    timeout 100 "$train" "$@" >"$folder/out" 2>&1 </dev/null || fail "portmet-train $*: expected success"
+    grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
+}
+
+# refuse CODE TEXT ARGUMENT...: the exit code, and TEXT in the message.
+refuse() {
+    code=$1 text=$2
+    shift 2
+    timeout 100 "$train" "$@" >"$folder/out" 2>&1 </dev/null
+    found=$?
+    [ $found -eq "$code" ] || fail "portmet-train $*: expected exit code $code, found $found"
+    grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
+}
+
+# A damped pendulum whose angle is measured at uneven times; every ninth place is empty.
+for i in 1 2 3 4; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 0.3 + rand(); k = 9
+        print "# a logger\nt [s]; \"angle (rad)\""
+        for (i = 0; i < 250; i++) {
+            noise = 0.005*sqrt(-2*log(1 - rand()))*cos(6.2831853*rand())
+            if (i % 9 == 5) printf "%.4f;\n", t; else printf "%.4f; %.5f\n", t, q + 0.02 + noise
+            wait = 0.025 + 0.01*rand()
+            for (j = 0; j < 20; j++) { v += wait/20*(-k*sin(q) - 0.2*v); q += wait/20*v }
+            t += wait
+        }
+    }' >"$folder/swing_$i.csv"
+done
+cat >"$folder/pendulum.yaml" <<'END'
+scene: pendulum
+time: {dt: 0.04, steps: 100, integrator: rk4}
+subsystems:
+  arm:
+    weights: arm.h5
+    state:
+      q: {unit: rad, size: 1, hidden: {deviation: 2.0}}
+      p: {unit: kg m^2/s, hidden: {deviation: 5.0}}
+      s: {unit: J/K, hidden: true}
+observations: {angle: "arm.q + 0.02"}
+END
+cat >"$folder/training.yaml" <<'END'
+scene: pendulum.yaml
+noise: {angle: 0.005}
+data: {validation: none, trajectories: "0:3"}
+models:
+  arm:
+    constants:
+      stiffness: {learned: 5.0, positive: true}
+      viscous: {learned: 0.1, positive: true}
+      useless: {learned: 1.0, positive: true}
+    energy: ["p^2/2 - stiffness*cos(q) + useless", "300*s"]
+    entropy: {given: s}
+    reversible: {given: [[q, p, 1.0]]}
+    irreversible: {given: [[p, s, "viscous*dE.s"]]}
+subsystems: {arm: arm}
+END
+succeed "4 trajectories of at most 250 samples, columns angle" import "$folder"/swing_?.csv -o "$folder/swing.h5"
+succeed "uneven" inspect "$folder/swing.h5"
+grep -qE "^angle +rad +888 +112 " "$folder/out" || fail "inspect: expected 888 samples, 112 missing"
+succeed "arm.useless: the data do not fix it" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
+grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
+grep -qE "^  arm.viscous = 0.(19[5-9]|20[0-5])" "$folder/out" || fail "fit: expected a friction of 0.2"
+grep -q "arm.s: the data do not fix its start" "$folder/out" || fail "fit: the entropy is fixed by nothing"
+succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
+    --record "$folder/y.h5"
+inside=$(awk '$1 == "angle" { print int($6) }' "$folder/out")
+[ "${inside:-0}" -ge 80 ] && [ "$inside" -le 97 ] || fail "evaluate: expected about 90 % inside the bands"
+h5dump -H -d /y "$folder/y.h5" | grep -q "( 1, 250, 1 )" || fail "record: expected /y [trajectory][time][column]"
+h5dump -H -d /deviation "$folder/y.h5" >/dev/null || fail "record: expected standard deviations"
+
+# --- mistakes ---
+printf 't,a\n0,1\n1,x\n' >"$folder/bad.csv"
+refuse 5 'bad.csv:3: expected a number, found "x"' import "$folder/bad.csv" -o "$folder/no.h5"
+printf 't,a\n0,1\n1,2,3\n' >"$folder/bad.csv"
+refuse 5 'bad.csv:3: expected 2 columns as in the first line, found 3' import "$folder/bad.csv" -o "$folder/no.h5"
+printf 'a,b\n0,1\n1,2\n' >"$folder/bad.csv"
+refuse 5 'there is no column "t"' import "$folder/bad.csv" -o "$folder/no.h5"
+printf 't,a\n0,1\n0,2\n' >"$folder/bad.csv"
+refuse 5 'expected rising times' import "$folder/bad.csv" -o "$folder/no.h5"
+refuse 4 'cannot be read' import "$folder/missing.csv" -o "$folder/no.h5"
+[ ! -e "$folder/no.h5" ] || fail "a refused table left a file"
+sed -i 's/{angle: 0.005}/{angel: 0.005}/' "$folder/training.yaml"
+refuse 3 'the scene measures no column "angel"' fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
+
+[ $failures -eq 0 ] && echo "all well"
+exit $((failures > 0))
