@@ -10,8 +10,10 @@
 #include "learn/uncertainty.h"
 #include "scene/columns.h"
 
-#define FAR_REACH 1e6 // of constants whose unit and size are not known
-#define SWING 16      // steps in which hidden components swing once, in states that fix scales
+#define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
+#define MOST_REPORTED 8       // trajectories whose starts the report estimates
+#define FAR_REACH 1e6         // of constants whose unit and size are not known
+#define SWING 16 // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
 #define EQUAL 1e-6          // relative difference of times that count as equal
 
@@ -205,8 +207,19 @@ static bool is_positive(const pm_fit *f, int component, const char *name) {
     return false;
 }
 
-// Weights of networks and logarithms of positive constants are expected within a reach of their
-// first values. Other learned constants have units, so that little is known of their reach.
+// Returns how far entry j of a weight of component i is expected to go from its first value.
+// Weights of networks and logarithms of positive constants have the same reach. Other learned
+// constants have units, so that little is known of theirs. Temperatures begin as the user gives
+// them: coupled bodies leave a common factor of them nearly free.
+static double reach_of(const pm_fit *f, int i, const pm_param_entry *entry, int j) {
+    const char *end = strrchr(entry->name, '.');
+    if (strncmp(entry->name, "constant.", 9) == 0) {
+        return is_positive(f, i, entry->name + 9) ? PM_SHOOTING_REACH
+                                                  : FAR_REACH * fmax(fabs(entry->value[j]), 1);
+    }
+    return end != NULL && strcmp(end, ".amplitude") == 0 ? TEMPERATURE_REACH : PM_SHOOTING_REACH;
+}
+
 static void set_reach(const pm_fit *f, pm_shooting *s) {
     size_t at = 0;
     pm_shooting_weights(s, s->first_weight);
@@ -214,11 +227,8 @@ static void set_reach(const pm_fit *f, pm_shooting *s) {
         const pm_params *params = pm_system_params(f->training->system, i);
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
-            const bool constant = strncmp(entry->name, "constant.", 9) == 0;
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j) {
-                const bool free = constant && !is_positive(f, i, entry->name + 9);
-                s->reach[at++] =
-                    free ? FAR_REACH * fmax(fabs(entry->value[j]), 1) : PM_SHOOTING_REACH;
+                s->reach[at++] = reach_of(f, i, entry, j);
             }
         }
     }
@@ -268,7 +278,8 @@ pm_status pm_fit_measured_run(pm_fit *f) {
 pm_status pm_fit_measured_report(pm_fit *f) {
     const struct pm_fit_measured *m = f->measured;
     const bool validation = f->split.nvalidation > 0;
-    const int count = validation ? f->split.nvalidation : f->split.ntraining;
+    const int all = validation ? f->split.nvalidation : f->split.ntraining;
+    const int count = all < MOST_REPORTED ? all : MOST_REPORTED;
     const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
     const double seconds = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
     pm_estimate e;

@@ -19,7 +19,7 @@
 #include "learn/track.h"
 
 #define PM_SHOOTING_REACH 10.0 // of weights, which begin with deviations of about 1, and logarithms
-#define PM_SHOOTING_LANES 2 // threads; a fixed number, so that the order of sums is fixed
+#define PM_SHOOTING_LANES 2    // threads; a fixed number, so that the order of sums is fixed
 
 // A window: the samples [first, last) of a track, where the integration ends at sample `last` if
 // another window follows, else at `last - 1`.
@@ -43,8 +43,8 @@ typedef struct pm_shooting {
     bool hold;                         // the weights stay as they are; only starts are sought
     // [nweight] the weights before the fit, and how far a weight is expected to go from there; 0:
     // any distance. Weights on which the data have no influence stay near the first ones.
-    double *first_weight, *reach;
-    double huber; // residuals beyond this many deviations count less
+    double *first_weight, *reach, *no_reach; // no_reach: zeros
+    double huber;                            // residuals beyond this many deviations count less
     int nwindow;
     pm_window *window; // [nwindow], by track and time
     double *z;         // [nwindow][nz] the starts

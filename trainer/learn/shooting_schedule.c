@@ -23,6 +23,7 @@
 #define LAST_ENOUGH 1e-4
 // A level goes on with the new noise until its relative change is below this.
 #define MOST_ROUNDS 8
+#define LAST_ROUNDS 3
 #define LEVEL_SETTLED 0.2
 #define LAST_SETTLED 0.02
 // Noise below this fraction of the deviation of a column is rounding of the data.
@@ -179,7 +180,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course, int
     pm_shooting_progress all = {0};
     const double started = pm_clock();
     bool settled = false;
-    for (int round = 0; round < MOST_ROUNDS && !settled; ++round) {
+    for (int round = 0; round < (last ? LAST_ROUNDS : MOST_ROUNDS) && !settled; ++round) {
         pm_shooting_progress progress;
         set_gaps(s, course, factor);
         PM_TRY(pm_shooting_minimise(s, last ? LAST_ITERATIONS : LEVEL_ITERATIONS,

@@ -57,6 +57,77 @@ static double samples_per_residual(const pm_shooting *s) {
     return sum;
 }
 
+// --- disagreement of trajectories ---
+
+// Whether every track is one window, so that its part of the equations can be evaluated alone.
+static bool tracks_are_windows(const pm_shooting *s) {
+    bool single = true;
+    for (int w = 0; w < s->nwindow; ++w) {
+        single = single && !s->window[w].follows && s->window[w].ends;
+    }
+    return single;
+}
+
+// Writes the gradient by the weights [nweight] of one track, after elimination of its start. The
+// track is evaluated alone, in the place of the first window. Returns false if its start is free.
+static bool track_gradient(pm_shooting *s, int track, double *gradient) {
+    const ptrdiff_t nz = s->nz, nb = s->nborder;
+    const int nwindow = s->nwindow;
+    const pm_window first = s->window[0];
+    double *reach = s->reach;
+    s->window[0] = s->window[track];
+    s->nwindow = 1;
+    s->reach = s->no_reach;
+    pm_shooting_evaluate(s, s->z + track * nz, true);
+    s->window[0] = first;
+    s->nwindow = nwindow;
+    s->reach = reach;
+    double *own = s->own, *border = s->border;
+    for (ptrdiff_t i = 0; i < s->nweight; ++i) {
+        gradient[i] = s->matrix[i * nb + s->nweight];
+    }
+    if (!pm_cholesky_factor(s->nz, own)) {
+        return false;
+    }
+    double *start = s->factor; // own^-1 times the gradient by the start
+    for (ptrdiff_t i = 0; i < nz; ++i) {
+        start[i] = border[i * nb + s->nweight];
+    }
+    pm_cholesky_back(s->nz, own, 1, start);
+    for (ptrdiff_t i = 0; i < nz; ++i) {
+        for (ptrdiff_t k = 0; k < s->nweight; ++k) {
+            gradient[k] -= border[i * nb + k] * start[i];
+        }
+    }
+    return true;
+}
+
+// Compares the gradients g of single trajectories with their covariance: the mean of g' H^-1 g over
+// all directions that the data fix is 1 if trajectories differ by independent noise alone.
+// `inverse` is H^-1 [nweight][nweight]. 0: not known.
+static double disagreement(pm_shooting *s, const double *inverse) {
+    const ptrdiff_t n = s->nweight;
+    double *gradient = malloc(((size_t)n + 1) * sizeof *gradient);
+    double sum = 0, fixed = 0;
+    bool known = gradient != NULL && s->nwindow > 1 && tracks_are_windows(s);
+    for (int i = 0; i < s->nwindow && known; ++i) {
+        known = track_gradient(s, i, gradient);
+        for (ptrdiff_t k = 0; k < n && known; ++k) {
+            double product = 0;
+            for (ptrdiff_t l = 0; l < n; ++l) {
+                product += inverse[k * n + l] * gradient[l];
+            }
+            sum += gradient[k] * product;
+        }
+    }
+    for (ptrdiff_t k = 0; k < n; ++k) {
+        const double reach = s->reach[k];
+        fixed += reach > 0 ? fmax(1 - inverse[k * (n + 1)] / (reach * reach), 0) : 1;
+    }
+    free(gradient);
+    return known && fixed > 0.5 ? sum / fixed * s->nwindow / (s->nwindow - 1) : 0;
+}
+
 // --- making ---
 
 // Inverts the Cholesky factor that the solution left in s->reduced.
@@ -138,10 +209,15 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s) {
         return pm_fail(PM_ENUMERIC, "the measurements and the priors do not fix all weights");
     }
     u->samples_per_residual = samples_per_residual(s);
-    invert(s, u->samples_per_residual, u->covariance);
+    invert(s, 1, u->covariance);
     pm_shooting_weights(s, u->weights);
     memcpy(u->noise, s->noise, (size_t)u->ny * sizeof *u->noise);
-    return describe_starts(u, s);
+    PM_TRY(describe_starts(u, s));
+    u->inflation = fmax(u->samples_per_residual, disagreement(s, u->covariance));
+    for (size_t i = 0; i < (size_t)u->nweight * (size_t)u->nweight; ++i) {
+        u->covariance[i] *= u->inflation;
+    }
+    return PM_OK;
 }
 
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s) {
@@ -170,6 +246,7 @@ static pm_status write_content(const pm_uncertainty *u, pm_hdf5 *file) {
     PM_TRY(pm_hdf5_write(file, "/start", 1, &u->nz, u->start));
     PM_TRY(pm_hdf5_write(file, "/spread", 1, &u->nz, u->spread));
     PM_TRY(pm_hdf5_write(file, "/unknown", 1, &u->nz, u->unknown));
+    PM_TRY(pm_hdf5_write_number(file, "/", "inflation", u->inflation));
     return pm_hdf5_write_number(file, "/", "samples_per_residual", u->samples_per_residual);
 }
 
@@ -197,6 +274,7 @@ static pm_status read_content(pm_uncertainty *u, const pm_hdf5 *file) {
     PM_TRY(pm_hdf5_read(file, "/start", 1, &u->nz, u->start));
     PM_TRY(pm_hdf5_read(file, "/spread", 1, &u->nz, u->spread));
     PM_TRY(pm_hdf5_read(file, "/unknown", 1, &u->nz, u->unknown));
+    PM_TRY(pm_hdf5_read_number(file, "/", "inflation", &u->inflation));
     return pm_hdf5_read_number(file, "/", "samples_per_residual", &u->samples_per_residual);
 }
 
@@ -268,9 +346,9 @@ static void print_component(const pm_uncertainty *u, const pm_shooting *s, int i
 
 void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s) {
     size_t at = 0;
-    printf("What the measurements fix (%.3g neighbouring samples count as one, since their "
-           "residuals agree):\n",
-           u->samples_per_residual);
+    printf("What the measurements fix (variances are %.3g times those of independent noise; %.3g "
+           "samples in a row count as one):\n",
+           u->inflation, u->samples_per_residual);
     for (int c = 0; c < s->ny; ++c) {
         printf("  %s: residual %.3g\n", s->observation->name[c], u->noise[c]);
     }

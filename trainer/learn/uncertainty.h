@@ -13,8 +13,12 @@ typedef struct pm_uncertainty {
     double *weights;    // [nweight] the weights that it belongs to
     double *noise;      // [ny] standard deviation of the residuals, in the unit of each column
     // Residuals of neighbouring samples agree where the model is wrong. So many samples count as
-    // one: 1 plus twice the sum of the residuals' autocorrelation. The covariance contains it.
+    // one: 1 plus twice the sum of the residuals' autocorrelation.
     double samples_per_residual;
+    // The variance of the weights over that with independent noise: the larger of the number above
+    // and of how much more the trajectories disagree about the weights than noise lets them. The
+    // covariance contains it.
+    double inflation;
     double *start;   // [nz] mean start of all trajectories
     double *spread;  // [nz] standard deviation of the starts among trajectories
     double *unknown; // [nz] deviation of a start that the data leave, over that of its prior; 0:
