@@ -13,6 +13,7 @@
 #include "base/status.h"
 #include "model/spec.h"
 #include "scene/integrator.h"
+#include "store/names.h"
 
 // In all structures below a member `x_at` is the place, "file:line:column", at which the scene
 // gives x, for errors that are found after the scene was read.
@@ -117,6 +118,11 @@ typedef struct pm_scene {
     pm_scene_process *process; // [nprocess] in the order of their first subsystems
     int nz;                    // components of all subsystems
     int nprescribed;           // values of all boundary inputs
+    // The names of all subsystems and ports, sorted. No names: lookups go through all of them.
+    pm_names subsystem_names, port_names;
+    // The ends of ports at each subsystem, as 2 port + end, ascending: those of subsystem i begin
+    // at end_at[first_end[i]] and end before end_at[first_end[i + 1]].
+    int *first_end, *end_at; // [nsubsystem + 1], [2 nport]
 } pm_scene;
 
 // Reads the scene file at `path` and checks keys, types, names, units, neighbours and ports. The

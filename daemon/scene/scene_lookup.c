@@ -12,6 +12,9 @@ double pm_scene_time(const pm_scene *scene, double t0, long step) {
 // --- by name ---
 
 int pm_scene_find_subsystem(const pm_scene *scene, const char *name) {
+    if (scene->subsystem_names.count > 0) {
+        return pm_names_find(&scene->subsystem_names, name);
+    }
     for (int i = 0; i < scene->nsubsystem; ++i) {
         if (strcmp(scene->subsystem[i].name, name) == 0) {
             return i;
@@ -30,6 +33,9 @@ int pm_scene_find_boundary_input(const pm_scene *scene, const char *name) {
 }
 
 int pm_scene_find_port(const pm_scene *scene, const char *name) {
+    if (scene->port_names.count > 0) {
+        return pm_names_find(&scene->port_names, name);
+    }
     for (int i = 0; i < scene->nport; ++i) {
         if (strcmp(scene->port[i].name, name) == 0) {
             return i;

@@ -15,7 +15,7 @@ static pm_yaml item(pm_yaml list, int i) {
 
 static pm_status read_range(pm_scene_reader *r, pm_yaml at, pm_name_range *range) {
     const char *text;
-    PM_TRY(pm_yaml_text(at, r->arena, &text));
+    PM_TRY(pm_scene_read_indexed(r, at, &text));
     const pm_status status = pm_name_range_parse(range, text);
     return status == PM_OK ? PM_OK : pm_yaml_fail(at, "%s", pm_error());
 }

@@ -17,7 +17,9 @@ static pm_status read_law(pm_scene_reader *r, pm_scene_port *port, pm_yaml block
                               port->law);
 }
 
-static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml block) {
+// Reads the two ends; `text` receives their names as they stand in the file.
+static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml block,
+                              const char *text[2]) {
     pm_yaml between;
     int count;
     const char **name;
@@ -27,6 +29,8 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
         return pm_yaml_fail(between, "expected two subsystems [a, b], found %d", count);
     }
     for (int end = 0; end < 2; ++end) {
+        text[end] = name[end];
+        PM_TRY(pm_scene_expand(r, pm_yaml_item(between, end), name[end], &name[end]));
         port->subsystem[end] = pm_scene_find_subsystem(r->scene, name[end]);
         port->boundary_input[end] = pm_scene_find_boundary_input(r->scene, name[end]);
         if (port->subsystem[end] < 0 && port->boundary_input[end] < 0) {
@@ -46,15 +50,16 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
 }
 
 // Reads the exposed groups of one end, in the order written, and the positions of their components
-// in the end's whole state.
-static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, pm_yaml expose) {
+// in the end's whole state. `key` is the name of the end as it stands in the file.
+static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, pm_yaml expose,
+                              const char *key) {
     const char *owner = pm_scene_end_name(r->scene, port, end);
     const pm_layout *whole = pm_scene_end_layout(r->scene, port, end);
     pm_layout *layout = &port->layout[end];
     pm_yaml list;
     int count;
     const char **name;
-    PM_TRY(pm_yaml_require(expose, owner, &list));
+    PM_TRY(pm_yaml_require(expose, key, &list));
     PM_TRY(pm_scene_read_at(r, list, &port->expose_at[end]));
     PM_TRY(pm_yaml_texts(list, r->arena, &count, &name));
     if (count == 0) {
@@ -86,39 +91,106 @@ static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, 
     return PM_OK;
 }
 
-static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml key, pm_yaml block) {
+// Reads the exposed groups of both ends, whose names in the file are `text`.
+static pm_status read_expose(pm_scene_reader *r, pm_scene_port *port, pm_yaml block,
+                             const char *const text[2]) {
+    pm_yaml expose;
+    PM_TRY(pm_yaml_require(block, "expose", &expose));
+    const char *const ends[] = {text[0], text[1], NULL};
+    PM_TRY(pm_yaml_allow(expose, ends));
+    PM_TRY(read_exposed(r, port, 0, expose, text[0]));
+    return read_exposed(r, port, 1, expose, text[1]);
+}
+
+// Reads a port; its name has been read.
+static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml block) {
     static const char *const keys[] = {"law",   "between",   "expose", "weights",
                                        "model", "constants", NULL};
-    pm_yaml expose;
-    PM_TRY(pm_scene_read_name(r, key, &port->name));
+    const char *text[2];
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(read_law(r, port, block));
-    PM_TRY(read_between(r, port, block));
-    PM_TRY(pm_yaml_require(block, "expose", &expose));
-    const char *const ends[] = {pm_scene_end_name(r->scene, port, 0),
-                                pm_scene_end_name(r->scene, port, 1), NULL};
-    PM_TRY(pm_yaml_allow(expose, ends));
-    PM_TRY(read_exposed(r, port, 0, expose));
-    PM_TRY(read_exposed(r, port, 1, expose));
+    PM_TRY(read_between(r, port, block, text));
+    PM_TRY(read_expose(r, port, block, text));
     return pm_scene_read_port_maker(r, block, port);
 }
 
-pm_status pm_scene_read_ports(pm_scene_reader *r) {
-    pm_scene *scene = r->scene;
-    const pm_yaml ports = pm_yaml_get(r->root, "ports");
-    if (!pm_yaml_exists(ports)) {
+// Makes a port like the first one of its range. It has a name and ends of its own.
+static pm_status repeat_port(pm_scene_reader *r, const pm_scene_port *first, pm_scene_port *port,
+                             pm_yaml block) {
+    const char *name = port->name, *text[2];
+    *port = *first;
+    port->name = name;
+    PM_TRY(read_between(r, port, block, text));
+    bool alike = true;
+    for (int end = 0; end < 2; ++end) {
+        alike = alike && pm_layout_equal(pm_scene_end_layout(r->scene, port, end),
+                                         pm_scene_end_layout(r->scene, first, end));
+    }
+    if (alike) {
         return PM_OK;
     }
+    port->layout[0] = port->layout[1] = (pm_layout){0};
+    return read_expose(r, port, block, text);
+}
+
+// Lists the ends of ports at each subsystem.
+static pm_status list_ends(pm_scene *scene) {
+    const size_t n = (size_t)scene->nsubsystem;
+    scene->first_end = pm_arena_array(&scene->arena, n + 2, sizeof *scene->first_end);
+    scene->end_at = pm_arena_array(&scene->arena, 2 * (size_t)scene->nport, sizeof *scene->end_at);
+    if (scene->first_end == NULL || scene->end_at == NULL) {
+        return pm_scene_no_memory();
+    }
+    // Counts first, one place further on, so that filling moves each start to where it belongs.
+    int *next = scene->first_end + 1;
+    for (int k = 0; k < 2 * scene->nport; ++k) {
+        const int id = scene->port[k / 2].subsystem[k % 2];
+        if (id >= 0) {
+            ++next[id + 1];
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        next[i + 1] += next[i];
+    }
+    for (int k = 0; k < 2 * scene->nport; ++k) {
+        const int id = scene->port[k / 2].subsystem[k % 2];
+        if (id >= 0) {
+            scene->end_at[next[id]++] = k;
+        }
+    }
+    return PM_OK;
+}
+
+static const char *name_of(const pm_scene *scene, int id) {
+    return scene->port[id].name;
+}
+
+static pm_status read_all(pm_scene_reader *r, pm_yaml ports) {
+    pm_scene *scene = r->scene;
+    pm_scene_entries entries;
     PM_TRY(pm_yaml_require_entries(ports));
-    scene->nport = pm_yaml_count(ports);
+    PM_TRY(pm_scene_read_entries(r, ports, &entries));
+    scene->nport = entries.total;
     scene->port = pm_arena_array(r->arena, (size_t)scene->nport, sizeof *scene->port);
     if (scene->port == NULL) {
         return pm_scene_no_memory();
     }
     for (int i = 0; i < scene->nport; ++i) {
+        pm_scene_port *port = &scene->port[i];
         pm_yaml key, block;
-        pm_yaml_entry(ports, i, &key, &block);
-        PM_TRY(read_port(r, &scene->port[i], key, block));
+        int first;
+        PM_TRY(pm_scene_enter_entry(r, &entries, i, &key, &block, &port->name, &first));
+        PM_TRY(first == i ? read_port(r, port, block)
+                          : repeat_port(r, &scene->port[first], port, block));
     }
-    return PM_OK;
+    r->naxis = 0;
+    return pm_scene_sort_names(r, &entries, name_of, &scene->port_names);
+}
+
+pm_status pm_scene_read_ports(pm_scene_reader *r) {
+    const pm_yaml ports = pm_yaml_get(r->root, "ports");
+    if (pm_yaml_exists(ports)) {
+        PM_TRY(read_all(r, ports));
+    }
+    return list_ends(r->scene);
 }

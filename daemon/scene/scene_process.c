@@ -16,27 +16,41 @@ static pm_status add_process(pm_scene *scene, const char *name, int count) {
 
 // --- the section ---
 
-// Marks the subsystems of one process with its position in the section.
+// Marks one subsystem with the position of its process in the section.
+static pm_status mark_subsystem(pm_scene_reader *r, pm_yaml at, const char *name, int number) {
+    const int id = pm_scene_find_subsystem(r->scene, name);
+    if (id < 0) {
+        char names[512];
+        return pm_yaml_fail(at, "there is no subsystem \"%.64s\"; subsystems: %s", name,
+                            pm_scene_subsystem_names(r->scene, names, sizeof names));
+    }
+    if (r->scene->subsystem[id].process != UNASSIGNED) {
+        return pm_yaml_fail(at, "subsystem \"%s\" has a process already", name);
+    }
+    r->scene->subsystem[id].process = number;
+    return PM_OK;
+}
+
+// Marks the subsystems of one process, which are named one by one or by ranges.
 static pm_status mark_subsystems(pm_scene_reader *r, pm_yaml list, int number) {
     int count;
-    const char **name;
-    PM_TRY(pm_yaml_texts(list, r->arena, &count, &name));
+    const char **text;
+    PM_TRY(pm_yaml_texts(list, r->arena, &count, &text));
     if (count == 0) {
         return pm_yaml_fail(list, "expected at least one subsystem");
     }
     for (int i = 0; i < count; ++i) {
         const pm_yaml at = pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
-        const int id = pm_scene_find_subsystem(r->scene, name[i]);
-        if (id < 0) {
-            char names[512];
-            return pm_yaml_fail(at, "there is no subsystem \"%.64s\"; subsystems: %s", name[i],
-                                pm_scene_subsystem_names(r->scene, names, sizeof names));
+        pm_scene_range range;
+        PM_TRY(pm_scene_parse_range(r, at, text[i], &range));
+        for (int k = 0; k < range.total; ++k) {
+            const char *name;
+            pm_scene_enter(r, &range, k);
+            PM_TRY(pm_scene_expand(r, at, range.pattern, &name));
+            PM_TRY(mark_subsystem(r, at, name, number));
         }
-        if (r->scene->subsystem[id].process != UNASSIGNED) {
-            return pm_yaml_fail(at, "subsystem \"%s\" has a process already", name[i]);
-        }
-        r->scene->subsystem[id].process = number;
     }
+    r->naxis = 0;
     return PM_OK;
 }
 
@@ -68,15 +82,17 @@ static pm_status read_section(pm_scene_reader *r, pm_yaml section, const char **
 // --- the processes ---
 
 // Makes the processes in the order of their first subsystems. `made` [entries of the section]
-// receives the process of each entry; the caller fills it with UNASSIGNED.
-static pm_status make_processes(pm_scene *scene, const char *const *name, int *made) {
+// receives the process of each entry; the caller fills it with UNASSIGNED. `count` [entries] is the
+// number of subsystems of each.
+static pm_status make_processes(pm_scene *scene, const char *const *name, int *made,
+                                const int *count) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         pm_scene_subsystem *subsystem = &scene->subsystem[i];
         const int mark = subsystem->process;
         const bool known = mark != UNASSIGNED && made[mark] != UNASSIGNED;
         if (!known) {
             const char *own = mark == UNASSIGNED ? subsystem->name : name[mark];
-            PM_TRY(add_process(scene, own, mark == UNASSIGNED ? 1 : scene->nsubsystem));
+            PM_TRY(add_process(scene, own, mark == UNASSIGNED ? 1 : count[mark]));
         }
         subsystem->process = known ? made[mark] : scene->nprocess - 1;
         if (mark != UNASSIGNED) {
@@ -98,7 +114,8 @@ pm_status pm_scene_read_processes(pm_scene_reader *r) {
     const char **name = pm_arena_array(r->arena, nmark, sizeof *name);
     int *made = pm_arena_array(r->arena, nmark, sizeof *made);
     scene->process = pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *scene->process);
-    if (name == NULL || made == NULL || scene->process == NULL) {
+    int *count = pm_arena_array(r->arena, nmark, sizeof *count);
+    if (name == NULL || made == NULL || count == NULL || scene->process == NULL) {
         return pm_scene_no_memory();
     }
     for (size_t i = 0; i < nmark; ++i) {
@@ -108,7 +125,13 @@ pm_status pm_scene_read_processes(pm_scene_reader *r) {
         scene->subsystem[i].process = UNASSIGNED;
     }
     PM_TRY(read_section(r, section, name));
-    return make_processes(scene, name, made);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const int mark = scene->subsystem[i].process;
+        if (mark != UNASSIGNED) {
+            ++count[mark];
+        }
+    }
+    return make_processes(scene, name, made, count);
 }
 
 pm_status pm_scene_join_processes(pm_scene *scene) {

@@ -9,13 +9,27 @@
 #include "scene/scene.h"
 #include "store/yaml.h"
 
+#define PM_SCENE_MAX_AXES 3
+#define PM_SCENE_MOST_COMPONENTS 1000000 // subsystems or ports that a key stands for
+
 // A scene while it is read.
 typedef struct pm_scene_reader {
     pm_scene *scene;
     pm_arena *arena; // the scene's
     pm_yaml root;
-    int nname; // column names read so far
+    int nname;                    // column names read so far
+    int naxis;                    // of the range whose block is being read; 0: there is no range
+    int index[PM_SCENE_MAX_AXES]; // [naxis] of the component that is being read
 } pm_scene_reader;
+
+// The components that a key means: one, or with NAME[A:B] one for each index from A up to, not
+// including, B. Up to three axes may follow each other; the last one runs fastest.
+typedef struct pm_scene_range {
+    const char *pattern; // of the names: "link", "link[i]", "cell[i][j]"
+    int naxis;           // 0: a single component
+    int first[PM_SCENE_MAX_AXES], count[PM_SCENE_MAX_AXES]; // [naxis]
+    int total;                                              // components
+} pm_scene_range;
 
 // A text and the place where it stands.
 typedef struct pm_scene_named {
@@ -43,6 +57,42 @@ pm_status pm_scene_read_part_maker(pm_scene_reader *r, pm_yaml block,
                                    pm_scene_subsystem *subsystem);
 pm_status pm_scene_read_port_maker(pm_scene_reader *r, pm_yaml block, pm_scene_port *port);
 
+// Parses the text of a key. PM_ECONFIG: it is neither a name nor a range, or stands for too many.
+pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
+                               pm_scene_range *range);
+// Makes component `number` of a range the one that is being read.
+void pm_scene_enter(pm_scene_reader *r, const pm_scene_range *range, int number);
+// Replaces every index in a text by its number in the component that is being read: "link[i+1]"
+// becomes link8, and "cell[i][j]" becomes cell3_7. Other brackets stay. PM_ECONFIG: an index is
+// negative.
+pm_status pm_scene_expand(pm_scene_reader *r, pm_yaml at, const char *text, const char **result);
+// Reads a text and expands it.
+pm_status pm_scene_read_indexed(pm_scene_reader *r, pm_yaml at, const char **text);
+
+// The entries of a mapping whose keys are names or ranges.
+typedef struct pm_scene_entries {
+    pm_yaml map;
+    int count;             // entries
+    pm_scene_range *range; // [count]
+    int *first;            // [count] position of the entry's first component among all
+    int total;             // components of all entries
+} pm_scene_entries;
+// Parses the keys of a mapping. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_scene_read_entries(pm_scene_reader *r, pm_yaml map, pm_scene_entries *entries);
+// Returns the entry to which a component belongs.
+int pm_scene_entry_of(const pm_scene_entries *entries, int component);
+// Makes component number `id` of all entries the one that is being read, and reads its name. `key`
+// and `block` receive its entry. Returns through `first` the first component of the same entry.
+pm_status pm_scene_enter_entry(pm_scene_reader *r, const pm_scene_entries *entries, int id,
+                               pm_yaml *key, pm_yaml *block, const char **name, int *first);
+// Sorts the names of components [count] and refuses a name that occurs twice. `name_of` returns the
+// name of one component.
+pm_status pm_scene_sort_names(pm_scene_reader *r, const pm_scene_entries *entries,
+                              const char *(*name_of)(const pm_scene *scene, int id),
+                              pm_names *names);
+
+// Checks a name: a letter, then letters, digits or '_'.
+pm_status pm_scene_check_name(pm_yaml at, const char *name);
 // Reads a name: a letter, then letters, digits or '_'.
 pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name);
 // Reads a path and resolves it against the folder of the scene file.

@@ -114,12 +114,12 @@ static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem,
     return PM_OK;
 }
 
+// Reads a subsystem; its name has been read.
 static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml key,
                                 pm_yaml block) {
     static const char *const keys[] = {"weights", "model",    "constants", "state",
                                        "initial", "substeps", NULL};
     pm_yaml state;
-    PM_TRY(pm_scene_read_name(r, key, &subsystem->name));
     PM_TRY(pm_scene_read_at(r, key, &subsystem->at));
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_scene_read_part_maker(r, block, subsystem));
@@ -138,10 +138,32 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsyste
     return pm_yaml_exists(initial) ? read_initial(r, subsystem, initial) : PM_OK;
 }
 
+// Makes a subsystem like the first one of its range. It has a name and columns of its own.
+static pm_status repeat_subsystem(pm_scene_reader *r, const pm_scene_subsystem *first,
+                                  pm_scene_subsystem *subsystem, pm_yaml block) {
+    pm_scene_named *columns[PM_MAX_GROUPS] = {NULL};
+    const char *name = subsystem->name;
+    *subsystem = *first;
+    subsystem->name = name;
+    const pm_yaml state = pm_yaml_get(block, "state");
+    for (int i = 0; i < first->layout.ngroup && first->column != NULL; ++i) {
+        pm_yaml key, group;
+        pm_yaml_entry(state, i, &key, &group);
+        const pm_yaml list = pm_yaml_get(group, "columns");
+        int count;
+        PM_TRY(pm_scene_read_columns(r, list, &count, &columns[i]));
+        if (count != first->layout.group[i].size) {
+            return pm_yaml_fail(list, "%d columns, and %s has %d", count, first->name,
+                                first->layout.group[i].size);
+        }
+    }
+    return first->column == NULL ? PM_OK : join_columns(r, subsystem, columns);
+}
+
 // Returns the block of a group, by positions.
-static pm_yaml group_block(pm_yaml subsystems, int subsystem_id, int group_id) {
+static pm_yaml group_block(const pm_scene_entries *entries, int subsystem_id, int group_id) {
     pm_yaml key, value;
-    pm_yaml_entry(subsystems, subsystem_id, &key, &value);
+    pm_yaml_entry(entries->map, pm_scene_entry_of(entries, subsystem_id), &key, &value);
     pm_yaml_entry(pm_yaml_get(value, "state"), group_id, &key, &value);
     return value;
 }
@@ -180,7 +202,7 @@ static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem
     const pm_group *group = &subsystem->layout.group[group_id];
     char names[512];
     const char *text;
-    PM_TRY(pm_yaml_text(at, r->arena, &text));
+    PM_TRY(pm_scene_read_indexed(r, at, &text));
     const char *dot = strchr(text, '.');
     if (dot == NULL) {
         return pm_yaml_fail(at, "expected SUBSYSTEM.GROUP, found \"%.64s\"", text);
@@ -209,29 +231,35 @@ static pm_status read_relative(pm_scene_reader *r, pm_scene_subsystem *subsystem
     return PM_OK;
 }
 
-// Returns true if the chain of relative_to that starts at a group ends. A chain that is longer than
-// the number of groups is a cycle.
-static bool chain_ends(const pm_scene *scene, int subsystem_id, int group_id) {
-    for (int i = 0; i <= scene->nsubsystem * PM_MAX_GROUPS; ++i) {
+// Returns true if the chain of relative_to that starts at a group ends. `walk`
+// [nsubsystem][PM_MAX_GROUPS] keeps, from call to call, by which walk a group was first reached,
+// counting from 1: a walk that reaches a group of its own is in a cycle, and one that reaches a
+// group of an earlier walk ends.
+static bool chain_ends(const pm_scene *scene, int subsystem_id, int group_id, int *walk) {
+    const int own = subsystem_id * PM_MAX_GROUPS + group_id + 1;
+    for (;;) {
+        int *reached = &walk[(ptrdiff_t)subsystem_id * PM_MAX_GROUPS + group_id];
         const pm_scene_subsystem *subsystem = &scene->subsystem[subsystem_id];
-        if (subsystem->relative_subsystem[group_id] < 0) {
-            return true;
+        if (*reached != 0 || subsystem->relative_subsystem[group_id] < 0) {
+            return *reached != own;
         }
+        *reached = own;
         subsystem_id = subsystem->relative_subsystem[group_id];
         group_id = subsystem->relative_group[group_id];
     }
-    return false;
 }
 
-static pm_yaml relative_of(pm_yaml subsystems, int subsystem_id, int group_id) {
-    return pm_yaml_get(group_block(subsystems, subsystem_id, group_id), "relative_to");
+static pm_yaml relative_of(const pm_scene_entries *entries, int subsystem_id, int group_id) {
+    return pm_yaml_get(group_block(entries, subsystem_id, group_id), "relative_to");
 }
 
-static pm_status read_relatives(pm_scene_reader *r, pm_yaml subsystems) {
+static pm_status read_relatives(pm_scene_reader *r, const pm_scene_entries *entries) {
     for (int i = 0; i < r->scene->nsubsystem; ++i) {
         pm_scene_subsystem *subsystem = &r->scene->subsystem[i];
+        const int entry = pm_scene_entry_of(entries, i);
+        pm_scene_enter(r, &entries->range[entry], i - entries->first[entry]);
         for (int g = 0; g < subsystem->layout.ngroup; ++g) {
-            const pm_yaml at = relative_of(subsystems, i, g);
+            const pm_yaml at = relative_of(entries, i, g);
             if (pm_yaml_exists(at)) {
                 PM_TRY(read_relative(r, subsystem, g, at));
             }
@@ -240,45 +268,65 @@ static pm_status read_relatives(pm_scene_reader *r, pm_yaml subsystems) {
     return PM_OK;
 }
 
-static pm_status check_chains(pm_scene_reader *r, pm_yaml subsystems) {
-    for (int i = 0; i < r->scene->nsubsystem; ++i) {
-        const pm_scene_subsystem *subsystem = &r->scene->subsystem[i];
-        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
-            if (!chain_ends(r->scene, i, g)) {
-                return pm_yaml_fail(relative_of(subsystems, i, g),
-                                    "a cycle: each group of this chain is measured from the next, "
-                                    "none from the origin");
+static pm_status check_chains(pm_scene_reader *r, const pm_scene_entries *entries) {
+    const pm_scene *scene = r->scene;
+    pm_arena arena = {0};
+    int *walk = pm_arena_array(&arena, (size_t)scene->nsubsystem * PM_MAX_GROUPS, sizeof *walk);
+    pm_status status = walk == NULL ? pm_scene_no_memory() : PM_OK;
+    for (int i = 0; i < scene->nsubsystem && status == PM_OK; ++i) {
+        for (int g = 0; g < scene->subsystem[i].layout.ngroup && status == PM_OK; ++g) {
+            if (!chain_ends(scene, i, g, walk)) {
+                status = pm_yaml_fail(relative_of(entries, i, g),
+                                      "a cycle: each group of this chain is measured from the "
+                                      "next, none from the origin");
             }
         }
     }
-    return PM_OK;
+    pm_arena_free(&arena);
+    return status;
 }
 
 // --- all of them ---
 
-pm_status pm_scene_read_subsystems(pm_scene_reader *r) {
+static const char *name_of(const pm_scene *scene, int id) {
+    return scene->subsystem[id].name;
+}
+
+static pm_status read_all(pm_scene_reader *r, const pm_scene_entries *entries) {
     pm_scene *scene = r->scene;
-    pm_yaml subsystems;
-    PM_TRY(pm_yaml_require(r->root, "subsystems", &subsystems));
-    PM_TRY(pm_yaml_require_entries(subsystems));
-    scene->nsubsystem = pm_yaml_count(subsystems);
-    scene->subsystem =
-        pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *scene->subsystem);
-    if (scene->subsystem == NULL) {
-        return pm_scene_no_memory();
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    for (int i = 0; i < entries->total; ++i) {
         pm_scene_subsystem *subsystem = &scene->subsystem[i];
         pm_yaml key, block;
-        pm_yaml_entry(subsystems, i, &key, &block);
-        PM_TRY(read_subsystem(r, subsystem, key, block));
+        int first;
+        PM_TRY(pm_scene_enter_entry(r, entries, i, &key, &block, &subsystem->name, &first));
+        PM_TRY(first == i ? read_subsystem(r, subsystem, key, block)
+                          : repeat_subsystem(r, &scene->subsystem[first], subsystem, block));
         subsystem->first = scene->nz;
         scene->nz += subsystem->layout.nz;
         if (scene->nz > MAX_STATE) {
             return pm_yaml_fail(key, "more than %d components in all", MAX_STATE);
         }
     }
+    return PM_OK;
+}
+
+pm_status pm_scene_read_subsystems(pm_scene_reader *r) {
+    pm_scene *scene = r->scene;
+    pm_yaml subsystems;
+    pm_scene_entries entries;
+    PM_TRY(pm_yaml_require(r->root, "subsystems", &subsystems));
+    PM_TRY(pm_yaml_require_entries(subsystems));
+    PM_TRY(pm_scene_read_entries(r, subsystems, &entries));
+    scene->nsubsystem = entries.total;
+    scene->subsystem =
+        pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *scene->subsystem);
+    if (scene->subsystem == NULL) {
+        return pm_scene_no_memory();
+    }
+    PM_TRY(read_all(r, &entries));
+    PM_TRY(pm_scene_sort_names(r, &entries, name_of, &scene->subsystem_names));
     PM_TRY(check_columns(r));
-    PM_TRY(read_relatives(r, subsystems));
-    return check_chains(r, subsystems);
+    PM_TRY(read_relatives(r, &entries));
+    r->naxis = 0;
+    return check_chains(r, &entries);
 }

@@ -16,7 +16,7 @@ static bool is_letter(char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
 }
 
-static pm_status check_name(pm_yaml at, const char *name) {
+pm_status pm_scene_check_name(pm_yaml at, const char *name) {
     bool good = is_letter(name[0]) && strlen(name) <= MAX_NAME;
     for (const char *c = name; *c != '\0'; ++c) {
         good = good && (is_letter(*c) || (*c >= '0' && *c <= '9') || *c == '_');
@@ -31,7 +31,7 @@ static pm_status check_name(pm_yaml at, const char *name) {
 
 pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name) {
     PM_TRY(pm_yaml_text(at, r->arena, name));
-    return check_name(at, *name);
+    return pm_scene_check_name(at, *name);
 }
 
 pm_status pm_scene_read_path(pm_scene_reader *r, pm_yaml at, const char **path) {

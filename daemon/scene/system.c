@@ -100,42 +100,47 @@ static const char *weights_path(const char *path, const char *weights_dir, pm_ar
     return pm_arena_printf(arena, "%s/%s", weights_dir, slash == NULL ? path : slash + 1);
 }
 
+// Checks that weights fit the subsystem that names them.
+static pm_status check_part(pm_system *system, int id) {
+    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
+    const pm_layout *own = &system->part[id].layout;
+    if (pm_layout_equal(&subsystem->layout, own)) {
+        return PM_OK;
+    }
+    const char *who = pm_arena_printf(&system->arena, "subsystem %s", subsystem->name);
+    return who == NULL ? no_memory()
+                       : check_layout(&subsystem->layout, own, differing_group(subsystem, own), who,
+                                      system->part_provenance[id].path, system);
+}
+
 static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
     const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
     const char *path = weights_path(subsystem->weights, weights_dir, &system->arena);
-    const char *who = pm_arena_printf(&system->arena, "subsystem %s", subsystem->name);
-    if (path == NULL || who == NULL) {
-        return no_memory();
-    }
-    const pm_status status =
-        pm_weights_load_part(path, &system->arena, &system->part[id], &system->part_provenance[id]);
-    if (status != PM_OK) {
-        return load_failed(status, subsystem->weights_at, "subsystem", subsystem->name);
-    }
-    const pm_layout *own = &system->part[id].layout;
-    return check_layout(&subsystem->layout, own, differing_group(subsystem, own), who, path,
-                        system);
-}
-
-static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
-    const pm_scene *scene = system->scene;
-    const pm_scene_port *port = &scene->port[id];
-    const pm_port_model *model = &system->port[id];
-    const char *path = weights_path(port->weights, weights_dir, &system->arena);
     if (path == NULL) {
         return no_memory();
     }
     const pm_status status =
-        pm_weights_load_port(path, &system->arena, &system->port[id], &system->port_provenance[id]);
-    if (status != PM_OK) {
-        return load_failed(status, port->weights_at, "port", port->name);
-    }
+        pm_weights_load_part(path, &system->arena, &system->part[id], &system->part_provenance[id]);
+    return status == PM_OK
+               ? check_part(system, id)
+               : load_failed(status, subsystem->weights_at, "subsystem", subsystem->name);
+}
+
+// Checks that weights fit the port that names them.
+static pm_status check_port(pm_system *system, int id) {
+    const pm_scene *scene = system->scene;
+    const pm_scene_port *port = &scene->port[id];
+    const pm_port_model *model = &system->port[id];
+    const char *path = system->port_provenance[id].path;
     if (strcmp(model->spec.law, port->law) != 0) {
         return pm_fail(PM_EWEIGHTS,
                        "%s: port %s: the weights %s are made for the law %s; the scene says %s",
                        port->law_at, port->name, path, model->spec.law, port->law);
     }
     for (int end = 0; end < 2; ++end) {
+        if (pm_layout_equal(&port->layout[end], &model->layout[end])) {
+            continue;
+        }
         const char *who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
                                           pm_scene_end_name(scene, port, end));
         if (who == NULL) {
@@ -143,6 +148,100 @@ static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
         }
         PM_TRY(check_layout(&port->layout[end], &model->layout[end], port->expose_at[end], who,
                             path, system));
+    }
+    return PM_OK;
+}
+
+static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
+    const pm_scene_port *port = &system->scene->port[id];
+    const char *path = weights_path(port->weights, weights_dir, &system->arena);
+    if (path == NULL) {
+        return no_memory();
+    }
+    const pm_status status =
+        pm_weights_load_port(path, &system->arena, &system->port[id], &system->port_provenance[id]);
+    return status == PM_OK ? check_port(system, id)
+                           : load_failed(status, port->weights_at, "port", port->name);
+}
+
+// --- components that share a model ---
+
+// Returns true if two components name the same weights file, or use one reading of a known model.
+static bool is_alike(const char *weights, const void *model, const char *other_weights,
+                     const void *other_model) {
+    return weights == NULL ? model == other_model
+                           : weights == other_weights ||
+                                 (other_weights != NULL && strcmp(weights, other_weights) == 0);
+}
+
+// Makes subsystem `id` use the model of an earlier one that has the same source, and returns true,
+// if there is one. `owner` [nowner] lists the owners so far.
+static bool share_part(pm_system *system, int id, const int *owner, int nowner) {
+    const pm_scene_subsystem *own = &system->scene->subsystem[id];
+    for (int i = nowner - 1; i >= 0; --i) {
+        const pm_scene_subsystem *other = &system->scene->subsystem[owner[i]];
+        if (is_alike(own->weights, own->model, other->weights, other->model) &&
+            (own->model == NULL || pm_layout_equal(&own->layout, &other->layout))) {
+            system->part_owner[id] = owner[i];
+            system->part[id] = system->part[owner[i]];
+            system->part_provenance[id] = system->part_provenance[owner[i]];
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool share_port(pm_system *system, int id, const int *owner, int nowner) {
+    const pm_scene_port *own = &system->scene->port[id];
+    for (int i = nowner - 1; i >= 0; --i) {
+        const pm_scene_port *other = &system->scene->port[owner[i]];
+        if (is_alike(own->weights, own->model, other->weights, other->model) &&
+            (own->model == NULL || (strcmp(own->law, other->law) == 0 &&
+                                    pm_layout_equal(&own->layout[0], &other->layout[0]) &&
+                                    pm_layout_equal(&own->layout[1], &other->layout[1])))) {
+            system->port_owner[id] = owner[i];
+            system->port[id] = system->port[owner[i]];
+            system->port_provenance[id] = system->port_provenance[owner[i]];
+            return true;
+        }
+    }
+    return false;
+}
+
+static pm_status load_parts(pm_system *system, const char *weights_dir) {
+    const pm_scene *scene = system->scene;
+    int nowner = 0;
+    int *owner = pm_arena_array(&system->arena, (size_t)scene->nsubsystem, sizeof *owner);
+    if (owner == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (share_part(system, i, owner, nowner)) {
+            PM_TRY(check_part(system, i));
+            continue;
+        }
+        owner[nowner++] = i;
+        PM_TRY(scene->subsystem[i].model != NULL ? pm_system_declare_part(system, i)
+                                                 : load_part(system, i, weights_dir));
+    }
+    return PM_OK;
+}
+
+static pm_status load_ports(pm_system *system, const char *weights_dir) {
+    const pm_scene *scene = system->scene;
+    int nowner = 0;
+    int *owner = pm_arena_array(&system->arena, (size_t)scene->nport, sizeof *owner);
+    if (owner == NULL) {
+        return no_memory();
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        if (share_port(system, i, owner, nowner)) {
+            PM_TRY(check_port(system, i));
+            continue;
+        }
+        owner[nowner++] = i;
+        PM_TRY(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
+                                            : load_port(system, i, weights_dir));
     }
     return PM_OK;
 }
@@ -204,18 +303,23 @@ pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
     system->port = pm_arena_array(arena, nport, sizeof *system->port);
     system->part_provenance = pm_arena_array(arena, npart, sizeof *system->part_provenance);
     system->port_provenance = pm_arena_array(arena, nport, sizeof *system->port_provenance);
+    system->part_owner = pm_arena_array(arena, npart, sizeof *system->part_owner);
+    system->port_owner = pm_arena_array(arena, nport, sizeof *system->port_owner);
     if (system->part == NULL || system->port == NULL || system->part_provenance == NULL ||
-        system->port_provenance == NULL) {
+        system->port_provenance == NULL || system->part_owner == NULL ||
+        system->port_owner == NULL) {
         pm_arena_free(arena);
         free(system);
         return no_memory();
     }
     for (int i = 0; i < scene->nsubsystem; ++i) {
         system->part[i].layout = scene->subsystem[i].layout;
+        system->part_owner[i] = i;
     }
     for (int i = 0; i < scene->nport; ++i) {
         system->port[i].layout[0] = scene->port[i].layout[0];
         system->port[i].layout[1] = scene->port[i].layout[1];
+        system->port_owner[i] = i;
     }
     *result = system;
     return PM_OK;
@@ -257,14 +361,8 @@ pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *
     pm_status status;
     pm_system *system = NULL;
     PM_TRY_DONE(pm_system_new(&system, scene));
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY_DONE(scene->subsystem[i].model != NULL ? pm_system_declare_part(system, i)
-                                                      : load_part(system, i, weights_dir));
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        PM_TRY_DONE(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
-                                                 : load_port(system, i, weights_dir));
-    }
+    PM_TRY_DONE(load_parts(system, weights_dir));
+    PM_TRY_DONE(load_ports(system, weights_dir));
     PM_TRY_DONE(pm_system_check_boundary_inputs(system));
     PM_TRY_DONE(pm_system_check_coordinates(system));
     PM_TRY_DONE(pm_system_check_origin(system));
@@ -282,10 +380,14 @@ void pm_system_free(pm_system *system) {
         return;
     }
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        pm_part_free(&system->part[i]);
+        if (system->part_owner[i] == i) {
+            pm_part_free(&system->part[i]);
+        }
     }
     for (int i = 0; i < system->scene->nport; ++i) {
-        pm_port_free(&system->port[i]);
+        if (system->port_owner[i] == i) {
+            pm_port_free(&system->port[i]);
+        }
     }
     pm_arena_free(&system->arena);
     free(system);
@@ -320,11 +422,12 @@ int pm_system_without_energy(const pm_system *system) {
 void pm_system_responding(const pm_system *system, int subsystem, bool *component) {
     const pm_scene *scene = system->scene;
     memset(component, 0, (size_t)scene->subsystem[subsystem].layout.nz * sizeof *component);
-    for (int i = 0; i < 2 * scene->nport; ++i) {
+    for (int n = scene->first_end[subsystem]; n < scene->first_end[subsystem + 1]; ++n) {
+        const int i = scene->end_at[n];
         const pm_scene_port *port = &scene->port[i / 2];
         const pm_end end = (pm_end)(i % 2);
         const pm_layout *layout = &port->layout[end];
-        for (int k = 0; k < layout->ngroup && port->subsystem[end] == subsystem; ++k) {
+        for (int k = 0; k < layout->ngroup; ++k) {
             const pm_group *group = &layout->group[k];
             for (int c = 0; c < group->size; ++c) {
                 component[port->component[end][group->first + c]] |=

@@ -22,6 +22,10 @@ typedef struct pm_system {
     pm_port_model *port;            // [scene->nport]
     pm_provenance *part_provenance; // [nsubsystem] of the weights; path NULL: there are none
     pm_provenance *port_provenance; // [nport] likewise
+    // The first subsystem or port that has the same model, which owns the parameters of all; its
+    // own position unless loaded. Components with equal owners have equal numbers.
+    int *part_owner; // [nsubsystem]
+    int *port_owner; // [nport]
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.
     uint64_t digest;
 } pm_system;

@@ -64,6 +64,12 @@ static pm_status check_swapped(const pm_system *system, int id) {
 }
 
 pm_status pm_system_check_origin(pm_system *system) {
+    // One check for exchanged weights serves all subsystems that share them.
+    bool *checked =
+        pm_arena_array(&system->arena, (size_t)system->scene->nsubsystem, sizeof *checked);
+    if (checked == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while checking weights");
+    }
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         const pm_scene_subsystem *subsystem = &system->scene->subsystem[i];
         const pm_provenance *own = &system->part_provenance[i];
@@ -71,8 +77,12 @@ pm_status pm_system_check_origin(pm_system *system) {
         if (own->columns == 0 || columns == 0) {
             continue; // not known
         }
-        PM_TRY(columns == own->columns ? check_relative(subsystem, own, &system->arena)
-                                       : check_swapped(system, i));
+        if (columns == own->columns) {
+            PM_TRY(check_relative(subsystem, own, &system->arena));
+        } else if (!checked[system->part_owner[i]]) {
+            checked[system->part_owner[i]] = true;
+            PM_TRY(check_swapped(system, i));
+        }
     }
     return PM_OK;
 }

@@ -10,19 +10,17 @@
 
 static pm_status open_ports(pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
-    s->port = pm_arena_array(&s->arena, 2 * (size_t)scene->nport, sizeof *s->port);
-    s->flux = pm_arena_array(&s->arena, 2 * (size_t)scene->nport, sizeof *s->flux);
+    const int first = scene->first_end[s->id], end = scene->first_end[s->id + 1];
+    const size_t count = (size_t)(end - first);
+    s->port = pm_arena_array(&s->arena, count, sizeof *s->port);
+    s->flux = pm_arena_array(&s->arena, 2 * count, sizeof *s->flux);
     s->prescribed = pm_arena_array(&s->arena, (size_t)scene->nprescribed, sizeof *s->prescribed);
     if (s->port == NULL || s->flux == NULL || s->prescribed == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the ports of %s", s->scene->name);
     }
-    for (int i = 0; i < scene->nport; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            if (scene->port[i].subsystem[end] == s->id) {
-                PM_TRY(pm_port_instance_open(&s->port[s->nport++], &s->arena, s->system,
-                                             s->integrator, i, (pm_end)end));
-            }
-        }
+    for (int i = first; i < end; ++i) {
+        PM_TRY(pm_port_instance_open(&s->port[s->nport++], &s->arena, s->system, s->integrator,
+                                     scene->end_at[i] / 2, (pm_end)(scene->end_at[i] % 2)));
     }
     return PM_OK;
 }
