@@ -8,7 +8,7 @@ static const pm_subcommand commands[] = {
     {"run", "run a scene: its processes, and a coordinator", pm_command_run},
     {"node", "serve one process of a scene", pm_command_node},
     {"coordinator", "step the nodes of a scene that run elsewhere", pm_command_coordinator},
-    {"export", "write a scene as C source", pm_command_export},
+    {"export", "write a scene as C source or as an FMU", pm_command_export},
     {"check", "validate a scene and describe it", pm_command_check},
 };
 

@@ -67,6 +67,12 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .value = "DIR",
           .text = &run->c_folder,
           .help = "write a header and a source to DIR"}},
+        {PM_OPTION_OUTPUT,
+         {.name = "--output",
+          .brief = "-o",
+          .value = "FILE",
+          .text = &run->output,
+          .help = "write an FMU to FILE"}},
         {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
     };
     int count = 0;

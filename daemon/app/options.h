@@ -12,7 +12,7 @@
 // The options that a subcommand was given. Text points into argv; text that was not given is NULL.
 typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
-    const char *weights, *url, *record, *checkpoint, *gate, *c_folder;
+    const char *weights, *url, *record, *checkpoint, *gate, *c_folder, *output;
     int64_t steps;   // 0: as the scene says
     int64_t session; // 0: any
     bool in_process, quiet;
@@ -30,7 +30,8 @@ enum {
     PM_OPTION_SESSION = 1 << 6,
     PM_OPTION_CHECKPOINT = 1 << 7,
     PM_OPTION_GATE = 1 << 8,
-    PM_OPTION_C = 1 << 9
+    PM_OPTION_C = 1 << 9,
+    PM_OPTION_OUTPUT = 1 << 10
 };
 
 typedef struct pm_command {

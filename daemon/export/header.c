@@ -37,6 +37,12 @@ static void write_interface(FILE *file, const pm_scene *scene) {
             "    double z[%d]; // states\n    double u[%d]; // inputs; the caller may write them "
             "between two steps\n} %s;\n",
             name, scene->nz, scene->nprescribed > 0 ? scene->nprescribed : 1, name);
+    fprintf(
+        file,
+        "\n// Takes `substeps` steps of the integrator of h s each, for steps of another length. "
+        "It does not\n// count them in `step`.\n"
+        "void %s_advance(%s *s, double h, int substeps);\n",
+        name, name);
     fprintf(file,
             "\n// Sets the initial state and the first values of the inputs.\n"
             "void %s_init(%s *s);\n"

@@ -154,10 +154,9 @@ static void write_rates(writer *w, bool tangent) {
 // --- stepping ---
 
 // Writes to = z + h sum_i weight_i k_i over the first n stages.
-static void write_combination(writer *w, int n, const double *weight, double h, const char *to) {
+static void write_combination(writer *w, int n, const double *weight, const char *to) {
     fprintf(w->file, "        for (int i = 0; i < STATES; ++i) {\n            %s[i] = z[i] + ", to);
-    pm_source_number(w->file, h);
-    fputs(" * (0.0", w->file);
+    fputs("h * (0.0", w->file);
     for (int i = 0; i < n; ++i) {
         if (weight[i] != 0) {
             fputs(" + ", w->file);
@@ -168,25 +167,32 @@ static void write_combination(writer *w, int n, const double *weight, double h, 
     fputs(");\n        }\n", w->file);
 }
 
-static void write_step(writer *w) {
+static void write_advance(writer *w) {
     const pm_integrator *rk = w->scene->integrator;
-    const double h = w->scene->dt / w->scene->substeps;
     fprintf(w->file,
-            "\nvoid %s_step(%s *s) {\n    double *z = s->z;\n"
+            "\nvoid %s_advance(%s *s, double h, int substeps) {\n    double *z = s->z;\n"
             "    double k[%d][STATES], %sdE[STATES], dS[STATES], port[PORT_RATES];\n"
-            "    for (int substep = 0; substep < %d; ++substep) {\n",
-            w->scene->name, w->scene->name, rk->nstage, rk->nstage > 1 ? "next[STATES], " : "",
-            w->scene->substeps);
+            "    for (int substep = 0; substep < substeps; ++substep) {\n",
+            w->scene->name, w->scene->name, rk->nstage, rk->nstage > 1 ? "next[STATES], " : "");
     for (int stage = 0; stage < rk->nstage; ++stage) {
         if (stage > 0) {
-            write_combination(w, stage, rk->a[stage], h, "next");
+            write_combination(w, stage, rk->a[stage], "next");
         }
         fprintf(w->file, "        evaluate(%s, s->u, dE, dS, k[%d], port);\n",
                 stage == 0 ? "z" : "next", stage);
     }
-    write_combination(w, rk->nstage, rk->b, h, "z");
-    fputs("    }\n    ++s->step;\n    s->time = ", w->file);
-    pm_source_number(w->file, w->scene->dt);
+    write_combination(w, rk->nstage, rk->b, "z");
+    fputs("    }\n    s->time += h * substeps;\n}\n", w->file);
+}
+
+static void write_step(writer *w) {
+    const pm_scene *scene = w->scene;
+    write_advance(w);
+    fprintf(w->file, "\nvoid %s_step(%s *s) {\n    %s_advance(s, ", scene->name, scene->name,
+            scene->name);
+    pm_source_number(w->file, scene->dt / scene->substeps);
+    fprintf(w->file, ", %d);\n    ++s->step;\n    s->time = ", scene->substeps);
+    pm_source_number(w->file, scene->dt);
     fputs(" * (double)s->step;\n}\n", w->file);
 }
 

@@ -4,7 +4,7 @@
 #define PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 
 #include "propose/look.h"
-#include "propose/unit.h"
+#include "base/unit.h"
 
 typedef enum pm_view_kind {
     PM_VIEW_OTHER,

@@ -1,5 +1,5 @@
 // Parses units with a table of symbols.
-#include "propose/unit.h"
+#include "base/unit.h"
 
 #include <ctype.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 // Units as powers of the base units, read from texts such as "kg m^2/s", "J/(K mol)" or "V s".
-#ifndef PM_TRAINER_PROPOSE_UNIT_H
-#define PM_TRAINER_PROPOSE_UNIT_H
+#ifndef PM_BASE_UNIT_H
+#define PM_BASE_UNIT_H
 
 #include <stdbool.h>
 

@@ -1,0 +1,534 @@
+// An exported scene as an FMU, for Model Exchange and Co-Simulation (FMI 3.0.1). model.h names the
+// scene and says which value references its variables have: 0 is the time; then come the states,
+// their derivatives, the inputs, the energies, the entropies and the fluxes. All are Float64.
+#include "fmi3.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "model.h"
+
+#if defined(__GNUC__)
+#pragma GCC visibility push(default)
+#endif
+
+#define JOIN_(a, b) a##b
+#define JOIN(a, b) JOIN_(a, b)
+#define SCENE(suffix) JOIN(MODEL_NAME, suffix)
+
+enum {
+    STATES = SCENE(_states),
+    INPUTS = SCENE(_inputs),
+    SUBSYSTEMS = SCENE(_subsystems),
+    FLUXES = 4 * SCENE(_ports),
+    FIRST_STATE = 1,
+    FIRST_DERIVATIVE = FIRST_STATE + STATES,
+    FIRST_INPUT = FIRST_DERIVATIVE + STATES,
+    FIRST_ENERGY = FIRST_INPUT + INPUTS,
+    FIRST_ENTROPY = FIRST_ENERGY + SUBSYSTEMS,
+    FIRST_FLUX = FIRST_ENTROPY + SUBSYSTEMS,
+    END = FIRST_FLUX + FLUXES
+};
+
+typedef enum { INSTANTIATED, INITIALIZING, EVENT, CONTINUOUS, STEP, TERMINATED } phase;
+
+// What a state of the FMU holds, and no pointer.
+typedef struct {
+    MODEL_NAME scene;
+    double start; // time at which the run began
+    phase phase;
+} contents;
+
+// Rates and outputs are computed when they are first asked for.
+typedef struct {
+    contents now;
+    bool known;
+    double rate[STATES], energy[SUBSYSTEMS], entropy[SUBSYSTEMS], flux[FLUXES + 1];
+    bool co_simulation, events; // events: an importer enters event mode before the first step
+    fmi3InstanceEnvironment environment;
+    fmi3LogMessageCallback log;
+} instance;
+
+// --- messages ---
+
+static fmi3Status refuse(fmi3Instance i, const char *message) {
+    instance *m = i;
+    if (m != NULL && m->log != NULL) {
+        m->log(m->environment, fmi3Error, "error", message);
+    }
+    return fmi3Error;
+}
+
+static bool is_in(fmi3Instance i, unsigned phases) {
+    const instance *m = i;
+    return m != NULL && (phases >> m->now.phase & 1u) != 0;
+}
+
+#define PHASE(x) (1u << (x))
+#define RUNNING (PHASE(EVENT) | PHASE(CONTINUOUS) | PHASE(STEP))
+
+const char *fmi3GetVersion(void) {
+    return "3.0";
+}
+
+fmi3Status fmi3SetDebugLogging(fmi3Instance i, fmi3Boolean on, size_t n, const fmi3String names[]) {
+    (void)on;
+    (void)n;
+    (void)names;
+    return i == NULL ? fmi3Error : fmi3OK;
+}
+
+// --- life ---
+
+static fmi3Instance make(fmi3String token, fmi3InstanceEnvironment environment,
+                         fmi3LogMessageCallback log) {
+    if (token == NULL || strcmp(token, MODEL_TOKEN) != 0) {
+        if (log != NULL) {
+            log(environment, fmi3Error, "error", "the instantiation token is that of another FMU");
+        }
+        return NULL;
+    }
+    instance *m = calloc(1, sizeof *m);
+    if (m != NULL) {
+        m->environment = environment;
+        m->log = log;
+        SCENE(_init)(&m->now.scene);
+    }
+    return m;
+}
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
+                                          fmi3Boolean visible, fmi3Boolean logging,
+                                          fmi3InstanceEnvironment environment,
+                                          fmi3LogMessageCallback log) {
+    (void)name;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    return make(token, environment, log);
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
+                                         fmi3Boolean visible, fmi3Boolean logging,
+                                         fmi3Boolean event_mode, fmi3Boolean early_return,
+                                         const fmi3ValueReference intermediate[], size_t n,
+                                         fmi3InstanceEnvironment environment,
+                                         fmi3LogMessageCallback log,
+                                         fmi3IntermediateUpdateCallback update) {
+    (void)name;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)early_return;
+    (void)intermediate;
+    (void)n;
+    (void)update;
+    instance *m = make(token, environment, log);
+    if (m != NULL) {
+        m->co_simulation = true;
+        m->events = event_mode;
+    }
+    return m;
+}
+
+fmi3Instance
+fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
+                                  fmi3Boolean visible, fmi3Boolean logging,
+                                  fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                  fmi3ClockUpdateCallback clock, fmi3LockPreemptionCallback lock,
+                                  fmi3UnlockPreemptionCallback unlock) {
+    (void)name;
+    (void)token;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)clock;
+    (void)lock;
+    (void)unlock;
+    if (log != NULL) {
+        log(environment, fmi3Error, "error", "the FMU has no clocks to schedule");
+    }
+    return NULL;
+}
+
+void fmi3FreeInstance(fmi3Instance i) {
+    free(i);
+}
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance i, fmi3Boolean has_tolerance,
+                                       fmi3Float64 tolerance, fmi3Float64 start,
+                                       fmi3Boolean has_stop, fmi3Float64 stop) {
+    (void)has_tolerance;
+    (void)tolerance;
+    (void)has_stop;
+    (void)stop;
+    if (!is_in(i, PHASE(INSTANTIATED))) {
+        return refuse(i, "fmi3EnterInitializationMode: the FMU is initialized already");
+    }
+    instance *m = i;
+    m->now.start = m->now.scene.time = start;
+    m->now.phase = INITIALIZING;
+    return fmi3OK;
+}
+
+fmi3Status fmi3ExitInitializationMode(fmi3Instance i) {
+    if (!is_in(i, PHASE(INITIALIZING))) {
+        return refuse(i, "fmi3ExitInitializationMode: the FMU is not in initialization mode");
+    }
+    instance *m = i;
+    m->now.phase = m->co_simulation && !m->events ? STEP : EVENT;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterEventMode(fmi3Instance i) {
+    if (!is_in(i, RUNNING)) {
+        return refuse(i, "fmi3EnterEventMode: the FMU does not run");
+    }
+    ((instance *)i)->now.phase = EVENT;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance i) {
+    if (!is_in(i, PHASE(EVENT)) || ((instance *)i)->co_simulation) {
+        return refuse(
+            i, "fmi3EnterContinuousTimeMode: the FMU is not in event mode of Model Exchange");
+    }
+    ((instance *)i)->now.phase = CONTINUOUS;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterStepMode(fmi3Instance i) {
+    if (!is_in(i, PHASE(EVENT)) || !((instance *)i)->co_simulation) {
+        return refuse(i, "fmi3EnterStepMode: the FMU is not in event mode of Co-Simulation");
+    }
+    ((instance *)i)->now.phase = STEP;
+    return fmi3OK;
+}
+
+fmi3Status fmi3Terminate(fmi3Instance i) {
+    if (!is_in(i, RUNNING)) {
+        return refuse(i, "fmi3Terminate: the FMU does not run");
+    }
+    ((instance *)i)->now.phase = TERMINATED;
+    return fmi3OK;
+}
+
+fmi3Status fmi3Reset(fmi3Instance i) {
+    instance *m = i;
+    if (m == NULL) {
+        return fmi3Error;
+    }
+    memset(&m->now, 0, sizeof m->now);
+    SCENE(_init)(&m->now.scene);
+    m->known = false;
+    return fmi3OK;
+}
+
+// --- values ---
+
+static void evaluate(instance *m) {
+    if (!m->known) {
+        SCENE(_rates)(m->now.scene.z, m->now.scene.u, m->rate);
+        SCENE(_outputs)(m->now.scene.z, m->now.scene.u, m->energy, m->entropy, m->flux);
+        m->known = true;
+    }
+}
+
+// Returns where the value of a reference is; NULL: there is no such reference.
+static double *value_of(instance *m, fmi3ValueReference r) {
+    if (r == 0) {
+        return &m->now.scene.time;
+    }
+    if (r < FIRST_DERIVATIVE) {
+        return &m->now.scene.z[r - FIRST_STATE];
+    }
+    if (r >= FIRST_INPUT && r < FIRST_ENERGY) {
+        return &m->now.scene.u[r - FIRST_INPUT];
+    }
+    if (r >= END) {
+        return NULL;
+    }
+    evaluate(m);
+    return r < FIRST_INPUT     ? &m->rate[r - FIRST_DERIVATIVE]
+           : r < FIRST_ENTROPY ? &m->energy[r - FIRST_ENERGY]
+           : r < FIRST_FLUX    ? &m->entropy[r - FIRST_ENTROPY]
+                               : &m->flux[r - FIRST_FLUX];
+}
+
+fmi3Status fmi3GetFloat64(fmi3Instance i, const fmi3ValueReference r[], size_t n,
+                          fmi3Float64 values[], size_t nvalues) {
+    if (i == NULL || nvalues != n) {
+        return refuse(i, "fmi3GetFloat64: every variable has one value");
+    }
+    for (size_t k = 0; k < n; ++k) {
+        const double *value = value_of(i, r[k]);
+        if (value == NULL) {
+            return refuse(i, "fmi3GetFloat64: unknown value reference");
+        }
+        values[k] = *value;
+    }
+    return fmi3OK;
+}
+
+// States may be set before the run, and inputs at any time.
+fmi3Status fmi3SetFloat64(fmi3Instance i, const fmi3ValueReference r[], size_t n,
+                          const fmi3Float64 values[], size_t nvalues) {
+    if (i == NULL || nvalues != n) {
+        return refuse(i, "fmi3SetFloat64: every variable has one value");
+    }
+    instance *m = i;
+    for (size_t k = 0; k < n; ++k) {
+        const bool input = r[k] >= FIRST_INPUT && r[k] < FIRST_ENERGY;
+        const bool state = r[k] >= FIRST_STATE && r[k] < FIRST_DERIVATIVE &&
+                           is_in(i, PHASE(INSTANTIATED) | PHASE(INITIALIZING));
+        if (!input && !state) {
+            return refuse(i, "fmi3SetFloat64: the variable cannot be set now");
+        }
+        if (!isfinite(values[k])) {
+            return refuse(i, "fmi3SetFloat64: the value is not finite");
+        }
+        *value_of(m, r[k]) = values[k];
+        m->known = false;
+    }
+    return fmi3OK;
+}
+
+// Returns the entries of a direction that belong to a state or an input; NULL: to neither.
+static double *entry_of(fmi3ValueReference r, double *dz, double *du) {
+    return r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE)
+           : r >= FIRST_INPUT && r < FIRST_ENERGY   ? du + (r - FIRST_INPUT)
+                                                    : NULL;
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
+                                        size_t nunknown, const fmi3ValueReference known[],
+                                        size_t nknown, const fmi3Float64 seed[], size_t nseed,
+                                        fmi3Float64 sensitivity[], size_t nsensitivity) {
+    instance *m = i;
+    double dz[STATES] = {0}, du[INPUTS + 1] = {0}, all[END] = {0};
+    if (m == NULL || nseed != nknown || nsensitivity != nunknown) {
+        return refuse(i, "fmi3GetDirectionalDerivative: every variable has one value");
+    }
+    for (size_t k = 0; k < nknown; ++k) {
+        double *entry = entry_of(known[k], dz, du);
+        if (entry == NULL) {
+            return refuse(i, "fmi3GetDirectionalDerivative: a known is neither state nor input");
+        }
+        *entry = seed[k];
+    }
+    SCENE(_tangent)
+    (m->now.scene.z, dz, m->now.scene.u, du, all + FIRST_DERIVATIVE, all + FIRST_ENERGY,
+     all + FIRST_ENTROPY, all + FIRST_FLUX);
+    memcpy(all + FIRST_STATE, dz, sizeof dz);
+    for (size_t k = 0; k < nunknown; ++k) {
+        if (unknown[k] == 0 || unknown[k] >= END) {
+            return refuse(i, "fmi3GetDirectionalDerivative: unknown value reference");
+        }
+        sensitivity[k] = all[unknown[k]];
+    }
+    return fmi3OK;
+}
+
+// --- states of the FMU ---
+
+fmi3Status fmi3GetFMUState(fmi3Instance i, fmi3FMUState *state) {
+    const instance *m = i;
+    if (m == NULL || state == NULL) {
+        return fmi3Error;
+    }
+    if (*state == NULL) {
+        *state = malloc(sizeof(contents));
+    }
+    if (*state == NULL) {
+        return refuse(i, "fmi3GetFMUState: out of memory");
+    }
+    memcpy(*state, &m->now, sizeof m->now);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance i, fmi3FMUState state) {
+    instance *m = i;
+    if (m == NULL || state == NULL) {
+        return fmi3Error;
+    }
+    memcpy(&m->now, state, sizeof m->now);
+    m->known = false;
+    return fmi3OK;
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance i, fmi3FMUState *state) {
+    (void)i;
+    if (state != NULL) {
+        free(*state);
+        *state = NULL;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance i, fmi3FMUState state, size_t *size) {
+    (void)i;
+    (void)state;
+    *size = sizeof(contents);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance i, fmi3FMUState state, fmi3Byte bytes[],
+                                 size_t size) {
+    if (state == NULL || size != sizeof(contents)) {
+        return refuse(i, "fmi3SerializeFMUState: the size is not that of a state");
+    }
+    memcpy(bytes, state, size);
+    return fmi3OK;
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance i, const fmi3Byte bytes[], size_t size,
+                                   fmi3FMUState *state) {
+    if (state == NULL || size != sizeof(contents)) {
+        return refuse(i, "fmi3DeserializeFMUState: the size is not that of a state");
+    }
+    if (*state == NULL) {
+        *state = malloc(sizeof(contents));
+    }
+    if (*state == NULL) {
+        return refuse(i, "fmi3DeserializeFMUState: out of memory");
+    }
+    memcpy(*state, bytes, size);
+    return fmi3OK;
+}
+
+// --- Model Exchange ---
+
+fmi3Status fmi3SetTime(fmi3Instance i, fmi3Float64 time) {
+    if (i == NULL) {
+        return fmi3Error;
+    }
+    ((instance *)i)->now.scene.time = time;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance i, const fmi3Float64 z[], size_t n) {
+    instance *m = i;
+    if (m == NULL || n != STATES) {
+        return refuse(i, "fmi3SetContinuousStates: the number of states is another");
+    }
+    memcpy(m->now.scene.z, z, sizeof m->now.scene.z);
+    m->known = false;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance i, fmi3Float64 z[], size_t n) {
+    const instance *m = i;
+    if (m == NULL || n != STATES) {
+        return refuse(i, "fmi3GetContinuousStates: the number of states is another");
+    }
+    memcpy(z, m->now.scene.z, sizeof m->now.scene.z);
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance i, fmi3Float64 rate[], size_t n) {
+    instance *m = i;
+    if (m == NULL || n != STATES) {
+        return refuse(i, "fmi3GetContinuousStateDerivatives: the number of states is another");
+    }
+    evaluate(m);
+    memcpy(rate, m->rate, sizeof m->rate);
+    for (size_t k = 0; k < n; ++k) {
+        if (!isfinite(rate[k])) {
+            return fmi3Discard; // the importer takes a shorter step
+        }
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance i, fmi3Float64 nominal[], size_t n) {
+    if (i == NULL || n != STATES) {
+        return refuse(i, "fmi3GetNominalsOfContinuousStates: the number of states is another");
+    }
+    for (size_t k = 0; k < n; ++k) {
+        nominal[k] = 1;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance i, size_t *n) {
+    *n = STATES;
+    return i == NULL ? fmi3Error : fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance i, size_t *n) {
+    *n = 0;
+    return i == NULL ? fmi3Error : fmi3OK;
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance i, fmi3Float64 values[], size_t n) {
+    (void)values;
+    return i == NULL || n != 0 ? fmi3Error : fmi3OK;
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance i, fmi3Boolean final, fmi3Boolean *event,
+                                       fmi3Boolean *terminate) {
+    (void) final;
+    *event = *terminate = false;
+    return i == NULL ? fmi3Error : fmi3OK;
+}
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance i) {
+    return i == NULL ? fmi3Error : fmi3OK;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance i, fmi3Boolean *again, fmi3Boolean *terminate,
+                                    fmi3Boolean *nominals, fmi3Boolean *states,
+                                    fmi3Boolean *has_next, fmi3Float64 *next) {
+    *again = *terminate = *nominals = *states = *has_next = false;
+    *next = 0;
+    return i == NULL ? fmi3Error : fmi3OK;
+}
+
+// --- Co-Simulation ---
+
+// Steps of the scene's length are those of the scene, bit by bit. Others are divided into substeps
+// that are no longer than its own.
+static void take_step(instance *m, double begin, double length) {
+    const double steps = round(length / MODEL_DT);
+    if (steps >= 1 && fabs(length - steps * MODEL_DT) <= 1e-9 * length) {
+        for (double k = 0; k < steps; ++k) {
+            SCENE(_step)(&m->now.scene);
+        }
+    } else {
+        const double substeps = ceil(length / MODEL_DT * MODEL_SUBSTEPS);
+        SCENE(_advance)(&m->now.scene, length / substeps, (int)substeps);
+    }
+    m->now.scene.time = begin + length;
+    m->known = false;
+}
+
+fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 point, fmi3Float64 length, fmi3Boolean final,
+                      fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early,
+                      fmi3Float64 *last) {
+    instance *m = i;
+    (void) final;
+    if (!is_in(i, PHASE(STEP))) {
+        return refuse(i, "fmi3DoStep: the FMU is not in step mode");
+    }
+    if (!(length >= 0) || !(length < 1e6 * MODEL_DT)) {
+        return refuse(i, "fmi3DoStep: the step is negative or too long");
+    }
+    *event = *terminate = *early = false;
+    *last = point;
+    const contents before = m->now;
+    if (length > 0) {
+        take_step(m, point, length);
+    }
+    for (int k = 0; k < STATES; ++k) {
+        if (!isfinite(m->now.scene.z[k])) {
+            m->now = before;
+            return refuse(i, "fmi3DoStep: a state became infinite: the step is too long for it");
+        }
+    }
+    *last = point + length;
+    return fmi3OK;
+}
+
+#include "fmi3_unused.c"

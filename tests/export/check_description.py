@@ -1,0 +1,76 @@
+"""check_description.py FOLDER...: the XML files of unpacked FMUs say what FMI 3.0 asks for: known elements
+and attributes in the order of the schema, references that exist, and a structure that lists every output,
+every derivative and every initial unknown once."""
+import os
+import sys
+import xml.etree.ElementTree as tree
+
+ORDER = ["ModelExchange", "CoSimulation", "UnitDefinitions", "DefaultExperiment", "ModelVariables",
+         "ModelStructure"]
+INTERFACE = {"modelIdentifier", "canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"}
+CO_SIMULATION = {"canHandleVariableCommunicationStepSize", "fixedInternalStepSize", "hasEventMode"}
+VARIABLE = {"name", "valueReference", "causality", "variability", "initial", "unit", "start", "derivative"}
+POWERS = {"kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset"}
+
+
+def check_variables(variables, units):
+    references = {v.get("valueReference"): v for v in variables}
+    assert len(references) == len(variables), "a value reference occurs twice"
+    assert len({v.get("name") for v in variables}) == len(variables), "a name occurs twice"
+    for v in variables:
+        assert v.tag == "Float64" and set(v.attrib) <= VARIABLE, v.attrib
+        assert v.get("unit") in units, v.get("unit")
+        causality, initial = v.get("causality"), v.get("initial")
+        assert (v.get("start") is not None) == (causality in ("input", "parameter") or initial == "exact"), v.attrib
+        if v.get("derivative") is not None:
+            state = references[v.get("derivative")]
+            assert v.get("name") == f"der({state.get('name')})"
+            assert state.get("variability") == "continuous"
+    assert [v.get("name") for v in variables if v.get("causality") == "independent"] == ["time"]
+    return references
+
+
+def check_structure(structure, references):
+    listed = {tag: [e.get("valueReference") for e in structure.findall(tag)]
+              for tag in ("Output", "ContinuousStateDerivative", "InitialUnknown")}
+    order = [e.tag for e in structure]
+    assert order == sorted(order, key=list(listed).index), "elements in another order"
+    wanted = {"Output": [r for r, v in references.items() if v.get("causality") == "output"],
+              "ContinuousStateDerivative": [r for r, v in references.items() if v.get("derivative")],
+              "InitialUnknown": [r for r, v in references.items() if v.get("initial") == "calculated"]}
+    for tag, found in listed.items():
+        assert sorted(found) == sorted(wanted[tag]), tag
+
+
+def check(folder):
+    root = tree.parse(os.path.join(folder, "modelDescription.xml")).getroot()
+    assert root.tag == "fmiModelDescription" and root.get("fmiVersion") == "3.0"
+    assert root.get("instantiationToken") and root.get("modelName")
+    assert [e.tag for e in root] == ORDER, [e.tag for e in root]
+    me, cs, units, experiment, variables, structure = root
+    assert set(me.attrib) == INTERFACE and set(cs.attrib) == INTERFACE | CO_SIMULATION
+    assert set(experiment.attrib) == {"startTime", "stopTime", "stepSize"}
+    names = [u.get("name") for u in units]
+    assert len(names) == len(set(names)), "a unit occurs twice"
+    for base in units.iter("BaseUnit"):
+        assert set(base.attrib) <= POWERS and all(int(p) for p in base.attrib.values())
+    references = check_variables(list(variables), set(names))
+    check_structure(structure, references)
+
+    build = tree.parse(os.path.join(folder, "sources", "buildDescription.xml")).getroot()
+    assert build.tag == "fmiBuildDescription"
+    for source in build.iter("SourceFile"):
+        assert os.path.exists(os.path.join(folder, "sources", source.get("name"))), source.get("name")
+    terminals = tree.parse(os.path.join(folder, "terminalsAndIcons", "terminalsAndIcons.xml")).getroot()
+    assert terminals.tag == "fmiTerminalsAndIcons"
+    known = {v.get("name") for v in variables}
+    members = list(terminals.iter("TerminalMemberVariable"))
+    assert members and all(m.get("variableName") in known for m in members)
+    unit = {u.get("name"): (u.find("BaseUnit").attrib if u.find("BaseUnit") is not None else None) for u in units}
+    if "J/(kg m/s)" in unit:  # a velocity
+        assert unit["J/(kg m/s)"] == {"m": "1", "s": "-1"}, unit["J/(kg m/s)"]
+    assert unit["W/K"] == {"kg": "1", "m": "2", "s": "-3", "K": "-1"}
+
+
+for fmu in sys.argv[1:]:
+    check(fmu)

@@ -1,0 +1,64 @@
+#!/bin/sh
+# test_fmu.sh BUILD IMPORTER: FMUs of scenes are well-formed archives whose sources compile and whose
+# binaries simulate in an importer. Runs in the root.
+set -u
+build=$(realpath "$1")
+importer=$2
+portmetd=$build/daemon/app/portmetd
+here=$(realpath "$(dirname "$0")")
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+}
+
+# fmu NAME SUBSTEPS STEPS: the FMU of configs/NAME.yaml; SUBSTEPS of the scene it is compared with.
+fmu() {
+    scene=configs/$1.yaml
+    "$portmetd" export "$scene" -o "$folder/$1.fmu" >"$folder/out" 2>&1 || fail "$1: $(cat "$folder/out")"
+    grep -q "a binary for this machine" "$folder/out" || fail "$1 has no binary: $(cat "$folder/out")"
+    mkdir -p "$folder/$1"
+    (cd "$folder/$1" && cmake -E tar xf "../$1.fmu") || fail "$1.fmu is no archive"
+    for file in modelDescription.xml sources/buildDescription.xml sources/fmi3.c sources/$1.c \
+        terminalsAndIcons/terminalsAndIcons.xml; do
+        [ -s "$folder/$1/$file" ] || fail "$1.fmu lacks $file"
+    done
+    cc -std=c99 -Wall -Wextra -Werror -O1 -shared -fPIC -o "$folder/$1/again.so" "$folder/$1/sources/fmi3.c" \
+        "$folder/$1/sources/$1.c" -lm || fail "$1: the sources do not compile"
+    sed "s/substeps: [0-9]*/substeps: $2/; s|weights/|$PWD/configs/weights/|; s|reference/|$PWD/configs/reference/|" \
+        "$scene" >"$folder/$1_fine.yaml"
+    token=$(sed -n 's/.*instantiationToken="\([^"]*\)".*/\1/p' "$folder/$1/modelDescription.xml")
+    for library in "$folder/$1/again.so" "$folder/$1/binaries"/*-linux/"$1.so"; do
+        "$importer" "$library" "$token" "$scene" "$folder/$1_fine.yaml" "$3" || fail "$1: $library"
+    done
+    # The same scene gives the same sources and the same archive.
+    "$portmetd" export "$scene" -o "$folder/again.fmu" --quiet
+    cmp "$folder/$1.fmu" "$folder/again.fmu" || fail "$1: another archive"
+}
+
+fmu double_pendulum 400 200
+fmu beam 800 200
+fmu driven_lower 200 60
+
+# Without a compiler there are sources alone.
+CC=/nowhere "$portmetd" export configs/double_pendulum.yaml -o "$folder/plain.fmu" >"$folder/out" 2>&1
+grep -q "sources alone" "$folder/out" || fail "no compiler: $(cat "$folder/out")"
+"$portmetd" export configs/double_pendulum.yaml -o /nowhere/x.fmu >"$folder/out" 2>&1
+[ $? -eq 4 ] || fail "an FMU in a folder that is not there"
+"$portmetd" export configs/beam_graph.yaml -o "$folder/none.fmu" >"$folder/out" 2>&1
+[ ! -e "$folder/none.fmu" ] || fail "half an FMU is left"
+rm -f "$folder/out"
+
+# What the standard asks of the descriptions.
+for python in python3 /usr/bin/python3; do
+    command -v "$python" >/dev/null || continue
+    "$python" "$here/check_description.py" "$folder/double_pendulum" "$folder/beam" "$folder/driven_lower" ||
+        fail "a description"
+    break
+done
+
+[ $failures -eq 0 ] && echo "all well"
+exit $((failures > 0))
