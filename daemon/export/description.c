@@ -23,7 +23,7 @@ const char *pm_fmu_token(const pm_setup *setup, pm_arena *arena) {
     return pm_arena_printf(arena, "{portmet-%s-%016" PRIx64 "}", PM_VERSION, setup->system->digest);
 }
 
-typedef struct writer {
+typedef struct xml_writer {
     FILE *file;
     const pm_setup *setup;
     const pm_scene *scene;
@@ -31,10 +31,10 @@ typedef struct writer {
     pm_scene_variables names;
     const double *first; // [nprescribed] values of the boundary inputs at the start
     pm_arena arena;
-} writer;
+} xml_writer;
 
-static pm_status open_writer(writer *w, FILE *file, const pm_setup *setup) {
-    *w = (writer){.file = file, .setup = setup, .scene = setup->scene};
+static pm_status open_writer(xml_writer *w, FILE *file, const pm_setup *setup) {
+    *w = (xml_writer){.file = file, .setup = setup, .scene = setup->scene};
     w->reference = pm_fmu_references_of(w->scene);
     double *first = pm_arena_array(&w->arena, (size_t)w->scene->nprescribed, sizeof *first);
     if (first == NULL) {
@@ -123,12 +123,12 @@ static void write_unit(FILE *file, const char *name, pm_arena *arena) {
 }
 
 // The unit of a rate.
-static const char *per_second(writer *w, const char *unit) {
+static const char *per_second(xml_writer *w, const char *unit) {
     const char *text = pm_arena_printf(&w->arena, "(%s)/s", unit);
     return text == NULL ? "" : text;
 }
 
-static pm_status write_units(writer *w) {
+static pm_status write_units(xml_writer *w) {
     const int most = 2 * w->scene->nz + w->scene->nprescribed + 5;
     const char **list = pm_arena_array(&w->arena, (size_t)most, sizeof *list);
     if (list == NULL) {
@@ -156,7 +156,7 @@ static pm_status write_units(writer *w) {
 
 // --- variables ---
 
-static void write_variable(writer *w, const char *name, int reference, const char *attributes,
+static void write_variable(xml_writer *w, const char *name, int reference, const char *attributes,
                            const char *unit) {
     fputs("    <Float64 name=\"", w->file);
     put_text(w->file, name);
@@ -165,7 +165,7 @@ static void write_variable(writer *w, const char *name, int reference, const cha
     fputs("\"", w->file);
 }
 
-static void write_states(writer *w) {
+static void write_states(xml_writer *w) {
     for (int i = 0; i < w->scene->nz; ++i) {
         write_variable(w, w->names.name[i], w->reference.state + i,
                        "causality=\"output\" variability=\"continuous\" initial=\"exact\"",
@@ -183,7 +183,7 @@ static void write_states(writer *w) {
 
 // A value that follows a column is an input; another one a parameter, unless it is zero, where the
 // co-energies that nobody prescribes are.
-static void write_inputs(writer *w) {
+static void write_inputs(xml_writer *w) {
     for (int i = 0; i < w->scene->nprescribed; ++i) {
         const bool follows = w->setup->boundary_input.column[i] >= 0;
         if (follows || w->first[i] != 0) {
@@ -196,7 +196,7 @@ static void write_inputs(writer *w) {
     }
 }
 
-static void write_output(writer *w, const char *owner, const char *what, int reference,
+static void write_output(xml_writer *w, const char *owner, const char *what, int reference,
                          const char *unit) {
     const char *name = pm_arena_printf(&w->arena, "%s.%s", owner, what);
     write_variable(w, name == NULL ? "" : name, reference,
@@ -207,7 +207,7 @@ static void write_output(writer *w, const char *owner, const char *what, int ref
 static const char *const fluxes[4] = {"energy_flux_a", "entropy_flux_a", "energy_flux_b",
                                       "entropy_flux_b"};
 
-static void write_outputs(writer *w) {
+static void write_outputs(xml_writer *w) {
     for (int i = 0; i < w->scene->nsubsystem; ++i) {
         const char *owner = w->scene->subsystem[i].name;
         write_output(w, owner, "energy", w->reference.energy + i, "J");
@@ -221,7 +221,7 @@ static void write_outputs(writer *w) {
     }
 }
 
-static void write_structure(writer *w) {
+static void write_structure(xml_writer *w) {
     fputs("  <ModelStructure>\n", w->file);
     const pm_fmu_references r = w->reference;
     const int end = r.flux + 4 * w->scene->nport;
@@ -242,7 +242,7 @@ static void write_structure(writer *w) {
     fputs("  </ModelStructure>\n", w->file);
 }
 
-static pm_status write_model(writer *w) {
+static pm_status write_model(xml_writer *w) {
     const pm_scene *scene = w->scene;
     const char *token = pm_fmu_token(w->setup, &w->arena);
     static const char abilities[] = "canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" "
@@ -275,7 +275,7 @@ static pm_status write_model(writer *w) {
 }
 
 pm_status pm_fmu_model_description(FILE *file, const pm_setup *setup) {
-    writer w;
+    xml_writer w;
     pm_status status = open_writer(&w, file, setup);
     if (status == PM_OK) {
         status = write_model(&w);

@@ -63,6 +63,11 @@ static pm_status write_interface(FILE *file, const pm_setup *setup) {
     return write_lines(file, pm_fmu_interface_text);
 }
 
+static pm_status write_state(FILE *file, const pm_setup *setup) {
+    (void)setup;
+    return write_lines(file, pm_fmu_state_text);
+}
+
 static pm_status write_unused(FILE *file, const pm_setup *setup) {
     (void)setup;
     return write_lines(file, pm_fmu_unused_text);
@@ -114,6 +119,7 @@ static pm_status pack_all(packer *p) {
         {"sources/model.h", "model.h", write_glue},
         {"sources/fmi3.h", "fmi3.h", write_types},
         {"sources/fmi3.c", "fmi3.c", write_interface},
+        {"sources/fmi3_state.c", "fmi3_state.c", write_state},
         {"sources/fmi3_unused.c", "fmi3_unused.c", write_unused},
         {"sources/buildDescription.xml", "buildDescription.xml", pm_fmu_build_description},
         {"modelDescription.xml", "modelDescription.xml", pm_fmu_model_description},
@@ -178,6 +184,7 @@ static void clean(packer *p) {
                                         "model.h",
                                         "fmi3.h",
                                         "fmi3.c",
+                                        "fmi3_state.c",
                                         "fmi3_unused.c",
                                         "buildDescription.xml",
                                         "modelDescription.xml",

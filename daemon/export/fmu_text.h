@@ -1,10 +1,11 @@
-// The sources that every FMU holds: fmi/fmi3.h, fmi/fmi3.c and fmi/fmi3_unused.c, line by line. The
-// build makes them from these files.
+// The sources that every FMU holds: the files of the folder fmi, line by line. The build makes
+// them from these files.
 #ifndef PM_EXPORT_FMU_TEXT_H
 #define PM_EXPORT_FMU_TEXT_H
 
 extern const char *const pm_fmu_types_text[];     // ends with NULL
 extern const char *const pm_fmu_interface_text[]; // ends with NULL
+extern const char *const pm_fmu_state_text[];     // ends with NULL
 extern const char *const pm_fmu_unused_text[];    // ends with NULL
 
 #endif

@@ -10,14 +10,14 @@
 #include "export/header.h"
 #include "graph/source.h"
 
-typedef struct writer {
+typedef struct scene_writer {
     FILE *file;
     const pm_setup *setup;
     const pm_scene *scene;
     pm_arena arena;
     pm_export_functions functions;
     const int *port_first; // [nport] position of a port's rates, end a before end b
-} writer;
+} scene_writer;
 
 pm_status pm_export_check(const pm_scene *scene) {
     const pm_integrator *rk = scene->integrator;
@@ -38,7 +38,7 @@ pm_status pm_export_check(const pm_scene *scene) {
 
 // Writes the arrays that one end of a port shows: numbers of z, dE and dS, or of the inputs u.
 // `prefix` is "" or, for a direction, "d_".
-static void write_end(writer *w, const pm_scene_port *port, int end, const char *prefix) {
+static void write_end(scene_writer *w, const pm_scene_port *port, int end, const char *prefix) {
     static const char *const names[] = {"y", "e", "eta"};
     static const char *const arrays[] = {"z", "dE", "dS"};
     const int subsystem = port->subsystem[end];
@@ -60,7 +60,7 @@ static void write_end(writer *w, const pm_scene_port *port, int end, const char 
     }
 }
 
-static void write_law(writer *w, int id, bool tangent) {
+static void write_law(scene_writer *w, int id, bool tangent) {
     const pm_scene_port *port = &w->scene->port[id];
     const pm_export_port *f = &w->functions.port[id];
     if (f->law == NULL) {
@@ -86,7 +86,7 @@ static void write_law(writer *w, int id, bool tangent) {
     fputs("    }\n", w->file);
 }
 
-static void write_part(writer *w, int id, bool tangent) {
+static void write_part(scene_writer *w, int id, bool tangent) {
     const pm_scene_subsystem *s = &w->scene->subsystem[id];
     const pm_export_part *f = &w->functions.part[id];
     const int i = s->first;
@@ -109,7 +109,7 @@ static void write_part(writer *w, int id, bool tangent) {
 }
 
 // Adds the rates of all ports to those of a subsystem, in the order of ports.
-static void write_sums(writer *w, int id, const char *prefix) {
+static void write_sums(scene_writer *w, int id, const char *prefix) {
     for (int i = 0; i < w->scene->nport; ++i) {
         const pm_scene_port *port = &w->scene->port[i];
         int at = w->port_first[i];
@@ -125,7 +125,7 @@ static void write_sums(writer *w, int id, const char *prefix) {
     }
 }
 
-static void write_rates(writer *w, bool tangent) {
+static void write_rates(scene_writer *w, bool tangent) {
     if (tangent) {
         fputs("\n// The derivatives of all these along the direction d_z, d_u.\n"
               "static void evaluate_tangent(const double *z, const double *d_z, const double *u, "
@@ -154,7 +154,7 @@ static void write_rates(writer *w, bool tangent) {
 // --- stepping ---
 
 // Writes to = z + h sum_i weight_i k_i over the first n stages.
-static void write_combination(writer *w, int n, const double *weight, const char *to) {
+static void write_combination(scene_writer *w, int n, const double *weight, const char *to) {
     fprintf(w->file, "        for (int i = 0; i < STATES; ++i) {\n            %s[i] = z[i] + ", to);
     fputs("h * (0.0", w->file);
     for (int i = 0; i < n; ++i) {
@@ -167,7 +167,7 @@ static void write_combination(writer *w, int n, const double *weight, const char
     fputs(");\n        }\n", w->file);
 }
 
-static void write_advance(writer *w) {
+static void write_advance(scene_writer *w) {
     const pm_integrator *rk = w->scene->integrator;
     fprintf(w->file,
             "\nvoid %s_advance(%s *s, double h, int substeps) {\n    double *z = s->z;\n"
@@ -185,7 +185,7 @@ static void write_advance(writer *w) {
     fputs("    }\n    s->time += h * substeps;\n}\n", w->file);
 }
 
-static void write_step(writer *w) {
+static void write_step(scene_writer *w) {
     const pm_scene *scene = w->scene;
     write_advance(w);
     fprintf(w->file, "\nvoid %s_step(%s *s) {\n    %s_advance(s, ", scene->name, scene->name,
@@ -196,7 +196,7 @@ static void write_step(writer *w) {
     fputs(" * (double)s->step;\n}\n", w->file);
 }
 
-static void write_initial(writer *w) {
+static void write_initial(scene_writer *w) {
     fputs("\nstatic const double initial[STATES] = {", w->file);
     for (int i = 0; i < w->scene->nz; ++i) {
         fputs(i == 0 ? "" : ", ", w->file);
@@ -222,7 +222,7 @@ static void write_initial(writer *w) {
 
 // --- what it shows ---
 
-static void write_potentials(writer *w) {
+static void write_potentials(scene_writer *w) {
     for (int i = 0; i < w->scene->nsubsystem; ++i) {
         fprintf(w->file, "    %s(z + %d, energy + %d, entropy + %d);\n",
                 w->functions.part[i].potentials, w->scene->subsystem[i].first, i, i);
@@ -230,7 +230,7 @@ static void write_potentials(writer *w) {
 }
 
 // Writes flux[..] = sum e * rate for both ends of every port. With `tangent`, its derivative.
-static void write_fluxes(writer *w, bool tangent) {
+static void write_fluxes(scene_writer *w, bool tangent) {
     static const char *const co[] = {"dE", "dS"};
     for (int i = 0; i < w->scene->nport; ++i) {
         const pm_scene_port *port = &w->scene->port[i];
@@ -257,7 +257,7 @@ static void write_fluxes(writer *w, bool tangent) {
     }
 }
 
-static void write_outputs(writer *w) {
+static void write_outputs(scene_writer *w) {
     const char *name = w->scene->name;
     fprintf(w->file,
             "\nvoid %s_rates(const double *z, const double *u, double *rate) {\n"
@@ -276,7 +276,7 @@ static void write_outputs(writer *w) {
 }
 
 // The sums of dE d_z and dS d_z are the derivatives of energy and entropy.
-static void write_output_tangent(writer *w) {
+static void write_output_tangent(scene_writer *w) {
     fprintf(w->file,
             "\nvoid %s_tangent(const double *z, const double *d_z, const double *u, "
             "const double *d_u,\n    double *d_rate, double *d_energy, double *d_entropy, double "
@@ -301,7 +301,7 @@ static void write_output_tangent(writer *w) {
 
 // --- the files ---
 
-static pm_status place_ports(writer *w, int *count) {
+static pm_status place_ports(scene_writer *w, int *count) {
     int *first = pm_arena_array(&w->arena, (size_t)w->scene->nport, sizeof *first);
     if (first == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a source file");
@@ -315,7 +315,7 @@ static pm_status place_ports(writer *w, int *count) {
     return PM_OK;
 }
 
-static pm_status write_all(writer *w) {
+static pm_status write_all(scene_writer *w) {
     int rates = 0;
     PM_TRY(pm_export_check(w->scene));
     PM_TRY(place_ports(w, &rates));
@@ -337,7 +337,7 @@ static pm_status write_all(writer *w) {
 }
 
 pm_status pm_export_source(FILE *file, const pm_setup *setup) {
-    writer w = {.file = file, .setup = setup, .scene = setup->scene};
+    scene_writer w = {.file = file, .setup = setup, .scene = setup->scene};
     w.functions = (pm_export_functions){.system = setup->system, .arena = &w.arena};
     const pm_status status = write_all(&w);
     pm_arena_free(&w.arena);
