@@ -231,6 +231,10 @@ typedef struct pm_part_spec {
     const char *at;
 } pm_part_spec;
 
+// Which ends of a port of the law exchange have a boundary term. The end of a boundary input needs
+// none, because nothing changes there.
+typedef enum pm_term_ends { PM_BOTH_ENDS, PM_END_A_ALONE, PM_END_B_ALONE } pm_term_ends;
+
 // A port between the ends a and b. Groups are named "a.q", "b.s", co-energies "a.dE.s".
 //   bracket   The operators act on the exposed groups of both ends, equation (3).
 //   exchange  Soft or free. The block describes a boundary term of equation (1), which each end has
@@ -246,6 +250,7 @@ typedef struct pm_port_spec {
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate;  // exchange in the free form only
     pm_matrix_spec matrix; // contact only
+    pm_term_ends ends;     // exchange only
     const char *at;
 } pm_port_spec;
 

@@ -139,8 +139,22 @@ pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
     return PM_OK;
 }
 
+// Reads which ends have a boundary term. No other law lets one choose.
+static pm_status read_ends(pm_yaml block, const char *law, pm_term_ends *ends) {
+    static const char *const names[] = {
+        [PM_BOTH_ENDS] = "both", [PM_END_A_ALONE] = "a", [PM_END_B_ALONE] = "b", NULL};
+    const pm_yaml value = pm_yaml_get(block, "ends");
+    int choice;
+    if (pm_yaml_exists(value) && strcmp(law, "exchange") != 0) {
+        return pm_yaml_fail(value, "only law: exchange has boundary terms at chosen ends");
+    }
+    PM_TRY(pm_model_read_choice(block, "ends", names, &choice));
+    *ends = (pm_term_ends)choice;
+    return PM_OK;
+}
+
 pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec) {
-    static const char *const keys[] = {"law", MODEL_KEYS, "matrix", NULL};
+    static const char *const keys[] = {"law", MODEL_KEYS, "matrix", "ends", NULL};
     pm_port_spec read;
     pm_yaml law;
     PM_TRY(pm_yaml_allow(block, keys));
@@ -152,6 +166,7 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
                             read.law);
     }
     PM_TRY(read_law_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
+    PM_TRY(read_ends(block, read.law, &read.ends));
     PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
                       &read.energy, &read.entropy, &read.reversible, &read.irreversible,
                       &read.rate));

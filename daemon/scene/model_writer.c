@@ -231,5 +231,8 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
                 &spec->reversible, &spec->irreversible, &spec->rate);
     write_matrix(file, &spec->matrix);
     fputs(spec->matrix.identity || spec->matrix.value != NULL ? "\n" : "", file);
+    if (spec->ends != PM_BOTH_ENDS) {
+        fprintf(file, "ends: %s\n", spec->ends == PM_END_A_ALONE ? "a" : "b");
+    }
     return take_text(file, &text, arena);
 }

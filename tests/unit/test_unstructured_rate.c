@@ -93,6 +93,34 @@ static void port_sees_both_ends(void **state) {
     pm_port_free(&port);
 }
 
+// Features of the other end need not make sense at the end without a term.
+static void port_acts_at_one_end(void **state) {
+    (void)state;
+    static const char *const mine[] = {"own.q"};
+    const pm_layout other = {.ngroup = 1, .group = {{"w", "1", 1, 0}}, .nz = 1};
+    pm_port_model port = {
+        .layout = {layout, other},
+        .spec = {.law = "exchange",
+                 .form = PM_FREE,
+                 .rate = {.nfeature = 1, .feature = mine, .skip = PM_SKIP_LINEAR}}};
+    assert_int_equal(pm_port_declare(&port), PM_ECONFIG);
+    pm_port_free(&port);
+    port.params = (pm_params){0};
+    port.spec.ends = PM_END_A_ALONE;
+    assert_int_equal(pm_port_declare(&port), PM_OK);
+    assert_non_null(pm_params_find(&port.params, "a.rate.linear"));
+    assert_null(pm_params_find(&port.params, "b.rate.linear"));
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_port_nodes shown[2] = {{pm_input(g, true, 1, NZ), PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
+                                    {pm_input(g, true, 1, 1), PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
+    pm_node degeneracy = PM_NO_NODE;
+    assert_int_not_equal(port.law->rate(g, &port, PM_END_A, shown, &degeneracy), PM_NO_NODE);
+    assert_int_equal(port.law->rate(g, &port, PM_END_B, shown, &degeneracy), PM_NO_NODE);
+    pm_graph_close(g);
+    pm_port_free(&port);
+}
+
 static void nothing_stands_beside_a_rate(void **state) {
     (void)state;
     static const char *const s[] = {"s"};
@@ -115,6 +143,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(part_is_its_network),
         cmocka_unit_test(port_sees_both_ends),
+        cmocka_unit_test(port_acts_at_one_end),
         cmocka_unit_test(nothing_stands_beside_a_rate),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

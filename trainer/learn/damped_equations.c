@@ -1,6 +1,7 @@
 // Solves the damped normal equations with or without a matrix.
 #include "learn/damped_equations.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,10 +13,9 @@
 #define SMALLEST_DIAGONAL 1e-10
 // Conjugate gradients end when the last tenth of the iterations, at least FEWEST, has lowered the
 // quadratic model of the loss by less than PROGRESS of its decrease for each of them (Martens, ICML
-// 2010, section 4.4), or after MOST iterations.
+// 2010, section 4.4).
 #define FEWEST_ITERATIONS 10
-#define MOST_ITERATIONS 250
-#define PROGRESS 5e-4
+#define PROGRESS 5e-3
 
 // --- opening ---
 
@@ -142,13 +142,13 @@ static double start(pm_damped_equations *e, double damping, double *step) {
 }
 
 // Preconditioned conjugate gradients (Nocedal, Wright, algorithm 5.3).
-static bool solve_by_products(pm_damped_equations *e, double damping, double *step) {
+static bool solve_by_products(pm_damped_equations *e, double damping, int most, double *step) {
     const int n = e->size;
-    double before[MOST_ITERATIONS + 1]; // the model after each iteration
+    double before[PM_MOST_CONJUGATE_GRADIENTS + 1]; // the model after each iteration
     before[0] = start(e, damping, step);
     double rho = condition(e, damping);
     memcpy(e->direction, e->conditioned, (size_t)n * sizeof *e->direction);
-    for (int k = 1; k <= MOST_ITERATIONS && rho > 0; ++k) {
+    for (int k = 1; k <= most && rho > 0; ++k) {
         multiply(e, damping, e->direction, e->image);
         const double curvature = dot(n, e->direction, e->image);
         if (!(curvature > 0) || !isfinite(curvature)) {
@@ -174,10 +174,11 @@ static bool solve_by_products(pm_damped_equations *e, double damping, double *st
 }
 
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
-                               double *step) {
+                               int most, double *step) {
     if (e->matrix != NULL) {
         return solve_by_factors(e, damping, step);
     }
     pm_objective_set_weights(e->objective, theta);
-    return solve_by_products(e, damping, step);
+    assert(most <= PM_MOST_CONJUGATE_GRADIENTS);
+    return solve_by_products(e, damping, most, step);
 }

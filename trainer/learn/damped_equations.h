@@ -35,10 +35,13 @@ void pm_damped_equations_close(pm_damped_equations *e);
 void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
                                    uint64_t seed);
 
-// Replaces step [size], the initial guess of conjugate gradients, by the solution. The weights of
+#define PM_MOST_CONJUGATE_GRADIENTS 100
+
+// Replaces step [size], the initial guess of conjugate gradients, by the solution. Without a matrix
+// the function takes at most `most` iterations, up to PM_MOST_CONJUGATE_GRADIENTS. The weights of
 // the objective may have changed since the linearisation; `theta` [size] are those of the
 // linearisation. Returns false if the equations cannot be solved with this damping.
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
-                               double *step);
+                               int most, double *step);
 
 #endif

@@ -7,6 +7,11 @@
 // Keeps the root of the degeneracy differentiable at zero.
 #define SMALLEST_DEGENERACY 1e-20
 
+int pm_residuals_count(const pm_objective *objective) {
+    const pm_samples *samples = pm_objective_context(objective).samples;
+    return samples->nz * samples->unroll;
+}
+
 pm_status pm_residuals_build(pm_graph *g, const pm_loss_context *context, pm_node *input,
                              pm_node *residual) {
     const pm_loss_context *c = context;

@@ -7,6 +7,9 @@
 #include "graph/graph.h"
 #include "learn/objective.h"
 
+// The number of differences to the data in one sample: the variables of all steps of a window.
+int pm_residuals_count(const pm_objective *objective);
+
 // Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the
 // data and, in the soft form, the root of the weighted degeneracy penalty. *input receives the
 // window (learn/loss_graph.h). PM_ENOMEM.

@@ -8,8 +8,10 @@
 
 #include "base/linalg.h"
 #include "learn/gauss_newton_matrix.h"
+#include "learn/residuals.h"
 
 #define MOST_WEIGHTS 1500   // beyond which the matrix is not computed
+#define MOST_RESIDUALS 300  // of a sample, likewise
 #define MOST_DECOMPOSED 500 // beyond which eigenvectors are not computed
 #define SAMPLES 512
 // Directions with eigenvalues below this are flat; the mean eigenvalue is 1.
@@ -171,7 +173,7 @@ done:
 pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
     const int n = pm_objective_size(objective);
     pm_gauss_newton_matrix *normal = NULL;
-    if (n == 0 || n > MOST_WEIGHTS) {
+    if (n == 0 || n > MOST_WEIGHTS || pm_residuals_count(objective) > MOST_RESIDUALS) {
         return PM_OK;
     }
     PM_TRY(pm_gauss_newton_matrix_open(&normal, objective));

@@ -116,7 +116,7 @@ static pm_status read_loss(pm_yaml block, pm_training *t, pm_loss *loss, int *un
         PM_TRY(pm_yaml_int(value, 1, 1000, &loss->substeps));
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "unroll"))) {
-        PM_TRY(pm_yaml_int(value, 1, 100, unroll));
+        PM_TRY(pm_yaml_int(value, 1, 1000, unroll));
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "degeneracy"))) {
         PM_TRY(pm_yaml_double(value, 0, 1e12, &loss->degeneracy));

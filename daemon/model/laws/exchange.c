@@ -43,9 +43,12 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
 
 // Returns true if this end has a boundary term. On a mesh there is one network, for the fields of
 // one end; the other end is a boundary input without a state that changes.
-static bool has_term(const pm_port_model *port, const pm_site *site) {
+static bool has_term(const pm_port_model *port, pm_end own, const pm_site *site) {
     const pm_network_spec *rate = &port->spec.rate;
     int size;
+    if (port->spec.ends == (own == PM_END_A ? PM_END_B_ALONE : PM_END_A_ALONE)) {
+        return false;
+    }
     return rate->message == NULL ||
            pm_feature_size(rate->feature[0], &site->symbols, &size) == PM_OK;
 }
@@ -74,7 +77,7 @@ static pm_status declare(pm_port_model *port) {
     for (int own = 0; own < 2; ++own) {
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, NULL, (pm_end)own, none);
-        if (!has_term(port, &site)) {
+        if (!has_term(port, (pm_end)own, &site)) {
             continue;
         }
         any = true;
@@ -98,7 +101,7 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     const boundary b = boundary_of(port, own);
     const pm_site site = site_of(port, g, own, end);
     const pm_params *params = &port->params;
-    if (!has_term(port, &site)) {
+    if (!has_term(port, own, &site)) {
         return PM_NO_NODE;
     }
     if (port->spec.form == PM_FREE) {
@@ -122,7 +125,7 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, g, (pm_end)own, end);
         const pm_symbols *symbols = &site.symbols;
-        if (!has_term(port, &site)) {
+        if (!has_term(port, (pm_end)own, &site)) {
             continue;
         }
         if (port->spec.form == PM_FREE) {
