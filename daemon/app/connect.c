@@ -82,9 +82,9 @@ pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const
 void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
     // A best-effort network, or another run of the same scene, causes other drops; they do not
     // count.
-    static const pm_drop strange[] = {PM_DROP_DATAGRAM, PM_DROP_LENGTH, PM_DROP_TYPE,
-                                      PM_DROP_COUNT,    PM_DROP_TEXT,   PM_DROP_NUMBER,
-                                      PM_DROP_SEAL,     PM_DROP_REPLAY, PM_DROP_CLOCK};
+    static const pm_drop strange[] = {
+        PM_DROP_DATAGRAM, PM_DROP_FRAGMENT, PM_DROP_LENGTH, PM_DROP_TYPE,   PM_DROP_COUNT,
+        PM_DROP_TEXT,     PM_DROP_NUMBER,   PM_DROP_SEAL,   PM_DROP_REPLAY, PM_DROP_CLOCK};
     const pm_drops *below = pm_transport_drops(transport);
     char list[256];
     size_t used = 0;

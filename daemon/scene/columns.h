@@ -16,7 +16,8 @@ typedef struct pm_columns {
 } pm_columns;
 
 // Finds the scene's columns in the dataset. The arrays lie in the arena; the names are borrowed
-// from the scene. PM_EDATA: the dataset lacks a column; the message lists what it has. PM_ECONFIG:
+// from the scene. PM_EDATA: the dataset lacks a column; the message lists what it has; or the
+// dataset names the units of its columns (dataset.h), and one differs from the scene's. PM_ECONFIG:
 // the scene maps no columns, maps one twice, or measures a group from one of another size or,
 // through others, from itself. PM_ENOMEM.
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,

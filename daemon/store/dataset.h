@@ -7,7 +7,8 @@
 //   state_layout, attribute of /       names of the columns, separated by blanks; "f[0:180]" means
 //                                      f0 to f179 (names.h), and is used for more than 60 kB of
 //                                      names
-//   units, attribute of /              optional: units of the columns, separated by ';'
+//   units, attribute of /              optional: units of the columns, separated by ';'. A scene
+//                                      that maps a column must give its group the same text
 // A file of measurements (pm_dataset_load_measured) may have times [trajectory][time], and NaN
 // where a sample is missing. Other text attributes of / are notes, such as title, source, command,
 // seed, or coordinates (weights.h).

@@ -1,4 +1,5 @@
 // Groups, datasets and growing series in HDF5 files.
+#include "base/memory.h"
 #include "store/hdf5_handle.h"
 
 // The most values of a dataset: 2 GiB as double.
@@ -86,7 +87,16 @@ pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *ex
     hid_t id = H5I_INVALID_HID;
     PM_TRY(dataset_open(file, name, rank, extent, &id));
     pm_hdf5_release(id);
-    return PM_OK;
+    int64_t size = (int64_t)sizeof(double);
+    for (int i = 0; i < rank; ++i) {
+        size *= extent[i];
+    }
+    const int64_t available = pm_memory_available();
+    return size <= available
+               ? PM_OK
+               : pm_fail(PM_ENOMEM,
+                         "%s: dataset %s takes %.3g MB of memory, and %.3g MB are available",
+                         file->path, name, 1e-6 * (double)size, 1e-6 * (double)available);
 }
 
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,

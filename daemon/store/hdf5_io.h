@@ -105,7 +105,8 @@ pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name);
 // Returns true if the file has an object of the name `name`, such as "/z".
 bool pm_hdf5_has(const pm_hdf5 *file, const char *name);
 // Gives extent [rank] of a dataset of this rank; each extent is at least 1. For a scalar, rank is 0
-// and `extent` may be NULL.
+// and `extent` may be NULL. PM_ENOMEM: the values would take more memory than the process can have.
+// A file of a few kilobytes may hold gigabytes of equal numbers.
 pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *extent);
 // Reads a dataset that must have exactly these extents, row-major. Values need not be finite.
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,

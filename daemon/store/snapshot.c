@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/digest.h"
@@ -62,8 +63,10 @@ static pm_status save(const char *path, const pm_snapshot_key *key, int64_t sess
     if (snprintf(temporary, sizeof temporary, "%s.tmp", path) >= (int)sizeof temporary) {
         return pm_fail(PM_EFILE, "%.64s...: the path of the snapshot is too long", path);
     }
-    // stdio would allocate a buffer within the step loop.
-    const int file = open(temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    // What a process that was killed has left is removed. Exclusive creation never writes to a file
+    // or link of somebody else. stdio would allocate a buffer within the step loop.
+    unlink(temporary);
+    const int file = open(temporary, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
     if (file < 0) {
         return fail_access(path, "write");
     }
@@ -135,10 +138,27 @@ static pm_status read_all(const char *path, FILE *file, const pm_snapshot_key *k
                          path);
 }
 
-// Leaves `file` NULL and returns PM_OK where there is no file.
+// Leaves `file` NULL and returns PM_OK where there is no file. Waits for nobody who would write to
+// a pipe.
 static pm_status open_file(const char *path, FILE **file) {
-    *file = fopen(path, "rbe");
-    return *file != NULL || errno == ENOENT ? PM_OK : fail_access(path, "read");
+    struct stat facts;
+    *file = NULL;
+    const int descriptor = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (descriptor < 0) {
+        return errno == ENOENT ? PM_OK : fail_access(path, "read");
+    }
+    if (fstat(descriptor, &facts) != 0 || !S_ISREG(facts.st_mode)) {
+        close(descriptor);
+        return pm_fail(PM_EFILE, "%s: expected a snapshot, found something that is not a file",
+                       path);
+    }
+    *file = fdopen(descriptor, "rb");
+    if (*file == NULL) {
+        const pm_status status = fail_access(path, "read");
+        close(descriptor);
+        return status;
+    }
+    return PM_OK;
 }
 
 pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *session, bool *found) {

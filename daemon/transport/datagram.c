@@ -68,13 +68,14 @@ void pm_reassembly_free(pm_reassembly *reassembly) {
     *reassembly = (pm_reassembly){0};
 }
 
-pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *first,
-                              uint64_t sender) {
+pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *first, uint64_t sender,
+                              long *discarded) {
     pm_reassembly *r = reassembly;
     const size_t needed = first->total + first->count;
     if (pm_reassembly_add(r, first, sender)) {
         return PM_OK; // a duplicate
     }
+    *discarded += r->count > 0 && !pm_reassembly_complete(r);
     r->missing = 0;
     if (r->capacity < needed) {
         unsigned char *data = realloc(r->data, needed);

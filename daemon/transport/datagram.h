@@ -48,9 +48,10 @@ typedef struct pm_reassembly {
 
 void pm_reassembly_free(pm_reassembly *reassembly);
 
-// Begins with the first fragment of a message, and discards a message that is still incomplete.
-// PM_ENOMEM.
-pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *first, uint64_t sender);
+// Begins with the first fragment of a message. If it discards a message that is still incomplete,
+// it adds 1 to `discarded`. PM_ENOMEM.
+pm_status pm_reassembly_begin(pm_reassembly *reassembly, const pm_datagram *first, uint64_t sender,
+                              long *discarded);
 
 // Adds a fragment to the message being reassembled. Returns false if the fragment belongs to
 // another message.

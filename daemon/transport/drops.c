@@ -3,9 +3,10 @@
 
 const char *pm_drop_name(pm_drop drop) {
     static const char *const name[PM_NDROP] = {
-        "used",          "wrong length",    "foreign type",       "wrong size",   "bad text",
-        "not finite",    "foreign session", "repeated",           "out of range", "implausible", "contradictory", "not LCM's",
-        "not authentic", "replayed",        "ahead of the clock",
+        "used",         "wrong length",  "foreign type",    "wrong size",
+        "bad text",     "not finite",    "foreign session", "repeated",
+        "out of range", "implausible",   "contradictory",   "not LCM's",
+        "incomplete",   "not authentic", "replayed",        "ahead of the clock",
     };
     return drop >= 0 && drop < PM_NDROP ? name[drop] : "unknown";
 }

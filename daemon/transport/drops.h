@@ -16,6 +16,7 @@ typedef enum pm_drop {
     PM_DROP_IMPLAUSIBLE, // no process of this run can have sent it
     PM_DROP_CONFLICT,    // it contradicts an earlier message, and one of the two is forged
     PM_DROP_DATAGRAM,    // the datagram is not in LCM's format
+    PM_DROP_FRAGMENT,    // fragments of it were lost before the next message of its channel began
     PM_DROP_SEAL,        // no holder of the key sent it, or it was changed (seal.h)
     PM_DROP_REPLAY,      // a holder of the key sent it, but too long ago
     PM_DROP_CLOCK,       // a holder of the key sent it, but its clock is ahead

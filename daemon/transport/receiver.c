@@ -200,7 +200,7 @@ static void dispatch(const pm_receiver *r, const channel_subscription *first, co
 static pm_status take_fragment(pm_receiver *r, channel_subscription *s, const pm_datagram *d,
                                uint64_t sender) {
     if (s != NULL) {
-        PM_TRY(pm_reassembly_begin(&s->large, d, sender));
+        PM_TRY(pm_reassembly_begin(&s->large, d, sender, &r->drops->count[PM_DROP_FRAGMENT]));
     } else if (d->channel == NULL) {
         for (int i = 0; i < r->count && s == NULL; ++i) {
             if (pm_reassembly_add(&r->subscription[i].large, d, sender)) {

@@ -165,6 +165,31 @@ static void bad_maps_are_refused(void **state) {
     assert_bind_fails(PM_ECONFIG, "column \"q0x\" is measured from itself");
 }
 
+static void units_must_be_those_of_the_scene(void **state) {
+    (void)state;
+    static const struct {
+        const char *units, *words;
+    } c[] = {
+        {"J/K;m;m;J/K;J/K;m;m;1;m;m;J/K", NULL},
+        {"J/K;m;mm;J/K;J/K;m;m;1;m;m;J/K",
+         "f:1:5: group two.q has the unit \"m\", and the dataset's column \"q2y\" has \"mm\""},
+        {"J/K;m;m;J/K;J/K;m;m;mm;m;m;J/K", NULL}, // of a column that is not mapped
+        {"J/K;m", "names 2 units of 11 columns"},
+        {"", "names 1 units of 11 columns"},
+    };
+    for (size_t i = 0; i < sizeof c / sizeof *c; ++i) {
+        const pm_note note = {"units", c[i].units};
+        dataset.nnote = 1;
+        dataset.note = &note;
+        if (c[i].words != NULL) {
+            assert_bind_fails(PM_EDATA, c[i].words);
+        } else {
+            pm_columns columns;
+            assert_int_equal(pm_columns_bind(&columns, &scene, &dataset, &arena), PM_OK);
+        }
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(relative_positions_are_differences_of_columns, setup,
@@ -177,6 +202,7 @@ int main(void) {
                                         teardown),
         cmocka_unit_test_setup_teardown(a_long_list_of_columns_is_cut_short, setup, teardown),
         cmocka_unit_test_setup_teardown(bad_maps_are_refused, setup, teardown),
+        cmocka_unit_test_setup_teardown(units_must_be_those_of_the_scene, setup, teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -143,7 +143,8 @@ static void test_fragments_that_contradict_themselves(void **context) {
 #define PART 100
 
 // Hands the parts over in the given order; true if that made the message.
-static bool reassemble(pm_reassembly *r, int count, const int *order, uint64_t sender) {
+static bool reassemble(pm_reassembly *r, int count, const int *order, uint64_t sender,
+                       long *discarded) {
     unsigned char data[TOTAL];
     for (int i = 0; i < TOTAL; ++i) {
         data[i] = (unsigned char)(7 * i + (int)sender);
@@ -155,7 +156,7 @@ static bool reassemble(pm_reassembly *r, int count, const int *order, uint64_t s
         pm_datagram d;
         assert_true(pm_datagram_parse(&d, b.at, b.size));
         if (d.channel != NULL) {
-            assert_int_equal(pm_reassembly_begin(r, &d, sender), PM_OK);
+            assert_int_equal(pm_reassembly_begin(r, &d, sender, discarded), PM_OK);
         } else {
             pm_reassembly_add(r, &d, sender);
         }
@@ -169,14 +170,17 @@ static void test_reassembly(void **context) {
     const int mixed[] = {0, 9, 0, 9, 4, 8, 7, 6, 4, 5, 0, 3, 2, 1};
     const int incomplete[] = {0, 1, 2, 3, 4, 5, 5, 5, 5, 5, 5, 7, 8, 9};
     pm_reassembly r = {0};
-    assert_false(reassemble(&r, 9, in_order + 1, 1)); // nothing before the first part
-    assert_true(reassemble(&r, 10, in_order, 1));
+    long lost = 0;
+    assert_false(reassemble(&r, 9, in_order + 1, 1, &lost)); // nothing before the first part
+    assert_true(reassemble(&r, 10, in_order, 1, &lost));
     r.count = 0;
-    assert_true(reassemble(&r, 14, mixed, 2));
+    assert_true(reassemble(&r, 14, mixed, 2, &lost));
     r.count = 0;
-    assert_false(reassemble(&r, 14, incomplete, 3));
-    assert_false(reassemble(&r, 9, in_order + 1, 4)); // another sender's parts
-    assert_true(reassemble(&r, 10, in_order, 4));     // a new message takes the place
+    assert_false(reassemble(&r, 14, incomplete, 3, &lost));
+    assert_false(reassemble(&r, 9, in_order + 1, 4, &lost)); // another sender's parts
+    assert_int_equal(lost, 0);
+    assert_true(reassemble(&r, 10, in_order, 4, &lost)); // a new message takes the place
+    assert_int_equal(lost, 1);
     pm_reassembly_free(&r);
 }
 
@@ -186,16 +190,18 @@ static void test_parts_must_make_the_whole(void **context) {
     static const size_t to[] = {490, 500, 510};
     const unsigned char data[TOTAL] = {1};
     pm_reassembly r = {0};
+    long lost = 0;
     for (unsigned i = 0; i < 3; ++i) {
         const size_t half = TOTAL / 2;
         bytes b = fragment("c", data, half, 0, 250, 0, 2);
         pm_datagram d;
         assert_true(pm_datagram_parse(&d, b.at, b.size));
-        assert_int_equal(pm_reassembly_begin(&r, &d, i), PM_OK);
+        assert_int_equal(pm_reassembly_begin(&r, &d, i, &lost), PM_OK);
         b = fragment("c", data, half, half - (to[i] - 250), half, 1, 2);
         assert_true(pm_datagram_parse(&d, b.at, b.size));
         assert_true(pm_reassembly_add(&r, &d, i));
         assert_int_equal(pm_reassembly_complete(&r), to[i] == half);
+        assert_int_equal(lost, i == 0 ? 0 : 1); // the first message was not made whole
     }
     pm_reassembly_free(&r);
 }

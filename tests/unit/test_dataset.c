@@ -5,10 +5,15 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
+#include "base/attempt.h"
 #include "store/dataset.h"
 #include "tests/support/scratch.h"
 
@@ -127,6 +132,37 @@ static void replace(const char *path, const char *name, hid_t type, int rank, co
     }
     H5Fclose(file);
 }
+
+#if PM_ATTEMPT_LIMITS_MEMORY
+// A file of a few kilobytes that holds more numbers than the process can have memory. The child's
+// exit status says what went wrong.
+static void load_with_little_memory(const char *path) {
+    const struct rlimit limit = {.rlim_cur = 500000000, .rlim_max = 500000000};
+    pm_dataset *dataset = NULL;
+    if (setrlimit(RLIMIT_AS, &limit) != 0) {
+        _exit(2);
+    }
+    const bool refused = pm_dataset_load(&dataset, path) == PM_ENOMEM;
+    _exit(refused && strstr(pm_error(), "dataset /z takes 800 MB of memory, and 500 MB") != NULL
+              ? 0
+              : 1);
+}
+
+static void more_numbers_than_memory_are_refused(void **state) {
+    const char *path = saved(*state);
+    replace(path, "/z", H5T_NATIVE_DOUBLE, 3, (hsize_t[]){10000, 10000, 1});
+    size_t size;
+    free(scratch_read(path, &size));
+    assert_true(size < 20000);
+    const pid_t child = fork();
+    if (child == 0) {
+        load_with_little_memory(path);
+    }
+    int ending;
+    assert_int_equal(waitpid(child, &ending, 0), child);
+    assert_int_equal(ending, 0);
+}
+#endif
 
 static void wrong_shapes_and_types_are_refused(void **state) {
     const char *path = saved(*state);
@@ -313,6 +349,10 @@ int main(void) {
         cmocka_unit_test_setup_teardown(rates_come_back, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(files_that_are_not_datasets_are_refused, scratch_setup,
                                         scratch_teardown),
+#if PM_ATTEMPT_LIMITS_MEMORY
+        cmocka_unit_test_setup_teardown(more_numbers_than_memory_are_refused, scratch_setup,
+                                        scratch_teardown),
+#endif
         cmocka_unit_test_setup_teardown(every_truncation_is_noticed, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(wrong_shapes_and_types_are_refused, scratch_setup,

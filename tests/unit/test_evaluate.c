@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "evaluate/evaluate.h"
+#include "model/training_range.h"
 #include "sim/monolithic.h"
 #include "tests/support/fixture.h"
 
@@ -176,6 +177,23 @@ static void a_failed_rollout_counts_as_infinite(void **state) {
     bench_close(&b);
 }
 
+// The first link was trained on its state at the start of trajectory 0 alone, the second on none.
+static void steps_outside_the_training_range_are_counted(void **state) {
+    (void)state;
+    bench b = {.data = NULL};
+    bench_open(&b, 1);
+    pm_part *part = &b.f.system->part[0];
+    assert_int_equal(pm_training_range_declare(part), PM_OK);
+    pm_training_range_widen(part, b.f.z);
+    pm_evaluation *e = evaluate(&b, 0, 2, 1);
+    for (int i = 0; i < e->count; ++i) {
+        assert_int_equal(e->rollout[i].outside[0], NTIME - 1);
+        assert_int_equal(e->rollout[i].outside[1], 0);
+    }
+    pm_evaluation_free(e);
+    bench_close(&b);
+}
+
 static void violations_are_told(void **state) {
     (void)state;
     bench b = {.data = NULL};
@@ -226,6 +244,7 @@ int main(void) {
         cmocka_unit_test(errors_are_relative),
         cmocka_unit_test(threads_change_nothing),
         cmocka_unit_test(a_failed_rollout_counts_as_infinite),
+        cmocka_unit_test(steps_outside_the_training_range_are_counted),
         cmocka_unit_test(violations_are_told),
         cmocka_unit_test(what_cannot_be_evaluated),
     };

@@ -4,6 +4,9 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
 // cmocka needs the above.
 #include <cmocka.h>
 
@@ -50,6 +53,36 @@ static void what_was_saved_comes_back(void **state) {
         assert_true(found && session == SESSION + i);
     }
     assert_int_equal(scratch_files(*state, 0), 1); // no temporary one
+}
+
+// The temporary name is a link to a file of somebody else, or what a killed process has left.
+static void no_other_file_is_written(void **state) {
+    const char *path = scratch_path(*state, "x.checkpoint");
+    const char *temporary = scratch_path(*state, "x.checkpoint.tmp");
+    const char *other = scratch_path(*state, "other");
+    size_t size = 0;
+    scratch_write(other, "mine", 4);
+    assert_int_equal(symlink(other, temporary), 0);
+    assert_int_equal(pm_snapshot_save(path, &right, SESSION, saved), PM_OK);
+    char *content = scratch_read(other, &size);
+    assert_int_equal(size, 4);
+    assert_memory_equal(content, "mine", 4);
+    free(content);
+    scratch_write(temporary, "left", 4);
+    assert_int_equal(pm_snapshot_save(path, &right, SESSION, saved), PM_OK);
+    assert_int_equal(scratch_files(*state, 0), 2);
+}
+
+// Opening a pipe would wait for somebody who writes to it.
+static void a_pipe_is_no_snapshot(void **state) {
+    const char *path = scratch_path(*state, "pipe.checkpoint");
+    int64_t session = 42;
+    bool found;
+    assert_int_equal(mkfifo(path, 0600), 0);
+    alarm(10);
+    assert_untouched(PM_EFILE, "not a file", path, right);
+    assert_int_equal(pm_snapshot_session(path, DIGEST, &session, &found), PM_EFILE);
+    alarm(0);
 }
 
 static void others_are_refused(void **state) {
@@ -146,6 +179,8 @@ static void checkpoints_open_for_the_same_work_only(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(what_was_saved_comes_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(no_other_file_is_written, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_pipe_is_no_snapshot, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(others_are_refused, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(damage_is_found, scratch_setup, scratch_teardown),
         cmocka_unit_test(records_give_back_what_they_took),

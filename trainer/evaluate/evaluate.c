@@ -24,6 +24,8 @@
 
 static void book(pm_rollout *rollout, const pm_monolithic *assembly) {
     pm_sample sample = *pm_monolithic_sample(assembly);
+    memcpy(rollout->outside, sample.outside,
+           (size_t)rollout->ledger.system->scene->nsubsystem * sizeof *rollout->outside);
     if (pm_ledger_book(&rollout->ledger, &sample) != PM_OK && rollout->violation[0] == 0) {
         snprintf(rollout->violation, sizeof rollout->violation, "trajectory %d: %.200s",
                  rollout->trajectory, pm_error());
@@ -272,12 +274,13 @@ static pm_status allocate(pm_evaluation *e, const int *which) {
         rollout->error = pm_arena_array(&e->arena, ngroup, sizeof(double));
         rollout->snapshot = pm_arena_array(&e->arena, ntime * ngroup, sizeof(double));
         rollout->energy = pm_arena_array(&e->arena, ntime, sizeof(double));
+        rollout->outside = pm_arena_array(&e->arena, npart, sizeof *rollout->outside);
         rollout->entropy = pm_arena_array(&e->arena, ntime, sizeof(double));
         rollout->part_energy = pm_arena_array(&e->arena, 2 * ntime * npart, sizeof(double));
         rollout->part_entropy = pm_arena_array(&e->arena, 2 * ntime * npart, sizeof(double));
         made = rollout->error != NULL && rollout->snapshot != NULL && rollout->energy != NULL &&
-               rollout->entropy != NULL && rollout->part_energy != NULL &&
-               rollout->part_entropy != NULL;
+               rollout->entropy != NULL && rollout->outside != NULL &&
+               rollout->part_energy != NULL && rollout->part_entropy != NULL;
     }
     if (!made) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");

@@ -23,6 +23,7 @@ typedef struct pm_rollout {
     // [2][ntime][nsubsystem] energy J and entropy J/K of each subsystem by the model, in the
     // predicted states and in the true states. Zero where not reached or not defined.
     double *part_energy, *part_entropy;
+    long *outside; // [nsubsystem] steps that ended outside the training range of the weights
     // The lowest and highest temperature dE/ds in K of all components with the unit J/K, at some of
     // the true states; both 0 if there is no such component.
     double coldest, warmest;

@@ -79,6 +79,28 @@ static void print_laws(const pm_evaluation *e, const summary *s) {
            "total entropy changes by", s->entropy_change, s->entropy_fall);
 }
 
+// Prints which subsystems left the states that their weights were trained on. Prints nothing if
+// none did, or if the weights do not hold their range.
+static void print_outside(const pm_evaluation *e) {
+    const pm_scene *scene = e->system->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        long outside = 0, steps = 0;
+        int trajectories = 0;
+        for (int j = 0; j < e->count; ++j) {
+            const pm_rollout *r = &e->rollout[j];
+            outside += r->outside[i];
+            trajectories += r->outside[i] > 0;
+            steps += r->ledger.steps;
+        }
+        if (outside > 0) {
+            printf(
+                "\n%s left the states its weights were trained on, on %ld of %ld steps, in %d of "
+                "%d trajectories\n",
+                scene->subsystem[i].name, outside, steps, trajectories, e->count);
+        }
+    }
+}
+
 static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
     if (thermo->count == 0) {
         return;
@@ -173,6 +195,7 @@ void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained,
     }
     print_thermo(e, thermo);
     print_laws(e, &s);
+    print_outside(e);
     const pm_scene *scene = e->system->scene;
     printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator->name);
     if (scene->tolerance > 0) {
@@ -280,6 +303,11 @@ static void json_rollouts(const pm_evaluation *e, const bool *seen) {
             json_number(e->columns.group_name[g], r->error[g],
                         g + 1 < e->columns.ngroup ? ", " : "}, ");
         }
+        long outside = 0;
+        for (int k = 0; k < e->system->scene->nsubsystem; ++k) {
+            outside = r->outside[k] > outside ? r->outside[k] : outside;
+        }
+        printf("\"outside\": %ld, ", outside);
         json_number("energy_drift", r->ledger.energy_drift, i + 1 < e->count ? "},\n" : "}\n");
     }
     printf("  ]\n");
