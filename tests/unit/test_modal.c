@@ -12,6 +12,7 @@
 #include "base/rng.h"
 #include "modal/reconstruct.h"
 #include "modal/reduce.h"
+#include "modal/regression.h"
 #include "tests/support/scratch.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1, clamped at x = 0.
@@ -111,6 +112,27 @@ static void modes_that_carry_the_energy_are_found(void **state) {
     assert_true(fabs(b->stiffness[1] / b->stiffness[0] - 1) < 1e-6);
     pm_basis_free(b);
     pm_field_free(field);
+}
+
+// A feature that is zero but for rounding, whose bits differ from processor to processor, gets no
+// coefficient.
+static void rounding_is_no_feature(void **state) {
+    (void)state;
+    enum { COUNT = 100 };
+    double feature[COUNT][2], result[COUNT];
+    pm_regression r;
+    for (int i = 0; i < COUNT; ++i) {
+        feature[i][0] = result[i] = sin(i);
+        feature[i][1] = 1e-12 * sin(i * i);
+    }
+    assert_int_equal(pm_regression_open(&r, 2, 1), PM_OK);
+    pm_regression_add(&r, COUNT, feature[0], result);
+    assert_int_equal(pm_regression_solve(&r, 1e-7), PM_OK);
+    assert_true(fabs(r.cross[0] - 1) < 1e-6);
+    if (!(fabs(r.cross[1]) < 1e-6)) {
+        fail_msg("the coefficient of rounding is %g", r.cross[1]);
+    }
+    pm_regression_close(&r);
 }
 
 // In the coordinates of the basis, load = a - share c.
@@ -438,6 +460,7 @@ int main(void) {
     scratch folder;
     scratch_open(&folder);
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rounding_is_no_feature),
         cmocka_unit_test(modes_that_carry_the_energy_are_found),
         cmocka_unit_test(amplitudes_follow_the_loads),
         cmocka_unit_test_prestate(fields_come_back, &folder),

@@ -8,7 +8,9 @@
 #include "base/linalg.h"
 
 // A feature counts as zero if its mean square is below this fraction of the largest mean square.
-#define NEVER 1e-26
+// The rounding of a sum of n terms that cancel leaves about n^2 DBL_EPSILON^2, 5e-26 for a thousand
+// terms, and its bits depend on the processor. The margin beyond that is a factor of 1e5.
+#define NEVER 1e-20
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a regression");
