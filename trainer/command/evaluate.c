@@ -18,7 +18,7 @@
 #include "evaluate/thermo.h"
 
 typedef struct arguments {
-    const char *scene, *data, *weights, *trajectories, *trained, *record, *plot, *estimate,
+    const char *scene, *data, *weights, *trajectories, *trained, *record, *plot, *estimate, *states,
         *data_set;
     bool json;
 } arguments;
@@ -38,6 +38,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "draw errors, error growth, laws and the first trajectory into DIR (gnuplot)"},
         {"--estimate", NULL, "SECONDS", NULL, &a->estimate, false,
          "the data are measurements: estimate each start from these first seconds"},
+        {"--states", NULL, "FILE", NULL, &a->states, false,
+         "with --estimate: write the predicted states, from which portmetd can start a run"},
         {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
          "with --estimate: the dataset in FILE, such as z_noise; default: z"},
         {"--json", NULL, NULL, &a->json, NULL, false, "print JSON instead of tables"},
@@ -197,6 +199,7 @@ static pm_status evaluate_measured(const arguments *a, const volatile sig_atomic
                                 .weights = a->weights,
                                 .trajectories = a->trajectories,
                                 .record = a->record,
+                                .states = a->states,
                                 .json = a->json};
     pm_scene *scene = NULL;
     pm_system *system = NULL;

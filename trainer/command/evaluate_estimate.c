@@ -243,6 +243,20 @@ done:
     return status;
 }
 
+// Writes the rollouts that checked the laws.
+static pm_status write_states(const prediction *j) {
+    if (j->laws == NULL) {
+        return pm_fail(PM_EUSAGE,
+                       "--states: a scene with boundary inputs, or without energy, has no "
+                       "rollouts from estimates");
+    }
+    pm_dataset *d = j->laws->predicted;
+    PM_TRY(pm_dataset_note(d, "title", "Rollouts of scene %s from estimated starts",
+                           j->system->scene->name));
+    PM_TRY(pm_dataset_note(d, "source", "portmet-train evaluate --estimate"));
+    return pm_dataset_save(d, j->how->states);
+}
+
 // --- the whole ---
 
 static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
@@ -268,6 +282,7 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
         print_laws(j);
     }
     PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
+    PM_TRY(j->how->states == NULL ? PM_OK : write_states(j));
     const pm_rollout *violating = j->laws == NULL ? NULL : pm_evaluation_violation(j->laws);
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
 }

@@ -11,6 +11,7 @@
 #include "store/dataset.h"
 
 #define MOST_FILES 10000
+#define EVEN 1e-3 // times that are off by less, in steps, are even: tables round
 
 typedef struct import_arguments {
     const char *file[MOST_FILES];
@@ -66,6 +67,23 @@ static void copy_table(const pm_table *table, int time, int trajectory, pm_datas
     }
 }
 
+// Sets dt to the mean step of the first trajectory. If all trajectories have the same even times,
+// these become the times of the dataset.
+static void make_even(pm_dataset *d, int steps) {
+    d->dt = (pm_dataset_time(d, 0, steps) - pm_dataset_time(d, 0, 0)) / steps;
+    bool even = d->dt > 0;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k < d->ntime; ++k) {
+            const double expected = pm_dataset_time(d, 0, 0) + k * d->dt;
+            even = even && fabs(pm_dataset_time(d, i, k) - expected) <= EVEN * d->dt;
+        }
+    }
+    for (int k = 0; k < d->ntime && even; ++k) {
+        d->t[k] = pm_dataset_time(d, 0, 0) + k * d->dt;
+    }
+    d->times = even ? NULL : d->times;
+}
+
 // Makes the dataset of all tables.
 static pm_status join(const pm_table *table, int count, int time, pm_dataset **dataset) {
     const char *column[PM_MOST_TABLE_COLUMNS];
@@ -88,6 +106,7 @@ static pm_status join(const pm_table *table, int count, int time, pm_dataset **d
     for (int i = 0; i < count; ++i) {
         copy_table(&table[i], time, i, d);
     }
+    make_even(d, table->nrow - 1);
     return note_units(d, table, time);
 }
 
@@ -95,7 +114,9 @@ static pm_status join(const pm_table *table, int count, int time, pm_dataset **d
 
 static pm_status read_all(const import_arguments *a, pm_table *table, int count, int *time) {
     for (int i = 0; i < count; ++i) {
-        PM_TRY(pm_table_read(&table[i], a->file[i]));
+        const char *end = strrchr(a->file[i], '.');
+        PM_TRY(end != NULL && strcmp(end, ".mat") == 0 ? pm_table_read_matlab(&table[i], a->file[i])
+                                                       : pm_table_read(&table[i], a->file[i]));
         PM_TRY(check_columns(&table[0], &table[i], a->file[i]));
     }
     PM_TRY(find_time(&table[0], a->time, a->file[0], time));
@@ -150,7 +171,8 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
             "text file whose first line names the columns, with units in brackets if they are\n"
             "known: t [s], theta [rad]. Commas, semicolons or tabs separate the numbers; an\n"
             "empty place or nan is a sample that is missing. Lines that begin with # are left\n"
-            "out. Times need not be even.",
+            "out. Times need not be even. The real matrices of a MATLAB file (.mat) are columns,\n"
+            "too, if the program was built with libmatio.",
         .positional_name = "TABLE",
         .positional = a->file,
         .least = 1,

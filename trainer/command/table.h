@@ -20,6 +20,10 @@ typedef struct pm_table {
 // frees. PM_EFILE: the file cannot be read; PM_EDATA, with the line: a line has another number of
 // columns, or a place holds no number; PM_ENOMEM.
 pm_status pm_table_read(pm_table *table, const char *path);
+// Reads the real matrices of a MATLAB file (version 5 or 7.3) as a table: a vector is a column of
+// its name, a matrix x columns x_1, x_2, ... All have as many rows as the first one; others are
+// left out. PM_EFILE also if the program was built without libmatio.
+pm_status pm_table_read_matlab(pm_table *table, const char *path);
 void pm_table_free(pm_table *table); // zeroed storage is allowed
 
 #endif

@@ -274,6 +274,9 @@ static pm_status initialise(pm_fit *f) {
         pm_params_gather(pm_system_params(system, i), theta);
         theta += pm_params_trained(pm_system_params(system, i));
     }
+    if (f->measured != NULL) {
+        memcpy(f->measured->declared, declared, (size_t)f->size * sizeof *declared);
+    }
     pm_start_draw(f->training, f->theta);
     pm_samples samples;
     pm_status status = make_samples(f, PM_RESIDUAL_STEP, 1, 1, &samples);

@@ -10,6 +10,7 @@
 #include "learn/uncertainty.h"
 #include "scene/columns.h"
 
+#define NETWORK_REACH 1.0     // of weights, which act on inputs of deviation 1
 #define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
 #define MOST_REPORTED 8       // trajectories whose starts the report estimates
 #define FAR_REACH 1e6         // of constants whose unit and size are not known
@@ -173,8 +174,13 @@ pm_status pm_fit_measured_load(pm_fit *f, const char *path) {
     PM_TRY(pm_dataset_load_measured(&m->data, path, name));
     PM_TRY(pm_observation_bind(&m->observation, f->training->scene, m->data, &m->arena));
     PM_TRY(bind_noise(f->training, m));
+    size_t weights = 1;
+    for (int i = 0; i < pm_system_components(f->training->system); ++i) {
+        weights += pm_params_trained(pm_system_params(f->training->system, i));
+    }
+    m->declared = pm_arena_array(&m->arena, weights, sizeof *m->declared);
     m->typical = pm_arena_array(&m->arena, (size_t)f->training->scene->nz, sizeof *m->typical);
-    if (m->typical == NULL) {
+    if (m->typical == NULL || m->declared == NULL) {
         return no_memory();
     }
     memcpy(m->typical, m->observation.deviation,
@@ -207,28 +213,29 @@ static bool is_positive(const pm_fit *f, int component, const char *name) {
     return false;
 }
 
-// Returns how far entry j of a weight of component i is expected to go from its first value.
-// Weights of networks and logarithms of positive constants have the same reach. Other learned
-// constants have units, so that little is known of theirs. Temperatures begin as the user gives
-// them: coupled bodies leave a common factor of them nearly free.
-static double reach_of(const pm_fit *f, int i, const pm_param_entry *entry, int j) {
+// Returns how far a weight of component i is expected to be from its declared value `first`:
+// weights of networks, whose inputs and outputs have deviations of about 1; logarithms of positive
+// constants; other learned constants, which have units, so that little is known of them; and
+// temperatures, since coupled bodies leave a common factor of them nearly free.
+static double reach_of(const pm_fit *f, int i, const pm_param_entry *entry, double first) {
     const char *end = strrchr(entry->name, '.');
     if (strncmp(entry->name, "constant.", 9) == 0) {
         return is_positive(f, i, entry->name + 9) ? PM_SHOOTING_REACH
-                                                  : FAR_REACH * fmax(fabs(entry->value[j]), 1);
+                                                  : FAR_REACH * fmax(fabs(first), 1);
     }
-    return end != NULL && strcmp(end, ".amplitude") == 0 ? TEMPERATURE_REACH : PM_SHOOTING_REACH;
+    return end != NULL && strcmp(end, ".amplitude") == 0 ? TEMPERATURE_REACH : NETWORK_REACH;
 }
 
 static void set_reach(const pm_fit *f, pm_shooting *s) {
     size_t at = 0;
-    pm_shooting_weights(s, s->first_weight);
+    memcpy(s->first_weight, f->measured->declared, (size_t)s->nweight * sizeof *s->first_weight);
     for (int i = 0; i < pm_system_components(f->training->system); ++i) {
         const pm_params *params = pm_system_params(f->training->system, i);
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j) {
-                s->reach[at++] = reach_of(f, i, entry, j);
+                s->reach[at] = reach_of(f, i, entry, s->first_weight[at]);
+                ++at;
             }
         }
     }

@@ -11,7 +11,8 @@ struct pm_fit_measured {
     pm_dataset *data; // the measurements
     pm_observation observation;
     double *noise; // [observation.count] given noise in the unit of the column; 0: to be estimated
-    double *typical; // [nz] typical size of hidden components; 0: not known
+    double *declared; // [weights] as declared, before random numbers are added to them
+    double *typical;  // [nz] typical size of hidden components; 0: not known
 };
 
 // Loads the measurements, and makes f->dataset: states at steps of the scene that are interpolated

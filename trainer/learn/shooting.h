@@ -18,7 +18,7 @@
 #include "learn/flow.h"
 #include "learn/track.h"
 
-#define PM_SHOOTING_REACH 10.0 // of weights, which begin with deviations of about 1, and logarithms
+#define PM_SHOOTING_REACH 10.0 // of logarithms of positive constants
 #define PM_SHOOTING_LANES 2    // threads; a fixed number, so that the order of sums is fixed
 
 // A window: the samples [first, last) of a track, where the integration ends at sample `last` if

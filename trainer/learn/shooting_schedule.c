@@ -14,9 +14,9 @@
 #define LAST_GAP 0.03
 #define GAP_FALLS 0.3 // factor from level to level
 // Windows double while a change of their start grows by less than this factor until their end.
-#define MOST_GROWTH 30
+#define MOST_GROWTH 10
 #define SHORTEST 4 // samples of the first windows, at least
-#define COARSER 4  // the factor between the steps of the integrator before the last level and in it
+#define COARSER 2  // the factor between the steps of the integrator before the last level and in it
 #define LEVEL_ITERATIONS 12
 #define LEVEL_ENOUGH 1e-2
 #define LAST_ITERATIONS 40
@@ -126,7 +126,8 @@ static double gap_size(const pm_shooting *s, double factor) {
     return count > 0 ? sqrt(square / (double)count) : 0;
 }
 
-// The median over windows of the growth of changes from start to end, in units of the gaps.
+// The growth of changes from start to end in units of the gaps, which nine of ten windows do not
+// exceed.
 static double growth(const pm_shooting *s) {
     double *size = malloc((size_t)s->nwindow * sizeof *size);
     int n = 0;
@@ -143,9 +144,9 @@ static double growth(const pm_shooting *s) {
         }
     }
     qsort(size, (size_t)n, sizeof *size, compare);
-    const double median = n > 0 ? size[n / 2] : 0;
+    const double most = n > 0 ? size[9 * n / 10] : 0;
     free(size);
-    return median;
+    return most;
 }
 
 static void print_level(const pm_shooting *s, int length, double factor,
