@@ -87,7 +87,29 @@ inside=$(awk '$1 == "angle" { print int($6) }' "$folder/out")
 h5dump -H -d /y "$folder/y.h5" | grep -q "( 1, 250, 1 )" || fail "record: expected /y [trajectory][time][column]"
 h5dump -H -d /deviation "$folder/y.h5" >/dev/null || fail "record: expected standard deviations"
 
+# --- a run from an estimated start ---
+succeed "Laws" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
+    --states "$folder/states.h5"
+h5dump -a /state_layout "$folder/states.h5" | grep -q '"arm.q arm.p arm.s"' || fail "states: expected hidden columns"
+
+# --- synthetic measurements ---
+succeed "wrote" truth configs/truth/double_pendulum.yaml --trajectories 0:3 --noise 0.01 --missing 0.5 --seed 3 \
+    -o "$folder/noisy.h5"
+succeed "uneven" inspect "$folder/noisy.h5"
+kept=$(awk '$1 == "q1x" { print $2 + $3 }' "$folder/out")
+[ "${kept:-0}" -ge 240 ] && [ "$kept" -le 360 ] || fail "truth --missing: $kept of 600 states are left"
+
 # --- mistakes ---
+sed 's/hidden: true/hidden: {gues: 1}/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
+refuse 3 'gues' evaluate "$folder/wrong.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1
+sed 's/hidden: true/columns: [entropy]/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
+refuse 5 'column "entropy" is not in the measurements' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
+    --data "$folder/swing.h5" --estimate 1
+sed 's/arm.q + 0.02/arm.x/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
+refuse 3 'there is no "arm.x" here' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
+    --data "$folder/swing.h5" --estimate 1
+refuse 5 'has 1 samples within 0.001 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" \
+    --data "$folder/swing.h5" --estimate 0.001
 printf 't,a\n0,1\n1,x\n' >"$folder/bad.csv"
 refuse 5 'bad.csv:3: expected a number, found "x"' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't,a\n0,1\n1,2,3\n' >"$folder/bad.csv"
