@@ -95,6 +95,10 @@ typedef struct pm_operation {
 
 extern const pm_operation pm_operations[PM_OP_COUNT];
 
+// Returns the kernel that runs a batched instruction with the items innermost (lane_kernel.c), or
+// NULL if there is none. The kernel's `batch` is the number of lanes.
+pm_kernel *pm_lane_kernel_of(const pm_instruction *instruction);
+
 // Kernels (kernel.c) and derivative rules (adjoint.c), one per operation, listed in operation.c.
 pm_kernel pm_run_add, pm_run_sub, pm_run_mul, pm_run_div, pm_run_scale, pm_run_offset, pm_run_tanh,
     pm_run_sigmoid, pm_run_softplus, pm_run_exp, pm_run_log, pm_run_sqrt, pm_run_sin, pm_run_cos,

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/arena.h"
+#include "base/linalg.h"
 #include "graph/node.h"
 
 #define ALIGNMENT ((size_t)8) // in numbers: one cache line
@@ -110,6 +111,7 @@ typedef struct node_memory {
 typedef struct memory_plan {
     const pm_graph *g;
     int nnode, capacity;
+    bool lanes; // items are innermost
     node_memory *place;
     memory_pool pool;
 } memory_plan;
@@ -130,7 +132,8 @@ static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
     if (node->op == PM_OP_RESHAPE) {
         return true;
     }
-    const bool one_row = node->shape.rows == 1 && (!node->shape.batched || plan->capacity == 1);
+    const bool one_row =
+        node->shape.rows == 1 && (!node->shape.batched || plan->capacity == 1 || plan->lanes);
     return node->op == PM_OP_SLICE && one_row;
 }
 
@@ -320,7 +323,8 @@ static void resolve_values(pm_program *p, const memory_plan *plan) {
             // Only read: no instruction writes to a leaf.
             p->value[x] = (double *)(uintptr_t)node->value;
         } else if (place->root != x) {
-            const int first = node->op == PM_OP_SLICE ? node->first : 0;
+            const ptrdiff_t step = plan->lanes && node->shape.batched ? plan->capacity : 1;
+            const ptrdiff_t first = node->op == PM_OP_SLICE ? node->first * step : 0;
             double *of = p->value[node->operand[0]];
             p->value[x] = of == NULL ? NULL : of + first;
         } else if (place->needed || node->op == PM_OP_INPUT) {
@@ -364,8 +368,8 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     return PM_OK;
 }
 
-pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count,
-                          const pm_node *output, int capacity) {
+static pm_status open_program(pm_program **program, const pm_graph *graph, int count,
+                              const pm_node *output, int capacity, bool lanes) {
     if (pm_graph_exhausted(graph)) {
         return pm_fail(PM_ENOMEM, "out of memory while building a graph");
     }
@@ -375,13 +379,38 @@ pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count
     }
     p->nnode = pm_graph_size(graph);
     p->capacity = capacity;
-    memory_plan plan = {.g = graph, .nnode = p->nnode, .capacity = capacity};
+    memory_plan plan = {.g = graph, .nnode = p->nnode, .capacity = capacity, .lanes = lanes};
     const pm_status status = build(p, &plan, count, output);
     free(plan.place);
     free(plan.pool.space);
     if (status != PM_OK) {
         pm_program_close(p);
         return status;
+    }
+    *program = p;
+    return PM_OK;
+}
+
+pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count,
+                          const pm_node *output, int capacity) {
+    return open_program(program, graph, count, output, capacity, false);
+}
+
+pm_status pm_program_open_lanes(pm_program **program, const pm_graph *graph, int count,
+                                const pm_node *output, int lanes) {
+    assert(lanes > 0 && lanes % PM_LANES == 0);
+    pm_program *p = NULL;
+    PM_TRY(open_program(&p, graph, count, output, lanes, true));
+    for (int i = 0; i < p->ninstruction; ++i) {
+        pm_instruction *x = &p->instruction[i];
+        if (x->shape.batched) {
+            x->run = pm_lane_kernel_of(x);
+        }
+        if (x->run == NULL || (x->shape_a.batched && !x->shape.batched)) {
+            pm_program_close(p);
+            p = NULL;
+            break;
+        }
     }
     *program = p;
     return PM_OK;
@@ -413,6 +442,10 @@ void pm_program_run(pm_program *program, int batch) {
         const pm_instruction *x = &program->instruction[i];
         x->run(x, batch);
     }
+}
+
+void pm_program_run_lanes(pm_program *program) {
+    pm_program_run(program, program->capacity);
 }
 
 double pm_program_multiply_adds(const pm_program *program, int batch) {

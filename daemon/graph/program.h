@@ -15,6 +15,15 @@ pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count
                           const pm_node *output, int capacity);
 void pm_program_close(pm_program *program); // NULL is allowed
 
+// Plans a program for `lanes` items (a multiple of 8) that keeps the items innermost: the values of
+// its batched nodes are [rows][cols][lanes]. pm_program_run_lanes runs it for all lanes at once,
+// vectorised across items, and gives each item the bits that a program for one item gives it.
+// *program is NULL if the graph has an operation that cannot run so: a sum over the batch, or a
+// product for which BLAS is faster. PM_ENOMEM.
+pm_status pm_program_open_lanes(pm_program **program, const pm_graph *graph, int count,
+                                const pm_node *output, int lanes);
+void pm_program_run_lanes(pm_program *program);
+
 // Returns the numbers of an input or an output, [capacity][rows][cols] if batched, else
 // [rows][cols]. The program owns them. Outputs keep the result of the last run until the next one.
 // An input on which no output depends has memory too, so that callers need no special case.

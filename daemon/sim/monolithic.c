@@ -1,16 +1,22 @@
 // All subsystems in one loop. In every round all of them expose before any is coupled, and all are
-// coupled before any advances.
+// coupled before any advances. Many subsystems with few models are a batch instead.
 #include "sim/monolithic.h"
 
 #include <stdlib.h>
 
+#include "sim/batch.h"
 #include "sim/step_controller.h"
+
+// Fewer subsystems are stepped one by one, as are those of which most lanes of a batch would be
+// empty. The bits are the same.
+#define FEWEST_IN_BATCH 16
 
 struct pm_monolithic {
     const pm_system *system;
     int count;
     pm_subsystem **subsystem; // [count]
     int (*position)[2];       // [nport][end] which port of the subsystem at that end it is
+    pm_batch *batch;          // NULL: the subsystems are stepped one by one
     pm_sample *sample;
     pm_step_controller controller;
 };
@@ -29,7 +35,19 @@ static pm_status share_ports(const pm_monolithic *m) {
     return PM_OK;
 }
 
-static pm_status open_all(pm_monolithic *m) {
+static pm_status open_batch(pm_monolithic *m) {
+    if (m->system->scene->nsubsystem < FEWEST_IN_BATCH) {
+        return PM_OK;
+    }
+    PM_TRY(pm_batch_open(&m->batch, m->system));
+    if (m->batch != NULL && pm_batch_lanes(m->batch) > 2 * m->system->scene->nsubsystem) {
+        pm_batch_close(m->batch);
+        m->batch = NULL;
+    }
+    return PM_OK;
+}
+
+static pm_status open_subsystems(pm_monolithic *m) {
     const pm_scene *scene = m->system->scene;
     m->subsystem = calloc((size_t)scene->nsubsystem, sizeof *m->subsystem);
     m->position = calloc((size_t)scene->nport + 1, sizeof *m->position);
@@ -44,7 +62,15 @@ static pm_status open_all(pm_monolithic *m) {
             m->position[port][pm_subsystem_end(m->subsystem[i], j)] = j;
         }
     }
-    PM_TRY(share_ports(m));
+    return share_ports(m);
+}
+
+static pm_status open_all(pm_monolithic *m) {
+    const pm_scene *scene = m->system->scene;
+    PM_TRY(open_batch(m));
+    if (m->batch == NULL) {
+        PM_TRY(open_subsystems(m));
+    }
     PM_TRY(pm_step_controller_init(&m->controller, scene));
     return pm_sample_new(&m->sample, scene);
 }
@@ -69,6 +95,7 @@ void pm_monolithic_close(pm_monolithic *monolithic) {
         for (int i = 0; i < monolithic->count; ++i) {
             pm_subsystem_close(monolithic->subsystem[i]);
         }
+        pm_batch_close(monolithic->batch);
         free(monolithic->subsystem);
         free(monolithic->position);
         pm_sample_free(monolithic->sample);
@@ -99,12 +126,16 @@ void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
     // This cannot fail, since it succeeded when the object was opened.
     (void)pm_step_controller_init(&monolithic->controller, monolithic->system->scene);
     set_substeps(monolithic);
+    monolithic->sample->step = 0;
+    monolithic->sample->time = 0;
+    if (monolithic->batch != NULL) {
+        pm_batch_set_state(monolithic->batch, z, monolithic->sample);
+        return;
+    }
     for (int i = 0; i < monolithic->count; ++i) {
         pm_subsystem_set_state(monolithic->subsystem[i],
                                z + monolithic->system->scene->subsystem[i].first);
     }
-    monolithic->sample->step = 0;
-    monolithic->sample->time = 0;
     fill_sample(monolithic);
 }
 
@@ -121,8 +152,7 @@ static void couple_ports(pm_monolithic *m, int subsystem_id) {
     }
 }
 
-pm_status pm_monolithic_step(pm_monolithic *monolithic) {
-    pm_monolithic *m = monolithic;
+static pm_status step_subsystems(pm_monolithic *m) {
     const int rounds = m->count > 0 ? pm_subsystem_rounds(m->subsystem[0]) : 0;
     for (int round = 0; round < rounds; ++round) {
         for (int i = 0; i < m->count; ++i) {
@@ -139,9 +169,15 @@ pm_status pm_monolithic_step(pm_monolithic *monolithic) {
     for (int i = 0; i < m->count; ++i) {
         PM_TRY(pm_subsystem_end_step(m->subsystem[i]));
     }
+    fill_sample(m);
+    return PM_OK;
+}
+
+pm_status pm_monolithic_step(pm_monolithic *monolithic) {
+    pm_monolithic *m = monolithic;
+    PM_TRY(m->batch != NULL ? pm_batch_step(m->batch, m->sample) : step_subsystems(m));
     ++m->sample->step;
     m->sample->time = pm_scene_time(m->system->scene, 0, m->sample->step);
-    fill_sample(m);
     pm_step_controller_note(&m->controller, m->sample);
     set_substeps(m);
     return PM_OK;

@@ -1,8 +1,8 @@
 // The steps of one subsystem: the start of a run, the checks at the end of a step, and the sums of
 // fluxes and counts (pm_books).
 #include <assert.h>
-#include <math.h>
 
+#include "sim/step_checks.h"
 #include "sim/subsystem_parts.h"
 
 // --- the books ---
@@ -55,46 +55,12 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
 
 // --- the end of a step ---
 
-static pm_status check_finite(const pm_subsystem *s) {
-    const pm_layout *layout = &s->scene->layout;
-    for (int i = 0; i < layout->ngroup; ++i) {
-        const pm_group *group = &layout->group[i];
-        for (int c = 0; c < group->size; ++c) {
-            if (!isfinite(s->z[group->first + c])) {
-                return pm_fail(PM_ENUMERIC,
-                               "subsystem %s: %s[%d] became %g: the step is too long for this "
-                               "state, or the state left what the weights were trained on; try a "
-                               "smaller dt or more substeps",
-                               s->scene->name, group->name, c, s->z[group->first + c]);
-            }
-        }
-    }
-    return PM_OK;
-}
-
-static pm_status check_potentials(const pm_subsystem *s) {
-    if (isfinite(s->dynamics.E[0]) && isfinite(pm_subsystem_value_at(s->dynamics.S, 0))) {
-        return PM_OK;
-    }
-    return pm_fail(PM_ENUMERIC,
-                   "subsystem %s: energy %g, entropy %g: the state left what the weights were "
-                   "trained on",
-                   s->scene->name, s->dynamics.E[0], pm_subsystem_value_at(s->dynamics.S, 0));
-}
-
-// Counts the states outside the training range of the weights, and fails where one is further
-// outside than the scene's guard allows.
 static pm_status check_training_range(pm_subsystem *s) {
-    const pm_departure d = pm_training_range_departure(s->range, s->z);
-    s->booking.outside += d.group != NULL;
-    if (!(d.widths > s->system->scene->largest_departure)) {
-        return PM_OK;
-    }
-    return pm_fail(PM_ENUMERIC,
-                   "subsystem %s: step %ld: %s%s%s = %.4g %s, and its weights were trained on %.4g "
-                   "to %.4g: train on a wider range, or widen the scene's guard",
-                   s->scene->name, s->step + 1, d.group->size > 1 ? "|" : "", d.group->name,
-                   d.group->size > 1 ? "|" : "", d.value, d.group->unit, d.low, d.high);
+    bool outside = false;
+    const pm_status status =
+        pm_step_check_range(s->system->scene, s->scene, s->range, s->z, s->step + 1, &outside);
+    s->booking.outside += outside;
+    return status;
 }
 
 static pm_status check_boundary_input(const pm_subsystem *s) {
@@ -111,10 +77,11 @@ static pm_status check_boundary_input(const pm_subsystem *s) {
 pm_status pm_subsystem_end_step(pm_subsystem *s) {
     assert(s->stage == 0 && s->substep == s->substeps);
     s->substep = 0;
-    pm_status status = check_finite(s);
+    pm_status status = pm_step_check_finite(s->scene, s->z);
     if (status == PM_OK) {
         pm_subsystem_show(s, pm_local_dynamics_expose_end(&s->dynamics, s->stage_z, s->z));
-        status = check_potentials(s);
+        status = pm_step_check_potentials(s->scene, s->dynamics.E[0],
+                                          pm_subsystem_value_at(s->dynamics.S, 0));
     }
     if (status == PM_OK) {
         status = check_boundary_input(s);

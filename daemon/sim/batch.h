@@ -1,0 +1,35 @@
+// Integrates many subsystems in one process. Subsystems with the same model are evaluated together,
+// and so are ports with the same model: their states, co-energies and rates are arrays with the
+// subsystems innermost, and one run of a graph serves all lanes of a block. Indices, not pointers,
+// lead from a port to its ends. Every subsystem has the same bits, counts of evaluated and skipped
+// graphs, and fluxes as it has alone (subsystem.h). A block is not evaluated if no input of any
+// subsystem in it has changed.
+//
+// A batch serves explicit Runge-Kutta methods with fixed substeps and ports between two subsystems.
+// Subsystems with contact, boundary inputs and laws with separate ends are served one by one.
+//
+// Life cycle: open; set_state; then steps, each of which fills the sample; close.
+#ifndef PM_SIM_BATCH_H
+#define PM_SIM_BATCH_H
+
+#include "scene/recording.h"
+#include "scene/system.h"
+
+typedef struct pm_batch pm_batch;
+
+// Builds the graphs and arrays of all subsystems of the system, which is borrowed. *batch is NULL
+// if a batch cannot serve the scene. The caller closes. PM_ENOMEM.
+pm_status pm_batch_open(pm_batch **batch, const pm_system *system);
+void pm_batch_close(pm_batch *batch); // NULL is allowed
+
+// Returns the number of lanes in all blocks of subsystems, used or not.
+int pm_batch_lanes(const pm_batch *batch);
+
+// Starts a run at step 0 from the concatenated state z [scene->nz] and fills the sample.
+void pm_batch_set_state(pm_batch *batch, const double *z, pm_sample *sample);
+// Takes a step and fills the sample, but for its step and time. PM_ENUMERIC: a state or a potential
+// is not finite, or a state is further outside the training range than the scene's guard allows;
+// all states are then those of the last successful step.
+pm_status pm_batch_step(pm_batch *batch, pm_sample *sample);
+
+#endif
