@@ -56,9 +56,28 @@ static pm_flux_link *find_link(const pm_lockstep_node *node, const char *name) {
     return NULL;
 }
 
-// Publishes a report again. A coordinator that requests one that is no longer buffered was
-// restarted from its checkpoint: this node rolls back and computes the steps again. Without
-// checkpoints no coordinator misses such a report, unless this node believed a forged tick.
+// Handles a request of the age `age` for a message of `step` that is no longer kept. Its sender was
+// restarted or has rolled back, and this node rolls back, too. Without checkpoints nobody misses
+// such a message, unless somebody believed a forged one; the run then cannot continue.
+static pm_status recompute(pm_lockstep_node *node, const portmet_request_t *request,
+                           pm_request_age age, int64_t step) {
+    if (age == PM_REQUEST_OLD || node->phase != PM_NODE_RUNNING) {
+        return PM_OK;
+    }
+    if (node->checkpoints.path != NULL) {
+        return pm_node_roll_back(node, step);
+    }
+    const bool stuck = pm_waiting_is_long(&node->endpoint.waiting);
+    return age == PM_REQUEST_INSISTENT && stuck
+               ? pm_fail(PM_ENET,
+                         "%s lacks a message on %s of step %lld, which is not kept any more, "
+                         "because a message was forged: give the scene a key_file",
+                         request->sender[0] == 0 ? "the coordinator" : request->sender,
+                         request->channel, (long long)request->step)
+               : PM_OK;
+}
+
+// Publishes a report again.
 static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *request) {
     const int64_t step = request->step;
     bool kept;
@@ -69,35 +88,20 @@ static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *
     const pm_request_age age =
         pm_request_filter_accept(&node->coordinator_requests, request, step, node->endpoint.now);
     const bool missed = !kept && step <= node->step - node->reporter.rows;
-    if (!missed || age == PM_REQUEST_OLD || node->phase != PM_NODE_RUNNING) {
-        return PM_OK;
-    }
-    if (node->checkpoints.path == NULL) {
-        return age == PM_REQUEST_NEW
-                   ? PM_OK
-                   : pm_fail(PM_ENET,
-                             "the coordinator lacks the report of step %lld, which is not kept any "
-                             "more: a tick was forged",
-                             (long long)step);
-    }
-    return pm_node_roll_back(node, step > 0 ? step - 1 : 0);
+    return missed ? recompute(node, request, age, step > 0 ? step - 1 : 0) : PM_OK;
 }
 
-// Publishes a flux again. If the flux is no longer buffered, the neighbour was restarted or has
-// rolled back, and this node rolls back, too.
+// Publishes a flux again.
 static pm_status answer_flux(pm_lockstep_node *node, const portmet_request_t *request) {
     const int64_t key = request->step * node->rounds + request->round;
     pm_flux_link *link = find_link(node, request->sender);
-    const bool is_new =
-        link != NULL && pm_request_filter_accept(&link->requests, request, key,
-                                                 node->endpoint.now) != PM_REQUEST_OLD;
+    const pm_request_age age =
+        link == NULL ? PM_REQUEST_OLD
+                     : pm_request_filter_accept(&link->requests, request, key, node->endpoint.now);
     if (pm_resend_buffer_keeps(&node->subsystems.sent, key)) {
         return pm_resend_buffer_repeat(&node->subsystems.sent, node->endpoint.transport, key);
     }
-    const bool missed = key < pm_node_round_key(node);
-    return missed && is_new && node->phase == PM_NODE_RUNNING
-               ? pm_node_roll_back(node, request->step)
-               : PM_OK;
+    return key < pm_node_round_key(node) ? recompute(node, request, age, request->step) : PM_OK;
 }
 
 static pm_drop accept_request(void *context, const portmet_request_t *request) {

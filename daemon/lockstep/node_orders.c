@@ -132,8 +132,9 @@ static pm_drop change(pm_lockstep_node *node, const portmet_tick_t *tick) {
 }
 
 static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
-    const bool answers =
-        pm_identity_is_answer(&node->endpoint.identity, tick->answer, tick->nanswer);
+    const pm_identity *own = &node->endpoint.identity;
+    const bool answers = tick->instance == own->hello.coordinator &&
+                         pm_identity_is_answer(own, tick->answer, tick->nanswer);
     if (node->phase == PM_NODE_HELLO) {
         return hear_first(node, tick, answers);
     }

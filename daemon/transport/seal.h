@@ -20,9 +20,9 @@
 //     for the coordinator that it names; a hello counts for the coordinator that it names;
 //   - change a number: fluxes and reports of one session have the same bits whenever they are sent.
 // What it can do, for PM_SEAL_AGE after it was sent: keep a process that has died looking alive, so
-// that `patience` with it begins later; have a buffered message sent again; and, repeated for half a
-// second, make a process with checkpoints roll back and compute the same bits again
-// (lockstep/request_filter.h).
+// that `patience` with it begins later; have a buffered message sent again; and, if it is a request
+// that is repeated for half a second, make a process with checkpoints roll back and compute the
+// same bits again, or, while a run without checkpoints pauses, end it (lockstep/request_filter.h).
 //
 // The seal does not protect against readers (nothing is encrypted), against holders of the key (any
 // of them can speak for all), or against a flooded or cut network.

@@ -1,5 +1,5 @@
-// random_inputs RUNS SIZE [SEED]: a fuzz target without libFuzzer, on RUNS inputs of SIZE random
-// bytes, always the same ones for a seed. For targets to which every input says something.
+// random_inputs RUNS SIZE [SEED [FIRST]]: a fuzz target without libFuzzer, on RUNS inputs of SIZE
+// random bytes, always the same ones for a seed. For targets to which every input says something.
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -14,10 +14,10 @@ int main(int argc, char **argv) {
     static uint8_t input[LARGEST];
     const long runs = argc > 2 ? atol(argv[1]) : 0, size = argc > 2 ? atol(argv[2]) : 0;
     if (size < 1 || size > LARGEST) {
-        fprintf(stderr, "usage: random_inputs RUNS SIZE [SEED]\n");
+        fprintf(stderr, "usage: random_inputs RUNS SIZE [SEED [FIRST]]\n");
         return 2;
     }
-    for (long i = 0; i < runs; ++i) {
+    for (long i = argc > 4 ? atol(argv[4]) : 0; i < runs; ++i) {
         pm_rng rng;
         pm_rng_init(&rng, (uint64_t)(argc > 3 ? atol(argv[3]) : 1), (uint64_t)i);
         for (long k = 0; k < size; ++k) {

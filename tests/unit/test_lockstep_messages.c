@@ -274,19 +274,27 @@ static void test_later_coordinator_grants_anew(void **context) {
     cluster_open_all(&c, 2, 1, hub, 77);
     cluster_run_to(&c, 5);
     for (size_t i = 0; i < sizeof ticks / sizeof ticks[0]; ++i) {
-        int64_t nonces[2] = {cluster_nonce(c.node[0]), cluster_nonce(c.node[1])};
-        const portmet_tick_t tick = {.session = 77,
-                                     .instance = ticks[i].instance,
-                                     .digest = (int64_t)c.f.system->digest,
-                                     .granted = ticks[i].granted,
-                                     .steps = STEPS,
-                                     .dt = c.f.scene->dt,
-                                     .want_state = 1,
-                                     .nanswer = ticks[i].answers ? 2 : 0,
-                                     .answer = nonces};
-        unsigned char data[256];
-        const size_t size = pm_tick_encode(&tick, data, sizeof data);
-        assert_int_equal(pm_transport_publish(stranger, "chain_TICK", data, size), PM_OK);
+        // Asked for by a tick that answers nothing.
+        for (int answers = 0; answers <= ticks[i].answers; ++answers) {
+            int64_t nonces[2] = {cluster_nonce(c.node[0]), cluster_nonce(c.node[1])};
+            const portmet_tick_t tick = {.session = 77,
+                                         .instance = ticks[i].instance,
+                                         .digest = (int64_t)c.f.system->digest,
+                                         .granted = ticks[i].granted,
+                                         .steps = STEPS,
+                                         .dt = c.f.scene->dt,
+                                         .want_state = 1,
+                                         .nanswer = answers ? 2 : 0,
+                                         .answer = nonces};
+            unsigned char data[256];
+            const size_t size = pm_tick_encode(&tick, data, sizeof data);
+            assert_int_equal(pm_transport_publish(stranger, "chain_TICK", data, size), PM_OK);
+            for (int k = 0; k < 2; ++k) {
+                assert_int_equal(pm_transport_wait(c.transport[k], 0, NULL), PM_OK);
+                pm_lockstep_node_poll(c.node[k], c.now);
+            }
+        }
+        c.now += 0.05;
         for (int turn = 0; turn < 100; ++turn) {
             for (int k = 0; k < 2; ++k) {
                 assert_int_equal(pm_transport_wait(c.transport[k], 0, NULL), PM_OK);
