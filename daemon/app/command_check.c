@@ -238,8 +238,8 @@ static bool sends_fluxes(const pm_scene *scene, int process_id) {
 }
 
 static pm_status print_channels(const pm_scene *scene) {
-    static const char *const words[] = {"HELLO",   "TICK",         "COMMAND",
-                                        "REQUEST", "REQUEST_TICK", "LEDGER"};
+    static const char *const words[] = {"HELLO",        "TICK",   "COMMAND", "REQUEST",
+                                        "REQUEST_TICK", "LEDGER", "VITALS",  "HEALTH"};
     char channel[PM_CHANNEL_SIZE];
     printf("\nchannels that a spy sees\n");
     for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {

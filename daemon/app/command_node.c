@@ -3,8 +3,14 @@
 
 #include "app/command.h"
 #include "app/connect.h"
+#include "app/notify.h"
 #include "app/prepare.h"
 #include "lockstep/lockstep.h"
+
+static void tell_alive(void *context, int64_t step) {
+    (void)context;
+    pm_notify("WATCHDOG=1\nSTATUS=step %lld", (long long)step);
+}
 
 static pm_status serve(pm_setup *setup, const pm_run_options *options, int process_id) {
     pm_transport *transport = NULL;
@@ -12,6 +18,7 @@ static pm_status serve(pm_setup *setup, const pm_run_options *options, int proce
     pm_lockstep_node_options node_options = {
         .z = setup->initial,
         .session = options->session,
+        .alive = tell_alive,
         .boundary_input = &setup->boundary_input,
     };
     pm_status status;

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
+#include "app/notify.h"
 #include "transport/channel.h"
 
 // LCM's default group and port, on this host alone.
@@ -76,24 +77,23 @@ pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const
         return status;
     }
     *transport = opened;
+    pm_notify("READY=1");
     return PM_OK;
 }
 
 void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
     // A best-effort network, or another run of the same scene, causes other drops; they do not
     // count.
-    static const pm_drop strange[] = {
-        PM_DROP_DATAGRAM, PM_DROP_FRAGMENT, PM_DROP_LENGTH, PM_DROP_TYPE,   PM_DROP_COUNT,
-        PM_DROP_TEXT,     PM_DROP_NUMBER,   PM_DROP_SEAL,   PM_DROP_REPLAY, PM_DROP_CLOCK};
     const pm_drops *below = pm_transport_drops(transport);
     char list[256];
     size_t used = 0;
     long total = 0;
-    for (size_t i = 0; i < sizeof strange / sizeof strange[0]; ++i) {
-        const long count = drops->count[strange[i]] + below->count[strange[i]];
+    for (int i = 0; i < PM_NDROP; ++i) {
+        const pm_drop drop = (pm_drop)i;
+        const long count = pm_drop_is_strange(drop) ? drops->count[i] + below->count[i] : 0;
         if (count > 0 && used < sizeof list) {
             const int length = snprintf(list + used, sizeof list - used, "%s%ld %s",
-                                        total > 0 ? ", " : "", count, pm_drop_name(strange[i]));
+                                        total > 0 ? ", " : "", count, pm_drop_name(drop));
             used += length < 0 ? 0 : (size_t)length;
         }
         total += count;

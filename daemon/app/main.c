@@ -1,5 +1,6 @@
 // portmetd: the daemon's subcommands.
 #include "app/command.h"
+#include "app/status_request.h"
 #include "base/linalg.h"
 #include "base/stop.h"
 #include "base/subcommand.h"
@@ -8,6 +9,7 @@ static const pm_subcommand commands[] = {
     {"run", "run a scene: its processes, and a coordinator", pm_command_run},
     {"node", "serve one process of a scene", pm_command_node},
     {"coordinator", "step the nodes of a scene that run elsewhere", pm_command_coordinator},
+    {"status", "print how a run is doing", pm_command_status},
     {"export", "write a scene as C source or as an FMU", pm_command_export},
     {"check", "validate a scene and describe it", pm_command_check},
 };
@@ -27,5 +29,6 @@ static const pm_subcommands program = {
 
 int main(int argc, char **argv) {
     pm_linalg_init();
+    pm_status_request_accept();
     return pm_subcommand_main(&program, argc, argv, pm_stop_install(PM_STOP_SECOND_IGNORED));
 }

@@ -4,6 +4,10 @@
 #include <stddef.h>
 #include <stdio.h>
 
+#include "app/health_table.h"
+#include "app/notify.h"
+#include "app/status_request.h"
+
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options) {
     *observer = (pm_observer){.options = options, .scene = setup->scene, .started = pm_clock()};
@@ -59,6 +63,23 @@ static void tell_hold(void *context, long step) {
     }
 }
 
+static void tell_health(void *context, const portmet_health_t *health) {
+    const pm_observer *observer = context;
+    if (pm_status_request_take()) {
+        pm_health_table_print(stderr, observer->scene, health);
+    }
+    pm_notify("WATCHDOG=1\nSTATUS=step %lld of %lld, %.3g steps/s",
+              (long long)(health->step < 0 ? 0 : health->step), (long long)health->steps,
+              health->rate);
+}
+
+static void warn(void *context, const char *text) {
+    const pm_observer *observer = context;
+    if (!observer->options->quiet) {
+        fprintf(stderr, "portmetd: warning: %s\n", text);
+    }
+}
+
 static void put_record(void *context, pm_record *record) {
     const pm_observer *observer = context;
     pm_report_record(observer->report, record);
@@ -91,6 +112,8 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
                      .step = observe,
                      .pause = tell_pause,
                      .hold = tell_hold,
+                     .health = tell_health,
+                     .warn = warn,
                      .record = put_record,
                      .flush = flush,
                      .resume = resume},

@@ -13,6 +13,7 @@
 
 #include "app/launch.h"
 #include "app/prepare.h"
+#include "app/status_request.h"
 #include "lockstep/lockstep_coordinator.h"
 #include "store/snapshot.h"
 
@@ -116,6 +117,9 @@ static pm_status watch(pm_launch *launch, const volatile sig_atomic_t *stop) {
             pm_launch_signal(launch, COORDINATOR, SIGTERM);
             (void)pm_launch_wait(launch, STOP_GRACE);
             return pm_fail(PM_EINTERRUPTED, "interrupted");
+        }
+        if (pm_status_request_take()) {
+            pm_launch_signal(launch, COORDINATOR, SIGUSR1);
         }
         nanosleep(&(struct timespec){.tv_nsec = WATCH_INTERVAL}, NULL);
         status = pm_launch_watch(launch);

@@ -49,6 +49,10 @@ pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *ring, pm_arena *arena, con
     return PM_OK;
 }
 
+int64_t pm_checkpoint_ring_newest(const pm_checkpoint_ring *ring) {
+    return ring->path == NULL ? -1 : (int64_t)newer(ring)[0];
+}
+
 static pm_snapshot_key key_of(const pm_checkpoint_ring *ring) {
     return (pm_snapshot_key){
         .digest = ring->digest, .layout = ring->layout, .count = 2 * ring->size};

@@ -108,6 +108,45 @@ static const wire_type ledger_type = {
      F(DOUBLE, ledger, entropy_residual), F(I64, ledger, violations)},
 };
 
+static const wire_type vitals_type = {
+    __portmet_vitals_t_get_hash,
+    16,
+    {F(I64, vitals, session), F(I32, vitals, process), F(I64, vitals, step),
+     F(DOUBLE, vitals, elapsed), F(DOUBLE, vitals, computing), F(DOUBLE, vitals, cpu),
+     F(I64, vitals, rss), F(DOUBLE, vitals, checkpoint_age), F(COUNT_TO, vitals, npeer),
+     ARRAY(I64S, vitals, peer, npeer), ARRAY(DOUBLES, vitals, waited, npeer),
+     ARRAY(I64S, vitals, asked, npeer), ARRAY(I64S, vitals, used, npeer),
+     ARRAY(I64S, vitals, answered, npeer), F(COUNT_TO, vitals, ndrop),
+     ARRAY(I64S, vitals, drops, ndrop)},
+};
+
+static const wire_type health_type = {
+    __portmet_health_t_get_hash,
+    22,
+    {F(I64, health, session),
+     F(I64, health, digest),
+     F(I64, health, step),
+     F(I64, health, steps),
+     F(DOUBLE, health, rate),
+     F(I64, health, blocker),
+     F(COUNT, health, nprocess),
+     ARRAY(I64S, health, process_step, nprocess),
+     ARRAY(DOUBLES, health, process_rate, nprocess),
+     ARRAY(DOUBLES, health, silent, nprocess),
+     ARRAY(DOUBLES, health, cpu, nprocess),
+     ARRAY(DOUBLES, health, computing, nprocess),
+     ARRAY(I64S, health, waits_for, nprocess),
+     ARRAY(DOUBLES, health, waits_part, nprocess),
+     ARRAY(DOUBLES, health, asks, nprocess),
+     ARRAY(DOUBLES, health, answers, nprocess),
+     ARRAY(I64S, health, loses_from, nprocess),
+     ARRAY(DOUBLES, health, loss, nprocess),
+     ARRAY(I64S, health, drops, nprocess),
+     ARRAY(I64S, health, strange, nprocess),
+     ARRAY(DOUBLES, health, checkpoint_age, nprocess),
+     ARRAY(I64S, health, rss, nprocess)},
+};
+
 static const wire_type command_type = {
     __portmet_command_t_get_hash,
     7,
@@ -403,7 +442,8 @@ static size_t size_of(const wire_type *type, const void *message) {
 
 int64_t pm_protocol(void) {
     static const wire_type *const type[] = {&flux_type,   &tick_type,    &report_type,
-                                            &ledger_type, &command_type, &request_type};
+                                            &ledger_type, &command_type, &request_type,
+                                            &vitals_type, &health_type};
     uint64_t sum = 0;
     for (size_t i = 0; i < sizeof type / sizeof type[0]; ++i) {
         sum += (uint64_t)type[i]->fingerprint();
@@ -426,9 +466,19 @@ CODEC(report)
 CODEC(ledger)
 CODEC(command)
 CODEC(request)
+CODEC(vitals)
+CODEC(health)
 
 size_t pm_flux_size(const portmet_flux_t *message) {
     return size_of(&flux_type, message);
+}
+
+size_t pm_vitals_size(const portmet_vitals_t *message) {
+    return size_of(&vitals_type, message);
+}
+
+size_t pm_health_size(const portmet_health_t *message) {
+    return size_of(&health_type, message);
 }
 
 size_t pm_tick_size(const portmet_tick_t *message) {

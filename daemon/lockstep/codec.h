@@ -3,10 +3,10 @@
 // lcm-gen generates. Its decoders trust the sender; the functions here check everything.
 //
 // _decode: the caller sets the array counts of `message`, and its array pointers to that many
-// numbers. A flux must have exactly these counts. For a report and a tick they are the largest
-// counts that are accepted, and are replaced by the counts of the message. Length, fingerprint,
-// counts, text and numbers are checked; only after PM_KEEP may the message be read. Its text then
-// points into `data`. Array pointers never change.
+// numbers. A flux must have exactly these counts. For a report, a tick and vitals they are the
+// largest counts that are accepted, and are replaced by the counts of the message. Length,
+// fingerprint, counts, text and numbers are checked; only after PM_KEEP may the message be read.
+// Its text then points into `data`. Array pointers never change.
 //
 // _encode writes at most `capacity` bytes and returns their number; 0 if they do not suffice or a
 // number is not finite. Text is cut after PM_TEXT_MAX characters; control characters become blanks.
@@ -20,11 +20,13 @@
 
 #include "portmet_command_t.h"
 #include "portmet_flux_t.h"
+#include "portmet_health_t.h"
 #include "portmet_hello_t.h"
 #include "portmet_ledger_t.h"
 #include "portmet_report_t.h"
 #include "portmet_request_t.h"
 #include "portmet_tick_t.h"
+#include "portmet_vitals_t.h"
 #include "transport/drops.h"
 
 #define PM_TEXT_MAX 1023 // characters, without the terminator
@@ -55,6 +57,14 @@ size_t pm_ledger_encode(const portmet_ledger_t *message, void *data, size_t capa
 
 pm_drop pm_command_decode(portmet_command_t *message, const void *data, size_t size);
 size_t pm_command_encode(const portmet_command_t *message, void *data, size_t capacity);
+
+pm_drop pm_vitals_decode(portmet_vitals_t *message, const void *data, size_t size);
+size_t pm_vitals_encode(const portmet_vitals_t *message, void *data, size_t capacity);
+size_t pm_vitals_size(const portmet_vitals_t *message);
+
+pm_drop pm_health_decode(portmet_health_t *message, const void *data, size_t size);
+size_t pm_health_encode(const portmet_health_t *message, void *data, size_t capacity);
+size_t pm_health_size(const portmet_health_t *message);
 
 pm_drop pm_request_decode(portmet_request_t *message, const void *data, size_t size);
 size_t pm_request_encode(const portmet_request_t *message, void *data, size_t capacity);

@@ -21,9 +21,10 @@
 //                               every report of the last step    CLOSING    ledger
 // HELD       a larger number    the file was read: larger        STEPPING   tick
 //            in the gate file   time to request (waiting.h)      HELD       tick: a sign of life
-// any of                        hello that names another         the same   hello
-// these                           coordinator, or none
-// three                         hello, fits                      the same   tick
+// any of                        1 s passed                       the same   health
+// these                         hello that names another         the same   hello
+// three                           coordinator, or none
+//                               hello, fits                      the same   tick
 //                               time to request, not HELD        the same   request for fluxes,
 //                                                                           then for reports
 //                               a process silent for 2 s         the same   tell the observer
@@ -46,6 +47,7 @@
 
 #include "lockstep/endpoint.h"
 #include "lockstep/gate.h"
+#include "lockstep/health.h"
 #include "lockstep/lockstep_coordinator.h"
 #include "lockstep/remote_process.h"
 #include "lockstep/report_window.h"
@@ -90,6 +92,7 @@ struct pm_lockstep_coordinator {
     pm_remote_process *remote; // [nremote]
     pm_gate gate;
     pm_report_window reports;
+    pm_health health;
     pm_ledger ledger;
     pm_step_controller step_controller;
     const char *checkpoint; // file; NULL: none

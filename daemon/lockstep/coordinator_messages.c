@@ -302,11 +302,20 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
     return PM_KEEP;
 }
 
+// --- vitals ---
+
+static void on_vitals(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_lockstep_coordinator *c = context;
+    pm_endpoint_count(&c->endpoint, pm_health_take(&c->health, data, size, c->endpoint.now));
+}
+
 // --- opening ---
 
 pm_status pm_coordinator_listen(pm_lockstep_coordinator *c, int64_t session) {
     static const pm_handlers handlers = {accept_hello, accept_command, accept_request};
     PM_TRY(pm_endpoint_open(&c->endpoint, &handlers, c, "", session, c->checkpoint != NULL));
+    PM_TRY(pm_transport_subscribe(c->endpoint.transport, c->health.vitals_channel, on_vitals, c));
     for (int i = 0; i < c->nremote; ++i) {
         pm_remote_process *remote = &c->remote[i];
         PM_TRY(pm_transport_subscribe(c->endpoint.transport, remote->channel, on_report, remote));

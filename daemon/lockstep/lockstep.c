@@ -25,6 +25,7 @@ pm_status pm_lockstep_run_node(pm_lockstep_node *node, const volatile sig_atomic
     double now = pm_clock();
     double next = pm_lockstep_node_poll(node, now);
     while (!pm_lockstep_node_finished(node)) {
+        pm_lockstep_node_rest(node, pm_clock());
         const pm_status status = pm_transport_wait(transport, wait_time(next, now), NULL);
         if (status != PM_OK) {
             pm_lockstep_node_fail(node, status, pm_error());

@@ -277,6 +277,26 @@ static void repeat_command(pm_lockstep_coordinator *c) {
     }
 }
 
+// --- health ---
+
+// Publishes once a second how the run is doing, and tells the observer. A run that is held or
+// pauses because somebody is silent has no other reason to wait.
+static pm_status tell_health(pm_lockstep_coordinator *c) {
+    char text[256];
+    if (!pm_health_is_due(&c->health, c->completed, c->endpoint.now)) {
+        return PM_OK;
+    }
+    if (c->observer.health != NULL) {
+        c->observer.health(c->observer.context, &c->health.message);
+    }
+    while (c->observer.warn != NULL && c->completed > 0 && !c->held && !c->paused &&
+           pm_health_warn(&c->health, text, sizeof text)) {
+        c->observer.warn(c->observer.context, text);
+    }
+    const size_t size = pm_health_encode(&c->health.message, c->health.data, c->health.capacity);
+    return pm_transport_publish(c->endpoint.transport, c->health.channel, c->health.data, size);
+}
+
 // --- a poll ---
 
 // Publishes a hello at the start, again and again until the initial state is known, and when a
@@ -313,6 +333,7 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
     }
     if (c->phase == PM_COORDINATOR_RUNNING) {
         pm_coordinator_check(c, await(c));
+        pm_coordinator_check(c, tell_health(c));
     }
     if (c->phase == PM_COORDINATOR_CLOSING) {
         book_rest(c);
@@ -366,6 +387,8 @@ static pm_status prepare(pm_lockstep_coordinator *c, int64_t session, const char
     PM_TRY(pm_coordinator_load_checkpoint(c, session));
     PM_TRY(pm_report_window_init(&c->reports, &c->arena, scene, c->completed + 1));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
+    PM_TRY(pm_health_init(&c->health, &c->arena, scene, (int64_t)c->endpoint.system->digest,
+                          c->endpoint.session, c->endpoint.steps));
     return pm_coordinator_listen(c, session);
 }
 

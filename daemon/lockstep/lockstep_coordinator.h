@@ -24,6 +24,7 @@
 #include <stdbool.h>
 
 #include "base/record.h"
+#include "lockstep/codec.h"
 #include "sim/ledger.h"
 #include "transport/drops.h"
 #include "transport/transport.h"
@@ -45,6 +46,11 @@ typedef struct pm_lockstep_observer {
     // Puts the observer's numbers after its last step into the record, or restores them. May be
     // NULL.
     void (*record)(void *context, pm_record *record);
+    // Called once a second with how the run is doing. May be NULL.
+    void (*health)(void *context, const portmet_health_t *health);
+    // Called with something that a user should know: which process makes all others wait, whose
+    // messages get lost. Each is told once. May be NULL.
+    void (*warn)(void *context, const char *text);
     // Called before a checkpoint is written: the observer flushes its files, so that they survive
     // the death of the process. May be NULL.
     pm_status (*flush)(void *context);

@@ -22,6 +22,29 @@
 #define SENT_DEPTH 2
 #define LATE_DEPTH 32
 
+// --- vitals ---
+
+// The neighbour whose flux is missing; NULL if none is, so that only the coordinator is waited for.
+static const pm_flux_link *missing_link(const pm_lockstep_node *node) {
+    return node->started ? pm_process_subsystems_missing(&node->subsystems, pm_node_round_key(node))
+                         : NULL;
+}
+
+void pm_lockstep_node_rest(pm_lockstep_node *node, double clock) {
+    const pm_flux_link *missing = missing_link(node);
+    pm_vitals_rest(&node->vitals, clock - node->endpoint.presence.absent,
+                   pm_node_peer(node, missing));
+}
+
+// Says once a second how this process is doing.
+static pm_status tell_vitals(pm_lockstep_node *node) {
+    if (!pm_vitals_are_due(&node->vitals, node->endpoint.session, node->endpoint.now)) {
+        return PM_OK;
+    }
+    return pm_vitals_publish(&node->vitals, node->endpoint.transport, node->step,
+                             pm_checkpoint_ring_newest(&node->checkpoints), &node->endpoint.drops);
+}
+
 // --- waiting ---
 
 // Requests the missing message if a request is due, and sets the time of the next poll. A node
@@ -53,13 +76,11 @@ static pm_status await(pm_lockstep_node *node) {
         PM_TRY(pm_reporter_flush(&node->reporter));
         // A missing flux is requested before a missing tick, since the grant may depend on the
         // flux.
-        const pm_flux_link *missing =
-            node->started
-                ? pm_process_subsystems_missing(&node->subsystems, pm_node_round_key(node))
-                : NULL;
+        const pm_flux_link *missing = missing_link(node);
         const char *address =
             missing != NULL ? missing->address : node->endpoint.coordinator_address;
         const char *channel = missing != NULL ? missing->channel : node->endpoint.tick_channel;
+        pm_vitals_ask(&node->vitals, pm_node_peer(node, missing));
         PM_TRY(pm_endpoint_request(&node->endpoint, address, channel, node->step, node->round));
     }
     node->next = waiting->next;
@@ -121,9 +142,14 @@ static void start_clock(pm_lockstep_node *node) {
 double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
     pm_endpoint_look(&node->endpoint, clock);
     const double now = node->endpoint.now;
+    pm_vitals_look(&node->vitals, now);
     if (node->coordinator_alive) {
         node->coordinator_heard = now;
         node->coordinator_alive = false;
+    }
+    if (node->alive != NULL && now >= node->alive_at) {
+        node->alive_at = now + PM_VITALS_INTERVAL;
+        node->alive(node->alive_context, node->step);
     }
     start_clock(node);
     if (node->phase == PM_NODE_HELLO) {
@@ -131,6 +157,7 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
     }
     if (node->phase == PM_NODE_RUNNING) {
         pm_node_check(node, pm_node_compute(node));
+        pm_node_check(node, tell_vitals(node));
     }
     if (node->phase == PM_NODE_RUNNING && pm_node_may_start(node)) {
         node->next = now;
@@ -151,6 +178,19 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
 
 // --- opening ---
 
+static pm_status open_vitals(pm_lockstep_node *node, int process_id) {
+    const pm_process_subsystems *s = &node->subsystems;
+    int *peer = pm_arena_array(&node->arena, (size_t)s->nlink + 1, sizeof *peer);
+    if (peer == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
+    }
+    for (int i = 0; i < s->nlink; ++i) {
+        peer[i] = s->link[i].process_id;
+    }
+    return pm_vitals_init(&node->vitals, &node->arena, node->endpoint.system->scene, process_id,
+                          s->nlink, peer);
+}
+
 static pm_status prepare(pm_lockstep_node *node, int process_id,
                          const pm_lockstep_node_options *options) {
     const int more = options->checkpoint == NULL ? 0 : LATE_DEPTH;
@@ -164,6 +204,9 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
     if (node->answers == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
     }
+    PM_TRY(open_vitals(node, process_id));
+    node->alive = options->alive;
+    node->alive_context = options->context;
     node->rounds = pm_subsystem_most_rounds(node->subsystems.part[0].subsystem);
     node->fluxes_show_progress =
         node->subsystems.nlink > 0 && pm_lookahead_uses_fluxes(node->endpoint.system->scene);

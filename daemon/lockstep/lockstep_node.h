@@ -29,6 +29,11 @@ typedef struct pm_lockstep_node_options {
     const pm_boundary_input *boundary_input; // NULL: the scene has none
     const char *checkpoint;                  // file to save checkpoints in and to continue from;
                                              // NULL: none
+    // Called about once a second, with the number of steps computed, so that others see that the
+    // node is alive.
+    // May be NULL.
+    void (*alive)(void *context, int64_t step);
+    void *context; // of `alive`
 } pm_lockstep_node_options;
 
 // Opens the subsystems of process `process_id` and subscribes to the channels of the node; it
@@ -45,6 +50,10 @@ void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 // comes before. It must be polled several times in PM_PRESENCE_LONGEST: what is longer between two
 // polls counts as an absence of this process (base/presence.h), and not as the silence of others.
 double pm_lockstep_node_poll(pm_lockstep_node *node, double clock);
+
+// Notes that the caller is about to wait, at the time `clock` (s, monotonic). Without such calls
+// the node cannot tell for how long it waits for whom.
+void pm_lockstep_node_rest(pm_lockstep_node *node, double clock);
 
 // Ends the node with `code` and `message`. The node reports them to the coordinator, which ends the
 // other nodes. Does nothing if the node is ending already.

@@ -49,6 +49,7 @@
 // LEAVING  nothing            END or ABORT again                 LEAVING   BYE
 //                             request, still buffered            LEAVING   flux or report again
 //                             0.15 s passed                      FINISHED
+// RUNNING                     1 s passed                         RUNNING   vitals
 // HELLO or                    hello of a later node of its name  the same  REFUSE to the sender
 // RUNNING                     own failure, interrupt             FAILING
 // HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
@@ -62,6 +63,7 @@
 #include "lockstep/process_subsystems.h"
 #include "lockstep/reporter.h"
 #include "lockstep/request_filter.h"
+#include "lockstep/vitals.h"
 
 typedef enum pm_node_phase {
     PM_NODE_HELLO,
@@ -101,6 +103,10 @@ struct pm_lockstep_node {
     bool progressed;  // since the last poll: a new wait begins
     pm_request_filter coordinator_requests; // for reports
 
+    pm_vitals vitals; // its peers are the links of the subsystems, in their order
+    void (*alive)(void *context, int64_t step); // NULL: nobody is told
+    void *alive_context;
+    double alive_at; // s, when it is to be told again
     pm_checkpoint_ring checkpoints;
     pm_reporter reporter;
     bool fluxes_show_progress; // reports are not needed at once for the next grant
@@ -119,6 +125,10 @@ void pm_node_check(pm_lockstep_node *node, pm_status status);
 
 // Publishes a hello that asks the instance `coordinator`, but not too often.
 void pm_node_ask(pm_lockstep_node *node, int64_t coordinator);
+
+// Returns the position of a neighbour among the peers of the vitals; NULL stands for the
+// coordinator.
+int pm_node_peer(const pm_lockstep_node *node, const pm_flux_link *link);
 
 // --- orders (node_orders.c) ---
 

@@ -82,6 +82,9 @@ static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *
     const int64_t step = request->step;
     bool kept;
     PM_TRY(pm_reporter_repeat(&node->reporter, step, &kept));
+    if (kept) {
+        pm_vitals_answer(&node->vitals, pm_node_peer(node, NULL));
+    }
     if (request->sender[0] != 0) {
         return PM_OK;
     }
@@ -99,6 +102,7 @@ static pm_status answer_flux(pm_lockstep_node *node, const portmet_request_t *re
         link == NULL ? PM_REQUEST_OLD
                      : pm_request_filter_accept(&link->requests, request, key, node->endpoint.now);
     if (pm_resend_buffer_keeps(&node->subsystems.sent, key)) {
+        pm_vitals_answer(&node->vitals, pm_node_peer(node, link));
         return pm_resend_buffer_repeat(&node->subsystems.sent, node->endpoint.transport, key);
     }
     return key < pm_node_round_key(node) ? recompute(node, request, age, request->step) : PM_OK;
@@ -149,6 +153,9 @@ static pm_drop accept_flux(pm_flux_link *link) {
     }
     const pm_drop drop =
         pm_flux_link_keep(link, flux->step * node->rounds + flux->round, pm_node_round_key(node));
+    if (drop == PM_KEEP) {
+        pm_vitals_use(&node->vitals, pm_node_peer(node, link));
+    }
     if (drop == PM_DROP_CONFLICT) {
         pm_node_check(node, pm_fail(PM_ENET,
                                     "two fluxes of %s for round %d of step %lld contradict each "

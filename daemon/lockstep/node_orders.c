@@ -181,7 +181,11 @@ void pm_node_on_tick(void *context, const char *channel, const void *data, size_
     portmet_tick_t tick = {.nanswer = node->endpoint.system->scene->nprocess,
                            .answer = node->answers};
     const pm_drop drop = pm_tick_decode(&tick, data, size);
-    pm_endpoint_count(&node->endpoint, drop == PM_KEEP ? accept_tick(node, &tick) : drop);
+    const pm_drop used = drop == PM_KEEP ? accept_tick(node, &tick) : drop;
+    if (used == PM_KEEP) {
+        pm_vitals_use(&node->vitals, pm_node_peer(node, NULL));
+    }
+    pm_endpoint_count(&node->endpoint, used);
 }
 
 // --- commands ---

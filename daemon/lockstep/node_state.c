@@ -34,6 +34,10 @@ void pm_node_ask(pm_lockstep_node *node, int64_t coordinator) {
     }
 }
 
+int pm_node_peer(const pm_lockstep_node *node, const pm_flux_link *link) {
+    return link == NULL ? node->subsystems.nlink : (int)(link - node->subsystems.link);
+}
+
 // --- questions ---
 
 bool pm_lockstep_node_finished(const pm_lockstep_node *node) {

@@ -10,3 +10,8 @@ const char *pm_drop_name(pm_drop drop) {
     };
     return drop >= 0 && drop < PM_NDROP ? name[drop] : "unknown";
 }
+
+bool pm_drop_is_strange(pm_drop drop) {
+    return drop != PM_KEEP && drop != PM_DROP_SESSION && drop != PM_DROP_REPEATED &&
+           drop != PM_DROP_RANGE;
+}

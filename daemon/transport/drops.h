@@ -3,6 +3,8 @@
 #ifndef PM_TRANSPORT_DROPS_H
 #define PM_TRANSPORT_DROPS_H
 
+#include <stdbool.h>
+
 typedef enum pm_drop {
     PM_KEEP = 0,         // the message is used
     PM_DROP_LENGTH,      // it ends before its last field, or goes on after it
@@ -28,6 +30,10 @@ typedef enum pm_drop {
 typedef struct pm_drops {
     long count[PM_NDROP];
 } pm_drops;
+
+// Returns true if no process of a run causes drops for this reason, whatever the network does with
+// its messages.
+bool pm_drop_is_strange(pm_drop drop);
 
 // Returns the reason in one to three words, e.g. "not finite".
 const char *pm_drop_name(pm_drop drop);

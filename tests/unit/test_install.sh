@@ -19,7 +19,8 @@ cmake --install "$1" --prefix "$prefix" >"$folder/install.log" 2>&1 || {
 share=$prefix/share/portmet
 for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/man1/portmet-train.1 \
     share/portmet/lcmtypes/portmet.lcm share/portmet/daemon/spy.sh share/portmet/daemon/loopback.sh \
-    share/portmet/daemon/setup.sh share/portmet/configs/double_pendulum.yaml include/portmet.h; do
+    share/portmet/daemon/setup.sh share/portmet/configs/double_pendulum.yaml include/portmet.h \
+    lib/systemd/system/portmet-node@.service lib/systemd/system/portmet-coordinator@.service; do
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
