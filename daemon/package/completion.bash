@@ -1,0 +1,18 @@
+# Completion for portmetd and portmet-train in bash: subcommands and options as the programs print them,
+# and files.
+_portmet() {
+    local program=${COMP_WORDS[0]} current=${COMP_WORDS[COMP_CWORD]} words
+    COMPREPLY=()
+    if [ "$COMP_CWORD" -eq 1 ]; then
+        words=$("$program" --help 2>/dev/null | sed -nE 's/^  ([a-z]+) .*/\1/p')
+        mapfile -t COMPREPLY < <(compgen -W "$words --help --version" -- "$current")
+    elif [[ $current == -* ]]; then
+        words=$("$program" "${COMP_WORDS[1]}" --help 2>/dev/null |
+            sed -nE 's/^ +(-[a-z], )?(--[a-z-]+).*/\2/p')
+        mapfile -t COMPREPLY < <(compgen -W "$words" -- "$current")
+    else
+        compopt -o filenames 2>/dev/null
+        mapfile -t COMPREPLY < <(compgen -f -- "$current")
+    fi
+}
+complete -F _portmet portmetd portmet-train
