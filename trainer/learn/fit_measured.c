@@ -10,7 +10,7 @@
 #include "learn/uncertainty.h"
 #include "scene/columns.h"
 
-#define NETWORK_REACH 1.0     // of weights, which act on inputs of deviation 1
+#define NETWORK_REACH 10.0    // of weights, whose inputs have deviations of 1
 #define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
 #define MOST_REPORTED 8       // trajectories whose starts the report estimates
 #define FAR_REACH 1e6         // of constants whose unit and size are not known
