@@ -13,8 +13,9 @@
 #define FIRST_GAP 3.0
 #define LAST_GAP 0.03
 #define GAP_FALLS 0.3 // factor from level to level
-// Windows double while a change of their start grows by less than this factor until their end.
-#define MOST_GROWTH 10
+// Windows double while their gaps, as large as they become until the end of the next window, stay
+// below this many deviations of the noise.
+#define MOST_GROWN_GAP 10
 #define SHORTEST 4 // samples of the first windows, at least
 #define COARSER 2  // the factor between the steps of the integrator before the last level and in it
 #define LEVEL_ITERATIONS 12
@@ -204,7 +205,6 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
     int length = course->first > 0 ? course->first : first_length(s);
     const int longest = longest_record(s), substeps = s->how.substeps;
     double factor = FIRST_GAP, damping = 0;
-    bool grows = true;
     PM_TRY(pm_shooting_set_substeps(s, (substeps + COARSER - 1) / COARSER));
     PM_TRY(pm_shooting_divide(s, length));
     // Noise is at first what the model as it is leaves unexplained, so that no residual counts as
@@ -218,10 +218,14 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
     damping = 0;
     PM_TRY(run_level(s, course, length, factor, false, &damping));
     // Once every track is one window, there is no gap left to close.
-    while ((factor > LAST_GAP || grows) && length < longest) {
+    while (length < longest) {
+        const bool closed = factor <= LAST_GAP;
+        const bool joins = growth(s) * gap_size(s, factor) < MOST_GROWN_GAP;
+        if (closed && !joins) {
+            break;
+        }
         factor = fmax(factor * GAP_FALLS, LAST_GAP);
-        grows = grows && growth(s) < MOST_GROWTH;
-        if (grows) {
+        if (joins) {
             length *= 2;
             PM_TRY(pm_shooting_divide(s, length));
         }

@@ -197,7 +197,7 @@ pm_status pm_training_read_stages(pm_training *t, pm_yaml root) {
         PM_TRY(read_loss(loss, t, &common.loss, &common.unroll));
     }
     pm_yaml stages = pm_yaml_get(root, "stages");
-    if (!t->plain && (!pm_yaml_exists(stages) || pm_yaml_is_text(stages, "auto"))) {
+    if ((!t->plain || t->noisy) && (!pm_yaml_exists(stages) || pm_yaml_is_text(stages, "auto"))) {
         if (common.loss.integrator->multirate) {
             return pm_yaml_fail(root,
                                 "integrator %s cannot be trained with; name another one under loss",
