@@ -177,22 +177,22 @@ static pm_status compile(packer *p, bool *compiled) {
 
 // Removes the temporary folder and all that this file has put there.
 static void clean(packer *p) {
-    const char *name = p->setup->scene->name;
-    static const char *const plain[] = {"%s.c",
-                                        "%s.h",
-                                        "%s.so",
-                                        "model.h",
-                                        "fmi3.h",
-                                        "fmi3.c",
-                                        "fmi3_state.c",
-                                        "fmi3_unused.c",
-                                        "buildDescription.xml",
-                                        "modelDescription.xml",
-                                        "terminalsAndIcons.xml"};
-    for (size_t i = 0; i < sizeof plain / sizeof plain[0]; ++i) {
+    static const char *const suffixes[] = {".c", ".h", ".so"};
+    static const char *const others[] = {"model.h",
+                                         "fmi3.h",
+                                         "fmi3.c",
+                                         "fmi3_state.c",
+                                         "fmi3_unused.c",
+                                         "buildDescription.xml",
+                                         "modelDescription.xml",
+                                         "terminalsAndIcons.xml"};
+    enum { SUFFIXES = sizeof suffixes / sizeof suffixes[0] };
+    enum { OTHERS = sizeof others / sizeof others[0] };
+    for (int i = 0; i < SUFFIXES + OTHERS; ++i) {
         const char *file =
-            i < 3 ? pm_arena_printf(&p->arena, "%s/%s%s", p->folder, name, plain[i] + 2)
-                  : pm_arena_printf(&p->arena, "%s/%s", p->folder, plain[i]);
+            i < SUFFIXES ? pm_arena_printf(&p->arena, "%s/%s%s", p->folder, p->setup->scene->name,
+                                           suffixes[i])
+                         : pm_arena_printf(&p->arena, "%s/%s", p->folder, others[i - SUFFIXES]);
         if (file != NULL) {
             unlink(file);
         }

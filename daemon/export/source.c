@@ -321,7 +321,8 @@ static pm_status write_all(scene_writer *w) {
     PM_TRY(place_ports(w, &rates));
     fprintf(w->file,
             "// The scene %s, exported by portmetd %s. %s.h describes it.\n#include \"%s.h\"\n\n"
-            "#include <math.h>\n\n#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#endif\n\n",
+            "#include <math.h>\n\n#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#pragma clang "
+            "diagnostic ignored \"-Wunused-function\"\n#endif\n\n",
             w->scene->name, PM_VERSION, w->scene->name, w->scene->name);
     pm_source_prelude(w->file);
     fprintf(w->file, "\nenum { STATES = %d, SUBSYSTEMS = %d, PORT_RATES = %d };\n", w->scene->nz,

@@ -71,7 +71,7 @@ static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights
     return PM_OK;
 }
 
-static int open_scene(portmet_scene **scene, pm_scene *description, const char *weights) {
+static pm_status open_scene(portmet_scene **scene, pm_scene *description, const char *weights) {
     pm_linalg_init();
     portmet_scene *s = calloc(1, sizeof *s);
     if (s == NULL) {
@@ -89,15 +89,21 @@ static int open_scene(portmet_scene **scene, pm_scene *description, const char *
 
 int portmet_scene_open(portmet_scene **scene, const char *path, const char *weights) {
     pm_scene *description = NULL;
-    PM_TRY(pm_scene_load(&description, path));
-    return open_scene(scene, description, weights);
+    pm_status status = pm_scene_load(&description, path);
+    if (status == PM_OK) {
+        status = open_scene(scene, description, weights);
+    }
+    return (int)status;
 }
 
 int portmet_scene_parse(portmet_scene **scene, const char *text, const char *path,
                         const char *weights) {
     pm_scene *description = NULL;
-    PM_TRY(pm_scene_parse(&description, text, path));
-    return open_scene(scene, description, weights);
+    pm_status status = pm_scene_parse(&description, text, path);
+    if (status == PM_OK) {
+        status = open_scene(scene, description, weights);
+    }
+    return (int)status;
 }
 
 void portmet_scene_close(portmet_scene *scene) {
@@ -120,14 +126,24 @@ int portmet_scene_step(portmet_scene *scene, int64_t count) {
         }
     }
     copy_ledger(scene);
+    return (int)status;
+}
+
+static pm_status end_recording(portmet_scene *scene) {
+    pm_recording *recording = scene->recording;
+    scene->recording = NULL;
+    return pm_recording_close(recording);
+}
+
+static pm_status restart(portmet_scene *scene, const double *z) {
+    PM_TRY(end_recording(scene));
+    const pm_status status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
+    copy_ledger(scene);
     return status;
 }
 
 int portmet_scene_restart(portmet_scene *scene, const double *z) {
-    PM_TRY(portmet_scene_record(scene, NULL));
-    const pm_status status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
-    copy_ledger(scene);
-    return status;
+    return (int)restart(scene, z);
 }
 
 int64_t portmet_scene_steps(const portmet_scene *scene) {
@@ -222,14 +238,16 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
 
 // --- recording ---
 
-int portmet_scene_record(portmet_scene *scene, const char *path) {
-    pm_recording *old = scene->recording;
-    scene->recording = NULL;
-    PM_TRY(pm_recording_close(old));
+static pm_status record(portmet_scene *scene, const char *path) {
+    PM_TRY(end_recording(scene));
     if (path == NULL) {
         return PM_OK;
     }
     PM_TRY(pm_recording_check(path));
     PM_TRY(pm_recording_open(&scene->recording, path, scene->setup.scene));
     return pm_recording_append(scene->recording, &scene->run.sample);
+}
+
+int portmet_scene_record(portmet_scene *scene, const char *path) {
+    return (int)record(scene, path);
 }

@@ -19,6 +19,9 @@ same() {
     name=$(sed -nE 's/^scene: *([A-Za-z0-9_]+).*/\1/p' "$1")
     "$portmetd" export "$1" --c "$folder" --quiet || fail "$1 is not exported"
     cc -std=c99 -Wall -Wextra -Werror -O1 -c -o "$folder/$name.o" "$folder/$name.c" || fail "$name does not compile"
+    if command -v clang >/dev/null; then
+        clang -std=c99 -Wall -Wextra -Werror -fsyntax-only "$folder/$name.c" || fail "$name: clang warns"
+    fi
     foreign=$(nm -u "$folder/$name.o" | awk '$2 !~ /^(log|sqrt|memset|memcpy|_GLOBAL_OFFSET_TABLE_|__stack_chk_fail)$/')
     [ -z "$foreign" ] || fail "$name needs $foreign"
     writable=$(nm "$folder/$name.o" | grep ' [BbDd] ')
