@@ -90,7 +90,7 @@ static pm_status measure(race *r, const pm_optimisation *o) {
     PM_TRY(pm_objective_residuals(r->unseen, &median, &mean));
     const int size = pm_objective_size(r->seen);
     const double seconds = r->budget / (1 << (MARKS - 1 - r->mark));
-    printf("  %8d weights  %-16s %6.0f s  %6d iterations   median %8.5f   mean %8.5f\n", size,
+    printf("  %8d weights  %-16s %7.2f s  %6d iterations   median %8.5f   mean %8.5f\n", size,
            r->optimiser, seconds, o->done, sqrt(median), sqrt(mean));
     fprintf(r->csv, "%d,%s,%g,%d,%.6g,%.6g\n", size, r->optimiser, seconds, o->done, sqrt(median),
             sqrt(mean));
