@@ -78,10 +78,11 @@ pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
         positive(g, d->nheat > 1 ? pm_scale(g, pm_matmul(g, temperature, false, rest, true),
                                             1.0 / (d->nheat - 1))
                                  : pm_matmul(g, temperature, false, share, true)); // m [1][rank]
+    const pm_node warmth = d->warmth == PM_NO_NODE ? pm_constant(g, 1, 1, 1) : pm_exp(g, d->warmth);
     pm_node root = PM_NO_NODE, h = PM_NO_NODE;
     if (d->nheat > 1) { // with one entropy heat has nowhere to go
         h = heats_of(g, d, d->factor);
-        root = pm_sqrt(g, mean);
+        root = pm_sqrt(g, pm_mul(g, mean, warmth));
         power = pm_add(g, power, pm_mul(g, root, pm_matmul(g, dh, false, h, true)));
         drive = pm_add(g, drive,
                        pm_mul(g, root, pm_matmul(g, pm_mul(g, dh, coldness), false, h, true)));
@@ -89,8 +90,8 @@ pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
     const pm_node size = positive(g, theta);
     pm_node flow = pm_div(g, pm_sub(g, drive, pm_mul(g, power, theta)), size);
     if (d->power != PM_NO_NODE) {
-        const pm_node warmth = pm_log(g, pm_div(g, mean, d->reference));
-        pm_node exponent = pm_mul(g, d->power, warmth);
+        const pm_node relative = pm_div(g, mean, pm_mul(g, d->reference, warmth));
+        pm_node exponent = pm_mul(g, d->power, pm_log(g, relative));
         if (d->ratio_power != PM_NO_NODE) {
             const pm_node size_of = pm_log(g, positive(g, temperature));
             const pm_node ratio =

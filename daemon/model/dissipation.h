@@ -36,7 +36,9 @@ typedef struct pm_dissipation {
                    // equal shares
     pm_node power, reference; // the exponents a [1][rank], and T_ref [1][1] in K; power PM_NO_NODE:
                               // coefficients do not depend on temperature
-    pm_node ratio_power;      // the exponents c [1][rank]; PM_NO_NODE where there is one entropy
+    pm_node warmth;      // ln w [1][1]: conductances and T_ref are multiplied by w. PM_NO_NODE:
+                         // w = 1
+    pm_node ratio_power; // the exponents c [1][rank]; PM_NO_NODE where there is one entropy
 } pm_dissipation;
 
 // Returns the rate [1][n], in the units of the variables per second.

@@ -112,7 +112,11 @@ pm_node pm_network_param(pm_graph *g, const pm_params *params, const char *prefi
     const pm_param_entry *entry = pm_params_find(params, join(full, prefix, name));
     assert(entry != NULL);
     return entry->trained || entry->shared ? pm_weight(g, entry->value, entry->rows, entry->cols)
-                          : pm_param(g, entry->value, entry->rows, entry->cols);
+                                           : pm_param(g, entry->value, entry->rows, entry->cols);
+}
+
+pm_node pm_warmth(pm_graph *g, const pm_params *params) {
+    return pm_weight(g, pm_params_find(params, PM_WARMTH)->value, 1, 1);
 }
 
 static pm_node activate(pm_graph *g, pm_activation activation, pm_node x) {

@@ -63,4 +63,10 @@ typedef struct pm_normaliser {
 // If it fails, the visit ends with its status.
 typedef pm_status pm_normaliser_visit(void *context, const pm_normaliser *normaliser);
 
+// The name of a weight [1][1] that all components of a system share: the logarithm of a factor of
+// all learned temperatures. Conduction depends on their ratios, so that the data determine their
+// common size only weakly.
+#define PM_WARMTH "warmth"
+pm_node pm_warmth(pm_graph *g, const pm_params *params);
+
 #endif

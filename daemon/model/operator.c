@@ -189,6 +189,7 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
         .factor = pm_mul(g, rows, c->scale),
         .power = pm_network_param(g, params, c->op->prefix, "power"),
         .reference = pm_network_param(g, params, c->op->prefix, "temperature"),
+        .warmth = pm_warmth(g, params),
         .split = shared ? pm_network_param(g, params, c->op->prefix, "split") : PM_NO_NODE,
         .ratio_power =
             shared ? pm_network_param(g, params, c->op->prefix, "ratio_power") : PM_NO_NODE,

@@ -12,6 +12,9 @@
 // have no gradient. The signs of its rows alternate, since the projection removes what all rows
 // have in common. (On a mesh the weights of the decoder are drawn.)
 #define FACTOR_START 1.0
+// A constant conductance starts from this magnitude: too large a one falls in one iteration, but
+// one that is too small can only grow while all temperature differences shrink.
+#define CONDUCTION_START 5.0
 #define MAX_ENTRIES (1 << 24) // of a learned matrix
 
 bool pm_operator_exists(const pm_operator_spec *spec) {
@@ -132,6 +135,7 @@ static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_pa
     pm_operator_name name;
     PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "temperature"), 1, 1, false, 0,
                          PM_DEFAULT_TEMPERATURE));
+    PM_TRY(pm_params_add_shared(params, PM_WARMTH, 0));
     PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "power"), 1, op->spec->rank,
                          true, 0, 0));
     if (nheat < 2) {
@@ -141,6 +145,16 @@ static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_pa
                          op->spec->rank, true, 0, 0));
     return pm_params_add(params, pm_operator_join(name, op->prefix, "split"), op->spec->rank,
                          nheat - 1, true, 0, 0);
+}
+
+// Whether an operator acts on the entropies alone that take up the heat. Other operators with
+// `heats` start from the numbers that the spread of the network draws.
+static bool only_conducts(const pm_operator_spec *spec) {
+    int count = 0;
+    for (int i = 0; i < spec->nacts; ++i) {
+        count += pm_is_listed(spec->nheats, spec->heats, spec->acts_on[i]);
+    }
+    return count > 0 && count == spec->nacts;
 }
 
 static pm_status declare_matrix(const pm_operator *op, const pm_site *site, const pm_support *s,
@@ -170,11 +184,13 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     if (start == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for an operator");
     }
+    const double size = op->spec->nheats == 0      ? 1
+                        : !only_conducts(op->spec) ? 0
+                        : network->nfeature == 0   ? CONDUCTION_START
+                                                   : 1;
     for (int i = 0; i < nout; ++i) {
-        start[i] = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
-        start[i] = op->spec->nheats > 0
-                       ? 0
-                       : start[i]; // the entries are drawn with the spread of the network
+        const double alternating = i / op->spec->rank % 2 == 0 ? FACTOR_START : -FACTOR_START;
+        start[i] = size * alternating;
     }
     const pm_status status = pm_network_declare(network, &site->symbols, nout, start, params, name);
     free(start);

@@ -91,7 +91,7 @@ pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols,
 
 pm_status pm_params_add_shared(pm_params *params, const char *name, double start) {
     PM_TRY(pm_params_add(params, name, 1, 1, true, 0, start));
-    pm_params_find(params, name)->shared = true;
+    pm_params_find(params, name)->shared = pm_params_find(params, name)->held = true;
     return PM_OK;
 }
 

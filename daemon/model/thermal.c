@@ -40,8 +40,11 @@ pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symb
     PM_TRY(pm_params_add(params, join(name, prefix, "deviation"), 1, n, false, 0, 1));
     PM_TRY(pm_params_add(params, join(name, prefix, "unit"), 1, 1, false, 0, 1));
     const double start[1 + PM_MAX_EXPONENTIALS] = {0};
-    PM_TRY(pm_params_add(params, join(name, prefix, "amplitude"), 1, spec->exponentials, true, 0,
-                         -log(spec->exponentials)));
+    if (spec->exponentials > 1) {
+        PM_TRY(pm_params_add(params, join(name, prefix, "amplitude"), 1, spec->exponentials, true,
+                             0, 0));
+    }
+    PM_TRY(pm_params_add_shared(params, PM_WARMTH, 0));
     PM_TRY(pm_network_declare(&body, symbols, 1 + spec->exponentials, start, params,
                               join(name, prefix, "body")));
     PM_TRY(pm_params_add(params, join(name, prefix, "exponent"), n, spec->exponentials, true,
@@ -65,15 +68,30 @@ pm_node pm_thermal_deviation(pm_graph *g, const pm_network_spec *spec, const pm_
     return pm_concat(g, 2, part);
 }
 
+// Returns the logarithms of the shares of the exponentials in the temperature at s = mean, h = 0
+// [1][count].
+static pm_node build_shares(pm_graph *g, const pm_network_spec *spec, const pm_params *params,
+                            const char *prefix) {
+    if (spec->exponentials == 1) {
+        return pm_constant(g, 0, 1, 1);
+    }
+    const pm_node amplitude = pm_network_param(g, params, prefix, "amplitude");
+    const pm_node one = pm_constant(g, 1, 1, spec->exponentials);
+    const pm_node sum = pm_dot(g, pm_exp(g, amplitude), one);
+    return pm_sub(g, amplitude, pm_log(g, sum));
+}
+
 pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features,
                               const pm_params *params, const char *prefix) {
     const pm_network_spec body = body_of(spec);
     const int count = spec->exponentials;
     thermal_name name;
     join(name, prefix, "body");
-    const pm_node exponent =
-        pm_offset(g, pm_exp(g, pm_network_param(g, params, prefix, "exponent")),
-                  SMALLEST_EXPONENT); // b [n][count]
+    const pm_node warmth = pm_warmth(g, params);
+    const pm_node size =
+        pm_add(g, build_shares(g, spec, params, prefix), warmth); // ln A w [1][count]
+    const pm_node rise = pm_sub(g, pm_network_param(g, params, prefix, "exponent"), warmth);
+    const pm_node exponent = pm_offset(g, pm_exp(g, rise), SMALLEST_EXPONENT); // b [n][count]
     const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
     const int n = pm_graph_shape(g, exponent).rows;
     const int nx = pm_graph_shape(g, features).cols - n;
@@ -88,10 +106,12 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     const pm_node shift =
         pm_mul(g, pm_slice(g, out, 1, count), pm_matmul(g, mean, false, exponent, false));
     const pm_node form = pm_add(g, pm_matmul(g, s, false, exponent, false), shift);
-    const pm_node rise = pm_offset(g, pm_exp(g, form), -1);
-    const pm_node height = pm_div(g, pm_exp(g, pm_network_param(g, params, prefix, "amplitude")),
+    // The part of the heat at s = mean that f can stand for.
+    const pm_node own = pm_add(g, shift, pm_scale(g, pm_square(g, shift), 0.5));
+    const pm_node stored = pm_sub(g, pm_offset(g, pm_exp(g, form), -1), own);
+    const pm_node height = pm_div(g, pm_exp(g, size),
                                   pm_matmul(g, pm_div(g, mean, deviation), false, exponent, false));
-    const pm_node heat = pm_scale(g, pm_dot(g, height, rise), spec->temperature);
+    const pm_node heat = pm_scale(g, pm_dot(g, height, stored), spec->temperature);
     return pm_add(g, heat,
                   pm_mul(g, pm_slice(g, out, 0, 1), pm_network_param(g, params, prefix, "unit")));
 }

@@ -1,16 +1,27 @@
 // Energies whose temperature and heat capacity are positive for all weights. The energy is a
 // function of the entropies s and of other features x:
-//     E = unit f(x) + Theta sum_i A_i (exp(b_i . (s - mean)/deviation + beta_i h_i(x)) - 1) / B_i
-//     A_i > 0,  b_i > 0,  beta_i = mean over k of b_ik,  B_i = mean over k of b_ik/deviation_k
-// Every summand is the exponential of an increasing linear form of s, so that dE/ds > 0 and E is
-// convex in s. For one entropy the temperature at s = mean and h = 0 is Theta sum_i A_i. f and h
-// are the outputs of one network of x, with the parameters "<prefix>.body". An ideal gas (f = 0, h
-// linear in ln v), a body of constant heat capacity with thermal expansion (h is how far expansion
-// shifts its entropy), and sums whose heat capacity rises with temperature have exactly this form.
-// Since h is multiplied by beta, it shifts the entropy by an amount that does not depend on the
-// heat capacity. The other parameters are "<prefix>.mean" and ".deviation" of the entropies,
-// ".unit", ".amplitude", the logarithms of A, and ".exponent", which gives b by exp(exponent) +
-// 1e-5.
+//     E = unit f(x) + Theta w sum_i A_i (exp(b_i . (s - mean)/deviation + y_i) - 1 - y_i -
+//     y_i^2/2)/B_i y_i = beta_i h_i(x),   A_i > 0,   sum_i A_i = 1,   b_i > 0, beta_i = mean over k
+//     of b_ik,   B_i = mean over k of b_ik/deviation_k
+// Every summand contains the exponential of an increasing linear form of s, so that dE/ds > 0 and E
+// is convex in s. For one entropy the temperature at s = mean and h = 0 is Theta w. f and h are the
+// outputs of one network of x, with the parameters "<prefix>.body". A body of constant heat
+// capacity with thermal expansion (h is how far expansion shifts its entropy), an ideal gas (h
+// linear, f quadratic in ln v), and sums whose heat capacity rises with temperature have exactly
+// this form. Since h is multiplied by beta, it shifts the entropy by an amount that does not depend
+// on the heat capacity.
+//
+// The data of bodies that are coupled by conduction and by reversible forces determine their
+// temperatures only up to a common offset: E + c S with one c for all bodies has the same L dE, and
+// conduction sees the ratios of temperatures. So w is one weight of the whole system (network.h),
+// and the other terms are such that w changes that offset alone, to third order in s and h: b_i =
+// exp(exponent_i)/w keeps T/c, how fast the temperature rises with s, and without the terms
+// -1 - y - y^2/2 a change of w or h would change the energy at s = mean, which f should describe.
+// Conductances are proportional to w, too (dissipation.h).
+//
+// The other parameters are "<prefix>.mean" and ".deviation" of the entropies, ".unit",
+// ".amplitude", of which A is the softmax, and ".exponent". A single exponential has no
+// ".amplitude".
 //
 // In all functions `spec` has nthermal > 0, and its last nthermal features are the entropies.
 #ifndef PM_MODEL_THERMAL_H

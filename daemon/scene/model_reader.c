@@ -46,6 +46,9 @@ static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *
     PM_TRY(pm_yaml_exists(positive) ? pm_yaml_bool(positive, &stays) : PM_OK);
     PM_TRY(pm_yaml_exists(once) ? pm_yaml_bool(once, shared) : PM_OK);
     *kind = stays ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
+    if (*shared && !stays) {
+        return pm_yaml_fail(once, "only a positive constant is shared");
+    }
     return stays && !(*number > 0)
                ? pm_yaml_fail(start, "a positive constant starts from a number > 0")
                : PM_OK;

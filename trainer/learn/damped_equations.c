@@ -16,6 +16,8 @@
 // 2010, section 4.4).
 #define FEWEST_ITERATIONS 10
 #define PROGRESS 5e-3
+// The width of a step of a weight that is held, which is the logarithm of a constant.
+#define HELD_WIDTH 0.1
 
 // --- opening ---
 
@@ -41,14 +43,31 @@ static pm_status open_product(pm_damped_equations *e, pm_objective *objective) {
     return pm_gauss_newton_product_open(&e->product, objective);
 }
 
+static void mark_held(pm_damped_equations *e) {
+    const pm_system *system = pm_objective_context(e->objective).system;
+    size_t at = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const size_t size = (size_t)entry->rows * (size_t)entry->cols;
+            for (size_t j = 0; entry->trained && j < size; ++j) {
+                e->held[at++] = entry->held;
+            }
+        }
+    }
+}
+
 pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix) {
     *e = (pm_damped_equations){.size = pm_objective_size(objective), .objective = objective};
     const size_t n = (size_t)e->size;
     e->gradient = malloc(n * sizeof *e->gradient);
     e->diagonal = malloc(n * sizeof *e->diagonal);
-    if (e->gradient == NULL || e->diagonal == NULL) {
+    e->held = calloc(n, sizeof *e->held);
+    if (e->gradient == NULL || e->diagonal == NULL || e->held == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the normal equations of %zu weights", n);
     }
+    mark_held(e);
     return matrix ? open_matrix(e, objective) : open_product(e, objective);
 }
 
@@ -57,6 +76,7 @@ void pm_damped_equations_close(pm_damped_equations *e) {
     pm_gauss_newton_product_close(e->product);
     free(e->gradient);
     free(e->diagonal);
+    free(e->held);
     free(e->hessian);
     free(e->damped);
     free(e->residual);
@@ -66,9 +86,10 @@ void pm_damped_equations_close(pm_damped_equations *e) {
 }
 
 void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
-                                   uint64_t seed) {
+                                   uint64_t seed, double loss) {
     e->count = count;
     e->index = index;
+    e->hold = loss / (HELD_WIDTH * HELD_WIDTH);
     if (e->matrix != NULL) {
         pm_gauss_newton_matrix_evaluate(e->matrix, count, index, e->gradient, e->hessian);
         for (size_t i = 0; i < (size_t)e->size; ++i) {
@@ -92,7 +113,7 @@ static bool solve_by_factors(pm_damped_equations *e, double damping, double *ste
     const size_t n = (size_t)e->size;
     memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
     for (size_t i = 0; i < n; ++i) {
-        e->damped[i * n + i] += damping * e->diagonal[i];
+        e->damped[i * n + i] += e->hold * e->held[i] + damping * e->diagonal[i];
         step[i] = -e->gradient[i];
     }
     return pm_cholesky_solve(e->size, e->damped, step);
@@ -112,14 +133,15 @@ static double dot(int n, const double *a, const double *b) {
 static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
     pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
     for (int i = 0; i < e->size; ++i) {
-        image[i] += damping * e->diagonal[i] * vector[i];
+        image[i] += (e->hold * e->held[i] + damping * e->diagonal[i]) * vector[i];
     }
 }
 
 // Divides the residual by the diagonal of the damped matrix, and returns their product.
 static double condition(pm_damped_equations *e, double damping) {
     for (int i = 0; i < e->size; ++i) {
-        e->conditioned[i] = e->residual[i] / ((1 + damping) * e->diagonal[i]);
+        e->conditioned[i] =
+            e->residual[i] / (e->hold * e->held[i] + (1 + damping) * e->diagonal[i]);
     }
     return dot(e->size, e->residual, e->conditioned);
 }

@@ -1,8 +1,14 @@
 // The damped normal equations of Levenberg-Marquardt,
-//     (H + damping D) step = -gradient,
+//     (H + R + damping D) step = -gradient,
 // where H is the Gauss-Newton matrix of a loss on a batch and D its diagonal. They are solved by a
 // Cholesky factorisation of the matrix (gauss_newton_matrix.h), or by conjugate gradients, which
 // need products with H alone (gauss_newton_product.h).
+//
+// R is zero except for weights that are held (model/params.h), such as a common size of
+// temperatures, which data determine weakly. While the rest of a model is wrong, an undamped step
+// would take such weights anywhere. There R = loss/width^2, so that a step by the width must lower
+// the loss by its own size. R vanishes with the loss, so that the convergence stays quadratic
+// (Yamashita, Fukushima, Computing Suppl. 15 (2001) 239).
 #ifndef PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
 #define PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
 
@@ -13,11 +19,13 @@
 
 typedef struct pm_damped_equations {
     int size;
-    pm_objective *objective;                            // borrowed
-    pm_gauss_newton_matrix *matrix;                     // NULL: conjugate gradients
-    pm_gauss_newton_product *product;                   // NULL: Cholesky
-    double *gradient, *diagonal;                        // [size]
-    double *hessian, *damped;                           // [size][size], of the matrix
+    pm_objective *objective;          // borrowed
+    pm_gauss_newton_matrix *matrix;   // NULL: conjugate gradients
+    pm_gauss_newton_product *product; // NULL: Cholesky
+    double *gradient, *diagonal;      // [size]
+    double *held;                     // [size] 1 for weights that are held, else 0
+    double hold;                      // the diagonal of R where held is 1
+    double *hessian, *damped;         // [size][size], of the matrix
     double *residual, *conditioned, *direction, *image; // [size], of conjugate gradients
     int count;                                          // the batch of the last linearisation
     const int *index;                                   // [count], borrowed
@@ -31,9 +39,10 @@ void pm_damped_equations_close(pm_damped_equations *e);
 
 // Computes the gradient and the matrix, or its diagonal, on the samples index [count], at the
 // present weights. The last call of pm_objective_evaluate must have covered these samples at these
-// weights. `seed` decides the estimate of the diagonal. `index` is borrowed until the next call.
+// weights, and returned `loss`. `seed` decides the estimate of the diagonal. `index` is borrowed
+// until the next call.
 void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
-                                   uint64_t seed);
+                                   uint64_t seed, double loss);
 
 #define PM_MOST_CONJUGATE_GRADIENTS 100
 

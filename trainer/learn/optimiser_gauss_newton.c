@@ -135,7 +135,7 @@ static pm_status iterate(solver *s, double *loss) {
     PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
     const double before = loss_at(s, o->theta);
     pm_damped_equations_linearise(&s->equations, s->batch, s->index,
-                                  s->o->seed + (uint64_t)s->o->done);
+                                  s->o->seed + (uint64_t)s->o->done, before);
     guess_step(s);
     while (*s->damping < LARGEST_DAMPING) {
         if (pm_damped_equations_solve(&s->equations, o->theta, *s->damping, effort(s), s->step)) {

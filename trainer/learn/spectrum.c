@@ -9,6 +9,7 @@
 #include "base/linalg.h"
 #include "learn/gauss_newton_matrix.h"
 #include "learn/residuals.h"
+#include "model/network.h"
 
 #define MOST_WEIGHTS 1500   // beyond which the matrix is not computed
 #define MOST_RESIDUALS 300  // of a sample, likewise
@@ -56,34 +57,16 @@ static int compare(const void *a, const void *b) {
     return (x->share < y->share) - (x->share > y->share);
 }
 
-// Returns true if this block holds logarithms of temperatures, in all entries but the first.
-static bool is_temperature(const block *b) {
-    const char *end = strstr(b->name, ".body.");
-    return strncmp(b->name, "energy.", 7) == 0 && end != NULL &&
-           (strcmp(end, ".body.output.bias") == 0 || strcmp(end, ".body.constant") == 0);
-}
-
 // Returns the root mean square change of the scaled residuals when all temperatures rise by WARMER;
 // negative: no temperature is learned.
 static double effect_of_warmth(int n, const double *hessian, int nblock, const block *list) {
-    double sum = 0;
-    bool any = false;
-    for (int a = 0; a < nblock; ++a) {
-        for (int b = 0; b < nblock; ++b) {
-            if (!is_temperature(&list[a]) || !is_temperature(&list[b])) {
-                continue;
-            }
-            any = true;
-            for (size_t i = 1; i < list[a].size; ++i) {
-                for (size_t j = 1; j < list[b].size; ++j) {
-                    const size_t row = list[a].first + i, column = list[b].first + j;
-                    sum +=
-                        hessian[row < column ? row * (size_t)n + column : column * (size_t)n + row];
-                }
-            }
+    for (int i = 0; i < nblock; ++i) {
+        if (strcmp(list[i].name, PM_WARMTH) == 0) {
+            const size_t at = list[i].first;
+            return WARMER * sqrt(fmax(hessian[at * (size_t)n + at], 0));
         }
     }
-    return any ? WARMER * sqrt(fmax(sum, 0)) : -1;
+    return -1;
 }
 
 // Scales the matrix to a unit diagonal. Rows of weights without any effect become 0.
