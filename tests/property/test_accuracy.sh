@@ -35,9 +35,9 @@ scene() {
     fi
 }
 
-scene double_pendulum double_pendulum 40:50 q 0.001 p 0.001 s 0.001
-scene double_pendulum_fast double_pendulum_fast 40:50 q 0.002 p 0.002 s 0.002
-scene chain_10 chain_10 0:20 q 0.00003 p 0.0001 s 0.0002
+scene double_pendulum double_pendulum 40:50 q 0.00001 p 0.00001 s 0.00001
+scene double_pendulum_fast double_pendulum_fast 40:50 q 0.0002 p 0.0002 s 0.0005
+scene chain_10 chain_10 0:20 q 0.00001 p 0.00001 s 0.00001
 scene gas_containers gas_containers 80:100 v 0.0005 p 0.0005 s 0.0005
 scene driven_upper driven_upper 80:100 q 0.0001 p 0.0001 s 0.0002
 scene driven_lower driven_lower 80:100 q 0.0001 p 0.0001 s 0.0002
