@@ -171,8 +171,9 @@ static const pm_command command = {
         "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
         "that is killed starts again and goes on, with the same bits at the end; so does the\n"
         "whole run when this command is given again.",
-    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_WEIGHTS |
-               PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_GATE | PM_OPTION_QUIET,
+    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_OVERWRITE |
+               PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_GATE |
+               PM_OPTION_QUIET,
     .execute = execute,
 };
 

@@ -8,11 +8,21 @@
 #include "app/notify.h"
 #include "app/status_request.h"
 
+// Checks that the recording takes the place of no file that the run reads, and can be made.
+static pm_status check_recording(const pm_setup *setup, const pm_run_options *options) {
+    const char *input = pm_setup_input(setup, options->record);
+    if (input != NULL) {
+        return pm_fail(PM_EUSAGE, "--record %s: the run reads this file (%s)", options->record,
+                       input);
+    }
+    return pm_recording_check(options->record, options->overwrite);
+}
+
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options) {
     *observer = (pm_observer){.options = options, .scene = setup->scene, .started = pm_clock()};
     PM_TRY(pm_report_open(&observer->report, setup));
-    return options->record == NULL ? PM_OK : pm_recording_check(options->record);
+    return options->record == NULL ? PM_OK : check_recording(setup, options);
 }
 
 static pm_status record(pm_observer *observer, const pm_sample *sample) {

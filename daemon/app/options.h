@@ -15,7 +15,7 @@ typedef struct pm_run_options {
     const char *weights, *url, *record, *checkpoint, *gate, *c_folder, *output;
     int64_t steps;   // 0: as the scene says
     int64_t session; // 0: any
-    bool in_process, quiet;
+    bool in_process, quiet, overwrite;
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
 } pm_run_options;
 
@@ -31,7 +31,8 @@ enum {
     PM_OPTION_CHECKPOINT = 1 << 7,
     PM_OPTION_GATE = 1 << 8,
     PM_OPTION_C = 1 << 9,
-    PM_OPTION_OUTPUT = 1 << 10
+    PM_OPTION_OUTPUT = 1 << 10,
+    PM_OPTION_OVERWRITE = 1 << 11
 };
 
 typedef struct pm_command {

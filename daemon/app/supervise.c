@@ -80,6 +80,9 @@ const char *const *pm_supervise_arguments(pm_setup *setup, const pm_run_options 
     if (coordinates && options->quiet) {
         argv[count++] = "--quiet";
     }
+    if (coordinates && options->record != NULL) {
+        argv[count++] = "--overwrite"; // `run` has checked the file before it started a process
+    }
     argv[count++] = "--";
     argv[count++] = options->scene;
     argv[count] = process;

@@ -243,7 +243,7 @@ static pm_status record(portmet_scene *scene, const char *path) {
     if (path == NULL) {
         return PM_OK;
     }
-    PM_TRY(pm_recording_check(path));
+    PM_TRY(pm_recording_check(path, false));
     PM_TRY(pm_recording_open(&scene->recording, path, scene->setup.scene));
     return pm_recording_append(scene->recording, &scene->run.sample);
 }

@@ -132,8 +132,9 @@ enum portmet_kind {
 /* Returns the name number `index`, from 0 on, which the scene owns. NULL: there are no more. */
 const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t index);
 
-/* Records the present state and every later step in an HDF5 file, which is replaced. NULL ends the
- * recording and completes the file; so does closing the scene. */
+/* Records the present state and every later step in an HDF5 file. An earlier recording of this name
+ * is replaced; any other file is refused. NULL ends the recording and completes the file; so does
+ * closing the scene. */
 int portmet_scene_record(portmet_scene *scene, const char *path);
 
 #pragma GCC visibility pop

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/digest.h"
 
@@ -94,6 +95,35 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
         pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->nz);
     setup->system->digest = pm_boundary_input_digest(&setup->boundary_input, setup->system->digest);
     return PM_OK;
+}
+
+static bool is_same_file(const char *path, const struct stat *other) {
+    struct stat there;
+    return path != NULL && path[0] != 0 && stat(path, &there) == 0 &&
+           there.st_dev == other->st_dev && there.st_ino == other->st_ino;
+}
+
+const char *pm_setup_input(const pm_setup *setup, const char *path) {
+    const pm_scene *scene = setup->scene;
+    const char *const own[] = {scene->path, scene->key_file, scene->reference};
+    struct stat file;
+    if (stat(path, &file) != 0) {
+        return NULL;
+    }
+    for (size_t i = 0; i < sizeof own / sizeof own[0]; ++i) {
+        if (is_same_file(own[i], &file)) {
+            return own[i];
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
+        const pm_provenance *weights = i < scene->nsubsystem
+                                           ? &setup->system->part_provenance[i]
+                                           : &setup->system->port_provenance[i - scene->nsubsystem];
+        if (is_same_file(weights->path, &file)) {
+            return weights->path;
+        }
+    }
+    return NULL;
 }
 
 void pm_setup_free(pm_setup *setup) {

@@ -37,6 +37,10 @@ pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights);
 pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose);
 void pm_setup_free(pm_setup *setup);
 
+// Returns the path, as the scene or the caller gave it, of the file that the run reads and that is
+// the same file as `path`: the scene, its key, its reference or weights. NULL: none of them is.
+const char *pm_setup_input(const pm_setup *setup, const char *path);
+
 // Returns the state of the reference at time `time_id`: [reference->ncolumn].
 const double *pm_setup_truth(const pm_setup *setup, int time_id);
 

@@ -18,8 +18,9 @@
 #define BLOCK 256         // samples in a buffer and in a chunk of the file
 #define CHUNK 131072      // most numbers of a chunk: large states have fewer samples in it
 #define FLUSH_SECONDS 1.0 // of samples that a killed run may lose
-#define MAX_NAMED 1000    // components whose names fit into an attribute of 64 KiB
-#define INDEX_BYTES 8192  // most by which a block makes the file's index of a series grow
+#define FORMAT "portmet recording"
+#define MAX_NAMED 1000   // components whose names fit into an attribute of 64 KiB
+#define INDEX_BYTES 8192 // most by which a block makes the file's index of a series grow
 
 // --- samples ---
 
@@ -188,7 +189,7 @@ static pm_status describe_port(pm_recording *r, const pm_scene_port *port) {
 
 static pm_status create_all(pm_recording *r) {
     const pm_scene *scene = r->scene;
-    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", "portmet recording"));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", FORMAT));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 2));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "committed", 0));
     PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
@@ -264,7 +265,23 @@ static pm_status check_folder(const char *path) {
     return status;
 }
 
-pm_status pm_recording_check(const char *path) {
+// Returns true if the file at `path` is an HDF5 file whose beginning holds the format's name, which
+// is the first attribute of a recording. The HDF5 library is not asked: it may crash on what a
+// killed run left.
+static bool is_recording(const char *path) {
+    static const char signature[] = "\x89HDF\r\n\x1a\n";
+    char start[16384];
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) {
+        return false;
+    }
+    const size_t size = fread(start, 1, sizeof start, file);
+    fclose(file);
+    return size >= sizeof signature - 1 && memcmp(start, signature, sizeof signature - 1) == 0 &&
+           memmem(start, size, FORMAT, sizeof FORMAT - 1) != NULL;
+}
+
+pm_status pm_recording_check(const char *path, bool overwrite) {
     struct stat there;
     if (stat(path, &there) != 0) {
         return *path == 0 ? pm_fail(PM_EFILE, "a recording needs a name") : check_folder(path);
@@ -274,6 +291,9 @@ pm_status pm_recording_check(const char *path) {
     }
     if (access(path, W_OK) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));
+    }
+    if (!overwrite && there.st_size > 0 && !is_recording(path)) {
+        return pm_fail(PM_EFILE, "%s: this file exists and is not a recording", path);
     }
     return PM_OK;
 }

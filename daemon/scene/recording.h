@@ -57,8 +57,9 @@ void pm_sample_free(pm_sample *sample); // NULL is allowed
 typedef struct pm_recording pm_recording;
 
 // Checks that a recording can be made at `path`, without changing anything: the folder is writable,
-// and `path` is absent or a file that can be overwritten. PM_EFILE.
-pm_status pm_recording_check(const char *path);
+// and `path` is absent, an empty file, or an earlier recording; with `overwrite`, any regular file
+// that can be written. PM_EFILE.
+pm_status pm_recording_check(const char *path, bool overwrite);
 // Opens a recording that replaces the file at `path`. `scene` is borrowed and must outlive it. The
 // caller closes it with pm_recording_close. PM_EFILE, PM_ENOMEM.
 pm_status pm_recording_open(pm_recording **recording, const char *path, const pm_scene *scene);

@@ -155,6 +155,20 @@ for line in "right: reversible bulk: does nothing: it acts on 2 components" \
 done
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
+succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced
+
+# A recording takes the place of no other file, and never of one that the run reads.
+echo "a letter" >"$folder/letter"
+expect 4 "$folder/letter: this file exists and is not a recording" run "$scene" --in-process --record "$folder/letter"
+grep -q "a letter" "$folder/letter" || fail "the letter was overwritten"
+succeed "0.000 %" run "$scene" --in-process --record "$folder/letter" --overwrite
+grep -q "a letter" "$folder/letter" && fail "the letter was not overwritten"
+ln -s "$scene" "$folder/link"
+for input in "$scene" "$folder/link" $(sed -n "s|.*\(weights\|reference\): *\([^ ,}]*\).*|$folder/\2|p" "$scene" | sort -u); do
+    before=$(cksum <"$input")
+    expect 2 "the run reads this file" run "$scene" --in-process --record "$input" --overwrite
+    [ "$before" = "$(cksum <"$input")" ] || fail "$input was overwritten"
+done
 succeed "pair: 7 steps of 0.05 s" run "$scene" --in-process --steps 7 --weights "$folder"
 "$portmetd" run "$scene" --in-process --quiet >"$folder/out" 2>"$folder/err" || fail "--quiet"
 [ ! -s "$folder/out" ] || fail "--quiet: expected no output"

@@ -337,7 +337,7 @@ static void a_recording_that_cannot_be_made_says_so(void **state) {
 }
 
 static void assert_refused(const char *path, const char *part) {
-    assert_int_equal(pm_recording_check(path), PM_EFILE);
+    assert_int_equal(pm_recording_check(path, false), PM_EFILE);
     if (strstr(pm_error(), part) == NULL) {
         fail_msg("\"%s\" does not say \"%s\"", pm_error(), part);
     }
@@ -347,17 +347,18 @@ static void a_check_tells_beforehand_and_changes_nothing(void **state) {
     scratch *folder = *state;
     char path[256];
     snprintf(path, sizeof path, "%s", scratch_path(folder, "run.h5"));
-    assert_int_equal(pm_recording_check(path), PM_OK);
+    assert_int_equal(pm_recording_check(path, false), PM_OK);
     assert_int_equal(access(path, F_OK), -1);
     FILE *file = fopen(path, "w");
     assert_non_null(file);
     fputs("old", file);
     fclose(file);
-    assert_int_equal(pm_recording_check(path), PM_OK);
+    assert_refused(path, "run.h5: this file exists and is not a recording");
+    assert_int_equal(pm_recording_check(path, true), PM_OK);
     struct stat there;
     assert_int_equal(stat(path, &there), 0);
     assert_int_equal(there.st_size, 3);
-    assert_int_equal(pm_recording_check("run.h5"), PM_OK);
+    assert_int_equal(pm_recording_check("run.h5", false), PM_OK);
     assert_refused("", "name");
     assert_refused("/nonexistent/run.h5", "folder /nonexistent: No such file");
     assert_refused(folder->folder, "not a file");
