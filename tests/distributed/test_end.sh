@@ -192,7 +192,7 @@ done
 # Such a run leaves an older recording alone, and begins none.
 echo old >"$folder/old.h5"
 for name in old new; do
-    start run run "$scene" --record "$folder/$name.h5"
+    start run run "$scene" --overwrite --record "$folder/$name.h5"
     ends run $pid 7 'cannot'
 done
 [ "$(cat "$folder/old.h5")" = old ] || fail "a recording was overwritten by a run that never began"
