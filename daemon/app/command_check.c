@@ -5,6 +5,7 @@
 
 #include "app/command.h"
 #include "app/connect.h"
+#include "app/listed.h"
 #include "app/prepare.h"
 #include "app/skipped.h"
 #include "scene/model_reader.h"
@@ -14,10 +15,16 @@
 
 #define LONGEST_LINE 400 // characters shown of one line of a model; a matrix may be large
 
-// Opens every subsystem, as nodes would; `rounds` receives the number of flux exchanges per step.
+// Opens the subsystems, as nodes would; of many alike, one. `rounds` receives the number of flux
+// exchanges per step.
 static pm_status build_all(const pm_setup *setup, int *rounds) {
-    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
+    const pm_scene *scene = setup->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
         pm_subsystem *subsystem;
+        if (!pm_stands_in_list(scene->nsubsystem, setup->system->part_owner, i) &&
+            scene->subsystem[i].substeps == 1) {
+            continue;
+        }
         PM_TRY(pm_subsystem_open(&subsystem, setup->system, i));
         *rounds = pm_subsystem_rounds(subsystem);
         pm_subsystem_close(subsystem);
@@ -215,14 +222,27 @@ static void print_port(const pm_setup *setup, int i) {
     pm_arena_free(&arena);
 }
 
+static void print_process(const pm_scene *scene, const pm_scene_process *process) {
+    pm_arena arena = {0};
+    const char **name = pm_arena_array(&arena, (size_t)process->count, sizeof *name);
+    printf("  %s:", process->name);
+    for (int k = 0; k < process->count && name != NULL; ++k) {
+        name[k] = scene->subsystem[process->subsystem[k]].name;
+    }
+    if (name != NULL) {
+        print_names(name, process->count);
+    }
+    printf("\n");
+    pm_arena_free(&arena);
+}
+
 static void print_processes(const pm_scene *scene) {
     printf("\nprocesses\n");
-    for (int i = 0; i < scene->nprocess; ++i) {
-        printf("  %s:", scene->process[i].name);
-        for (int k = 0; k < scene->process[i].count; ++k) {
-            printf(" %s", scene->subsystem[scene->process[i].subsystem[k]].name);
-        }
-        printf("\n");
+    for (int i = 0; i < scene->nprocess && i < PM_MOST_LISTED; ++i) {
+        print_process(scene, &scene->process[i]);
+    }
+    if (scene->nprocess > PM_MOST_LISTED) {
+        printf("  and %d more\n", scene->nprocess - PM_MOST_LISTED);
     }
 }
 
@@ -246,7 +266,7 @@ static pm_status print_channels(const pm_scene *scene) {
         PM_TRY(pm_channel_scene(channel, scene, words[i]));
         printf("  %s\n", channel);
     }
-    for (int i = 0; i < scene->nprocess; ++i) {
+    for (int i = 0; i < scene->nprocess && i < PM_MOST_LISTED; ++i) {
         if (sends_fluxes(scene, i)) {
             PM_TRY(pm_channel_process(channel, scene, "FLUX", i));
             printf("  %s\n", channel);
@@ -258,7 +278,18 @@ static pm_status print_channels(const pm_scene *scene) {
         PM_TRY(pm_channel_request(channel, scene, scene->process[i].name));
         printf("  %s\n", channel);
     }
+    if (scene->nprocess > PM_MOST_LISTED) {
+        printf("  and those of %d more processes\n", scene->nprocess - PM_MOST_LISTED);
+    }
     return PM_OK;
+}
+
+// Says for how many others a component stands that is listed for them.
+static void print_alike_count(int count, const int *owner, int i, const char *what) {
+    const int all = pm_listed_for(count, owner, i);
+    if (all > 1) {
+        printf("  and %d more %s with the same model\n", all - 1, what);
+    }
 }
 
 static pm_status describe(const pm_setup *setup) {
@@ -266,14 +297,21 @@ static pm_status describe(const pm_setup *setup) {
     PM_TRY(build_all(setup, &rounds));
     PM_TRY(pm_connect_key(setup->scene, NULL));
     print_header(setup, rounds);
-    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
-        print_subsystem(setup, i);
+    const pm_scene *scene = setup->scene;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (pm_stands_in_list(scene->nsubsystem, setup->system->part_owner, i)) {
+            print_subsystem(setup, i);
+            print_alike_count(scene->nsubsystem, setup->system->part_owner, i, "subsystems");
+        }
     }
     for (int i = 0; i < setup->scene->nboundary_input; ++i) {
         print_boundary_input(setup->scene, i);
     }
-    for (int i = 0; i < setup->scene->nport; ++i) {
-        print_port(setup, i);
+    for (int i = 0; i < scene->nport; ++i) {
+        if (pm_stands_in_list(scene->nport, setup->system->port_owner, i)) {
+            print_port(setup, i);
+            print_alike_count(scene->nport, setup->system->port_owner, i, "ports");
+        }
     }
     pm_skipped_print(setup);
     print_processes(setup->scene);

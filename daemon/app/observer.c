@@ -25,7 +25,11 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
     return options->record == NULL ? PM_OK : check_recording(setup, options);
 }
 
+// Appends every so many samples, as the scene asks, from step 0 on.
 static pm_status record(pm_observer *observer, const pm_sample *sample) {
+    if (sample->step % observer->scene->record_every != 0) {
+        return PM_OK;
+    }
     if (observer->recording == NULL) {
         PM_TRY(pm_recording_open(&observer->recording, observer->options->record, observer->scene));
     }
@@ -105,9 +109,9 @@ static pm_status resume(void *context, long step) {
     pm_observer *observer = context;
     return observer->options->record == NULL
                ? PM_OK
-               : outlive(observer,
-                         pm_recording_reopen(&observer->recording, observer->options->record,
-                                             observer->scene, step + 1));
+               : outlive(observer, pm_recording_reopen(&observer->recording,
+                                                       observer->options->record, observer->scene,
+                                                       step / observer->scene->record_every + 1));
 }
 
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup) {

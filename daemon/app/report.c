@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/listed.h"
 #include "base/progress.h"
 #include "sim/score.h"
 
@@ -165,15 +166,16 @@ static void print_flux(const pm_report *report, int subsystem, const char *throu
 static void print_fluxes(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
     printf("\n%-18s %-16s %15s %15s\n", "Mean flux into", "through", "energy, W", "entropy, W/K");
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        for (int p = 0; p < scene->nport; ++p) {
-            for (int end = 0; end < 2; ++end) {
-                if (scene->port[p].subsystem[end] == i) {
-                    print_flux(report, i, scene->port[p].name, report->flux[p][end]);
-                }
-            }
+    for (int i = 0; i < scene->nsubsystem && i < PM_MOST_LISTED; ++i) {
+        for (int k = scene->first_end[i]; k < scene->first_end[i + 1]; ++k) {
+            const int p = scene->end_at[k] / 2, end = scene->end_at[k] % 2;
+            print_flux(report, i, scene->port[p].name, report->flux[p][end]);
         }
         print_flux(report, i, "(its own bulk)", report->bulk[i]);
+    }
+    if (scene->nsubsystem > PM_MOST_LISTED) {
+        printf("  and %d more subsystems; a recording has the fluxes of all\n",
+               scene->nsubsystem - PM_MOST_LISTED);
     }
 }
 
@@ -251,8 +253,21 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
 }
 
 // Prints nothing if all states were in the training range, or if the weights do not hold it.
+// Many subsystems are summed up in one line.
 static void print_outside(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
+    int count = 0, worst = 0;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        count += report->outside[i] > 0;
+        worst = report->outside[i] > report->outside[worst] ? i : worst;
+    }
+    if (count > PM_MOST_LISTED) {
+        printf("\n%d of %d subsystems left the states their weights were trained on, %s on %ld of "
+               "%ld steps\n",
+               count, scene->nsubsystem, scene->subsystem[worst].name, report->outside[worst],
+               report->steps);
+        return;
+    }
     for (int i = 0; i < scene->nsubsystem; ++i) {
         if (report->outside[i] > 0) {
             printf("\n%s left the states its weights were trained on, on %ld of %ld steps",

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "app/listed.h"
 #include "model/given.h"
 #include "model/operator.h"
 #include "sim/contact_broadphase.h"
@@ -134,10 +135,14 @@ void pm_skipped_print(const pm_setup *setup) {
     const pm_scene *scene = setup->scene;
     printf("\nskipped\n");
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        print_part(scene->subsystem[i].name, &setup->system->part[i]);
+        if (pm_stands_in_list(scene->nsubsystem, setup->system->part_owner, i)) {
+            print_part(scene->subsystem[i].name, &setup->system->part[i]);
+        }
     }
     for (int i = 0; i < scene->nport; ++i) {
-        print_port(&scene->port[i], setup->system, &setup->system->port[i]);
+        if (pm_stands_in_list(scene->nport, setup->system->port_owner, i)) {
+            print_port(&scene->port[i], setup->system, &setup->system->port[i]);
+        }
     }
     if (setup->reference == NULL) {
         printf("  no reference: no error table, and no states in reports unless --record asks\n");

@@ -114,61 +114,75 @@ typedef struct lane_terms {
     int count;
 } lane_terms;
 
-// Writes sum[v] = sum over l = first, first + stride, ... of a_l b_l, in this order, for WIDTH
-// lanes from `v0` on.
-#define SUM_TERMS(WIDTH)                                                     \
-    for (int v = 0; v < (WIDTH); ++v) {                                      \
-        sum[v] = 0;                                                          \
-    }                                                                        \
-    for (int l = first; l < t->count; l += stride) {                         \
-        const double *pa = t->a + l * t->step_a, *pb = t->b + l * t->step_b; \
-        if (t->many_a && t->many_b) {                                        \
-            for (int v = 0; v < (WIDTH); ++v) {                              \
-                sum[v] += pa[v0 + v] * pb[v0 + v];                           \
-            }                                                                \
-        } else if (t->many_a) {                                              \
-            const double b = pb[0];                                          \
-            for (int v = 0; v < (WIDTH); ++v) {                              \
-                sum[v] += pa[v0 + v] * b;                                    \
-            }                                                                \
-        } else {                                                             \
-            const double a = pa[0];                                          \
-            for (int v = 0; v < (WIDTH); ++v) {                              \
-                sum[v] += a * pb[v0 + v];                                    \
-            }                                                                \
+// sum[v] += a_l b_l for WIDTH lanes from `v0` on; A and B say which factor all lanes share.
+#define ADD_TERM(WIDTH, SUM, L, A, B)                                        \
+    {                                                                        \
+        const double *pa = t->a + (L)*t->step_a, *pb = t->b + (L)*t->step_b; \
+        for (int v = 0; v < (WIDTH); ++v) {                                  \
+            SUM[v] += pa[(A) ? v0 + v : 0] * pb[(B) ? v0 + v : 0];           \
         }                                                                    \
+    }
+
+// Writes sums in the order of l.
+#define SUM_IN_ORDER(WIDTH, A, B)                  \
+    for (; v0 + (WIDTH) <= lanes; v0 += (WIDTH)) { \
+        double sum[WIDTH] = {0};                   \
+        for (int l = 0; l < t->count; ++l)         \
+            ADD_TERM(WIDTH, sum, l, A, B)          \
+        memcpy(out + v0, sum, sizeof sum);         \
     }
 
 #define WIDE 32 // lanes whose sums do not wait for each other
 
-PM_SIMD_CLONES static void sum_in_order(const lane_terms *t, int lanes, double *out) {
-    const int first = 0, stride = 1;
-    int v0 = 0;
-    for (; v0 + WIDE <= lanes; v0 += WIDE) {
-        double sum[WIDE];
-        SUM_TERMS(WIDE)
-        memcpy(out + v0, sum, sizeof sum);
+#define IN_ORDER(A, B)               \
+    {                                \
+        SUM_IN_ORDER(WIDE, A, B)     \
+        SUM_IN_ORDER(PM_LANES, A, B) \
     }
-    for (; v0 < lanes; v0 += PM_LANES) {
-        double sum[PM_LANES];
-        SUM_TERMS(PM_LANES)
-        memcpy(out + v0, sum, sizeof sum);
+
+PM_SIMD_CLONES static void sum_in_order(const lane_terms *t, int lanes, double *out) {
+    int v0 = 0;
+    if (t->many_a && t->many_b) {
+        IN_ORDER(true, true)
+    } else if (t->many_a) {
+        IN_ORDER(true, false)
+    } else {
+        IN_ORDER(false, true)
     }
 }
 
-// The order of an inner product in pm_gemm: eight partial sums.
+// Writes sums in the order of an inner product in pm_gemm: eight partial sums p0 to p7.
+#define ADD_PART(P, A, B)                     \
+    if (l + (P) < t->count) {                 \
+        ADD_TERM(PM_LANES, p##P, l + P, A, B) \
+    }
+#define IN_PARTS(A, B)                                                                         \
+    for (int v0 = 0; v0 < lanes; v0 += PM_LANES) {                                             \
+        double p0[PM_LANES] = {0}, p1[PM_LANES] = {0}, p2[PM_LANES] = {0}, p3[PM_LANES] = {0}; \
+        double p4[PM_LANES] = {0}, p5[PM_LANES] = {0}, p6[PM_LANES] = {0}, p7[PM_LANES] = {0}; \
+        for (int l = 0; l < t->count; l += PM_LANES) {                                         \
+            ADD_PART(0, A, B)                                                                  \
+            ADD_PART(1, A, B)                                                                  \
+            ADD_PART(2, A, B)                                                                  \
+            ADD_PART(3, A, B)                                                                  \
+            ADD_PART(4, A, B)                                                                  \
+            ADD_PART(5, A, B)                                                                  \
+            ADD_PART(6, A, B)                                                                  \
+            ADD_PART(7, A, B)                                                                  \
+        }                                                                                      \
+        for (int v = 0; v < PM_LANES; ++v) {                                                   \
+            out[v0 + v] =                                                                      \
+                ((p0[v] + p4[v]) + (p1[v] + p5[v])) + ((p2[v] + p6[v]) + (p3[v] + p7[v]));     \
+        }                                                                                      \
+    }
+
 PM_SIMD_CLONES static void sum_in_parts(const lane_terms *t, int lanes, double *out) {
-    const int stride = PM_LANES;
-    for (int v0 = 0; v0 < lanes; v0 += PM_LANES) {
-        double part[PM_LANES][PM_LANES];
-        for (int first = 0; first < PM_LANES; ++first) {
-            double *sum = part[first];
-            SUM_TERMS(PM_LANES)
-        }
-        for (int v = 0; v < PM_LANES; ++v) {
-            out[v0 + v] = ((part[0][v] + part[4][v]) + (part[1][v] + part[5][v])) +
-                          ((part[2][v] + part[6][v]) + (part[3][v] + part[7][v]));
-        }
+    if (t->many_a && t->many_b) {
+        IN_PARTS(true, true)
+    } else if (t->many_a) {
+        IN_PARTS(true, false)
+    } else {
+        IN_PARTS(false, true)
     }
 }
 

@@ -172,10 +172,10 @@ static pm_status add_all(pm_recording *r) {
     PM_TRY(add(r, "/ledger", "energy_residual", 0, "1"));
     PM_TRY(add(r, "/ledger", "entropy_residual", 0, "1"));
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY(add_subsystem(r, &scene->subsystem[i]));
+        PM_TRY(pm_scene_records(scene, i) ? add_subsystem(r, &scene->subsystem[i]) : PM_OK);
     }
     for (int i = 0; i < scene->nport; ++i) {
-        PM_TRY(add_port(r, &scene->port[i]));
+        PM_TRY(pm_scene_records_port(scene, i) ? add_port(r, &scene->port[i]) : PM_OK);
     }
     return PM_OK;
 }
@@ -204,12 +204,14 @@ static pm_status create_all(pm_recording *r) {
             PM_TRY(pm_hdf5_write_text(r->file, c->path, "units", c->unit));
         }
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const int state = SCENE_COLUMNS + SUBSYSTEM_COLUMNS * i;
-        PM_TRY(describe_state(r, r->column[state].path, &scene->subsystem[i]));
+    for (int i = 0, state = SCENE_COLUMNS; i < scene->nsubsystem; ++i) {
+        if (pm_scene_records(scene, i)) {
+            PM_TRY(describe_state(r, r->column[state].path, &scene->subsystem[i]));
+            state += SUBSYSTEM_COLUMNS;
+        }
     }
     for (int i = 0; i < scene->nport; ++i) {
-        PM_TRY(describe_port(r, &scene->port[i]));
+        PM_TRY(pm_scene_records_port(scene, i) ? describe_port(r, &scene->port[i]) : PM_OK);
     }
     return pm_hdf5_flush(r->file);
 }
@@ -298,6 +300,17 @@ pm_status pm_recording_check(const char *path, bool overwrite) {
     return PM_OK;
 }
 
+static size_t count_columns(const pm_scene *scene) {
+    size_t count = SCENE_COLUMNS;
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        count += pm_scene_records(scene, i) ? SUBSYSTEM_COLUMNS : 0;
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        count += pm_scene_records_port(scene, i) ? PORT_COLUMNS : 0;
+    }
+    return count;
+}
+
 // Opens a new file, or with `count` >= 0 an existing one that holds at least as many samples.
 static pm_status open_at(pm_recording **recording, const char *path, const pm_scene *scene,
                          long count) {
@@ -306,10 +319,8 @@ static pm_status open_at(pm_recording **recording, const char *path, const pm_sc
         return fail_memory();
     }
     pm_status status;
-    const int ncolumn =
-        SCENE_COLUMNS + SUBSYSTEM_COLUMNS * scene->nsubsystem + PORT_COLUMNS * scene->nport;
     r->scene = scene;
-    r->column = pm_arena_array(&r->arena, (size_t)ncolumn, sizeof *r->column);
+    r->column = pm_arena_array(&r->arena, count_columns(scene), sizeof *r->column);
     r->path = pm_arena_strdup(&r->arena, path);
     if (r->column == NULL || r->path == NULL) {
         status = fail_memory();
@@ -390,6 +401,9 @@ static void put_sample(const pm_recording *r, const pm_sample *s) {
     put_one(r, &next, s->energy_residual);
     put_one(r, &next, s->entropy_residual);
     for (int i = 0; i < scene->nsubsystem; ++i) {
+        if (!pm_scene_records(scene, i)) {
+            continue;
+        }
         put(r, &next, s->z + scene->subsystem[i].first);
         put_one(r, &next, s->energy[i]);
         put_one(r, &next, s->entropy[i]);
@@ -397,6 +411,9 @@ static void put_sample(const pm_recording *r, const pm_sample *s) {
         put_one(r, &next, s->bulk_entropy[i]);
     }
     for (int i = 0; i < scene->nport; ++i) {
+        if (!pm_scene_records_port(scene, i)) {
+            continue;
+        }
         put_one(r, &next, s->flux[i][0].energy);
         put_one(r, &next, s->flux[i][1].energy);
         put_one(r, &next, s->flux[i][0].entropy);

@@ -7,6 +7,8 @@
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
+// A scene may name the subsystems to keep; ports at none of them are not kept either. /ledger is
+// always there.
 // The attribute `committed` of "/" says how many samples are certain. A run that was killed, or
 // whose disk became full, may leave more rows than that in some series; readers stop at
 // `committed`.

@@ -100,21 +100,6 @@ static pm_status read_guards(pm_scene_reader *r) {
                                  : PM_OK;
 }
 
-static pm_status read_record(pm_scene_reader *r) {
-    static const char *const keys[] = {"on_error", NULL};
-    static const char *const choices[] = {"stop", "go_on", NULL};
-    const pm_yaml record = pm_yaml_get(r->root, "record");
-    if (!pm_yaml_exists(record)) {
-        return PM_OK;
-    }
-    PM_TRY(pm_yaml_allow(record, keys));
-    const pm_yaml on_error = pm_yaml_get(record, "on_error");
-    int choice = 0;
-    PM_TRY(pm_yaml_exists(on_error) ? pm_yaml_choice(on_error, choices, &choice) : PM_OK);
-    r->scene->outlives_recording = choice == 1;
-    return PM_OK;
-}
-
 static pm_status read_lockstep(pm_scene_reader *r) {
     static const char *const keys[] = {"window", "patience", "checkpoint", NULL};
     r->scene->window = 1;
@@ -185,7 +170,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(read_laws(r));
     PM_TRY(read_guards(r));
     PM_TRY(read_lockstep(r));
-    PM_TRY(read_record(r));
+    PM_TRY(pm_scene_read_record(r));
     PM_TRY(check_tolerance(r));
     return pm_scene_read_processes(r);
 }

@@ -108,6 +108,8 @@ typedef struct pm_scene {
     double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
     double largest_departure; // from the training range, in its widths, likewise
     bool outlives_recording;  // a run whose recording cannot be written goes on without it
+    bool *recorded;           // [nsubsystem] whether a recording keeps it; NULL: it keeps all
+    int record_every;         // steps between two samples of a recording
     int nsubsystem;
     pm_scene_subsystem *subsystem; // [nsubsystem]
     int nboundary_input;
@@ -143,6 +145,11 @@ int pm_scene_find_process(const pm_scene *scene, const char *name);
 // computes times with this function instead of summing up steps, so that times are bitwise the same
 // in all processes.
 double pm_scene_time(const pm_scene *scene, double t0, long step);
+
+// Return true if a recording keeps a subsystem, or a port: it keeps those ports of which it keeps a
+// subsystem at one end.
+bool pm_scene_records(const pm_scene *scene, int subsystem);
+bool pm_scene_records_port(const pm_scene *scene, int port);
 
 // Returns true if different processes serve the two ends of a port. These processes then exchange
 // fluxes.

@@ -65,6 +65,16 @@ const pm_layout *pm_scene_end_layout(const pm_scene *scene, const pm_scene_port 
                                      : &scene->boundary_input[port->boundary_input[end]].layout;
 }
 
+bool pm_scene_records(const pm_scene *scene, int subsystem) {
+    return scene->recorded == NULL || scene->recorded[subsystem];
+}
+
+bool pm_scene_records_port(const pm_scene *scene, int port) {
+    const int *end = scene->port[port].subsystem;
+    return scene->recorded == NULL || (end[0] >= 0 && scene->recorded[end[0]]) ||
+           (end[1] >= 0 && scene->recorded[end[1]]);
+}
+
 bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port) {
     const int a = port->subsystem[0], b = port->subsystem[1];
     return a >= 0 && b >= 0 && scene->subsystem[a].process != scene->subsystem[b].process;

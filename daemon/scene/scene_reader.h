@@ -43,6 +43,7 @@ pm_status pm_scene_read_subsystems(pm_scene_reader *r);
 pm_status pm_scene_read_boundary_inputs(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_read_processes(pm_scene_reader *r);
+pm_status pm_scene_read_record(pm_scene_reader *r);
 pm_status pm_scene_read_observations(pm_scene_reader *r);
 
 // Reads the key `hidden` of the last group of a subsystem's layout, if there is one. A hidden group

@@ -103,22 +103,36 @@ static void expose(pm_batch *b) {
     b->exposed = true;
 }
 
+// Adds the rates of one port to k.
+static inline void add_rate(const pm_batch_port *p, int block, int column, double *k) {
+    const int lane = block * p->width + column;
+    for (int e = 0; e < 2; ++e) {
+        const pm_batch_end *end = &p->end[e];
+        const double *rate = end->rate + (ptrdiff_t)block * end->ny * p->width + column;
+        double *to = k + end->first[lane];
+        const int step = end->step[lane];
+        for (int c = 0; c < end->ny; ++c) {
+            to[(ptrdiff_t)end->component[c] * step] += rate[(ptrdiff_t)c * p->width];
+        }
+    }
+}
+
 // Adds the rates of all ports to k, port by port in the scene's order, so that each subsystem sums
 // them up as it does alone.
 static void add_rates(const pm_batch *b, double *k) {
+    if (b->nport == 1) {
+        const pm_batch_port *p = &b->port[0];
+        for (int block = 0, left = p->count; block < p->nblock; ++block, left -= p->width) {
+            for (int column = 0; column < p->width && column < left; ++column) {
+                add_rate(p, block, column, k);
+            }
+        }
+        return;
+    }
     for (int i = 0; i < b->system->scene->nport; ++i) {
         const pm_batch_port *p = &b->port[b->port_at[i].group];
         const int lane = b->port_at[i].lane;
-        const int block = lane / p->width, column = lane % p->width;
-        for (int e = 0; e < 2; ++e) {
-            const pm_batch_end *end = &p->end[e];
-            const double *rate = end->rate + (ptrdiff_t)block * end->ny * p->width + column;
-            double *to = k + end->first[lane];
-            const int step = end->step[lane];
-            for (int c = 0; c < end->ny; ++c) {
-                to[(ptrdiff_t)end->component[c] * step] += rate[(ptrdiff_t)c * p->width];
-            }
-        }
+        add_rate(p, lane / p->width, lane % p->width, k);
     }
 }
 
@@ -172,24 +186,32 @@ static void clear_fluxes(pm_batch *b) {
     }
 }
 
+static void fill_part(const pm_batch *b, const pm_batch_part *p, int lane, const double *z,
+                      pm_sample *sample) {
+    const int id = p->id[lane];
+    double *to = sample->z + b->system->scene->subsystem[id].first;
+    for (int c = 0; c < p->nz; ++c) {
+        to[c] = z[(ptrdiff_t)c * p->width];
+    }
+    sample->energy[id] = p->E[lane];
+    sample->entropy[id] = p->S[lane];
+    sample->bulk_energy[id] = p->bulk.energy[lane];
+    sample->bulk_entropy[id] = p->bulk.entropy[lane];
+    sample->bulk_gross[2 * id] = p->bulk.energy_gross[lane];
+    sample->bulk_gross[2 * id + 1] = p->bulk.entropy_gross[lane];
+    sample->evaluated[id] = p->evaluated[lane];
+    sample->outside[id] = p->outside[lane];
+    const int *first_end = b->system->scene->first_end + id;
+    sample->skipped[id] = b->part_calls + b->bulk_calls +
+                          b->port_calls * (first_end[1] - first_end[0]) - p->evaluated[lane];
+}
+
 static void fill_parts(const pm_batch *b, const pm_batch_part *p, pm_sample *sample) {
-    const pm_scene *scene = b->system->scene;
-    for (int lane = 0; lane < p->count; ++lane) {
-        const int id = p->id[lane];
-        const double *z = p->z + (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
-        double *to = sample->z + scene->subsystem[id].first;
-        for (int c = 0; c < p->nz; ++c) {
-            to[c] = z[(ptrdiff_t)c * p->width];
+    for (int block = 0, left = p->count; block < p->nblock; ++block, left -= p->width) {
+        const double *z = p->z + (ptrdiff_t)block * p->nz * p->width;
+        for (int column = 0; column < p->width && column < left; ++column) {
+            fill_part(b, p, block * p->width + column, z + column, sample);
         }
-        sample->energy[id] = p->E[lane];
-        sample->entropy[id] = p->S[lane];
-        sample->bulk_energy[id] = p->bulk.energy[lane];
-        sample->bulk_entropy[id] = p->bulk.entropy[lane];
-        sample->bulk_gross[2 * id] = p->bulk.energy_gross[lane];
-        sample->bulk_gross[2 * id + 1] = p->bulk.entropy_gross[lane];
-        sample->evaluated[id] = p->evaluated[lane];
-        sample->outside[id] = p->outside[lane];
-        sample->skipped[id] = b->part_calls + b->bulk_calls;
     }
 }
 
@@ -203,7 +225,7 @@ static void fill_ports(const pm_batch *b, const pm_batch_port *p, pm_sample *sam
                                             flux->energy_gross[lane], flux->entropy_gross[lane]};
             const int part = scene->port[id].subsystem[e];
             sample->evaluated[part] += p->evaluated[lane];
-            sample->skipped[part] += b->port_calls;
+            sample->skipped[part] -= p->evaluated[lane];
         }
     }
 }
@@ -214,9 +236,6 @@ static void fill_sample(pm_batch *b, pm_sample *sample) {
     }
     for (int i = 0; i < b->nport; ++i) {
         fill_ports(b, &b->port[i], sample);
-    }
-    for (int i = 0; i < b->system->scene->nsubsystem; ++i) {
-        sample->skipped[i] -= sample->evaluated[i];
     }
     clear_fluxes(b);
 }

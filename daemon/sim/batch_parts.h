@@ -58,7 +58,6 @@ typedef struct pm_batch_port {
     bool known;        // the results belong to the inputs
     uint64_t *renewed; // [width]
     long *evaluated;   // [nblock width] so far
-    double *buffer;    // [largest ny][width]
     pm_program *law;
 } pm_batch_port;
 

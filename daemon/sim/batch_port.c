@@ -51,11 +51,9 @@ static pm_status open_end(pm_batch_end *end, pm_arena *arena, int lanes) {
 
 pm_status pm_batch_port_open(pm_batch_port *p, pm_arena *arena, const pm_system *system) {
     const int lanes = p->nblock * p->width;
-    const int ny = p->end[0].ny > p->end[1].ny ? p->end[0].ny : p->end[1].ny;
     p->renewed = pm_arena_array(arena, (size_t)p->width, sizeof *p->renewed);
     p->evaluated = pm_arena_array(arena, (size_t)lanes, sizeof *p->evaluated);
-    p->buffer = pm_arena_array(arena, (size_t)ny * (size_t)p->width, sizeof *p->buffer);
-    if (p->renewed == NULL || p->evaluated == NULL || p->buffer == NULL) {
+    if (p->renewed == NULL || p->evaluated == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a batch of %d ports", p->count);
     }
     PM_TRY(open_end(&p->end[0], arena, lanes));
@@ -74,12 +72,8 @@ static void show(pm_batch_port *p, const pm_batch *batch, const pm_batch_end *en
     const int lane = block * p->width, size = end->ny * p->width;
     for (int i = 0; i < 3; ++i) {
         double *shown = end->shown + ((ptrdiff_t)block * 3 + i) * size;
-        const bool input = end->input[i] != NULL;
         pm_lanes_gather(end->ny, p->width, end->component, from[i], end->first + lane,
-                        end->step + lane, input ? p->buffer : shown);
-        if (input) {
-            pm_lanes_renew(end->ny, p->width, p->buffer, shown, p->renewed);
-        }
+                        end->step + lane, shown, end->input[i] != NULL ? p->renewed : NULL);
     }
 }
 

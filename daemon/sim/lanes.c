@@ -24,21 +24,29 @@ pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes) {
     return PM_OK;
 }
 
+// Copies PM_LANES numbers and notes in `differs` which have changed.
+static inline void renew(const double *from, double *to, uint64_t *differs) {
+    for (int l = 0; l < PM_LANES; ++l) {
+        differs[l] |= bits_of(from[l]) ^ bits_of(to[l]);
+        to[l] = from[l];
+    }
+}
+
+static inline void note(const uint64_t *differs, uint64_t *changed) {
+    for (int l = 0; l < PM_LANES; ++l) {
+        changed[l] |= differs[l];
+    }
+}
+
 PM_SIMD_CLONES void pm_lanes_renew(int rows, int lanes, const double *now, double *before,
                                    uint64_t *changed) {
     for (int v = 0; v < lanes; v += PM_LANES) {
         uint64_t differs[PM_LANES] = {0};
         for (int r = 0; r < rows; ++r) {
-            const double *from = now + (ptrdiff_t)r * lanes + v;
-            double *to = before + (ptrdiff_t)r * lanes + v;
-            for (int l = 0; l < PM_LANES; ++l) {
-                differs[l] |= bits_of(from[l]) ^ bits_of(to[l]);
-                to[l] = from[l];
-            }
+            const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
+            renew(now + at, before + at, differs);
         }
-        for (int l = 0; l < PM_LANES; ++l) {
-            changed[v + l] |= differs[l];
-        }
+        note(differs, changed + v);
     }
 }
 
@@ -97,12 +105,45 @@ void pm_lanes_book(int rows, int lanes, double weight, const double *e, const do
     }
 }
 
-PM_SIMD_CLONES void pm_lanes_gather(int count, int lanes, const int *component, const double *from,
-                                    const int *first, const int *step, double *to) {
+// Returns true if the states in PM_LANES lanes are neighbours in their arrays.
+static inline bool are_neighbours(const int *first, const int *step) {
+    int apart = 0;
+    for (int l = 0; l < PM_LANES; ++l) {
+        apart |= (first[l] - first[0] - l) | (step[l] - step[0]);
+    }
+    return apart == 0;
+}
+
+// Gathers PM_LANES lanes of states that are neighbours, or anywhere.
+PM_SIMD_CLONES static void gather_row(int count, int lanes, const int *component,
+                                      const double *from, int step, double *to, uint64_t *differs) {
     for (int c = 0; c < count; ++c) {
-        const int at = component[c];
-        for (int l = 0; l < lanes; ++l) {
-            to[(ptrdiff_t)c * lanes + l] = from[first[l] + at * step[l]];
+        renew(from + (ptrdiff_t)component[c] * step, to + (ptrdiff_t)c * lanes, differs);
+    }
+}
+
+static void gather_each(int count, int lanes, const int *component, const double *from,
+                        const int *first, const int *step, double *to, uint64_t *differs) {
+    for (int c = 0; c < count; ++c) {
+        double value[PM_LANES];
+        for (int l = 0; l < PM_LANES; ++l) {
+            value[l] = from[first[l] + (ptrdiff_t)component[c] * step[l]];
+        }
+        renew(value, to + (ptrdiff_t)c * lanes, differs);
+    }
+}
+
+void pm_lanes_gather(int count, int lanes, const int *component, const double *from,
+                     const int *first, const int *step, double *to, uint64_t *changed) {
+    for (int v = 0; v < lanes; v += PM_LANES) {
+        uint64_t differs[PM_LANES] = {0};
+        if (are_neighbours(first + v, step + v)) {
+            gather_row(count, lanes, component, from + first[v], step[v], to + v, differs);
+        } else {
+            gather_each(count, lanes, component, from, first + v, step + v, to + v, differs);
+        }
+        if (changed != NULL) {
+            note(differs, changed + v);
         }
     }
 }

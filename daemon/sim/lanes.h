@@ -32,9 +32,10 @@ void pm_lanes_book(int rows, int lanes, double weight, const double *e, const do
                    const double *rate, const pm_lane_flux *flux);
 
 // Copies component[c] of the state in each lane: to[c][l] = from[first[l] + component[c] step[l]],
-// for `count` components.
+// for `count` components. Sets bits of changed [lanes] where a bit of `to` has changed; changed may
+// be NULL.
 void pm_lanes_gather(int count, int lanes, const int *component, const double *from,
-                     const int *first, const int *step, double *to);
+                     const int *first, const int *step, double *to, uint64_t *changed);
 
 // Sets outside [lanes] to 1 where a group of the state z [layout->nz][lanes] is outside its range
 // (model/training_range.h), and to 0 elsewhere.

@@ -153,6 +153,30 @@ for line in "right: reversible bulk: does nothing: it acts on 2 components" \
     "right: irreversible bulk: does nothing: it acts on 1 component,"; do
     succeed "$line" check "$scene" --weights "$folder/spoilt"
 done
+# A scene of many is summed up, and its recording keeps what it is asked for.
+cat > "$folder/many.yaml" <<END
+scene: many
+time: {dt: 0.01, steps: 20, integrator: euler}
+models:
+  mass:
+    constants: {m: 2.0, k: 3.0}
+    energy: "|p|^2/(2*m) + k/2*|q|^2"
+    reversible: {given: [[q, p, 1.0]]}
+subsystems:
+  "mass[0:1000]":
+    model: mass
+    state: {q: {unit: m, size: 1}, p: {unit: kg m/s, size: 1}}
+    initial: {q: 1, p: 0}
+record: {parts: ["mass[998:1000]"], every: 5}
+END
+succeed "and 999 more subsystems with the same model" check "$folder/many.yaml"
+[ "$("$portmetd" check "$folder/many.yaml" | wc -l)" -lt 400 ] || fail "a check of many is long"
+succeed "and 936 more subsystems" run "$folder/many.yaml" --in-process --record "$folder/many.h5"
+if command -v h5ls > /dev/null; then
+    h5ls -r "$folder/many.h5" | grep -q '^/subsystems/mass999/z *Dataset {5/Inf' ||
+        fail "every fifth state is not recorded"
+    [ "$(h5ls "$folder/many.h5/subsystems" | wc -l)" -eq 2 ] || fail "other parts are recorded"
+fi
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced

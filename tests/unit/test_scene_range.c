@@ -18,6 +18,7 @@ static const char chain[] = HEAD
     "ports:\n"
     "  \"joint[0:4]\": {law: bracket, between: [\"link[i]\", \"link[i+1]\"], weights: j.h5,\n"
     "    expose: {\"link[i]\": [x, s], \"link[i+1]\": [s]}}\n"
+    "record: {parts: [link0, \"link[3:5]\"], every: 10}\n"
     "processes: {left: [\"link[0:2]\", link3], right: [link2, link4]}\n";
 
 static const char grid[] = HEAD
@@ -67,6 +68,11 @@ static void a_range_makes_a_chain(void **state) {
         assert_int_equal(scene->end_at[scene->first_end[i + 1]], 2 * i + 1);
     }
     assert_int_equal(scene->first_end[5], 8);
+    assert_int_equal(scene->record_every, 10);
+    for (int i = 0; i < 5; ++i) {
+        assert_true(pm_scene_records(scene, i) == (i == 0 || i >= 3));
+        assert_true(i == 4 || pm_scene_records_port(scene, i) == (i != 1));
+    }
     pm_scene_free(scene);
 }
 
@@ -95,6 +101,7 @@ static void mistakes_name_their_place(void **state) {
         {"joint[0:4]", "joint[0:5]", "there is no subsystem or boundary input \"link5\""},
         {"\"link[i]\", \"link[i+1]\"]", "\"link[i-1]\", \"link[i+1]\"]",
          "[i-1] in \"link[i-1]\" is -1, expected an index >= 0"},
+        {"link[3:5]", "link[3:6]", "there is no subsystem \"link5\""},
         {"\"link[i-1].x\"", "\"link[i].x\"", "a cycle"},
         {"[\"link[0:2]\", link3]", "[\"link[0:9]\"]", "there is no subsystem \"link5\""},
         {"[\"link[0:2]\", link3]", "[\"link[0:3]\"]", "\"link2\" has a process already"},
