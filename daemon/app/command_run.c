@@ -15,30 +15,48 @@
 #include "lockstep/gate.h"
 #include "lockstep/lockstep.h"
 
-#define WATCH_INTERVAL 0.05 // s between two looks at the children
-#define GATE_INTERVAL 0.002 // s between two looks at the gate that holds a run in this thread
-#define END_GRACE 5.0       // s for the nodes to end by themselves after the last step
+#define MOST_STARTING 16     // nodes that start at the same time
+#define LAUNCH_INTERVAL 0.25 // s after which one more starts, whatever the others do
+#define WATCH_INTERVAL 0.05  // s between two looks at the children
+#define GATE_INTERVAL 0.002  // s between two looks at the gate that holds a run in this thread
+#define END_GRACE 5.0        // s for the nodes to end by themselves after the last step
 
 // --- over LCM ---
 
-static pm_status launch_nodes(pm_launch *launch, pm_setup *setup, const pm_run_options *options,
-                              int64_t session) {
-    const char *number = pm_arena_printf(&setup->arena, "%" PRId64, session);
-    for (int i = 0; i < setup->scene->nprocess; ++i) {
-        const char *name = setup->scene->process[i].name;
+// The nodes that are still to be launched. The coordinator answers those that are there meanwhile.
+typedef struct launcher {
+    pm_launch *launch;
+    pm_setup *setup;
+    const pm_run_options *options;
+    const char *session;
+    int next;  // process to be launched
+    double at; // s, when the last one was
+} launcher;
+
+// Launches nodes as long as few of those before have yet to say hello: they share the cores, and
+// each has to start within its patience.
+static pm_status launch_some(launcher *l, int present) {
+    const pm_scene *scene = l->setup->scene;
+    while (l->next < scene->nprocess &&
+           (l->next - present < MOST_STARTING || pm_clock() > l->at + LAUNCH_INTERVAL)) {
+        const char *name = scene->process[l->next].name;
         const char *const *argv =
-            number == NULL ? NULL : pm_supervise_arguments(setup, options, number, name);
+            l->session == NULL ? NULL
+                               : pm_supervise_arguments(l->setup, l->options, l->session, name);
         if (argv == NULL) {
             return pm_fail(PM_ENOMEM, "run: out of memory");
         }
-        PM_TRY(pm_launch_start(launch, name, argv, NULL));
+        PM_TRY(pm_launch_start(l->launch, name, argv, NULL));
+        l->next += 1;
+        l->at = pm_clock();
     }
     return PM_OK;
 }
 
 // Runs the coordinator's loop, and watches the children and the stop flag until the first failure.
-static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch,
+static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
                          const volatile sig_atomic_t *stop) {
+    pm_launch *launch = nodes->launch;
     pm_transport *transport = pm_lockstep_coordinator_transport(coordinator);
     bool failed = false;
     double now = pm_clock(), looked = 0;
@@ -53,6 +71,9 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, pm_launch *launch
                 pm_lockstep_coordinator_fail(coordinator, status, pm_error());
                 failed = true;
             }
+        }
+        if (!failed && nodes->next < nodes->setup->scene->nprocess) {
+            PM_TRY(launch_some(nodes, pm_lockstep_coordinator_present(coordinator)));
         }
         const double next = pm_lockstep_coordinator_poll(coordinator, now);
         const double wait = next - now < WATCH_INTERVAL ? next - now : WATCH_INTERVAL;
@@ -74,8 +95,12 @@ static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
-    PM_TRY_DONE(launch_nodes(launch, setup, options, coordinator_options.session));
-    status = conduct(coordinator, launch, options->stop);
+    launcher nodes = {.launch = launch,
+                      .setup = setup,
+                      .options = options,
+                      .session =
+                          pm_arena_printf(&setup->arena, "%" PRId64, coordinator_options.session)};
+    status = conduct(coordinator, &nodes, options->stop);
     if (status == PM_OK) {
         status = pm_launch_wait(launch, END_GRACE);
     }

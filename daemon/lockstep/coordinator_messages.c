@@ -169,6 +169,8 @@ static pm_drop accept_done(pm_remote_process *remote) {
         if (sample != NULL) {
             pm_remote_process_fill(remote, row, sample);
             pm_report_window_mark(&c->reports, first + row, remote->id);
+            // Processes may come one by one: the patience with the others begins anew.
+            c->progressed = c->progressed || c->completed < 0;
             drop = PM_KEEP;
         }
     }

@@ -195,7 +195,9 @@ static pm_status request_missing(pm_lockstep_coordinator *c) {
     const int64_t step = c->completed + 1;
     for (int i = 0; i < c->nremote && !any; ++i) {
         const pm_remote_process *remote = &c->remote[i];
-        if (!pm_report_window_has(&c->reports, step, remote->id)) {
+        // Before the first step, those that have not said hello yet have nothing to send.
+        const bool here = c->completed >= 0 || remote->greeted[0] != 0;
+        if (here && !pm_report_window_has(&c->reports, step, remote->id)) {
             PM_TRY(pm_endpoint_request(&c->endpoint, remote->address, remote->channel, step, 0));
         }
     }
@@ -241,6 +243,14 @@ static pm_status await(pm_lockstep_coordinator *c) {
     PM_TRY(check_patience(c));
     return pm_waiting_request_due(&c->endpoint.waiting, c->endpoint.now) ? request_missing(c)
                                                                          : PM_OK;
+}
+
+int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *c) {
+    int count = 0;
+    for (int i = 0; i < c->nremote; ++i) {
+        count += c->completed >= 0 || c->remote[i].greeted[0] != 0;
+    }
+    return count;
 }
 
 // --- the end ---

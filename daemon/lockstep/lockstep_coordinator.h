@@ -99,6 +99,9 @@ pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordina
 
 // Return the ledger of the completed steps, the transport that the coordinator was opened on, and
 // the counts of used and dropped messages.
+// Returns the number of processes that have said hello.
+int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
+
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
 pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
 const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);

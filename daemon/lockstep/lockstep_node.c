@@ -11,6 +11,7 @@
 #define HELLO_INTERVAL 0.1   // s
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
+#define EACH_ASK 0.002       // s between two questions before the first step, for each process
 #define LONG_ASK 1.0         // s between two questions of a node that waits for long
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the run
 
@@ -67,11 +68,14 @@ static pm_status await(pm_lockstep_node *node) {
         node->next = waiting->next;
         return PM_OK;
     }
-    if (pm_waiting_is_long(waiting) && now >= node->asked_at + LONG_ASK) {
-        // Another coordinator may lead the run, or this node may believe something wrong.
+    // Another coordinator may lead the run, or this node may believe something wrong. Until all
+    // processes are there, a question now and then shows that this one is.
+    const bool begins = node->granted == 0;
+    const double pause = begins ? EACH_ASK * node->endpoint.system->scene->nprocess : LONG_ASK;
+    if ((begins || pm_waiting_is_long(waiting)) && now >= node->asked_at + pause) {
         pm_node_ask(node, node->coordinator);
     }
-    if (node->step < node->endpoint.steps) {
+    if (node->step < node->endpoint.steps && !begins) {
         // While blocked, publish the partially filled report.
         PM_TRY(pm_reporter_flush(&node->reporter));
         // A missing flux is requested before a missing tick, since the grant may depend on the

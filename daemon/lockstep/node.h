@@ -25,7 +25,9 @@
 //          of the round       every round of a step is complete  RUNNING   report: when full, 20 ms
 //                                                                          old, or awaited
 //                             time to request (waiting.h)        RUNNING   request for the missing
-//                                                                          flux, else for a tick
+//                                                                          flux, else for a tick;
+//                                                                          before the first grant
+//                                                                          hello
 //                             request, still buffered            RUNNING   flux or report again
 //                             request, new, no longer buffered   RUNNING   none: roll back to the
 //                                                                          checkpoint before it

@@ -46,7 +46,9 @@ bool pm_waiting_request_due(pm_waiting *waiting, double now) {
 }
 
 bool pm_waiting_is_long(const pm_waiting *waiting) {
-    return waiting->interval >= PM_WAITING_LAST;
+    // Among many processes a request to all costs much, and steps take longer anyway.
+    return waiting->interval >= PM_WAITING_LAST &&
+           waiting->next - waiting->since >= PM_WAITING_LONG * waiting->first;
 }
 
 bool pm_waiting_is_over(const pm_waiting *waiting, double heard, double patience, double now) {
