@@ -1,4 +1,4 @@
-// Samples of a run and their HDF5 recording. Every quantity is a series of its own with a buffer.
+// The HDF5 recording of a run. Every quantity is a series of its own with a buffer.
 // The buffers are written when a block is full or a second has passed, so that a step costs one
 // copy. Space on the disk is reserved before, so that a write does not fail halfway.
 #include "scene/recording.h"
@@ -21,44 +21,6 @@
 #define FORMAT "portmet recording"
 #define MAX_NAMED 1000   // components whose names fit into an attribute of 64 KiB
 #define INDEX_BYTES 8192 // most by which a block makes the file's index of a series grow
-
-// --- samples ---
-
-// Takes the next `count` elements of 8-byte aligned memory.
-static void *carve(char **memory, size_t count, size_t size) {
-    void *piece = *memory;
-    *memory += (count * size + 7) / 8 * 8;
-    return piece;
-}
-
-pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
-    const size_t nz = (size_t)scene->nz, n = (size_t)scene->nsubsystem;
-    const size_t nport = (size_t)scene->nport;
-    const size_t size = sizeof(pm_sample) + (nz + 7 * n) * sizeof(double) + 3 * n * sizeof(long) +
-                        nport * sizeof(pm_flux[2]);
-    pm_sample *s = calloc(1, size);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "sample: out of memory");
-    }
-    char *memory = (char *)(s + 1);
-    s->z = carve(&memory, nz, sizeof *s->z);
-    s->energy = carve(&memory, n, sizeof *s->energy);
-    s->entropy = carve(&memory, n, sizeof *s->entropy);
-    s->bulk_energy = carve(&memory, n, sizeof *s->bulk_energy);
-    s->bulk_entropy = carve(&memory, n, sizeof *s->bulk_entropy);
-    s->bulk_gross = carve(&memory, 2 * n, sizeof *s->bulk_gross);
-    s->error = carve(&memory, n, sizeof *s->error);
-    s->flux = carve(&memory, nport, sizeof *s->flux);
-    s->evaluated = carve(&memory, n, sizeof *s->evaluated);
-    s->skipped = carve(&memory, n, sizeof *s->skipped);
-    s->outside = carve(&memory, n, sizeof *s->outside);
-    *sample = s;
-    return PM_OK;
-}
-
-void pm_sample_free(pm_sample *sample) {
-    free(sample);
-}
 
 // --- the recording ---
 
