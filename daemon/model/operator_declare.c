@@ -128,23 +128,28 @@ static pm_status check_along(const pm_operator *op, const pm_site *site, const p
     return PM_OK;
 }
 
+// Adds trained numbers that start at zero. Far from good weights they would only go astray, because
+// the rates hardly depend on them there.
+static pm_status add_late(pm_params *params, const char *name, int rows, int columns) {
+    PM_TRY(pm_params_add(params, name, rows, columns, true, 0, 0));
+    pm_params_find(params, name)->late = true;
+    return PM_OK;
+}
+
 // Declares the shares of the heat of each process, and the exponents of its dependence on
 // temperature.
 static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
-    const int nheat = pm_support_heats(op->spec, site);
+    const int nheat = pm_support_heats(op->spec, site), rank = op->spec->rank;
     pm_operator_name name;
     PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "temperature"), 1, 1, false, 0,
                          PM_DEFAULT_TEMPERATURE));
     PM_TRY(pm_params_add_shared(params, PM_WARMTH, 0));
-    PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "power"), 1, op->spec->rank,
-                         true, 0, 0));
+    PM_TRY(add_late(params, pm_operator_join(name, op->prefix, "power"), 1, rank));
     if (nheat < 2) {
         return PM_OK;
     }
-    PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "ratio_power"), 1,
-                         op->spec->rank, true, 0, 0));
-    return pm_params_add(params, pm_operator_join(name, op->prefix, "split"), op->spec->rank,
-                         nheat - 1, true, 0, 0);
+    PM_TRY(add_late(params, pm_operator_join(name, op->prefix, "ratio_power"), 1, rank));
+    return add_late(params, pm_operator_join(name, op->prefix, "split"), rank, nheat - 1);
 }
 
 // Whether an operator acts on the entropies alone that take up the heat. Other operators with

@@ -14,6 +14,7 @@ typedef struct pm_param_entry {
     char *name; // e.g. "energy.1.layer0.weight"
     int rows, cols;
     bool trained;  // true: the optimiser changes it; false: it is fixed from the data
+    bool late;     // training keeps it as it starts while it chooses the initial weights
     double spread; // standard deviation of the numbers that pm_params_randomise adds
     double *value; // [rows][cols], owned unless borrowed; the pointer stays valid until
                    // pm_params_free

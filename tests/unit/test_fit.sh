@@ -200,6 +200,19 @@ config ruined '{optimiser: gauss_newton, iterations: 12, batch: 200, substeps: 2
 fit ruined ruined || fail "fit ruined"
 says 'those of stage 1 after'
 [ $code -eq 0 ] || fail "ruined: exit code $code"
+# A stage whose loss is not finite ends, and the fit goes on from the best weights.
+config broken '{optimiser: gauss_newton, iterations: 12, batch: 200, substeps: 2}' \
+    '{optimiser: adam, iterations: 2, batch: 8, rate: 1.0e+300, substeps: 1}'
+fit broken broken || fail "fit broken"
+says '^stage 2/2 ends after .* goes on from the best weights\.'
+says 'those of stage 1 after'
+[ $code -eq 0 ] || fail "broken: exit code $code"
+# Bad rollouts make it begin again with other initial weights, at most twice.
+config unlucky '{optimiser: adam, iterations: 1, rate: 1.0e-12}'
+sed -i -e '/^defaults: plain/d' -e '$a start: {tries: 2, iterations: 1}' "$folder/unlucky.yaml"
+fit unlucky unlucky || fail "fit unlucky"
+[ "$(grep -c '^rollouts on the validation part are bad: ' "$folder/out")" -eq 2 ] || fail "unlucky"
+[ "$(grep -c '^stage 1/1 ' "$folder/out")" -eq 3 ] || fail "unlucky: expected three attempts"
 # Longer stages go on where shorter ones ended.
 config longer '{optimiser: gauss_newton, iterations: 20, batch: 200, substeps: 2}'
 cp -r "$folder/honest" "$folder/longer"

@@ -101,7 +101,21 @@ static void windows_are_cut_in_order(void **state) {
     bench_close(&b);
 }
 
-static void derivatives_are_of_fourth_order(void **state) {
+// Checks the rates of all samples, of which every trajectory has those behind its first `margin`
+// states.
+static void check_rates(const bench *b, const pm_samples *samples, int first, int margin) {
+    const int per_trajectory = b->data->ntime - 2 * margin;
+    for (int i = 0; i < samples->count; ++i) {
+        for (int c = 0; c < 3; ++c) {
+            const double *z = samples->z + (ptrdiff_t)i * pm_samples_width(samples);
+            const double t = (i % per_trajectory + margin) * DT;
+            random_system_check(&b->w, "derivative", (z[3 + c] - z[c]) / DT,
+                                slope_at(first + i / per_trajectory, 2 - c, t), 1e-11);
+        }
+    }
+}
+
+static void derivatives_of_polynomials_are_exact(void **state) {
     (void)state;
     bench b;
     pm_samples samples;
@@ -109,14 +123,51 @@ static void derivatives_are_of_fourth_order(void **state) {
     make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 7);
     assert_int_equal(samples.unroll, 1);
     assert_int_equal(samples.count, 2 * (NTIME - 4));
+    check_rates(&b, &samples, 1, 2);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
+// The polynomials are of degree 4, so that five states determine them.
+static void short_trajectories_have_rates(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    b.data->ntime = 5;
+    assert_int_equal(
+        pm_samples_make(&samples, b.w.scene, b.data, 0, 1, PM_RESIDUAL_DERIVATIVE, 1, 1), PM_OK);
+    assert_int_equal(samples.count, 3);
+    check_rates(&b, &samples, 0, 1);
+    pm_samples_free(&samples);
+    b.data->ntime = 3;
+    assert_int_equal(
+        pm_samples_make(&samples, b.w.scene, b.data, 0, 1, PM_RESIDUAL_DERIVATIVE, 1, 1), PM_OK);
+    assert_int_equal(samples.count, 2);
+    pm_samples_free(&samples);
+    bench_close(&b);
+}
+
+// A jump in one variable of a trajectory makes its rates there uncertain, and no others.
+static void uncertain_rates_have_small_weights(void **state) {
+    (void)state;
+    bench b;
+    pm_samples samples;
+    bench_open(&b);
+    pm_dataset_state(b.data, 1, 0)[1] += 1;
+    make(&b, &samples, PM_RESIDUAL_DERIVATIVE, 1);
+    assert_true(samples.weighted);
     for (int i = 0; i < samples.count; ++i) {
+        const double *weight =
+            samples.z + (ptrdiff_t)i * pm_samples_width(&samples) + pm_samples_weights(&samples);
         for (int c = 0; c < 3; ++c) {
-            const double *z = samples.z + (ptrdiff_t)i * 6;
-            const double t = (i % (NTIME - 4) + 2) * DT;
-            random_system_check(&b.w, "derivative", (z[3 + c] - z[c]) / DT,
-                                slope_at(1 + i / (NTIME - 4), 2 - c, t), 1e-12);
+            const bool jumps = i < NTIME - 4 && c == 1;
+            random_system_check(&b.w, "weight", weight[c], jumps ? 0 : 1, jumps ? 0.02 : 1e-9);
         }
     }
+    pm_samples_free(&samples);
+    make(&b, &samples, PM_RESIDUAL_STEP, 1);
+    assert_false(samples.weighted);
     pm_samples_free(&samples);
     bench_close(&b);
 }
@@ -153,7 +204,7 @@ static void too_short_is_an_error(void **state) {
                      PM_EDATA);
     assert_int_equal(pm_samples_make(&samples, b.w.scene, b.data, 2, 2, PM_RESIDUAL_STEP, 1, 1),
                      PM_EDATA);
-    b.data->ntime = 4;
+    b.data->ntime = 1;
     assert_int_equal(
         pm_samples_make(&samples, b.w.scene, b.data, 0, 3, PM_RESIDUAL_DERIVATIVE, 1, 1), PM_EDATA);
     bench_close(&b);
@@ -347,7 +398,9 @@ static void settled_networks_are_the_same(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(windows_are_cut_in_order),
-        cmocka_unit_test(derivatives_are_of_fourth_order),
+        cmocka_unit_test(derivatives_of_polynomials_are_exact),
+        cmocka_unit_test(short_trajectories_have_rates),
+        cmocka_unit_test(uncertain_rates_have_small_weights),
         cmocka_unit_test(rates_of_the_data_are_taken),
         cmocka_unit_test(too_short_is_an_error),
         cmocka_unit_test(constants_are_the_statistics_of_the_data),

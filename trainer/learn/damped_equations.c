@@ -113,8 +113,14 @@ static bool solve_by_factors(pm_damped_equations *e, double damping, double *ste
     const size_t n = (size_t)e->size;
     memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
     for (size_t i = 0; i < n; ++i) {
-        e->damped[i * n + i] += e->hold * e->held[i] + damping * e->diagonal[i];
+        e->damped[i * n + i] += e->hold * e->held[i] + damping * e->diagonal[i] + e->near;
         step[i] = -e->gradient[i];
+    }
+    for (size_t i = 0; i < n && e->frozen != NULL; ++i) {
+        for (size_t j = 0; j < n && e->frozen[i]; ++j) {
+            e->damped[i * n + j] = e->damped[j * n + i] = i == j ? 1 : 0;
+        }
+        step[i] = e->frozen[i] ? 0 : step[i];
     }
     return pm_cholesky_solve(e->size, e->damped, step);
 }
@@ -129,11 +135,16 @@ static double dot(int n, const double *a, const double *b) {
     return sum;
 }
 
-// Computes image = (H + damping D) vector.
+static bool is_frozen(const pm_damped_equations *e, int i) {
+    return e->frozen != NULL && e->frozen[i];
+}
+
+// Computes image = (H + R + damping D + near I) vector without the rows of frozen weights.
 static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
     pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
     for (int i = 0; i < e->size; ++i) {
-        image[i] += (e->hold * e->held[i] + damping * e->diagonal[i]) * vector[i];
+        image[i] += (e->hold * e->held[i] + damping * e->diagonal[i] + e->near) * vector[i];
+        image[i] = is_frozen(e, i) ? 0 : image[i];
     }
 }
 
@@ -141,13 +152,13 @@ static void multiply(pm_damped_equations *e, double damping, const double *vecto
 static double condition(pm_damped_equations *e, double damping) {
     for (int i = 0; i < e->size; ++i) {
         e->conditioned[i] =
-            e->residual[i] / (e->hold * e->held[i] + (1 + damping) * e->diagonal[i]);
+            e->residual[i] / (e->hold * e->held[i] + (1 + damping) * e->diagonal[i] + e->near);
     }
     return dot(e->size, e->residual, e->conditioned);
 }
 
 // Starts with the guess if that is better than zero, and returns the quadratic model of the loss
-// there, g.x + x.(H + damping D)x / 2.
+// there, g.x + x.(H + damping D + near I)x / 2. The guess must be zero for frozen weights.
 static double start(pm_damped_equations *e, double damping, double *step) {
     const int n = e->size;
     double model = 0;
@@ -158,7 +169,7 @@ static double start(pm_damped_equations *e, double damping, double *step) {
     const bool keep = model < 0;
     for (int i = 0; i < n; ++i) {
         step[i] = keep ? step[i] : 0;
-        e->residual[i] = -e->gradient[i] - (keep ? e->image[i] : 0);
+        e->residual[i] = is_frozen(e, i) ? 0 : -e->gradient[i] - (keep ? e->image[i] : 0);
     }
     return keep ? model : 0;
 }

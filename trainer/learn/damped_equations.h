@@ -1,5 +1,5 @@
 // The damped normal equations of Levenberg-Marquardt,
-//     (H + R + damping D) step = -gradient,
+//     (H + R + damping D + near I) step = -gradient,
 // where H is the Gauss-Newton matrix of a loss on a batch and D its diagonal. They are solved by a
 // Cholesky factorisation of the matrix (gauss_newton_matrix.h), or by conjugate gradients, which
 // need products with H alone (gauss_newton_product.h).
@@ -27,8 +27,10 @@ typedef struct pm_damped_equations {
     double hold;                      // the diagonal of R where held is 1
     double *hessian, *damped;         // [size][size], of the matrix
     double *residual, *conditioned, *direction, *image; // [size], of conjugate gradients
-    int count;                                          // the batch of the last linearisation
-    const int *index;                                   // [count], borrowed
+    double near;        // damping in the units of the weights; 0 at first, the caller may change it
+    const bool *frozen; // [size] weights whose step is zero, borrowed; NULL: none
+    int count;          // the batch of the last linearisation
+    const int *index;   // [count], borrowed
 } pm_damped_equations;
 
 // Prepares the equations for the loss of `objective`, which must outlive them. With `matrix` they

@@ -15,6 +15,12 @@
 #include "learn/symmetry.h"
 
 #define CHECKPOINT_INTERVAL 30.0 // s
+// Training begins again with other initial weights if the best rollouts on the validation part have
+// more than this fraction of the error of persistence.
+#define UNLUCKY 0.02
+#define MOST_ATTEMPTS 3
+// The difference between the seeds of two attempts.
+#define SEED_STRIDE 7000003
 
 // --- reports from optimisers ---
 
@@ -55,21 +61,10 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
 
 // --- stages ---
 
-// Evaluates the loss of every sample, so that all residuals are up to date.
-static pm_status evaluate_all(const pm_fit *f, pm_objective *objective) {
-    double *gradient = malloc(((size_t)f->size + 1) * sizeof *gradient);
-    if (gradient == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a gradient");
-    }
-    pm_objective_evaluate(objective, 0, NULL, gradient);
-    free(gradient);
-    return PM_OK;
-}
-
 // Prepares a stage that begins or is resumed: sets the weights and the robust scale.
 static pm_status take_up(pm_fit *f, pm_objective *objective) {
     pm_objective_set_weights(objective, f->theta);
-    PM_TRY(evaluate_all(f, objective));
+    pm_objective_evaluate(objective, 0, NULL, NULL); // so that all residuals are up to date
     if (f->position[PM_FIT_DONE] > 0 || f->position[PM_FIT_BATCHES] > 0) { // resumed
         pm_objective_set_robust_square(objective, f->position[PM_FIT_ROBUST]);
     } else {
@@ -104,7 +99,7 @@ static pm_status optimise(pm_fit *f, pm_objective *objective) {
     pm_objective_set_weights(objective, f->theta);
     PM_TRY(pm_fit_validate(f, &score));
     pm_fit_write_curves(f, stage->optimiser->name, f->loss, score);
-    PM_TRY(evaluate_all(f, objective));
+    pm_objective_evaluate(objective, 0, NULL, NULL); // so that all residuals are up to date
     PM_TRY(pm_objective_residuals(objective, &median, &mean));
     printf("%-16s %8d iterations %8.1f s   loss %.3e", label, o.done, pm_clock() - started,
            f->loss);
@@ -132,6 +127,23 @@ static pm_status make_samples(pm_fit *f, pm_residual residual, int unroll, int i
     return PM_OK;
 }
 
+// Chooses initial weights by the seed of the training and the number of the attempt.
+static pm_status search_start(pm_fit *f) {
+    pm_samples samples;
+    if (f->training->tries <= 1 || pm_training_hides(f->training)) {
+        return PM_OK;
+    }
+    pm_status status = make_samples(f, PM_RESIDUAL_DERIVATIVE, 1, 1, &samples);
+    if (status == PM_EDATA) {
+        return PM_OK; // the trajectories are too short for rates: keep the first draw
+    }
+    PM_TRY(status);
+    const uint64_t seed = f->training->seed + SEED_STRIDE * (uint64_t)f->position[PM_FIT_ATTEMPT];
+    status = pm_start_search(f->training, &samples, seed, f->declared, f->theta, f->stop);
+    pm_samples_free(&samples);
+    return status;
+}
+
 static pm_status run_stage(pm_fit *f) {
     const pm_stage *stage = &f->training->stage[f->stage];
     pm_samples samples;
@@ -149,29 +161,55 @@ static pm_status run_stage(pm_fit *f) {
     return status;
 }
 
+// A stage whose loss is not finite ends there, and training goes on from the best weights so far.
+static pm_status run_stage_or_return(pm_fit *f) {
+    const pm_status status = run_stage(f);
+    if (status != PM_ENUMERIC || f->position[PM_FIT_BEST] < 0) {
+        return status;
+    }
+    printf("stage %d/%d ends after %d iterations: %s. Training goes on from the best weights.\n",
+           f->stage + 1, f->training->nstage, (int)f->position[PM_FIT_DONE], pm_error());
+    memcpy(f->theta, f->best, (size_t)f->size * sizeof *f->theta);
+    return PM_OK;
+}
+
+static void begin_stage(pm_fit *f, int stage) {
+    f->position[PM_FIT_STAGE] = stage;
+    f->position[PM_FIT_DONE] = f->position[PM_FIT_BATCHES] = f->position[PM_FIT_LOSS] = 0;
+    memset(f->moment, 0, 2 * (size_t)f->size * sizeof *f->moment);
+}
+
 // The checkpoint of the last stage remains, so that a longer last stage can be resumed from it.
 static pm_status run_stages(pm_fit *f) {
     for (f->stage = (int)f->position[PM_FIT_STAGE]; !f->expired; ++f->stage) {
-        PM_TRY(run_stage(f));
+        PM_TRY(run_stage_or_return(f));
+        if (!f->expired) { // also if it has settled before its last iteration
+            f->position[PM_FIT_DONE] = f->training->stage[f->stage].schedule.iterations;
+        }
         PM_TRY(pm_fit_save(f, false));
         if (f->stage + 1 == f->training->nstage) {
             break;
         }
-        f->position[PM_FIT_STAGE] = f->stage + 1;
-        f->position[PM_FIT_DONE] = f->position[PM_FIT_BATCHES] = f->position[PM_FIT_LOSS] = 0;
-        memset(f->moment, 0, 2 * (size_t)f->size * sizeof *f->moment);
+        begin_stage(f, f->stage + 1);
     }
     return PM_OK;
 }
 
+// Whether the best weights so far are so bad on the validation part that other initial weights are
+// worth the time.
+static bool is_unlucky(const pm_fit *f) {
+    return !f->expired && f->training->tries > 1 &&
+           f->position[PM_FIT_ATTEMPT] + 1 < MOST_ATTEMPTS && f->position[PM_FIT_BEST] > UNLUCKY;
+}
+
 pm_status pm_fit_run(pm_fit *f) {
     pm_status status = f->measured == NULL ? run_stages(f) : pm_fit_measured_run(f);
-    if (status == PM_ENUMERIC && f->position[PM_FIT_BEST] >= 0) {
-        char reason[256];
-        snprintf(reason, sizeof reason, "%s", pm_error());
-        PM_TRY(pm_fit_save(f, false));
-        status = pm_fail(PM_ENUMERIC, "%s; the best weights before are in %s", reason,
-                         f->arguments->output);
+    while (status == PM_OK && f->measured == NULL && is_unlucky(f)) {
+        ++f->position[PM_FIT_ATTEMPT];
+        begin_stage(f, 0);
+        printf("rollouts on the validation part are bad: other initial weights are tried\n");
+        status = search_start(f);
+        status = status == PM_OK ? run_stages(f) : status;
     }
     pm_fit_set_weights(f, pm_fit_kept(f));
     return status;
@@ -248,34 +286,16 @@ static size_t count_weights(const pm_system *system) {
     return count;
 }
 
-static pm_status search_start(pm_fit *f, const double *declared) {
-    pm_samples samples;
-    if (f->training->tries <= 1 || pm_training_hides(f->training)) {
-        return PM_OK;
-    }
-    pm_status status = make_samples(f, PM_RESIDUAL_DERIVATIVE, 1, 1, &samples);
-    if (status == PM_EDATA) {
-        return PM_OK; // the trajectories are too short for rates: keep the first draw
-    }
-    PM_TRY(status);
-    status = pm_start_search(f->training, &samples, declared, f->theta, f->stop);
-    pm_samples_free(&samples);
-    return status;
-}
-
 // Draws the weights, fixes the normalisation, and writes the chosen initial weights to theta.
 static pm_status initialise(pm_fit *f) {
     pm_system *system = f->training->system;
-    double *declared = malloc(((size_t)f->size + 1) * sizeof *declared), *theta = declared;
-    if (declared == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for %d weights", f->size);
-    }
+    double *theta = f->declared;
     for (int i = 0; i < pm_system_components(system); ++i) {
         pm_params_gather(pm_system_params(system, i), theta);
         theta += pm_params_trained(pm_system_params(system, i));
     }
     if (f->measured != NULL) {
-        memcpy(f->measured->declared, declared, (size_t)f->size * sizeof *declared);
+        memcpy(f->measured->declared, f->declared, (size_t)f->size * sizeof *f->declared);
     }
     pm_start_draw(f->training, f->theta);
     pm_samples samples;
@@ -285,9 +305,8 @@ static pm_status initialise(pm_fit *f) {
         pm_samples_free(&samples);
     }
     if (status == PM_OK && !f->arguments->resume) {
-        status = search_start(f, declared);
+        status = search_start(f);
     }
-    free(declared);
     return status;
 }
 
@@ -297,8 +316,10 @@ static pm_status allocate(pm_fit *f) {
     f->checkpoint = pm_arena_printf(&f->arena, "%s/fit.checkpoint", f->arguments->output);
     f->theta = pm_arena_array(&f->arena, size, sizeof *f->theta);
     f->best = pm_arena_array(&f->arena, size, sizeof *f->best);
+    f->declared = pm_arena_array(&f->arena, size, sizeof *f->declared);
     f->moment = pm_arena_array(&f->arena, 2 * size, sizeof *f->moment);
-    if (f->checkpoint == NULL || f->theta == NULL || f->best == NULL || f->moment == NULL) {
+    if (f->checkpoint == NULL || f->theta == NULL || f->best == NULL || f->moment == NULL ||
+        f->declared == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for %d weights", f->size);
     }
     f->position[PM_FIT_BEST] = -1;

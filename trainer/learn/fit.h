@@ -31,7 +31,8 @@ enum {
     PM_FIT_BEST,       // the score of the best weights; -1: none yet
     PM_FIT_BEST_STAGE, // where the best weights were found
     PM_FIT_BEST_DONE,
-    PM_FIT_DIGEST, // the digest of each stage (learn/training.h)
+    PM_FIT_ATTEMPT, // completed trainings from other initial weights
+    PM_FIT_DIGEST,  // the digest of each stage (learn/training.h)
     PM_FIT_POSITION = PM_FIT_DIGEST + PM_MAX_TRAINING_STAGES
 };
 
@@ -51,6 +52,7 @@ typedef struct pm_fit {
     double *theta;    // [size] the present weights
     double *moment;   // [2][size] the memory of the optimiser
     double *best;     // [size] the best weights so far
+    double *declared; // [size] the weights before any random draw
     double position[PM_FIT_POSITION];
     int stage;
     int interval;     // iterations between two validations

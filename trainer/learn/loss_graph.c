@@ -36,7 +36,10 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
         s->z[i] =
             pm_slice(g, nodes->input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
     }
-    const pm_node scale = pm_param(g, samples->scale, 1, nz);
+    pm_node scale = pm_param(g, samples->scale, 1, nz);
+    if (samples->weighted) {
+        scale = pm_div(g, scale, pm_slice(g, nodes->input, pm_samples_weights(samples), nz));
+    }
     for (int step = 0; step < unroll; ++step) {
         const pm_node boundary_input =
             samples->nboundary_input == 0

@@ -19,7 +19,7 @@ typedef struct pm_loss {
 
 typedef struct pm_loss_nodes {
     pm_node input;      // [1][pm_samples_width] batched: a window (learn/samples.h)
-    pm_node residual;   // [1][unroll nz]: (z - z_data) / scale after each step
+    pm_node residual;   // [1][unroll nz]: (z - z_data) weight / scale after each step
     pm_node degeneracy; // [1][1]: |L dS|^2 + |M dE|^2, scaled, mean; PM_NO_NODE in the hard form
 } pm_loss_nodes;
 

@@ -12,7 +12,8 @@
 
 // Keeps the robust scale away from zero when the fit is exact to rounding.
 #define SMALLEST_MEDIAN 1e-28
-#define LANES 2 // threads; a fixed number, so that the order of sums is fixed
+#define VALUES 2 // the outputs of a run without gradient
+#define LANES 2  // threads; a fixed number, so that the order of sums is fixed
 // The most samples per run of the graph, and the most bytes that its values may take, so that they
 // stay in the cache.
 #define CHUNK 128
@@ -22,13 +23,14 @@
 typedef struct loss_lane {
     pm_objective *objective;
     int id;
-    pm_program *program;
-    double *window; // [chunk][pm_samples_width], the program's input
+    pm_program *program;    // loss, residuals and gradient
+    pm_program *value_only; // loss and residuals
     double loss;
     double *gradient; // [size]
-    // The samples of the present evaluation.
+    // The samples of the present evaluation, and whether it is without the gradient.
     int count;
     const int *index;
+    bool short_run;
 } loss_lane;
 
 struct pm_objective {
@@ -94,7 +96,7 @@ static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
     pm_gradient(g, o->sum, PM_NO_NODE, o->nentry, o->entry_gradient, gradient);
     memcpy(o->entry_gradient, gradient, (size_t)o->nentry * sizeof *gradient);
     int count = 0;
-    output[count++] = o->sum;
+    output[count++] = o->sum; // the first VALUES outputs need no gradient
     output[count++] = o->residual;
     for (int i = 0; i < o->nentry; ++i) {
         if (gradient[i] != PM_NO_NODE) {
@@ -107,7 +109,7 @@ static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
         l->objective = o;
         l->id = i;
         PM_TRY_DONE(pm_program_open(&l->program, g, count, output, o->chunk));
-        l->window = pm_program_value(l->program, o->input);
+        PM_TRY_DONE(pm_program_open(&l->value_only, g, VALUES, output, o->chunk));
         l->gradient = calloc((size_t)o->size + 1, sizeof *l->gradient);
         if (l->gradient == NULL) {
             status = pm_fail(PM_ENOMEM, "out of memory for a gradient");
@@ -184,6 +186,7 @@ void pm_objective_close(pm_objective *objective) {
     if (objective != NULL) {
         for (int i = 0; i < LANES; ++i) {
             pm_program_close(objective->lane[i].program);
+            pm_program_close(objective->lane[i].value_only);
             free(objective->lane[i].gradient);
         }
         free(objective->params);
@@ -257,18 +260,22 @@ static void *work(void *context) {
     const int chunk = chunk_of(l->count, l->objective->chunk);
     const pm_objective *o = l->objective;
     const size_t width = (size_t)pm_samples_width(o->samples);
+    pm_program *program = l->short_run ? l->value_only : l->program;
+    double *window = pm_program_value(program, o->input); // [chunk][width]
     l->loss = 0;
     memset(l->gradient, 0, (size_t)o->size * sizeof *l->gradient);
     for (int first = l->id * chunk; first < l->count; first += LANES * chunk) {
         const int batch = l->count - first < chunk ? l->count - first : chunk;
         for (int i = 0; i < batch; ++i) {
             const int sample = l->index == NULL ? first + i : l->index[first + i];
-            pm_samples_window(o->samples, sample, l->window + (size_t)i * width);
+            pm_samples_window(o->samples, sample, window + (size_t)i * width);
         }
-        pm_program_run(l->program, batch);
-        l->loss += *pm_program_value(l->program, o->sum);
-        add_gradient(l);
-        const double *square = pm_program_value(l->program, o->residual);
+        pm_program_run(program, batch);
+        l->loss += *pm_program_value(program, o->sum);
+        if (!l->short_run) {
+            add_gradient(l);
+        }
+        const double *square = pm_program_value(program, o->residual);
         for (int i = 0; i < batch; ++i) {
             const int sample = l->index == NULL ? first + i : l->index[first + i];
             o->square[sample % o->samples->count] = square[i];
@@ -283,13 +290,13 @@ double pm_objective_evaluate(pm_objective *o, int count, const int *index, doubl
     for (int i = 0; i < LANES; ++i) {
         o->lane[i].count = index == NULL ? o->samples->count : count;
         o->lane[i].index = index;
+        o->lane[i].short_run = gradient == NULL;
     }
     for (int i = 1; i < LANES; ++i) {
         started[i] = pthread_create(&thread[i], NULL, work, &o->lane[i]) == 0;
     }
     work(&o->lane[0]);
     double loss = o->lane[0].loss;
-    memcpy(gradient, o->lane[0].gradient, (size_t)o->size * sizeof *gradient);
     for (int i = 1; i < LANES; ++i) {
         if (started[i]) {
             pthread_join(thread[i], NULL);
@@ -297,12 +304,13 @@ double pm_objective_evaluate(pm_objective *o, int count, const int *index, doubl
             work(&o->lane[i]); // no thread could be started: compute the same sums here
         }
         loss += o->lane[i].loss;
-        for (int j = 0; j < o->size; ++j) {
-            gradient[j] += o->lane[i].gradient[j];
-        }
     }
     const double mean = 1.0 / o->lane[0].count;
-    for (int j = 0; j < o->size; ++j) {
+    for (int j = 0; gradient != NULL && j < o->size; ++j) {
+        gradient[j] = o->lane[0].gradient[j];
+        for (int i = 1; i < LANES; ++i) {
+            gradient[j] += o->lane[i].gradient[j];
+        }
         gradient[j] *= mean;
     }
     return loss * mean;

@@ -28,7 +28,8 @@ int pm_objective_size(const pm_objective *o); // the number of weights
 void pm_objective_weights(const pm_objective *o, double *theta);
 void pm_objective_set_weights(pm_objective *o, const double *theta);
 
-// Returns the loss at the present weights of the system and writes its gradient [size]. The mean is
+// Returns the loss at the present weights of the system and writes its gradient [size], unless
+// `gradient` is NULL, which takes a fraction of the time. The mean is
 // over the samples index[0 .. count), or over all samples in their original orientation if index is
 // NULL. An index names a sample or one of its symmetric copies, and at most one of them per sample.
 double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);

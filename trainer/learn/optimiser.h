@@ -12,7 +12,10 @@ typedef struct pm_schedule {
     double first_rate, last_rate; // adam: learning rate, decreasing along a half cosine
     double beta2;                 // adam: decay of the mean square of the gradients
     int memory;                   // lbfgs: the number of stored correction pairs
-    bool guarded; // gauss_newton: undo a step after which the next batch has a much larger loss
+    // gauss_newton: a step must lower the loss of further samples, too, and the run ends before its
+    // last iteration if the loss does not fall any more
+    bool guarded;
+    bool early; // gauss_newton: weights that are marked late (model/params.h) stay as they are
 } pm_schedule;
 
 // A training stage in progress. A stage can be interrupted whenever it reports, and can be resumed

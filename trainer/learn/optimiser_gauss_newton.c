@@ -20,10 +20,21 @@
 #define MORE_EFFORT 3
 #define MOST_FRACTIONS 4
 #define SHORTEN 0.3
-// A step is undone if the loss of the next batch is this many times that of the batch of the step,
-// and this many times its own loss before the step.
-#define WILD 10
-#define WILD_STIFFEN 64
+// A guarded step must lower the loss of this many times as many samples as are in the batch.
+#define CHECKED 4
+// A guarded step also has the damping NEARNESS times the loss, in the units of the weights: a step
+// of length 1 must be worth this fraction of the loss. Directions that hardly change the residuals
+// would otherwise be taken as far as the equations allow. With a damping in proportion to the loss
+// the convergence stays quadratic, also where the matrix is singular (Yamashita, Fukushima,
+// Computing Suppl. 15 (2001) 239).
+#define NEARNESS 1e-4
+// No weight moves by more than this in a guarded step. A longer step may end where a hidden unit is
+// saturated or an exponential has vanished, from where no gradient leads back.
+#define LONGEST 1.0
+// A guarded run ends when this number of iterations has not lowered the loss by this factor.
+#define PATIENCE 10
+#define PROGRESS 0.95
+#define SETTLED 2 // where the moment holds that loss
 // The most weights for which the matrix is formed and factorised, and the most residuals of a
 // sample: the matrix takes a reverse pass for each of them, and conjugate gradients take about
 // three for each of a hundred iterations.
@@ -33,13 +44,16 @@
 typedef struct solver {
     pm_optimisation *o;
     pm_damped_equations equations;
-    int size, batch;
-    double *damping;      // lives in the moment of the optimisation, so that a stage can be resumed
-    int *index;           // [samples]; its first `batch` entries are the batch
-    double *step, *trial; // [size], [2][size]
+    int size, batch, checked;
+    double *damping; // lives in the moment of the optimisation, so that a stage can be resumed
+    // [samples]; the first `batch` entries are the batch, the first `checked` ones judge steps
+    int *index;
+    bool *frozen;         // [size] weights that stay as they are
+    double *step, *trial; // [size]
 } solver;
 
-// Moves a fresh random batch to the front of the index, each sample as a random symmetric copy.
+// Moves a fresh random batch to the front of the index, and behind it further samples that judge
+// its step, each as a random symmetric copy.
 static void draw_batch(solver *s, int count) {
     const int copies = pm_objective_symmetry_copies(s->o->objective) / count;
     pm_rng rng;
@@ -47,46 +61,28 @@ static void draw_batch(solver *s, int count) {
     for (int i = 0; i < count; ++i) {
         s->index[i] = i;
     }
-    for (int i = 0; i < s->batch; ++i) {
+    for (int i = 0; i < s->checked; ++i) {
         const int j = i + (int)pm_rng_below(&rng, (uint64_t)(count - i));
         const int kept = s->index[i];
         s->index[i] = s->index[j];
         s->index[j] = kept;
     }
-    for (int i = 0; i < s->batch && copies > 1; ++i) {
+    for (int i = 0; i < s->checked && copies > 1; ++i) {
         s->index[i] += count * (int)pm_rng_below(&rng, (uint64_t)copies);
     }
 }
 
 static double loss_at(solver *s, const double *theta) {
     pm_objective_set_weights(s->o->objective, theta);
-    return pm_objective_evaluate(s->o->objective, s->batch, s->index, s->trial + s->size);
+    return pm_objective_evaluate(s->o->objective, s->checked, s->index, NULL);
 }
 
 // Stores the loss after a step and the weights before it in the moment of the optimisation, behind
-// the damping, for undo_wild_step in the next iteration.
+// the damping, for guess_step in the next iteration.
 static void keep(solver *s, double loss) {
     if (s->o->schedule.guarded && s->size > 1) {
         s->o->moment[1] = loss;
         memcpy(s->o->moment + s->size, s->o->theta, (size_t)s->size * sizeof(double));
-    }
-}
-
-// Undoes the last step if the present batch shows that it made the loss much larger.
-static void undo_wild_step(solver *s) {
-    pm_optimisation *o = s->o;
-    const double *before = o->moment + s->size;
-    if (!o->schedule.guarded || s->size <= 1 || !(o->moment[1] > 0)) {
-        return;
-    }
-    const double now = loss_at(s, o->theta);
-    if (isfinite(now) && now <= WILD * o->moment[1]) {
-        return;
-    }
-    const double then = loss_at(s, before);
-    if (isfinite(then) && !(now <= WILD * then)) {
-        memcpy(o->theta, before, (size_t)s->size * sizeof(double));
-        *s->damping *= WILD_STIFFEN;
     }
 }
 
@@ -95,19 +91,29 @@ static void guess_step(solver *s) {
     const pm_optimisation *o = s->o;
     const bool known = o->schedule.guarded && s->size > 1 && o->moment[1] > 0;
     for (int i = 0; i < s->size; ++i) {
-        s->step[i] = known ? o->theta[i] - o->moment[s->size + i] : 0;
+        s->step[i] = known && !s->frozen[i] ? o->theta[i] - o->moment[s->size + i] : 0;
     }
+}
+
+// The factor of a step after which no weight moves too far.
+static double shorten(const solver *s) {
+    double longest = 0;
+    for (int i = 0; i < s->size && s->o->schedule.guarded; ++i) {
+        longest = fmax(longest, fabs(s->step[i]));
+    }
+    return longest > LONGEST ? LONGEST / longest : 1;
 }
 
 // Tries the step, and without a matrix also shorter ones, because a loss costs far less than
 // another solution of the equations. Returns the fraction of the step that lowered the loss to
-// *after, with the weights in `trial`, or 0.
+// *after, relative to the longest one allowed, with the weights in `trial`, or 0.
 static double try_step(solver *s, double before, double *after) {
     const int tries = s->equations.product == NULL ? 1 : MOST_FRACTIONS;
+    const double allowed = shorten(s);
     double fraction = 1;
     for (int k = 0; k < tries; ++k, fraction *= SHORTEN) {
         for (int i = 0; i < s->size; ++i) {
-            s->trial[i] = s->o->theta[i] + fraction * s->step[i];
+            s->trial[i] = s->o->theta[i] + allowed * fraction * s->step[i];
         }
         *after = loss_at(s, s->trial);
         if (*after < before) {
@@ -128,14 +134,14 @@ static int effort(const solver *s) {
 // One iteration: tries steps with increasing damping until one lowers the loss of the batch.
 static pm_status iterate(solver *s, double *loss) {
     pm_optimisation *o = s->o;
-    undo_wild_step(s);
     // The robust scale follows the residuals. The losses before and after the step use the same
     // scale.
     loss_at(s, o->theta);
-    PM_TRY(pm_objective_rescale(o->objective, s->batch, s->index));
+    PM_TRY(pm_objective_rescale(o->objective, s->checked, s->index));
     const double before = loss_at(s, o->theta);
     pm_damped_equations_linearise(&s->equations, s->batch, s->index,
                                   s->o->seed + (uint64_t)s->o->done, before);
+    s->equations.near = o->schedule.guarded ? NEARNESS * before : 0;
     guess_step(s);
     while (*s->damping < LARGEST_DAMPING) {
         if (pm_damped_equations_solve(&s->equations, o->theta, *s->damping, effort(s), s->step)) {
@@ -158,6 +164,33 @@ static pm_status iterate(solver *s, double *loss) {
     return PM_OK;
 }
 
+// Whether the last PATIENCE iterations were in vain. The loss before them is stored in the moment
+// of the optimisation, behind the damping.
+static bool is_settled(const solver *s, double loss) {
+    pm_optimisation *o = s->o;
+    if (!o->schedule.guarded || s->size <= SETTLED || o->done % PATIENCE != 0) {
+        return false;
+    }
+    const double before = o->moment[SETTLED];
+    o->moment[SETTLED] = loss;
+    return before > 0 && loss > PROGRESS * before;
+}
+
+// Marks the weights that an early run leaves as they are.
+static void mark_frozen(solver *s) {
+    pm_system *system = pm_objective_context(s->o->objective).system;
+    bool *frozen = s->frozen;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            for (int c = 0; entry->trained && c < entry->rows * entry->cols; ++c) {
+                *frozen++ = entry->late && s->o->schedule.early;
+            }
+        }
+    }
+}
+
 static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
     const int count = pm_objective_samples(o->objective);
     const size_t n = (size_t)pm_objective_size(o->objective);
@@ -166,19 +199,26 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
         *s->damping = FIRST_DAMPING;
     }
     s->batch = o->schedule.batch < count ? o->schedule.batch : count;
+    s->checked = !o->schedule.guarded         ? s->batch
+                 : s->batch < count / CHECKED ? CHECKED * s->batch
+                                              : count;
     s->index = malloc((size_t)count * sizeof *s->index);
     s->step = malloc(n * sizeof *s->step);
-    s->trial =
-        malloc(2 * n * sizeof *s->trial); // the second half receives gradients that are not used
-    if (s->index == NULL || s->step == NULL || s->trial == NULL) {
+    s->trial = malloc(n * sizeof *s->trial);
+    s->frozen = malloc(n * sizeof *s->frozen);
+    if (s->index == NULL || s->frozen == NULL || s->step == NULL || s->trial == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for Gauss-Newton with %zu weights", n);
     }
-    return pm_damped_equations_open(&s->equations, o->objective, matrix);
+    mark_frozen(s);
+    PM_TRY(pm_damped_equations_open(&s->equations, o->objective, matrix));
+    s->equations.frozen = s->frozen;
+    return PM_OK;
 }
 
 static void close_solver(solver *s) {
     pm_damped_equations_close(&s->equations);
     free(s->index);
+    free(s->frozen);
     free(s->step);
     free(s->trial);
 }
@@ -189,7 +229,8 @@ static pm_status run(pm_optimisation *o, bool matrix) {
     }
     solver s;
     pm_status status = open_solver(&s, o, matrix);
-    while (status == PM_OK && o->done < o->schedule.iterations) {
+    bool settled = false;
+    while (status == PM_OK && o->done < o->schedule.iterations && !settled) {
         draw_batch(&s, pm_objective_samples(o->objective));
         double loss = 0;
         status = iterate(&s, &loss);
@@ -197,6 +238,7 @@ static pm_status run(pm_optimisation *o, bool matrix) {
             break;
         }
         ++o->done;
+        settled = is_settled(&s, loss);
         status = isfinite(loss) ? o->report(o->context, o, loss)
                                 : pm_fail(PM_ENUMERIC, "gauss_newton: the loss became %g", loss);
     }

@@ -11,24 +11,62 @@ static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for training samples");
 }
 
-// Central differences need two neighbouring states on either side.
-static int margin_of(pm_residual residual, const pm_dataset *d) {
-    return residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL ? 2 : 0;
+// The most states from which a rate is computed. Boundary inputs have kinks between steps, which
+// wide differences would smear.
+#define WIDEST 9
+#define WIDEST_WITH_INPUTS 5
+// The error of a rate, relative to the typical rate, from which on its weight falls. The error is
+// estimated by a formula of two states less.
+#define CERTAIN 3e-4
+
+// The weights of a difference formula: the derivative at node `at` of the polynomial through
+// `count` states at unit distances (Fornberg, SIAM Rev. 40 (1998) 685).
+typedef struct stencil {
+    int count, at;
+    double weight[WIDEST];
+} stencil;
+
+// The formula of at most `widest` states for state j of a trajectory, centred where the trajectory
+// is long enough on both sides.
+static stencil stencil_at(int j, int ntime, int widest) {
+    stencil s = {.count = ntime < widest ? ntime : widest};
+    const int last = ntime - s.count;
+    const int first = j < s.count / 2 ? 0 : j - s.count / 2 < last ? j - s.count / 2 : last;
+    s.at = j - first;
+    double binomial[WIDEST] = {1}; // barycentric weights of equidistant nodes, with signs
+    for (int i = 1; i < s.count; ++i) {
+        binomial[i] = -binomial[i - 1] * (s.count - i) / i;
+    }
+    for (int i = 0; i < s.count; ++i) {
+        if (i != s.at) {
+            s.weight[i] = binomial[i] / binomial[s.at] / (s.at - i);
+            s.weight[s.at] -= s.weight[i];
+        }
+    }
+    return s;
 }
 
-// Computes z + dt zdot from the given rates, or by central differences if `rate` is NULL.
-static void euler_target(const double *state, const double *rate, double dt, int nz,
-                         double *target) {
-    if (rate != NULL) {
-        for (int c = 0; c < nz; ++c) {
-            target[c] = state[c] + dt * rate[c];
-        }
-        return;
+// The states at either end of a trajectory that are no samples, because only one-sided differences
+// could be taken there. Short trajectories keep at least half of their states.
+static int margin_of(pm_residual residual, const pm_dataset *d, int widest) {
+    const int most = d->ntime / 4;
+    return residual != PM_RESIDUAL_DERIVATIVE || d->zdot != NULL ? 0
+           : most < widest / 2                                   ? most
+                                                                 : widest / 2;
+}
+
+// Computes z + dt zdot from the given rates, or by differences if `rate` is NULL.
+static void euler_target(const double *state, const double *rate, const stencil *formula, double dt,
+                         int nz, double *target) {
+    memcpy(target, state, (size_t)nz * sizeof *target);
+    for (int c = 0; c < nz && rate != NULL; ++c) {
+        target[c] += dt * rate[c];
     }
-    const double *before2 = state - 2 * nz, *before = state - nz;
-    const double *after = state + nz, *after2 = state + 2 * nz;
-    for (int c = 0; c < nz; ++c) {
-        target[c] = state[c] + (before2[c] - after2[c] + 8 * (after[c] - before[c])) / 12;
+    for (int i = 0; i < formula->count && rate == NULL; ++i) {
+        const double *from = state + (ptrdiff_t)(i - formula->at) * nz;
+        for (int c = 0; c < nz; ++c) {
+            target[c] += formula->weight[i] * from[c];
+        }
     }
 }
 
@@ -51,29 +89,49 @@ static void pool_scales(pm_samples *s, const pm_scene *scene, const double *squa
     }
 }
 
-// Cuts one trajectory of states (and of rates, unless `rate` is NULL) into windows. Returns the end
-// of the windows.
-static double *cut(const pm_samples *s, const double *state, const double *rate,
-                   const pm_dataset *d, pm_residual residual,
-                   const pm_boundary_input *boundary_input, double *window, double *square) {
+// The trajectory that is being cut: its states [ntime][nz], and its rates or NULL.
+typedef struct track {
+    const double *state, *rate;
+    pm_boundary_input input;
+    int margin, widest;
+} track;
+
+// Writes z + dt zdot of state j to target [nz]. If the samples are weighted, the estimated errors
+// are written to error [nz].
+static void write_target(const pm_samples *s, const track *t, const pm_dataset *d, int j,
+                         double *target, double *error) {
+    const double *at = t->state + (ptrdiff_t)j * s->nz;
+    const stencil wide = stencil_at(j, d->ntime, t->widest);
+    euler_target(at, t->rate == NULL ? NULL : t->rate + (ptrdiff_t)j * s->nz, &wide, d->dt, s->nz,
+                 target);
+    if (s->weighted) {
+        const stencil less = stencil_at(j, d->ntime, t->widest - 2);
+        euler_target(at, NULL, &less, d->dt, s->nz, error);
+        for (int c = 0; c < s->nz; ++c) {
+            error[c] = fabs(error[c] - target[c]);
+        }
+    }
+}
+
+// Cuts one trajectory into windows and returns the end of them. In place of weights they hold
+// estimated errors. square [nz] gains the squares of their increments.
+static double *cut(const pm_samples *s, const track *t, const pm_dataset *d, pm_residual residual,
+                   double *window, double *square) {
     const size_t nz = (size_t)s->nz,
                  nboundary_input = (size_t)s->input_order * (size_t)s->nboundary_input;
-    const int margin = margin_of(residual, d);
     // Boundary inputs have no interval after the last state.
-    const int last = d->ntime - (margin > 0 ? margin : s->unroll);
-    for (int j = margin; j < last; ++j) {
-        const double *at = state + (size_t)j * nz;
+    const int last = d->ntime - (t->margin > 0 ? t->margin : s->unroll);
+    for (int j = t->margin; j < last; ++j) {
+        const double *at = t->state + (size_t)j * nz;
         if (residual == PM_RESIDUAL_DERIVATIVE) {
             memcpy(window, at, nz * sizeof *at);
-            euler_target(at, rate == NULL ? NULL : rate + (size_t)j * nz, d->dt, s->nz,
-                         window + nz);
+            write_target(s, t, d, j, window + nz, window + pm_samples_weights(s));
         } else {
             memcpy(window, at, ((size_t)s->unroll + 1) * nz * sizeof *at);
         }
         for (int step = 0; step < s->unroll && s->nboundary_input > 0; ++step) {
             memcpy(window + pm_samples_input(s, step),
-                   pm_boundary_input_interval(boundary_input, j + step),
-                   nboundary_input * sizeof *at);
+                   pm_boundary_input_interval(&t->input, j + step), nboundary_input * sizeof *at);
         }
         for (size_t c = 0; c < nz; ++c) {
             const double increment = window[nz + c] - window[c];
@@ -84,21 +142,23 @@ static double *cut(const pm_samples *s, const double *state, const double *rate,
     return window;
 }
 
-static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d, int first, int end,
-                      pm_residual residual, pm_arena *scratch) {
-    const int margin = margin_of(residual, d);
-    const int per_trajectory = d->ntime - (margin > 0 ? 2 * margin : s->unroll);
-    if (per_trajectory <= 0 || end <= first) {
-        return pm_fail(PM_EDATA, "%d trajectories of %d states are too short to train on",
-                       end - first, d->ntime);
+// Replaces the estimated errors in all windows by weights.
+static void weigh(pm_samples *s) {
+    for (int i = 0; i < s->count; ++i) {
+        double *weight = s->z + (ptrdiff_t)i * pm_samples_width(s) + pm_samples_weights(s);
+        for (int c = 0; c < s->nz; ++c) {
+            weight[c] = 1 / hypot(1, weight[c] / (CERTAIN * s->scale[c]));
+        }
     }
+}
+
+static pm_status cut_all(pm_samples *s, const pm_scene *scene, const pm_dataset *d, int first,
+                         int end, pm_residual residual, track *t, pm_arena *scratch) {
+    const size_t nz = (size_t)s->nz, count = (size_t)s->count;
     pm_columns columns;
-    pm_boundary_input boundary_input;
     PM_TRY(pm_columns_bind(&columns, scene, d, scratch));
-    PM_TRY(pm_boundary_input_bind(&boundary_input, scene, d, 1, scratch));
-    const size_t nz = (size_t)s->nz;
-    s->count = per_trajectory * (end - first);
-    s->z = pm_arena_array(&s->arena, (size_t)s->count * (size_t)pm_samples_width(s), sizeof *s->z);
+    PM_TRY(pm_boundary_input_bind(&t->input, scene, d, 1, scratch));
+    s->z = pm_arena_array(&s->arena, count * (size_t)pm_samples_width(s), sizeof *s->z);
     s->scale = pm_arena_array(&s->arena, nz, sizeof *s->scale);
     double *state = pm_arena_array(scratch, (size_t)d->ntime * nz, sizeof *state);
     double *rate = pm_arena_array(scratch, (size_t)d->ntime * nz, sizeof *rate);
@@ -106,6 +166,8 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
     if (s->z == NULL || s->scale == NULL || state == NULL || rate == NULL || square == NULL) {
         return no_memory();
     }
+    t->state = state;
+    t->rate = d->zdot == NULL ? NULL : rate;
     double *window = s->z;
     for (int i = first; i < end; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
@@ -114,12 +176,29 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
                 pm_columns_to_state(&columns, pm_dataset_rate(d, i, j), rate + (size_t)j * nz);
             }
         }
-        pm_boundary_input_follow(&boundary_input, d, i);
-        window = cut(s, state, d->zdot == NULL ? NULL : rate, d, residual, &boundary_input, window,
-                     square);
+        pm_boundary_input_follow(&t->input, d, i);
+        window = cut(s, t, d, residual, window, square);
     }
     pool_scales(s, scene, square, s->count);
+    if (s->weighted) {
+        weigh(s);
+    }
     return PM_OK;
+}
+
+static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d, int first, int end,
+                      pm_residual residual, pm_arena *scratch) {
+    track t = {.widest = s->nboundary_input > 0 ? WIDEST_WITH_INPUTS : WIDEST};
+    t.margin = margin_of(residual, d, t.widest);
+    s->weighted = residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL &&
+                  s->nboundary_input == 0 && d->ntime >= WIDEST;
+    const int per_trajectory = d->ntime - (t.margin > 0 ? 2 * t.margin : s->unroll);
+    if (per_trajectory <= 0 || end <= first) {
+        return pm_fail(PM_EDATA, "%d trajectories of %d states are too short to train on",
+                       end - first, d->ntime);
+    }
+    s->count = per_trajectory * (end - first);
+    return cut_all(s, scene, d, first, end, residual, &t, scratch);
 }
 
 pm_status pm_samples_make(pm_samples *samples, const pm_scene *scene, const pm_dataset *dataset,

@@ -11,15 +11,19 @@ typedef struct pm_symmetry pm_symmetry; // learn/symmetry.h
 
 // `count` windows. A window holds 1 + unroll states [1 + unroll][nz], followed by the coefficients
 // of the boundary inputs over its steps [unroll][input_order][nboundary_input]
-// (pm_boundary_input_interval). For the derivative residual unroll is 1 and the second state is z +
-// dt zdot, where zdot are the rates of the dataset, or else fourth-order central differences.
+// (pm_boundary_input_interval), and by the weights of the residuals [nz] if the samples are
+// weighted. For the derivative residual unroll is 1 and the second state is z + dt zdot, where zdot
+// are the rates of the dataset, or else differences of nine states, of order 8 (of five states
+// where there are boundary inputs, and of all states of shorter trajectories). The differences of
+// nine states are weighted by their accuracy, which a formula of seven states estimates.
 typedef struct pm_samples {
     pm_arena arena; // owns the arrays below, but not the symmetry
     int count, unroll, nz;
     int nboundary_input; // scene->nprescribed
     int input_order; // PM_BOUNDARY_INPUT_ORDER, or 1: only the values at the beginning of each step
-    double *z;       // [count][pm_samples_width]
-    double *scale;   // [nz] root mean square of the increment of one step, pooled over each group
+    bool weighted;
+    double *z;     // [count][pm_samples_width]
+    double *scale; // [nz] root mean square of the increment of one step, pooled over each group
     const pm_symmetry *symmetry; // borrowed: its copies of each window are samples, too; or NULL
 } pm_samples;
 
@@ -36,9 +40,13 @@ void pm_samples_free(pm_samples *samples);
 static inline int pm_samples_input(const pm_samples *s, int step) {
     return (1 + s->unroll) * s->nz + step * s->input_order * s->nboundary_input;
 }
+// Returns the position in a window where the weights begin.
+static inline int pm_samples_weights(const pm_samples *s) {
+    return pm_samples_input(s, s->unroll);
+}
 // Returns the length of a window.
 static inline int pm_samples_width(const pm_samples *s) {
-    return pm_samples_input(s, s->unroll);
+    return pm_samples_weights(s) + (s->weighted ? s->nz : 0);
 }
 
 // Returns the number of coefficients that each window omits because input_order is less than

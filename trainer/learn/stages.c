@@ -1,7 +1,6 @@
 // The automatic stages. Derivatives come first: they are cheap, and good weights are found from far
-// away. Steps of one substep follow, whose residuals do not contain the error of the differences,
-// and finally steps close to those that are served. The batches grow, because the few samples that
-// dominate rollouts must be among them. The last loss is robust from 20 times the median on. From 3
+// away. Steps that are close to those that are served follow. They include the states whose rates
+// are uncertain (learn/samples.h). Their loss is robust from 20 times the median on. From 3
 // times on, rare samples of two of seven circuits had residuals of 1e5 times the median and
 // rollouts through them errors of 5 and 18 %; without a robust loss the median residual was 50
 // times larger.
@@ -10,15 +9,14 @@
 // The most weights for Gauss-Newton, which solves the normal equations of all weights; Adam beyond.
 #define MOST_WEIGHTS 4000
 // The number of residuals per weight in a batch of each stage.
-#define FIRST_RESIDUALS 4
-#define SECOND_RESIDUALS 8
+#define FIRST_RESIDUALS 64 // all samples, where there are not too many
 #define LAST_RESIDUALS 12
 #define ROBUST 20 // of the last stage, in medians
 // The cost of an iteration grows with the square of the number of weights. Below this number there
 // are more iterations.
 #define MANY_WEIGHTS 800
 #define SMALLEST_BATCH 512
-#define LARGEST_BATCH 4000
+#define LARGEST_BATCH 8192
 
 static int count_weights(const pm_system *system) {
     int count = 0;
@@ -61,11 +59,9 @@ void pm_stages_auto(pm_training *t, const pm_stage *common) {
     }
     const int often = weights < MANY_WEIGHTS / 2 ? 3 : weights < MANY_WEIGHTS ? 2 : 1;
     const int first = batch_of(FIRST_RESIDUALS, weights, nz);
-    const int second = batch_of(SECOND_RESIDUALS, weights, nz);
     const int last = batch_of(LAST_RESIDUALS, weights, nz);
     add(t, common, "gauss_newton", 60 * often, first)->loss.residual = PM_RESIDUAL_DERIVATIVE;
-    add(t, common, "gauss_newton", 40 * often, second)->loss.substeps = 1;
-    pm_stage *end = add(t, common, "gauss_newton", 20 * often, last);
+    pm_stage *end = add(t, common, "gauss_newton", 30 * often, last);
     end->loss.substeps = (common->loss.substeps + 1) / 2;
     end->loss.robust = common->loss.robust > 0 ? common->loss.robust : ROBUST;
 }

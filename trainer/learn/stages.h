@@ -4,8 +4,8 @@
 
 #include "learn/training.h"
 
-// Fills training->stage and training->nstage: derivatives first, then steps of one substep, then
-// steps of half the substeps of `common` with a robust loss. All other settings are those of
+// Fills training->stage and training->nstage: derivatives first, then steps of half the
+// substeps of `common` with a robust loss. All other settings are those of
 // `common`. Beyond some thousand weights Adam takes the place of Gauss-Newton. The models must have
 // been declared, because the sizes of the batches depend on the number of weights.
 void pm_stages_auto(pm_training *training, const pm_stage *common);

@@ -13,8 +13,8 @@
 #include "learn/optimiser.h"
 
 // The number of residuals per weight in a batch of a short fit, and the fewest samples in it.
-#define RESIDUALS_PER_WEIGHT 2
-#define SMALLEST_BATCH 256
+#define RESIDUALS_PER_WEIGHT 8
+#define SMALLEST_BATCH 512
 // The number of samples on which candidates are compared.
 #define COMPARED 2048
 // The difference between the seeds of two candidates.
@@ -31,6 +31,7 @@ typedef struct search {
     pm_training *training;
     pm_objective *objective;
     int size, count;
+    uint64_t seed;
     candidate *candidate; // the first `count` are still in the race
     const volatile sig_atomic_t *stop;
     pm_progress progress;
@@ -63,14 +64,15 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
 }
 
 // Runs some more iterations of one candidate and computes its loss after them.
-static pm_status advance(search *s, candidate *c, int iterations, double *gradient) {
+static pm_status advance(search *s, candidate *c, int iterations) {
     const pm_loss_context context = pm_objective_context(s->objective);
     const int wanted = RESIDUALS_PER_WEIGHT * s->size / context.samples->nz;
     pm_optimisation o = {.objective = s->objective,
                          .schedule = {.iterations = c->done + iterations,
                                       .batch = wanted > SMALLEST_BATCH ? wanted : SMALLEST_BATCH,
-                                      .guarded = true},
-                         .seed = s->training->seed,
+                                      .guarded = true,
+                                      .early = true},
+                         .seed = s->seed,
                          .theta = c->theta,
                          .moment = c->moment,
                          .done = c->done,
@@ -88,7 +90,7 @@ static pm_status advance(search *s, candidate *c, int iterations, double *gradie
         for (; n < COMPARED && n * step < count; ++n) {
             index[n] = n * step;
         }
-        c->loss = pm_objective_evaluate(s->objective, n, index, gradient);
+        c->loss = pm_objective_evaluate(s->objective, n, index, NULL);
         c->loss = isfinite(c->loss) ? c->loss : INFINITY;
     }
     return PM_OK;
@@ -100,11 +102,11 @@ static int compare(const void *a, const void *b) {
     return x->loss != y->loss ? (x->loss < y->loss ? -1 : 1) : x->id - y->id;
 }
 
-static pm_status halve(search *s, double *gradient) {
+static pm_status halve(search *s) {
     int iterations = s->training->try_iterations;
     while (s->count > 1) {
         for (int i = 0; i < s->count; ++i) {
-            PM_TRY(advance(s, &s->candidate[i], iterations, gradient));
+            PM_TRY(advance(s, &s->candidate[i], iterations));
         }
         qsort(s->candidate, (size_t)s->count, sizeof *s->candidate, compare);
         s->count = (s->count + 1) / 2;
@@ -123,7 +125,7 @@ static int count_iterations(int tries, int iterations) {
     return sum;
 }
 
-// Draws all candidates. The first one gets the present weights.
+// Draws all candidates. The first one of the training's own seed is the present weights.
 static pm_status open_candidates(search *s, const double *declared, const double *theta) {
     pm_training *t = s->training;
     const size_t n = (size_t)s->size;
@@ -137,26 +139,22 @@ static pm_status open_candidates(search *s, const double *declared, const double
                            s->size);
         }
         memcpy(c->theta, theta, n * sizeof *theta);
-        if (k > 0) {
+        if (k > 0 || s->seed != t->seed) {
             pm_objective_set_weights(s->objective, declared);
-            draw(t, t->seed + SEED_STRIDE * (uint64_t)k, c->theta);
+            draw(t, s->seed + SEED_STRIDE * (uint64_t)k, c->theta);
         }
     }
     return PM_OK;
 }
 
 static pm_status run_search(search *s, const double *declared, double *theta) {
-    double *gradient = malloc(((size_t)s->size + 1) * sizeof *gradient);
-    if (gradient == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a gradient");
-    }
     pm_status status = open_candidates(s, declared, theta);
     const double started = pm_clock();
     const int tries = s->count;
     if (status == PM_OK) {
         pm_progress_init(&s->progress, "start",
                          count_iterations(tries, s->training->try_iterations));
-        status = halve(s, gradient);
+        status = halve(s);
         pm_progress_finish(&s->progress);
     }
     if (status == PM_OK) {
@@ -166,13 +164,13 @@ static pm_status run_search(search *s, const double *declared, double *theta) {
                s->iterations, pm_clock() - started, best->loss, tries, best->id + 1);
         fflush(stdout);
     }
-    free(gradient);
     return status;
 }
 
-pm_status pm_start_search(pm_training *training, const pm_samples *samples, const double *declared,
-                          double *theta, const volatile sig_atomic_t *stop) {
-    search s = {.training = training, .count = training->tries, .stop = stop};
+pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,
+                          const double *declared, double *theta,
+                          const volatile sig_atomic_t *stop) {
+    search s = {.training = training, .count = training->tries, .seed = seed, .stop = stop};
     const pm_loss loss = {.residual = PM_RESIDUAL_DERIVATIVE,
                           .integrator = training->stage[0].loss.integrator,
                           .substeps = 1,

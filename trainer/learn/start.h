@@ -15,12 +15,13 @@
 // the system must hold. Writes all trained numbers to theta [size].
 void pm_start_draw(pm_training *training, double *theta);
 
-// Replaces theta [size] by the best of training->tries draws, judged by their loss on the samples,
-// which must be those of the derivative residual. `declared` [size] are the weights as declared,
-// from which every draw begins. The constants of the models must have been fixed
+// Replaces theta [size] by the best of training->tries draws, which `seed` decides, judged by their
+// loss on the samples, which must be those of the derivative residual. With the seed of the
+// training theta itself must be its draw and is one of them. `declared` [size] are the weights as
+// declared, from which every draw begins. The constants of the models must have been fixed
 // (learn/normalization.h). If training->tries is 1, theta is not changed. PM_EINTERRUPTED if *stop
 // becomes nonzero; PM_ENOMEM.
-pm_status pm_start_search(pm_training *training, const pm_samples *samples, const double *declared,
-                          double *theta, const volatile sig_atomic_t *stop);
+pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,
+                          const double *declared, double *theta, const volatile sig_atomic_t *stop);
 
 #endif

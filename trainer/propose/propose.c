@@ -6,9 +6,8 @@
 
 #include "propose/propose_draft.h"
 
-// Bounds on the substep times the fastest rate of change: in the second stage, in the last stage,
-// and in a scene that resolves its dynamics.
-#define COARSE 0.6
+// Bounds on the substep times the fastest rate of change: in the last stage, and in a scene that
+// resolves its dynamics.
 #define FINE 0.25
 #define RESOLVED 0.5
 
@@ -50,8 +49,8 @@ static int substeps_for(const pm_draft *d, double turn) {
     return wanted < 1 ? 1 : wanted < most ? (int)wanted : most;
 }
 
-// A batch has many times as many residuals as there are weights. With fewer a rare state can become
-// wild unseen, which the steps after it do not mend.
+// Derivatives take all samples at once where there are not too many. A random batch lacks most of
+// the rare states, and the step that is best for it is not the best one for all.
 static void write_stages(const pm_draft *d) {
     FILE *f = d->file;
     fputs(d->p->form == PM_FREE
@@ -60,15 +59,14 @@ static void write_stages(const pm_draft *d) {
                 "steps.\nstart: {tries: 1}\n"
               : "# Several initial weights are tried on derivatives. The best one is fitted to "
                 "derivatives "
-                "further,\n# then to single steps with coarse and with fine substeps.\n",
+                "further,\n# then to single steps.\n",
           f);
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f,
-            "  - {optimiser: gauss_newton, iterations: 60, batch: 2048, residual: derivative}\n");
-    fprintf(f, "  - {optimiser: gauss_newton, iterations: 60, batch: 2048, substeps: %d}\n",
-            substeps_for(d, COARSE));
-    fprintf(f, "  - {optimiser: gauss_newton, iterations: 40, batch: 3000, substeps: %d}\n",
-            substeps_for(d, FINE));
+            "  - {optimiser: gauss_newton, iterations: 80, batch: 8192, residual: derivative}\n");
+    fprintf(
+        f, "  - {optimiser: gauss_newton, iterations: 15, batch: 4096, substeps: %d, robust: 20}\n",
+        substeps_for(d, FINE));
 }
 
 static void write_all(const pm_draft *d) {

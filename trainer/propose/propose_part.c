@@ -60,6 +60,7 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
         default:
             break;
         }
+        fprintf(f, "%s", v->gyroscopic[g] ? "; its components move each other" : "");
         fprintf(f, "%s%s\n",
                 v->geometric[g] && v->kind[g] != PM_VIEW_POSITION
                     ? "; other variables move it, friction does not act on it"
@@ -72,9 +73,10 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
 
 // --- energies ---
 
-static void add_entropies(pm_draft_list *l, const pm_part_view *v) {
+// Adds the entropies, or only those that change and can thus take up heat.
+static void add_entropies(pm_draft_list *l, const pm_part_view *v, bool changing) {
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_ENTROPY) {
+        if (v->kind[g] == PM_VIEW_ENTROPY && !(changing && v->group[g].constant)) {
             pm_draft_add(l, "", pm_draft_name(v, g));
         }
     }
@@ -180,7 +182,7 @@ static bool has_heat(const pm_part_view *v) {
 static void write_entropy(const pm_draft *d, const pm_part_view *v) {
     if (v->nentropy > 0) {
         pm_draft_list l = pm_draft_open(d->file, "    entropy: {given: ");
-        add_entropies(&l, v);
+        add_entropies(&l, v, false);
         fprintf(d->file, "]}\n");
     } else if (has_heat(v)) {
         pm_draft_list l = pm_draft_open(d->file, "    entropy:\n      - {features: ");
@@ -197,6 +199,11 @@ static void write_entropy(const pm_draft *d, const pm_part_view *v) {
 
 // --- operators of parts ---
 
+// Whether the lossless coupling of this group with others, or among its components, is learned.
+static bool is_coupled(const pm_part_view *v, int g) {
+    return (v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant) || v->gyroscopic[g];
+}
+
 static void write_reversible(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
     int given = 0, others = 0;
@@ -212,7 +219,7 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
             fprintf(f, "%s[%s, %s, cross]", before, name, name);
             ++given;
         }
-        others += v->kind[g] == PM_VIEW_OTHER ? v->group[g].group->size : 0;
+        others += is_coupled(v, g) ? v->group[g].group->size : 0;
     }
     fprintf(f, given > 0 ? "]\n" : "");
     if (others < 2) {
@@ -221,7 +228,7 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
     pm_draft_list l = pm_draft_open(f, given > 0 ? "      learned: {acts_on: "
                                                  : "    reversible:\n      learned: {acts_on: ");
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_OTHER) {
+        if (is_coupled(v, g)) {
             pm_draft_add(&l, "", pm_draft_name(v, g));
         }
     }
@@ -233,12 +240,14 @@ bool pm_draft_may_lose(const pm_part_view *v, int g) {
 }
 
 static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
-    int n = 0;
+    int n = 0, heats = 0;
     for (int g = 0; g < v->count; ++g) {
+        const bool heat = v->kind[g] == PM_VIEW_ENTROPY && !v->group[g].constant;
         n += pm_draft_may_lose(v, g) ? v->group[g].group->size : 0;
+        heats += heat ? v->group[g].group->size : 0;
     }
-    const int rank = n + (v->nentropy > 1 ? v->nentropy - 1 : 0);
-    if ((v->nentropy == 0 && !has_heat(v)) || rank == 0) {
+    const int rank = n + (heats > 1 ? heats - 1 : 0);
+    if ((heats == 0 && !has_heat(v)) || rank == 0) {
         return;
     }
     pm_draft_list l = pm_draft_open(d->file, "    irreversible: {learned: {acts_on: ");
@@ -247,7 +256,7 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
             pm_draft_add(&l, "", pm_draft_name(v, g));
         }
     }
-    add_entropies(&l, v);
+    add_entropies(&l, v, true);
     fprintf(d->file, "], rank: %d}}", rank);
     fprintf(d->file, "   # one constant for each dissipative process\n");
 }

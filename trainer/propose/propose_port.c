@@ -123,8 +123,20 @@ static bool has_coentropy(const pm_draft *d, int port, int end, const pm_group *
     return input->value[2 * input->layout.nz + scene->component[end][group->first]].at != NULL;
 }
 
+// Whether a group of a subsystem does not change in the data.
+static bool is_constant(const pm_draft *d, int port, int end, const pm_group *group) {
+    const int id = d->p->scene->port[port].subsystem[end];
+    for (int g = 0; id >= 0 && g < d->part[id].count; ++g) {
+        if (strcmp(pm_draft_name(&d->part[id], g), group->name) == 0) {
+            return d->part[id].group[g].constant;
+        }
+    }
+    return false;
+}
+
 static bool port_heats(const pm_draft *d, int port, int end, const pm_group *group) {
-    return is_entropy_unit(group) && has_coentropy(d, port, end, group);
+    return is_entropy_unit(group) && has_coentropy(d, port, end, group) &&
+           !is_constant(d, port, end, group);
 }
 
 // Returns true if the dissipation of a port may act on this group of one end.

@@ -21,12 +21,13 @@ typedef struct pm_part_view {
     pm_look_group group[PM_MAX_GROUPS];
     pm_unit unit[PM_MAX_GROUPS];
     pm_view_kind kind[PM_MAX_GROUPS];
-    int mate[PM_MAX_GROUPS];       // the conjugate group, or -1
-    double sign[PM_MAX_GROUPS];    // positions: dposition/dt = sign dE/dmomentum
-    bool linear[PM_MAX_GROUPS];    // positions: the rate is linear in momenta, to rounding
-    bool apart[PM_MAX_GROUPS];     // positions: the rate is a function of momenta alone
-    bool geometric[PM_MAX_GROUPS]; // other variables alone move it, so that friction cannot act on
-                                   // it
+    int mate[PM_MAX_GROUPS];        // the conjugate group, or -1
+    double sign[PM_MAX_GROUPS];     // positions: dposition/dt = sign dE/dmomentum
+    bool linear[PM_MAX_GROUPS];     // positions: the rate is linear in momenta, to rounding
+    bool apart[PM_MAX_GROUPS];      // positions: the rate is a function of momenta alone
+    bool gyroscopic[PM_MAX_GROUPS]; // momenta: one component moves another, as in a magnetic field
+    bool geometric[PM_MAX_GROUPS];  // other variables alone move it, so that friction cannot act on
+                                    // it
 } pm_part_view;
 
 // A lossless coupling of a group of end a with a group of end b.
