@@ -10,47 +10,57 @@
 typedef struct pm_look_group {
     const pm_group *group; // borrowed from the scene
     int first;             // position of its first component in the state of the scene
-    double deviation;      // standard deviation, pooled over its components
+    double deviation;      // standard deviation over states, pooled over components, in its unit
     double rate;           // root mean square of its rate, in its unit per s, pooled likewise
-    bool constant;         // it does not change
-    bool positive;         // all components are positive in all states
-    bool zero;             // in some state its length is small compared with the deviation
+    bool constant;         // the group does not change
+    bool positive;         // all components are positive in all examined states
+    bool zero;             // in some examined state its length is small compared with the deviation
 } pm_look_group;
 
+// The examined states of a dataset, from which all functions below compute their statistics.
 typedef struct pm_look {
-    pm_arena arena;
+    pm_arena arena;            // owns the arrays
     const pm_scene *scene;     // borrowed
     const pm_dataset *dataset; // borrowed
     pm_columns columns;
     int count;        // the number of examined states
-    double *z, *rate; // [count][nz]; rates of the dataset, or else central differences
-    double fastest;   // 1/s: the largest ratio of the change of a rate per s to this rate
+    double *z, *rate; // [count][nz] states, in their units, and rates, in units per s: those of the
+                      // dataset, or else central differences
+    double fastest;   // 1/s: the largest rms(change of a rate per s)/rms(rate) of all components
     int samples;      // the number of states in all trajectories
 } pm_look;
 
-// Examines at most some thousand states, evenly chosen. `scene` and `dataset` must outlive the
-// result; the caller frees it. PM_EDATA: the trajectories are too short; otherwise fails as
-// pm_columns_bind does.
+// Copies at most some thousand states, evenly chosen, with their rates. `scene` and `dataset` must
+// outlive the result, which the caller frees after success. PM_EDATA: the trajectories are too
+// short. PM_ENOMEM. Otherwise fails as pm_columns_bind does. After a failure nothing is left to
+// free.
 pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *dataset);
 void pm_look_free(pm_look *look);
 
 // Computes the statistics of group number `group` of a subsystem.
 pm_look_group pm_look_at(const pm_look *look, int subsystem, int group);
 
-// Performs a linear regression of the rate of `target` on `count` groups of the same size. Each
-// group has one coefficient for all its components, and each component has a constant term. Writes
-// coefficient [count] and returns the fraction of the variance that stays unexplained, 0 to 1; 1 if
-// the rate does not vary. At most PM_LOOK_SOURCES groups are used.
+// Performs a linear regression of the rate of `target` on source [count], groups of the same size
+// as `target`. Each group has one coefficient for all its components, and each component has a
+// constant term. Writes coefficient [count], in the unit of the rate divided by the unit of the
+// group, and returns the fraction of the rate's variance that stays unexplained, 0 to 1. Returns 1
+// and writes zeros if the rate does not vary or the regression is singular. Only the first
+// PM_LOOK_SOURCES groups are used; no other coefficient is written.
 #define PM_LOOK_SOURCES 16
 double pm_look_explain(const pm_look *look, const pm_look_group *target, int count,
                        const pm_look_group *source, double *coefficient);
-// Does the same with the powers 1 to `degree` of each group, without returning coefficients. count
-// * degree is at most PM_LOOK_SOURCES.
+// Performs a linear regression of the rate of `target` on the powers 1 to `degree` of the
+// components of source [count], groups of the same size as `target`. Each power of a group has one
+// coefficient for all components, and each component has a constant term. Returns the fraction of
+// the rate's variance that stays unexplained, as pm_look_explain does. Only the first
+// PM_LOOK_SOURCES/degree groups are used.
 double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, int count,
                               const pm_look_group *source, int degree);
 
-// Returns true if the sum of q x p over the `count` pairs, in the coordinates of the columns, is
-// constant along each trajectory. Then the dynamics do not depend on directions.
+// Returns true if the angular momentum, the sum of q[i] x p[i] over `count` conjugate pairs of
+// groups of two or three components, is constant along each trajectory. This sum is taken in the
+// coordinates of the dataset's columns. The dynamics then do not depend on directions. Returns
+// false if there are no pairs or all their products vanish.
 bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
                             const pm_look_group *p);
 
