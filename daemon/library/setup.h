@@ -7,41 +7,51 @@
 #include "scene/columns.h"
 #include "scene/system.h"
 
-// The purpose of a setup. A node needs the initial state and its boundary inputs; a coordinator
-// also needs the reference; a description can do without an initial state.
+// The purpose of a setup. A node needs the initial state and its boundary inputs. A coordinator
+// also needs the reference. A description of the scene can do without an initial state.
 typedef enum pm_purpose { PM_TO_SERVE, PM_TO_COORDINATE, PM_TO_DESCRIBE } pm_purpose;
 
+// The parts of a setup, which owns them. The caller owns the storage.
 typedef struct pm_setup {
     pm_arena arena;
     pm_scene *scene;
     pm_system *system;
-    pm_dataset *reference; // NULL: the scene names none, or it is not needed
-    pm_columns columns;    // of the reference
-    int stride;            // steps between two states of the reference
-    pm_boundary_input
-        boundary_input; // values prescribed from outside; empty without boundary inputs
-    double *initial;    // [scene->nz]; NULL only for PM_TO_DESCRIBE, if there is none
+    pm_dataset *reference; // NULL: the scene names no reference, or the purpose needs none
+    pm_columns columns;    // the columns of the reference that hold the scene's state
+    int stride;            // steps of the scene between two states of the reference
+    // Values prescribed from outside; empty if the scene has no boundary inputs.
+    pm_boundary_input boundary_input;
+    // [scene->nz] the state before the first step; NULL only for PM_TO_DESCRIBE, if a subsystem has
+    // neither an `initial` nor a reference.
+    double *initial;
 } pm_setup;
 
-// Begins a setup with a scene and its system, which pm_system_load reads with `weights` (NULL: from
-// where the scene says). Takes over the scene. The caller may change the scene's URL, number of
-// steps and processes before the next call, and frees the setup, on failure too. Fails as
-// pm_system_load does.
+// Begins a setup with a scene and its system. The setup takes over the scene. pm_system_load reads
+// the weights from the folder `weights`, or from the files that the scene names if `weights` is
+// NULL. The caller may change the scene's URL, number of steps and processes before it calls
+// pm_setup_complete. The caller frees the setup, after a failure too. Fails as pm_system_load does.
 pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights);
 
 // Completes the setup with the reference, the boundary inputs and the initial state. Each subsystem
-// starts from its `initial`, or else from the first state of the reference; PM_ECONFIG if it has
-// neither. PM_EDATA: the time step of the reference does not fit. The initial state and the
-// boundary inputs are folded into system->digest, so that the processes of hosts with different
-// references refuse each other. It also fails as the functions that load its parts do.
+// starts from its `initial`, or else from the first state of the reference. The function updates
+// system->digest with the initial state and the boundary inputs, so that the processes of hosts
+// with different references refuse each other. PM_ECONFIG: a subsystem has neither an `initial` nor
+// a reference, except for PM_TO_DESCRIBE; or the reference has no trajectory of the scene's number.
+// PM_EDATA: the time step of the reference is not a whole multiple of the scene's. PM_ENOMEM.
+// Otherwise fails as pm_dataset_load, pm_system_check_dataset, pm_columns_bind and
+// pm_boundary_input_bind do.
 pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose);
+// Frees all parts of the setup, the scene included.
 void pm_setup_free(pm_setup *setup);
 
-// Returns the path, as the scene or the caller gave it, of the file that the run reads and that is
-// the same file as `path`: the scene, its key, its reference or weights. NULL: none of them is.
+// Returns the path of that input of the run which is the same file as `path`: the scene's file, its
+// key, its reference or one of its weights files. The result is borrowed from the setup. NULL: no
+// input is this file.
 const char *pm_setup_input(const pm_setup *setup, const char *path);
 
-// Returns the state of the reference at time `time_id`: [reference->ncolumn].
+// Returns the state with the index `time_id`, 0 to reference->ntime - 1, of the trajectory of the
+// reference with which the scene is compared: one row [reference->ncolumn], in the units of the
+// columns. setup->reference must not be NULL, and the result is valid until pm_setup_free.
 const double *pm_setup_truth(const pm_setup *setup, int time_id);
 
 #endif

@@ -17,40 +17,48 @@
 
 // The caller owns this storage.
 typedef struct pm_flux_link {
-    struct pm_lockstep_node *node; // context of the message handler
-    int process_id;                // the neighbour
-    const char *neighbour;         // its name
-    char channel[PM_CHANNEL_SIZE]; // of its fluxes
-    char address[PM_CHANNEL_SIZE]; // of requests to it
-    portmet_flux_t scratch;        // the message being decoded
-    portmet_flux_t inbox[PM_INBOX_DEPTH];
-    int64_t inbox_key[PM_INBOX_DEPTH]; // -1: empty
-    pm_request_filter requests;        // of the neighbour, for fluxes
+    struct pm_lockstep_node *node;        // context of the message handler
+    int process_id;                       // index of the neighbour among the scene's processes
+    const char *neighbour;                // the neighbour's name, borrowed from the scene
+    char channel[PM_CHANNEL_SIZE];        // on which the neighbour publishes its fluxes
+    char address[PM_CHANNEL_SIZE];        // on which the neighbour receives requests
+    portmet_flux_t scratch;               // the message being decoded
+    portmet_flux_t inbox[PM_INBOX_DEPTH]; // the messages that are kept
+    int64_t inbox_key[PM_INBOX_DEPTH];    // the rounds of these messages; -1: empty
+    pm_request_filter requests;           // requests of the neighbour for fluxes of this process
 } pm_flux_link;
 
-// Sets the channel names and allocates arrays for the messages of process `process_id` in the
-// arena. PM_ECONFIG, PM_ENOMEM.
+// Sets the neighbour and its channels, and allocates arrays for the messages of process
+// `process_id` in the arena. The caller has set link->node. `scene` must outlive the link.
+// PM_ECONFIG: a channel's name is too long; PM_ENOMEM.
 pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,
                             int process_id);
 
-// Keeps the message in `scratch`, which is of the round `key`. PM_DROP_REPEATED: it is kept
-// already, or the round is over; PM_DROP_CONFLICT: one with other bits is kept already;
-// PM_DROP_RANGE: no neighbour can be there while this process computes the round `present`.
+// Stores the message decoded into link->scratch, which belongs to the round with the key `key`, in
+// the inbox. `present` is the key of the round that this process computes. PM_KEEP: the message is
+// stored, and link->scratch has other arrays for the next message. PM_DROP_REPEATED: the inbox
+// holds the same message already, or the round is over. PM_DROP_CONFLICT: the inbox holds a message
+// of this round with other bits. PM_DROP_RANGE: `key` is more than one round ahead of `present`,
+// which the neighbour cannot be. A message that is not stored stays in link->scratch.
 pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present);
 
-// Returns the neighbour's message of the round `key`, which the link owns; NULL if it has not
-// arrived.
+// Returns the neighbour's message of the round with the key `key`; NULL if it has not arrived or is
+// no longer kept. The link owns the message, which is valid until a message of a later round takes
+// its place.
 const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
 
 // --- the shape of a process's flux message ---
 
-// Sets nend, ny and nresponse for a process, and allocates arrays of these lengths in the arena.
-// PM_ENOMEM.
+// Sets *flux to a message of process `process_id` with nend, ny and nresponse as its subsystems
+// need them, arrays of these lengths in the arena, and zeros elsewhere. nend counts the ends of
+// ports between two processes, ny the components that these ends expose. nresponse is ny for a
+// discrete integrator, and 0 for all others. PM_ENOMEM.
 pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                                 int process_id);
 
-// Returns the index at which the components of one end of a port begin in the arrays y, e and eta
-// of its process's messages. The other end of the port must belong to another process.
+// Returns the index at which the components of one end of a port begin in the arrays y, e, eta and
+// response of the messages of the process that owns this end. The other end of the port must belong
+// to another process.
 int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end);
 
 #endif

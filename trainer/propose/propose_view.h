@@ -1,10 +1,10 @@
 // The roles of variables in the subsystems and ports of a scene, as far as units and the statistics
-// of a dataset show them.
+// of a dataset show them. All functions take the scene and the dataset from `look`.
 #ifndef PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 #define PM_TRAINER_PROPOSE_PROPOSE_VIEW_H
 
-#include "propose/look.h"
 #include "base/unit.h"
+#include "propose/look.h"
 
 typedef enum pm_view_kind {
     PM_VIEW_OTHER,
@@ -15,43 +15,53 @@ typedef enum pm_view_kind {
     PM_VIEW_SPIN      // an angular momentum of three components without a conjugate variable
 } pm_view_kind;
 
-// A subsystem, with one entry for each of its groups.
+// The roles of the variables of one subsystem, with one entry for each of its groups.
 typedef struct pm_part_view {
-    int subsystem, count, nentropy;
+    int subsystem; // index in the scene
+    int count;     // number of groups
+    int nentropy;  // number of components in J/K
     pm_look_group group[PM_MAX_GROUPS];
     pm_unit unit[PM_MAX_GROUPS];
     pm_view_kind kind[PM_MAX_GROUPS];
-    int mate[PM_MAX_GROUPS];        // the conjugate group, or -1
-    double sign[PM_MAX_GROUPS];     // positions: dposition/dt = sign dE/dmomentum
-    bool linear[PM_MAX_GROUPS];     // positions: the rate is linear in momenta, to rounding
-    bool apart[PM_MAX_GROUPS];      // positions: the rate is a function of momenta alone
+    int mate[PM_MAX_GROUPS];    // index of the conjugate group in this subsystem, or -1
+    double sign[PM_MAX_GROUPS]; // positions: dposition/dt = sign dE/dmomentum, 1 or -1
+    // Positions: momenta explain the rate linearly, but for 0.1 % of its variance.
+    bool linear[PM_MAX_GROUPS];
+    // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
+    bool apart[PM_MAX_GROUPS];
     bool gyroscopic[PM_MAX_GROUPS]; // momenta: one component moves another, as in a magnetic field
-    bool geometric[PM_MAX_GROUPS];  // other variables alone move it, so that friction cannot act on
-                                    // it
+    // Lengths, areas and volumes: the rate depends on other variables alone, so that friction does
+    // not act on the group.
+    bool geometric[PM_MAX_GROUPS];
 } pm_part_view;
 
 // A lossless coupling of a group of end a with a group of end b.
 typedef struct pm_pair_view {
-    int a, b;            // groups of the subsystems at the two ends
-    bool momentum_first; // the momentum a moves the position b; else the momentum b moves a
+    int a, b;            // indices of the groups in the subsystems at the two ends
+    bool momentum_first; // true: momentum a moves position b; false: momentum b moves position a,
+                         // or the direction is to be learned
     double coefficient;  // 1 or -1; 0: to be learned
 } pm_pair_view;
 
+// The lossless couplings that a port may have.
 typedef struct pm_port_view {
-    int count;
+    int count; // number of couplings
     pm_pair_view pair[PM_MAX_GROUPS * PM_MAX_GROUPS];
 } pm_port_view;
 
-// Fills view [scene->nsubsystem].
+// Writes the roles of the variables of all subsystems to view [look->scene->nsubsystem], which the
+// caller owns. The groups in it are borrowed from the scene.
 void pm_view_parts(const pm_look *look, pm_part_view *view);
-// Fills the couplings of one port. A port with a boundary input has none.
+// Writes the couplings of port number `port` to *view, which the caller owns. `parts` is the result
+// of pm_view_parts. A port with a boundary input has no couplings.
 void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_port_view *view);
 
-// Returns true if an end of the port exposes this group.
+// Returns true if end `end` (0: a, 1: b) of port number `port` exposes the group `group`.
 bool pm_view_exposes(const pm_scene *scene, int port, int end, const char *group);
 
-// Returns true if the dynamics do not depend on directions: some conjugate pairs are vectors, and
-// the sum of their q x p is conserved.
+// Returns true if the dynamics do not depend on directions: some conjugate pairs q, p are vectors,
+// and the sum of their angular momenta q x p is conserved in the dataset. `parts` is the result of
+// pm_view_parts.
 bool pm_view_rotates(const pm_look *look, const pm_part_view *parts);
 
 #endif
