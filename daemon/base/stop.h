@@ -6,7 +6,7 @@
 #include <signal.h>
 #include <stdbool.h>
 
-// What a second signal does: nothing more, or it ends the process at once.
+// The effect of a second signal: it is ignored, or it ends the process at once.
 typedef enum pm_stop_second { PM_STOP_SECOND_IGNORED, PM_STOP_SECOND_ENDS } pm_stop_second;
 
 // Installs the handlers of SIGINT, SIGTERM and SIGHUP. SIGHUP stays ignored where it is ignored

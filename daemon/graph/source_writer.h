@@ -6,7 +6,7 @@
 #include "graph/node.h"
 #include "graph/source.h"
 
-// Where one number of a node comes from.
+// The source of one number of a node: an entry of an array, or a literal.
 typedef struct pm_source_value {
     pm_node node; // whose array holds it; PM_NO_NODE: it is the literal `value`
     int at;       // in that array

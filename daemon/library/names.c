@@ -1,8 +1,8 @@
 // Composes names of components from those of their owner and their group.
 #include "library/names.h"
 
-// What a boundary input prescribes for a component: its value and the two co-energies. The state of
-// a subsystem has the first of them only.
+// A boundary input prescribes three quantities for each component: its value and the two
+// co-energies. The state of a subsystem has the value only.
 enum { VALUE, ENERGY_SLOPE, ENTROPY_SLOPE, QUANTITIES };
 
 // Writes the names of one quantity of a layout to name and unit [layout->nz]. PM_ENOMEM.

@@ -114,7 +114,7 @@ const double *portmet_scene_array(const portmet_scene *scene, int array, size_t 
  * the scene has no boundary inputs. */
 double *portmet_scene_inputs(portmet_scene *scene, size_t *size);
 
-/* What portmet_scene_name names. */
+/* The kinds of names that portmet_scene_name returns. */
 enum portmet_kind {
     PORTMET_SUBSYSTEM = 0,     /* "upper" */
     PORTMET_VARIABLE = 1,      /* of PORTMET_STATE: "upper.q[0]" */

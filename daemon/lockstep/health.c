@@ -266,7 +266,7 @@ bool pm_health_warn(pm_health *health, char *text, size_t size) {
             return true;
         }
     }
-    // Of a silent process the observer is told anyway.
+    // The observer learns of a silent process by another message.
     const bool silent = m->blocker >= 0 && m->silent[m->blocker] > PM_HEALTH_SILENT;
     if (m->blocker != PM_HEALTH_NOBODY && m->blocker != health->told_blocker && !silent) {
         health->told_blocker = m->blocker;

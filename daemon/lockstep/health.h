@@ -17,7 +17,7 @@
 #define PM_HEALTH_BLOCKED 0.8 // part of the time that all others wait: likewise
 #define PM_HEALTH_SILENT 3.0  // s after which a process counts as silent
 
-// What is known of one process.
+// The coordinator keeps these numbers about each process.
 typedef struct pm_health_process {
     portmet_vitals_t last;    // the sums that it told last
     int64_t *used, *answered; // [npeer] what was added to the sums by that

@@ -1,5 +1,5 @@
-// What a node is told by its coordinator: ticks and commands. It follows the coordinator that has
-// answered its last question (identity.h); whoever else speaks for the coordinator is asked first.
+// A node handles the ticks and commands of its coordinator. It follows the coordinator that has
+// answered its last question (identity.h), and asks any other sender before it follows that one.
 // node.h has the table of states.
 #include "lockstep/node.h"
 

@@ -19,7 +19,7 @@ typedef enum pm_request_age {
     PM_REQUEST_INSISTENT // not new, but repeated for PM_REQUEST_TIME
 } pm_request_age;
 
-// What one request asks for.
+// The flux or report that one request asks for.
 typedef struct pm_request_place {
     int64_t instance, attempt; // of the sender
     int64_t key;               // round (flux_link.h) or step that was requested

@@ -1,6 +1,6 @@
-// What a process says once a second of how it is doing: its pace, how long it computes, and for how
-// long it waits for whom. The coordinator sums it up (health.h). A process waits for one peer at a
-// time: the neighbour whose flux is missing first, else the coordinator.
+// Every process reports once a second how it is doing: its pace, how long it computes, and how long
+// it waits for each peer. The coordinator sums the reports up (health.h). A process waits for one
+// peer at a time: the neighbour whose flux is missing first, else the coordinator.
 #ifndef PM_LOCKSTEP_VITALS_H
 #define PM_LOCKSTEP_VITALS_H
 

@@ -350,7 +350,7 @@ done:
     return status;
 }
 
-// What a child process tries to load; `name` is NULL for pm_dataset_load.
+// The dataset that a child process tries to load; `name` is NULL for pm_dataset_load.
 typedef struct attempt {
     const char *path, *name;
 } attempt;

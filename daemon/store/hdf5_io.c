@@ -30,8 +30,8 @@ static herr_t take_first(unsigned n, const H5E_error2_t *error, void *cause) {
     return 0;
 }
 
-// Where the operating system refused, HDF5's description has several lines, of which only the
-// system's own message is kept.
+// Shortens HDF5's description of a failure. If the operating system has refused, the description
+// has several lines, of which only the system's own message is kept.
 static const char *shorten_cause(char *cause) {
     static const char opening[] = "error message = '";
     char *word = strstr(cause, opening);

@@ -20,7 +20,7 @@ typedef struct pm_hdf5 pm_hdf5;
 
 // --- files ---
 
-// Where a file comes from. OWN: pm_hdf5_create wrote it; hdf5_check.h checks it before the library,
+// The origin of a file. OWN: pm_hdf5_create wrote it; hdf5_check.h checks it before the library,
 // which crashes on many damaged files, opens it. ANY: any tool wrote it, and the library reads what
 // it can.
 typedef enum pm_hdf5_source { PM_HDF5_OWN, PM_HDF5_ANY } pm_hdf5_source;

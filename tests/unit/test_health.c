@@ -1,5 +1,5 @@
-// What follows from the vitals of processes: who waits for whom, whose messages get lost, and which
-// warnings are given, once.
+// The coordinator finds out from the vitals of processes who waits for whom and whose messages get
+// lost, and gives each warning once.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

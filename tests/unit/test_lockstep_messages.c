@@ -105,7 +105,7 @@ static void assert_dropped(pm_transport *stranger, const char *channel, const vo
 
 enum { OWN = 77, FOREIGN = 78 }; // sessions
 
-// Whoever sends forged messages to a cluster, and what they are made of.
+// A forger that sends messages to a cluster, and the messages that it changes.
 typedef struct forger {
     cluster c;
     pm_transport *stranger;

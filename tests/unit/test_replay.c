@@ -22,7 +22,7 @@ typedef struct message {
     size_t size;
 } message;
 
-// Whoever records all messages of a run.
+// An eavesdropper that records all messages of a run.
 typedef struct recorder {
     pm_transport *transport;
     int count;

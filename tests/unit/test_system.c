@@ -23,7 +23,7 @@ static const char good[] =
     "  joint: {law: bracket, between: [upper, lower], expose: {upper: s, lower: s},\n"
     "          weights: joint.h5}\n";
 
-// Of known models alone.
+// This scene has known models alone.
 static const char known[] =
     "scene: pair\n"
     "time: {dt: 0.3, steps: 200, integrator: rk4, substeps: 8}\n"

@@ -12,7 +12,7 @@
 
 #define MANY 2000
 
-// What an endpoint heard: the numbers sent as single integers.
+// The messages that an endpoint heard: the numbers sent as single integers.
 typedef struct ear {
     int count;
     int heard[2 * MANY];

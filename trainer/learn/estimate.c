@@ -29,7 +29,7 @@ static pm_flow_how how_of(pm_system *system, const pm_observation *o, const pm_t
 
 // --- starts ---
 
-// What the starts say about the uncertainty of predictions.
+// The part of the uncertainty of predictions that comes from the estimated starts.
 typedef struct start_uncertainty {
     double *by_weights; // [count][nz][nweight] derivative of the estimated start by the weights
     double *covariance; // [count][nz][nz] of the start at fixed weights

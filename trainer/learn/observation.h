@@ -1,4 +1,4 @@
-// What is measured of a system: for each measured column a function of the state. A column that the
+// An observation gives, for each measured column, a function of the state. A column that the
 // scene maps to a component is this component, plus those from which it is measured (relative_to);
 // other columns are formulas of states and co-energies (`observations` in the scene).
 #ifndef PM_TRAINER_LEARN_OBSERVATION_H

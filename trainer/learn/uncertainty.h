@@ -1,4 +1,4 @@
-// What a fit to measurements knows about its result: the covariance of the weights from the normal
+// The uncertainty of a fit to measurements: the covariance of the weights from the normal
 // equations after elimination of all starts, the noise of the columns, and which starts of hidden
 // components the data fix. It is kept in the file "measured.h5" beside the weights.
 #ifndef PM_TRAINER_LEARN_UNCERTAINTY_H

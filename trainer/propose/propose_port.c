@@ -161,7 +161,8 @@ static void write_port_irreversible(const pm_draft *d, int port) {
                 port_may_lose(d, port, end, &layout->group[g]) ? layout->group[g].size : 0;
         }
     }
-    // As many processes as variables: with the smallest sufficient number, fits end in poor minima.
+    // The port gets as many irreversible processes as it has variables: with the smallest
+    // sufficient number, fits end in poor minima.
     const int both = lossy[0] + lossy[1];
     const int rank = both + (heats > 1 ? heats - 1 : 0);
     if (heats == 0 || rank == 0) {

@@ -14,8 +14,9 @@ static const pm_truth_simulator simulators[] = {
 };
 #define NSIMULATOR (sizeof simulators / sizeof *simulators)
 
-// As small as double precision allows, because the close passes of the pendulum amplify errors by a
-// factor of ten thousand and more. The check takes other steps and has about twice the error.
+// The tolerances are as small as double precision allows, because the close passes of the pendulum
+// amplify errors by a factor of ten thousand and more. The check takes other steps and has about
+// twice the error.
 static const double solve_tolerance = 1e-15, check_tolerance = 2e-15;
 // The components of the states are of order 1 to 1e-2.
 static const double absolute_per_relative = 0.1;

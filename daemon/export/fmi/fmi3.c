@@ -34,7 +34,7 @@ enum {
 
 typedef enum { INSTANTIATED, INITIALIZING, EVENT, CONTINUOUS, STEP, TERMINATED } phase;
 
-// What a state of the FMU holds, and no pointer.
+// A saved state of the FMU. It holds no pointer, so that its bytes can be serialized.
 typedef struct {
     MODEL_NAME scene;
     double start; // time at which the run began
