@@ -1,5 +1,5 @@
 // Measures one iteration of every optimiser on the double pendulum of
-// configs/train/double_pendulum.yaml with 40 simulated trajectories: an epoch of adam, an
+// configs/train/double_pendulum_network.yaml with 40 simulated trajectories: an epoch of adam, an
 // evaluation of L-BFGS over all samples, and a Levenberg-Marquardt step on a batch. Graphs are
 // built before the clock starts. CPU times are summed over two threads; on two cores the wall-clock
 // time is half as long.
@@ -13,33 +13,12 @@
 #include "learn/normalization.h"
 #include "learn/training.h"
 #include "sim/score.h"
-#include "truth/truth.h"
+#include "simulate.h"
 
 #define TRAJECTORIES 40
 #define ITERATIONS 9
 #define SUBSTEPS 4
 #define BATCH 1024
-
-static pm_status simulate(pm_dataset **dataset, const char *path) {
-    pm_truth *truth = NULL;
-    double *check = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_truth_load(&truth, path));
-    PM_TRY_DONE(pm_dataset_new(dataset, TRAJECTORIES, truth->ntime, truth->model.ode.nz, truth->dt,
-                               truth->model.column));
-    check = calloc((size_t)truth->ntime * (size_t)(*dataset)->ncolumn, sizeof *check);
-    if (check == NULL) {
-        status = pm_fail(PM_ENOMEM, "out of memory");
-        goto done;
-    }
-    for (int i = 0; i < TRAJECTORIES; ++i) {
-        PM_TRY_DONE(pm_truth_run(truth, i, pm_dataset_state(*dataset, i, 0), check));
-    }
-done:
-    free(check);
-    pm_truth_free(truth);
-    return status;
-}
 
 // --- timing ---
 
@@ -109,6 +88,7 @@ static pm_status measure(pm_training *t, const pm_dataset *dataset, const char *
     loss.substeps = SUBSTEPS;
     PM_TRY_DONE(pm_samples_make(&samples, t->scene, dataset, 0, TRAJECTORIES, loss.residual, 1,
                                 pm_loss_input_order(&loss)));
+    PM_TRY_DONE(pm_normalization_of_system(t->system, &samples, true));
     PM_TRY_DONE(pm_objective_open(&objective, t->system, &samples, &loss));
     const int size = pm_objective_size(objective);
     start = calloc((size_t)size, sizeof *start);
@@ -117,7 +97,6 @@ static pm_status measure(pm_training *t, const pm_dataset *dataset, const char *
         goto done;
     }
     draw_weights(t, start);
-    PM_TRY_DONE(pm_normalization_of_system(t->system, &samples, true));
     PM_TRY_DONE(bench_table_open(&table, csv));
     for (int i = 0; i < 3; ++i) {
         free(work);
@@ -149,13 +128,13 @@ int main(int argc, char **argv) {
     }
     pm_linalg_init();
     char training_path[4096], truth_path[4096];
-    snprintf(training_path, sizeof training_path, "%s/train/double_pendulum.yaml", argv[2]);
+    snprintf(training_path, sizeof training_path, "%s/train/double_pendulum_network.yaml", argv[2]);
     snprintf(truth_path, sizeof truth_path, "%s/truth/double_pendulum.yaml", argv[2]);
     pm_training *training = NULL;
     pm_dataset *dataset = NULL;
     pm_status status;
     PM_TRY_DONE(pm_training_load(&training, training_path));
-    PM_TRY_DONE(simulate(&dataset, truth_path));
+    PM_TRY_DONE(bench_simulate(&dataset, truth_path, TRAJECTORIES));
     PM_TRY_DONE(measure(training, dataset, argv[1]));
 done:
     if (status != PM_OK) {

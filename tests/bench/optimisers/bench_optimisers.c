@@ -14,7 +14,7 @@
 #include "bench.h"
 #include "learn/normalization.h"
 #include "learn/training.h"
-#include "truth/truth.h"
+#include "simulate.h"
 
 #define TRAJECTORIES 48
 #define TRAINED 40
@@ -40,27 +40,6 @@ typedef struct race {
     FILE *csv;
     const char *optimiser;
 } race;
-
-static pm_status simulate(pm_dataset **dataset, const char *path) {
-    pm_truth *truth = NULL;
-    double *check = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_truth_load(&truth, path));
-    PM_TRY_DONE(pm_dataset_new(dataset, TRAJECTORIES, truth->ntime, truth->model.ode.nz, truth->dt,
-                               truth->model.column));
-    check = calloc((size_t)truth->ntime * (size_t)(*dataset)->ncolumn, sizeof *check);
-    if (check == NULL) {
-        status = pm_fail(PM_ENOMEM, "out of memory");
-        goto done;
-    }
-    for (int i = 0; i < TRAJECTORIES; ++i) {
-        PM_TRY_DONE(pm_truth_run(truth, i, pm_dataset_state(*dataset, i, 0), check));
-    }
-done:
-    free(check);
-    pm_truth_free(truth);
-    return status;
-}
 
 static pm_status write_training(const char *path, const char *configs, int width) {
     FILE *file = fopen(path, "w");
@@ -231,7 +210,7 @@ int main(int argc, char **argv) {
     pm_status status = csv == NULL ? pm_fail(PM_EFILE, "%s: cannot be written", argv[1]) : PM_OK;
     if (status == PM_OK) {
         fprintf(csv, "weights,optimiser,cpu_seconds,iterations,median,mean\n");
-        status = simulate(&dataset, truth);
+        status = bench_simulate(&dataset, truth, TRAJECTORIES);
     }
     for (size_t i = 0; i < sizeof tasks / sizeof *tasks && status == PM_OK; ++i) {
         status = run_task(&tasks[i], factor, dataset, argv[2], csv);
