@@ -1,6 +1,6 @@
 // make_scene DIR: writes a small complete scene for tests of the command line: scene.yaml, random
-// hard weights, the reference trajectory that these weights themselves produce, and a copy of it
-// with a value that is not finite.
+// hard weights, others for `right` (idle.h5, slow.h5), the reference trajectory that the weights of
+// the scene produce, and a copy of it with a value that is not finite.
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -57,6 +57,12 @@ static const char idle_text[] =
     "reversible: {learned: {acts_on: [p, s], features: [q], hidden: [4]}}\n"
     "irreversible: {learned: {acts_on: [s], features: [q], hidden: [4], rank: 1}}\n";
 
+// Networks that take milliseconds a step.
+static const char slow_text[] =
+    "energy: {features: [q, p, s], hidden: [600, 600], skip: linear}\n"
+    "entropy: {given: s}\n"
+    "reversible: {given: [[q, p, 1.0]]}\n";
+
 static const char port_text[] =
     "law: bracket\n"
     "reversible: {learned: {acts_on: [a.p, a.s, b.q, b.p], features: [b.q], hidden: [4]}}\n"
@@ -77,6 +83,15 @@ static pm_status make_part(pm_system *system, pm_part *part, const char *text, u
     pm_rng_init(&rng, SEED, stream);
     pm_params_randomise(&part->params, &rng);
     return pm_weights_save_part(path, part, &provenance);
+}
+
+// Writes weights of another part with the state of `right`.
+static pm_status make_another(pm_system *system, const char *text, uint64_t stream,
+                              const char *path) {
+    pm_part part = {.layout = system->part[1].layout};
+    const pm_status status = make_part(system, &part, text, stream, path);
+    pm_part_free(&part);
+    return status;
 }
 
 static pm_status make_port(pm_system *system, const char *path) {
@@ -150,18 +165,16 @@ static pm_status make_scene(void) {
     }
     pm_scene *scene = NULL;
     pm_system *system = NULL;
-    pm_part idle = {0};
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, "scene.yaml"));
     PM_TRY_DONE(pm_system_new(&system, scene));
     PM_TRY_DONE(make_part(system, &system->part[0], part_text[0], 0, "left.h5"));
     PM_TRY_DONE(make_part(system, &system->part[1], part_text[1], 1, "right.h5"));
-    idle.layout = system->part[1].layout;
-    PM_TRY_DONE(make_part(system, &idle, idle_text, 3, "idle.h5"));
+    PM_TRY_DONE(make_another(system, idle_text, 3, "idle.h5"));
+    PM_TRY_DONE(make_another(system, slow_text, 4, "slow.h5"));
     PM_TRY_DONE(make_port(system, "joint.h5"));
     status = make_reference(system);
 done:
-    pm_part_free(&idle);
     pm_system_free(system);
     pm_scene_free(scene);
     return status;
