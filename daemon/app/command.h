@@ -1,6 +1,6 @@
-// The subcommands of portmetd, one file each. Each gets its own name as argv[0] and the arguments
-// after it, and ends soon with PM_EINTERRUPTED when `stop` becomes non-zero (base/subcommand.h). A
-// new one is a file, a line here and a line in main.c.
+// The subcommands of portmetd, one file each. Each function gets the name of its subcommand as
+// argv[0] and the arguments after it, and returns PM_EINTERRUPTED soon after `*stop` becomes
+// non-zero (base/subcommand.h). A new subcommand needs a file, a line here and a line in main.c.
 #ifndef PM_APP_COMMAND_H
 #define PM_APP_COMMAND_H
 

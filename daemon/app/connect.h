@@ -5,18 +5,19 @@
 #include "scene/scene.h"
 #include "transport/transport.h"
 
-// Reads the key file that the scene names; does nothing if it names none. With `key` NULL, only
-// checks that the file can be read. PM_EFILE, with the place in the scene.
+// Reads the key file that the scene names; does nothing if it names none. If `key` is NULL, only
+// checks that the file can be read. PM_EFILE; the error names the place in the scene file.
 pm_status pm_connect_key(const pm_scene *scene, pm_key *key);
 
-// Fills in the default address if the scene names none, and checks the address and the channel
-// names, so that no process starts with one that LCM refuses. PM_ECONFIG, with the place in the
-// scene.
+// Sets scene->url to the default address if the scene names none. Checks the address and the
+// channel names, so that no process starts with an address or a name that LCM refuses. PM_ECONFIG;
+// the error names the place in the scene file.
 pm_status pm_connect_check(pm_scene *scene);
 
-// Opens the transport at the scene's URL for the process `name` or "coordinator", sealed if the
-// scene names a key. A warning on standard error then names each sender whose clock is ahead of
-// this one. The caller closes the transport. Fails as pm_transport_open and pm_connect_key do.
+// Opens the transport at the scene's URL for the process `name`; "coordinator" stands for the
+// coordinator. If the scene names a key, the transport is sealed, and warnings on standard error
+// name each sender whose clock is ahead of this host's. The caller closes the transport. Fails as
+// pm_transport_open and pm_connect_key do.
 pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name);
 
 // Prints one line on standard error if messages were dropped that no process of this scene sends:

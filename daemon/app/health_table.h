@@ -6,8 +6,9 @@
 
 #include "lockstep/health.h"
 
-// Prints one line for the run, which names the process that the others wait for, and one for each
-// process: its pace, for whom it waits, what it requests again, and what the system says of it.
+// Prints one line for the run, which names the process that all others wait for, and one line for
+// each process: its steps per second, the peer that it waits for most, its requests for lost
+// messages, the messages that it dropped, and its CPU time and memory.
 void pm_health_table_print(FILE *file, const pm_scene *scene, const portmet_health_t *health);
 
 #endif

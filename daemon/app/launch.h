@@ -11,7 +11,7 @@
 
 typedef struct pm_launch pm_launch;
 
-// Makes room for `capacity` children. PM_ENOMEM. The caller closes it.
+// Makes a list with room for `capacity` children, which the caller closes. PM_ENOMEM.
 pm_status pm_launch_open(pm_launch **launch, int capacity);
 
 // Starts this program with the NULL-terminated `argv`; errors call the child `name`. The child gets

@@ -27,7 +27,7 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options);
 
 // Returns options with which a coordinator calls this observer. They hold the address of the
-// observer, which must not move before the coordinator is closed. `setup` is only read here.
+// observer, which must not move before the coordinator is closed. They do not refer to `setup`.
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup);
 
 // Closes the recording after a run that ended with `status`, and prints the tables of the steps

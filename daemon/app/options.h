@@ -13,8 +13,8 @@
 typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
     const char *weights, *url, *record, *checkpoint, *gate, *c_folder, *output;
-    int64_t steps;   // 0: as the scene says
-    int64_t session; // 0: any
+    int64_t steps;   // number of steps of the run; 0: as the scene says
+    int64_t session; // number of the session to join or to open; 0: no session was given
     bool in_process, quiet, overwrite;
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
 } pm_run_options;

@@ -6,10 +6,10 @@
 #include "app/options.h"
 #include "library/setup.h"
 
-// Loads the scene of the options, whose URL, number of steps and --in-process replace its own, and
-// completes the setup for `purpose`. Fails as the functions of library/setup.h do, and with
-// PM_ECONFIG where the URL or the key of the scene is not usable. The caller frees the setup, on
-// failure too.
+// Loads the scene that `options` names and completes the setup for `purpose`. The options --url,
+// --steps and --in-process replace the scene's URL, number of steps and processes. Fails as the
+// functions of library/setup.h do. PM_ECONFIG, PM_EFILE: the URL or the key file cannot be used
+// (connect.h). The caller frees the setup, on failure too.
 pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose);
 
 // Writes the path of the file in which `process` (NULL: the coordinator) keeps its checkpoint to

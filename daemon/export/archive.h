@@ -11,7 +11,8 @@
 
 typedef struct pm_archive_member pm_archive_member;
 
-// Storage the caller owns and initialises with the file, which is borrowed, and an arena.
+// The caller owns this storage, sets `file` and `arena`, which are borrowed, and initialises the
+// rest with zeros.
 typedef struct pm_archive {
     FILE *file;
     pm_arena *arena;
@@ -19,8 +20,9 @@ typedef struct pm_archive {
     pm_archive_member *newest;
 } pm_archive;
 
-// Adds a member of `size` bytes under `name`, which is kept. PM_ENOMEM. PM_EFILE: it is larger than
-// 2 GiB. Failures to write show in ferror.
+// Adds a member `bytes` [size] under `name`, of which the arena keeps a copy. PM_ENOMEM. PM_EFILE:
+// the member or the archive is larger than 2 GiB. A failure to write sets ferror(archive->file),
+// which the caller checks at the end.
 pm_status pm_archive_add(pm_archive *archive, const char *name, const void *bytes, size_t size);
 // Writes the directory with which the archive ends.
 void pm_archive_finish(pm_archive *archive);

@@ -5,9 +5,10 @@
 
 #include "library/setup.h"
 
-// Writes the FMU of a completed setup to the file `path`, which is replaced. *compiled tells
-// whether it has a binary: without a C compiler (the command CC, or cc) it has sources alone, which
-// importers compile themselves. Fails as pm_export_source does, and with PM_EFILE.
+// Writes the FMU of a completed setup to the file `path`, which is replaced. Sets *compiled to true
+// if the FMU holds a binary. Where there is no C compiler (the command in the environment variable
+// CC, or cc), the FMU holds only sources, which importers compile themselves. Fails as
+// pm_export_source does, and with PM_EFILE.
 pm_status pm_export_fmu(const pm_setup *setup, const char *path, bool *compiled);
 
 #endif

@@ -1,5 +1,5 @@
-// The sources that every FMU holds: the files of the folder fmi, line by line. The build makes
-// them from these files.
+// The sources that every FMU holds, as arrays of lines. The build generates the arrays from the
+// files in the folder fmi.
 #ifndef PM_EXPORT_FMU_TEXT_H
 #define PM_EXPORT_FMU_TEXT_H
 

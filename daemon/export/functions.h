@@ -17,7 +17,8 @@ typedef struct pm_export_function pm_export_function;
 //     potentials(z, E, S)             E [1] in J, S [1] in J/K
 //     coenergies(z, dE, dS)
 //     bulk(z, dE, dS, rate)           L dE + M dS
-// A tangent takes a direction for each argument of its function after that, "d_z" after "z".
+// The arguments of a tangent are those of its function, except that each input is followed by its
+// direction: "d_z" follows "z". The results are then the Jacobian times the direction.
 typedef struct pm_export_part {
     const char *potentials, *coenergies, *coenergies_tangent, *bulk, *bulk_tangent;
 } pm_export_part;
@@ -28,7 +29,7 @@ typedef struct pm_export_port {
     const char *law, *law_tangent;
 } pm_export_port;
 
-// The caller owns the storage and zero-initialises it, but for the system and the arena.
+// The caller owns this storage, sets `system` and `arena`, and initialises the rest with zeros.
 typedef struct pm_export_functions {
     const pm_system *system;     // borrowed
     pm_arena *arena;             // borrowed; owns all names

@@ -15,7 +15,8 @@ pm_status pm_export_check(const pm_scene *scene);
 // pm_export_check and pm_export_functions_write do.
 pm_status pm_export_source(FILE *file, const pm_setup *setup);
 
-// Writes both into `folder`, which it makes if it is not there. Also PM_EFILE.
+// Writes SCENE.c and SCENE.h into `folder`, which it makes if it does not exist. Fails as
+// pm_export_source and pm_export_header do. PM_EFILE: a file cannot be written.
 pm_status pm_export_c(const pm_setup *setup, const char *folder);
 
 #endif

@@ -32,7 +32,7 @@ enum portmet_status {
     PORTMET_OK = 0,
     PORTMET_ECONFIG = 3,  /* the scene has a wrong key, type, name or value */
     PORTMET_EFILE = 4,    /* a file is missing, unreadable, truncated or of another kind */
-    PORTMET_EDATA = 5,    /* a dataset lacks columns, has a wrong shape, or is over */
+    PORTMET_EDATA = 5,    /* a dataset lacks columns, has a wrong shape, or ends before the run */
     PORTMET_EWEIGHTS = 6, /* weights are missing, damaged or not made for this scene */
     PORTMET_ENUMERIC = 9, /* a value is not finite, or a guard of the scene ended the run */
     PORTMET_ELAW = 10,    /* a component in the hard form violated a law beyond its tolerance */
@@ -62,8 +62,8 @@ void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */
  * the failed step is not taken. */
 int portmet_scene_step(portmet_scene *scene, int64_t count);
 
-/* Starts again at step 0, at the state z [state] (see PORTMET_STATE), with an empty ledger. NULL:
- * at the initial state of the scene. A recording ends. */
+/* Starts again at step 0 with an empty ledger, at the state z, which has the size and the order of
+ * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends. */
 int portmet_scene_restart(portmet_scene *scene, const double *z);
 
 /* Returns the number of steps taken, the time in s, the length of a step in s, and the number of
@@ -81,9 +81,9 @@ enum portmet_array {
     PORTMET_ENTROPY = 2,      /* [S] J/K */
     PORTMET_BULK_ENERGY = 3,  /* [S] W, the power of the subsystem's own term: 0 in the hard form */
     PORTMET_BULK_ENTROPY = 4, /* [S] W/K, the production of the subsystem's own term */
-    PORTMET_FLUX = 5,  /* [P][2][4] for the ends a and b, positive into the subsystem: energy in
-                          W, entropy in W/K, and the sums of the magnitudes that cancel in
-                          them; means over the last step */
+    PORTMET_FLUX = 5,  /* [P][2][4] for the ends a and b: the energy flux in W and the entropy flux
+                          in W/K, positive into the subsystem, then the gross flux of each, which
+                          is the sum of the magnitudes of its terms; means over the last step */
     PORTMET_LEDGER = 6 /* [PORTMET_LEDGER_SIZE] see portmet_ledger */
 };
 
@@ -108,10 +108,10 @@ enum portmet_ledger {
  * there is no such array. */
 const double *portmet_scene_array(const portmet_scene *scene, int array, size_t *size);
 
-/* Returns the values of the boundary inputs that the caller prescribes, and their number. The
- * caller writes to the array: a number holds from the next step on, in place of what the scene
- * prescribes, and NaN, with which the array is filled first, leaves the scene's own value. NULL:
- * the scene has no boundary inputs. */
+/* Returns the array of the values of the boundary inputs, and its size in numbers (`size` may be
+ * NULL). The caller writes to the array. A number replaces, from the next step on, the value that
+ * the scene prescribes. NaN, with which the array is filled at first, leaves the scene's own value.
+ * The scene owns the array. NULL: the scene has no boundary inputs. */
 double *portmet_scene_inputs(portmet_scene *scene, size_t *size);
 
 /* The kinds of names that portmet_scene_name returns. */

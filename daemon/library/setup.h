@@ -36,10 +36,10 @@ pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights);
 // starts from its `initial`, or else from the first state of the reference. The function updates
 // system->digest with the initial state and the boundary inputs, so that the processes of hosts
 // with different references refuse each other. PM_ECONFIG: a subsystem has neither an `initial` nor
-// a reference, except for PM_TO_DESCRIBE; or the reference has no trajectory of the scene's number.
-// PM_EDATA: the time step of the reference is not a whole multiple of the scene's. PM_ENOMEM.
-// Otherwise fails as pm_dataset_load, pm_system_check_dataset, pm_columns_bind and
-// pm_boundary_input_bind do.
+// a reference, except for PM_TO_DESCRIBE; or the reference does not contain the trajectory whose
+// number the scene names. PM_EDATA: the time step of the reference is not a whole multiple of the
+// scene's. PM_ENOMEM. Otherwise fails as pm_dataset_load, pm_system_check_dataset, pm_columns_bind
+// and pm_boundary_input_bind do.
 pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose);
 // Frees all parts of the setup, the scene included.
 void pm_setup_free(pm_setup *setup);

@@ -13,7 +13,7 @@ typedef struct pm_checkpoint_ring {
     const char *path; // NULL: no checkpoints are kept
     uint64_t digest;  // of scene, weights and initial state
     int64_t interval; // steps
-    uint64_t layout;  // of the numbers of one checkpoint (base/record.h)
+    uint64_t layout;  // digest of names and counts of a checkpoint's numbers (base/record.h)
     int size;         // numbers of one checkpoint: its step, then those of the subsystems
     double *state;    // [2][size], the older one first; step -1: none
 } pm_checkpoint_ring;

@@ -3,34 +3,35 @@
 // messages; coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds
 // functions that these three share. Each file calls only files named after it.
 //
-// The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING, which
-// `completed` and `held` divide. `patience` and `checkpoint` are those of the scene. A coordinator
-// that is started with a checkpoint begins in STEPPING with a tick. A tick and a command that
-// answer a hello repeat its nonce (identity.h). Hellos and notices (FAILED, BYE) of processes count
-// only if they name this coordinator, which shows that they are not of an earlier run.
+// The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING; the
+// members `completed` and `held` tell these states apart. `patience` is a key of the scene, in s. A
+// coordinator that is started with a checkpoint begins in STEPPING with a tick. A tick and a
+// command that answer a hello repeat its nonce (identity.h). Hellos and notices (FAILED, BYE) of
+// processes count only if they name this coordinator, which shows that they are not of an earlier
+// run. "The observer" is the set of functions in lockstep_coordinator.h.
 //
 // state      awaits             message or time-out              next       sends
 // ---------  -----------------  -------------------------------  ---------  ---------------------
 // GATHERING  every process's    0.1 s passed                     GATHERING  hello
-//            report of step 0   hello, another digest            CLOSING    REFUSE to the sender
-//                               every report is there            STEPPING   tick, ledger
-// STEPPING   reports of         every report of a step is there  STEPPING   tick, ledger
-//            granted steps,     flux: a process made progress    STEPPING   tick if it may grant
+//            report of step 0   hello with another digest        CLOSING    REFUSE to the sender
+//                               every report has arrived         STEPPING   tick, ledger
+// STEPPING   reports of         every report of a step arrived   STEPPING   tick, ledger
+//            granted steps,     flux that shows progress         STEPPING   tick if it may grant
 //            or fluxes that     request for a tick               STEPPING   tick
-//            show progress      nothing left to grant: gate      HELD       tell the observer
+//            show progress      gate allows no further step      HELD       tell the observer
 //                               every report of the last step    CLOSING    ledger
-// HELD       a larger number    the file was read: larger        STEPPING   tick
-//            in the gate file   time to request (waiting.h)      HELD       tick: a sign of life
+// HELD       a larger number    gate file with a larger number   STEPPING   tick
+//            in the gate file   time to request (waiting.h)      HELD       tick, as a sign of life
 // any of                        1 s passed                       the same   health
 // these                         hello that names another         the same   hello
 // three                           coordinator, or none
-//                               hello, fits                      the same   tick
+//                               hello of a process that fits     the same   tick
 //                               time to request, not HELD        the same   request for fluxes,
 //                                                                           then for reports
 //                               a process silent for 2 s         the same   tell the observer
 //                               a process silent for patience    CLOSING
 //                               no progress in 3 patience,       CLOSING
-//                                 though all show life
+//                                 though every process sends
 //                               report FAILED; own failure       CLOSING
 //                               two reports of a step that       CLOSING
 //                                 contradict each other; BYE:
@@ -72,20 +73,21 @@ struct pm_lockstep_coordinator {
     bool said_hello; // at least once
     double hello_at; // s, when the next hello is due
 
-    int lookahead;              // steps granted beyond the last complete one, at most
-    bool hears_fluxes;          // fluxes show progress; grants stay within a window of them
+    int lookahead;              // most steps granted beyond the last complete one (lookahead.h)
+    bool hears_fluxes;          // it learns from fluxes which steps are complete (lookahead.h)
     int64_t completed, granted; // steps; completed is -1 before the initial state is known
     bool failed;                // a step could not enter the ledger; no later one enters
-    bool progressed;            // since the last poll: a new wait begins
-    bool fluxes_requested;      // in this wait: the next request is for reports
+    bool progressed;            // the run made progress; the next poll begins a new wait
+    bool fluxes_requested;      // this wait has requested fluxes; it requests reports next
     double moved;               // s, when a process last made progress
     bool paused;                // the observer was told that the run pauses
     bool held;                  // the gate holds the run after the step `completed`
-    bool tick_wanted;           // a message since the last poll needs a tick as its answer
-    bool hello_wanted;          // a process asked for another coordinator: it needs a hello
+    bool tick_wanted;           // the next poll publishes a tick that answers a message
+    bool hello_wanted;          // the next poll publishes a hello, since a process named another
+                                // coordinator
     int nanswer;
     int64_t *answer;          // [nremote] nonces of the hellos that the next tick answers
-    unsigned char *tick_data; // [tick_capacity] a tick that answers as many
+    unsigned char *tick_data; // [tick_capacity] the encoded tick, with up to nremote answers
     size_t tick_capacity;
 
     int nremote;

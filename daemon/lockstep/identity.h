@@ -3,9 +3,9 @@
 // identified by the time at which it was started (ns since 1970), so the older of two rivals is the
 // one with the smaller number.
 //
-// A hello has a nonce, a random number. What repeats the nonce was sent after the hello, by
-// somebody who received it: neither a message that was recorded before nor a blind guess can do
-// that.
+// A hello has a nonce, a random number. A message that repeats the nonce is an answer: its sender
+// has received this hello. A message that was recorded before the hello cannot repeat the nonce,
+// and nobody can guess it.
 #ifndef PM_LOCKSTEP_IDENTITY_H
 #define PM_LOCKSTEP_IDENTITY_H
 
@@ -18,10 +18,10 @@
 // The caller owns this storage.
 typedef struct pm_identity {
     pm_transport *transport;
-    char hello_channel[PM_CHANNEL_SIZE]; // of its own hellos
+    char hello_channel[PM_CHANNEL_SIZE]; // on which this instance publishes hellos
     char command_channel[PM_CHANNEL_SIZE];
-    portmet_hello_t hello; // what this one says of itself, with the present nonce
-    int64_t answered;      // the nonce before, to which an answer came; 0: none
+    portmet_hello_t hello; // the hello of this instance, with its present nonce
+    int64_t answered;      // the last nonce that was answered; 0: none
 } pm_identity;
 
 // Makes the hello and the channel names of an instance. `name` is the name of the process, or ""
@@ -33,13 +33,13 @@ pm_status pm_identity_init(pm_identity *identity, const pm_system *system, const
 // Publishes the hello. PM_ENET.
 pm_status pm_identity_publish_hello(const pm_identity *identity);
 
-// True if one of the nonces `answer` [count] is that of the present hello.
+// Returns true if one of the nonces `answer` [count] is that of the present hello.
 bool pm_identity_is_answer(const pm_identity *identity, const int64_t *answer, int count);
 
 // Draws another nonce, since the present one has been answered.
 void pm_identity_renew(pm_identity *identity);
 
-// True if a hello comes from another instance of the same process of the same run.
+// Returns true if a hello comes from another instance of the same process and session.
 bool pm_identity_is_rival(const pm_identity *identity, const portmet_hello_t *hello);
 
 // Returns true if this instance was started before `instance`.
@@ -55,15 +55,17 @@ bool pm_identity_mismatch(const pm_identity *identity, const portmet_hello_t *he
 pm_status pm_identity_answer(const pm_identity *identity, const portmet_hello_t *hello,
                              int64_t session, int8_t kind, pm_status code, const char *reason);
 
-// Publishes a refusal of `instance`, which sends messages of `session`, with `reason`. As it
-// answers no hello, it only makes that instance ask. PM_ENET.
+// Publishes a refusal of `instance`, which sends messages of `session`, with `reason`. A refusal
+// that answers no hello does not end that instance. The instance sends a hello, and only a refusal
+// that answers this hello ends it. PM_ENET.
 pm_status pm_identity_refuse(const pm_identity *identity, int64_t session, int64_t instance,
                              const char *reason);
 
-// True if a command was sent to this instance alone.
+// Returns true if a command names this instance as its addressee.
 bool pm_identity_is_addressed(const pm_identity *identity, const portmet_command_t *command);
 
-// True if a command that was sent to this instance answers its present hello, or the one before.
+// Returns true if a command names this instance as its addressee and answers its present hello, or
+// the hello whose nonce was last renewed.
 bool pm_identity_is_proven(const pm_identity *identity, const portmet_command_t *command);
 
 #endif

@@ -9,7 +9,7 @@
 #include "lockstep/lockstep_coordinator.h"
 #include "lockstep/lockstep_node.h"
 
-// Drive a node or a coordinator until the run is over, and return its result
+// These functions drive a node or a coordinator until the run is over, and return its result
 // (pm_lockstep_node_result, pm_lockstep_coordinator_result). When `*stop` becomes non-zero, the run
 // ends with PM_EINTERRUPTED within about 0.1 s, and the other processes are told. `stop` may be
 // NULL.

@@ -46,10 +46,10 @@ typedef struct pm_lockstep_observer {
     // Puts the observer's numbers after its last step into the record, or restores them. May be
     // NULL.
     void (*record)(void *context, pm_record *record);
-    // Called once a second with how the run is doing. May be NULL.
+    // Called once a second with the health of the run (health.h). May be NULL.
     void (*health)(void *context, const portmet_health_t *health);
-    // Called with something that a user should know: which process makes all others wait, whose
-    // messages get lost. Each is told once. May be NULL.
+    // Called with a warning for the user: one process makes all others wait, or messages to a
+    // process get lost. Each warning is given once. May be NULL.
     void (*warn)(void *context, const char *text);
     // Called before a checkpoint is written: the observer flushes its files, so that they survive
     // the death of the process. May be NULL.
@@ -61,12 +61,14 @@ typedef struct pm_lockstep_observer {
 
 typedef struct pm_lockstep_coordinator_options {
     long steps;                    // of the run; 0: as the scene says
-    int64_t session;               // > 0: nodes that ask for it join; 0: drawn at random
-                                   // (pm_lockstep_session), nodes that ask for none join
+    int64_t session;               // > 0: only nodes that were started for this session join; 0:
+                                   // the session is drawn at random (pm_lockstep_session), and
+                                   // nodes that were started without a session join
     bool want_state;               // the observer needs z
     pm_lockstep_observer observer; // step may be NULL
-    const char *checkpoint;        // file to save checkpoints in, and to continue from unless it is
-                                   // of another session than `session`; NULL: none
+    const char *checkpoint;        // file of checkpoints; the run continues from it if it holds the
+                                   // session `session`, or any session where `session` is 0; NULL:
+                                   // no checkpoints
     const char *gate;              // file with the number of steps that may be granted (gate.h);
                                    // NULL: all of them
 } pm_lockstep_coordinator_options;
@@ -97,11 +99,11 @@ bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator
 // observer returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
-// Return the ledger of the completed steps, the transport that the coordinator was opened on, and
-// the counts of used and dropped messages.
 // Returns the number of processes that have said hello.
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
 
+// These functions return the ledger of the completed steps, the transport that the coordinator was
+// opened on, and the counts of used and dropped messages. The coordinator owns ledger and counts.
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
 pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
 const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);

@@ -5,13 +5,14 @@
 //
 // Life cycle: a node publishes hellos until a tick opens a session, reports its initial state, and
 // computes rounds and reports steps until END. It then answers requests for a short time and is
-// finished. A node requests a message again that takes longer than usual, and fails if the
-// coordinator is silent for longer than the scene's patience.
+// finished. If a message takes longer than usual, the node requests it (waiting.h). The node fails
+// if the coordinator is silent for longer than the scene's patience.
 //
 // Death and return: with a checkpoint, a node saves its state at regular steps (checkpoint_ring.h).
-// After a restart it continues from there and requests the fluxes that it missed. A process that is
-// asked for a message it no longer holds rolls back to its own checkpoint and recomputes the
-// message, with the same bits. Receivers drop messages that they have already.
+// After a restart it continues from there and requests the fluxes that it missed. If another
+// process requests a message that the node no longer holds, the node rolls back to its own
+// checkpoint and recomputes the message, with the same bits. Receivers drop messages that they have
+// already.
 #ifndef PM_LOCKSTEP_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_LOCKSTEP_NODE_H
 
@@ -28,10 +29,9 @@ typedef struct pm_lockstep_node_options {
     int64_t session; // joins only this one; 0: any open one with the same digest
     const pm_boundary_input *boundary_input; // NULL: the scene has none
     const char *checkpoint;                  // file to save checkpoints in and to continue from;
-                                             // NULL: none
-    // Called about once a second, with the number of steps computed, so that others see that the
-    // node is alive.
-    // May be NULL.
+                                             // NULL: none Called about once a second, with the
+                                             // number of steps computed, so that others see that
+                                             // the node is alive. May be NULL.
     void (*alive)(void *context, int64_t step);
     void *context; // of `alive`
 } pm_lockstep_node_options;
@@ -47,12 +47,13 @@ void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
 
 // Advances the node as far as it can at the time `clock` (s, monotonic) with the messages that
 // pm_transport_wait has delivered so far. Returns the time at which to poll again if no message
-// comes before. It must be polled several times in PM_PRESENCE_LONGEST: what is longer between two
-// polls counts as an absence of this process (base/presence.h), and not as the silence of others.
+// comes before. The caller polls several times in PM_PRESENCE_LONGEST. Any time beyond
+// PM_PRESENCE_LONGEST between two polls counts as an absence of this process (base/presence.h), and
+// not as the silence of others.
 double pm_lockstep_node_poll(pm_lockstep_node *node, double clock);
 
 // Notes that the caller is about to wait, at the time `clock` (s, monotonic). Without such calls
-// the node cannot tell for how long it waits for whom.
+// the vitals of the node (vitals.h) do not contain the times that it waits for each peer.
 void pm_lockstep_node_rest(pm_lockstep_node *node, double clock);
 
 // Ends the node with `code` and `message`. The node reports them to the coordinator, which ends the
@@ -70,7 +71,8 @@ bool pm_lockstep_node_leaving(const pm_lockstep_node *node);
 // coordinator's code.
 pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
 
-// Return the transport that the node was opened on, and the counts of used and dropped messages.
+// These functions return the transport that the node was opened on, and the counts of used and
+// dropped messages, which the node owns.
 pm_transport *pm_lockstep_node_transport(const pm_lockstep_node *node);
 const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node);
 

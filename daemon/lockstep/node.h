@@ -26,10 +26,10 @@
 //                                                                          old, or awaited
 //                             time to request (waiting.h)        RUNNING   request for the missing
 //                                                                          flux, else for a tick;
-//                                                                          before the first grant
-//                                                                          hello
-//                             request, still buffered            RUNNING   flux or report again
-//                             request, new, no longer buffered   RUNNING   none: roll back to the
+//                                                                          a hello instead before
+//                                                                          the first grant
+//                             request for a buffered message     RUNNING   flux or report again
+//                             new request for an older message   RUNNING   none: roll back to the
 //                                                                          checkpoint before it
 //                             hello, tick or command of          RUNNING   hello that names it
 //                               another coordinator; refusal
@@ -37,7 +37,8 @@
 //                               the last step (with a
 //                               checkpoint); a long wait
 //                             proven tick of another             RUNNING
-//                               coordinator: now its own
+//                               coordinator, which becomes
+//                               its coordinator
 //                             two fluxes of a round, or two      FAILING
 //                               ticks, that contradict each
 //                               other: one is forged
@@ -49,7 +50,7 @@
 //                             ABORT                              LEAVING   BYE
 //                             0.3 s passed                       FINISHED
 // LEAVING  nothing            END or ABORT again                 LEAVING   BYE
-//                             request, still buffered            LEAVING   flux or report again
+//                             request for a buffered message     LEAVING   flux or report again
 //                             0.15 s passed                      FINISHED
 // RUNNING                     1 s passed                         RUNNING   vitals
 // HELLO or                    hello of a later node of its name  the same  REFUSE to the sender
@@ -85,7 +86,8 @@ struct pm_lockstep_node {
     double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
 
     // Members that describe the run, taken from the coordinator's ticks.
-    portmet_tick_t followed; // the tick with which it joined the coordinator; no array
+    portmet_tick_t followed; // the tick by which this node follows its coordinator; its array of
+                             // answers is not kept
     int64_t *answers;        // [processes] scratch for the nonces in a tick
     int64_t coordinator;     // instance of the coordinator
     int64_t granted;         // steps
@@ -95,20 +97,20 @@ struct pm_lockstep_node {
     bool coordinator_alive;
     double coordinator_heard; // s
 
-    int rounds;       // of a step, at most
-    int substeps;     // of the last step granted
+    int rounds;       // largest number of rounds in a step
+    int substeps;     // number of substeps of the last step granted
     double asked_at;  // s, when it last published a hello as a question
-    int64_t furthest; // steps that this instance has known to be complete, at most
-    int64_t step;     // that is being computed, or comes next
-    int round;        // within the step
-    bool started;     // the round: its flux is published, its bulk term computed
-    bool progressed;  // since the last poll: a new wait begins
-    pm_request_filter coordinator_requests; // for reports
+    int64_t furthest; // largest number of steps that this instance has completed or loaded
+    int64_t step;     // the step that is being computed, or comes next
+    int round;        // number of the present round within the step
+    bool started;     // the flux of the round is published, and its bulk term computed
+    bool progressed;  // the node made progress; the next poll begins a new wait
+    pm_request_filter coordinator_requests; // the coordinator's requests for reports
 
-    pm_vitals vitals; // its peers are the links of the subsystems, in their order
+    pm_vitals vitals; // its peers are subsystems.link in order, then the coordinator
     void (*alive)(void *context, int64_t step); // NULL: nobody is told
     void *alive_context;
-    double alive_at; // s, when it is to be told again
+    double alive_at; // s, when `alive` is due again
     pm_checkpoint_ring checkpoints;
     pm_reporter reporter;
     bool fluxes_show_progress; // reports are not needed at once for the next grant

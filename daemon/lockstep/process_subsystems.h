@@ -11,11 +11,13 @@
 
 // A port of one subsystem, and what stands at its other end.
 typedef struct pm_process_port {
-    bool boundary_input; // a boundary input: nothing to publish and nothing to wait for
-    int peer;            // position of the subsystem in this process; -1: in another process
+    bool boundary_input; // the other end is a boundary input, which sends no message
+    int peer;            // position in `part` of the subsystem at the other end; -1: it belongs to
+                         // another process
     int peer_port;       // position of the port among the peer's ports
-    int link;            // in another process: position of the neighbour in `link`
-    int first, ny;       // likewise: where its components stand in the arrays y, e and eta
+    int link;            // if peer is -1: position of the neighbouring process in `link`
+    int first, ny;       // if peer is -1: first position and number of the components of the other
+                         // end in y, e and eta of the neighbour's flux message
 } pm_process_port;
 
 typedef struct pm_process_subsystem {

@@ -19,24 +19,25 @@ typedef struct pm_remote_process {
     int id;                                      // of the process in the scene
     const char *name;
     const pm_scene *scene;
-    char channel[PM_CHANNEL_SIZE];       // of its reports
-    char flux_channel[PM_CHANNEL_SIZE];  // of its fluxes
-    char address[PM_CHANNEL_SIZE];       // of requests to it
+    char channel[PM_CHANNEL_SIZE];       // on which the process publishes reports
+    char flux_channel[PM_CHANNEL_SIZE];  // on which the process publishes fluxes
+    char address[PM_CHANNEL_SIZE];       // on which the process receives requests
     int nend, nz;                        // ends of ports and components of its subsystems
     int *end;                            // [nend] 2 * position of the port in the scene + end
-    portmet_report_t report;             // the last one decoded
-    portmet_flux_t flux;                 // likewise
+    portmet_report_t report;             // the report decoded last
+    portmet_flux_t flux;                 // the flux decoded last
     int32_t most_part, most_end, most_z; // largest counts of a report
-    bool alive;                          // sent a message since the last poll
+    bool alive;                          // the process sent a message since the last poll
     bool moved;                          // a message since the last poll shows progress
     int64_t asked[4];                    // instance, attempt, step and round of its last request
     int64_t reported;                    // first step of its last report
     int64_t done;                        // steps completed, by report or flux; -1: none
-    bool left;                           // has sent BYE
+    bool left;                           // the process has sent BYE
     double heard;                        // s, when a message last arrived
-    int64_t instance;                    // that reported the initial state; 0: none
-    int64_t greeted[PM_REMOTE_GREETED];  // the last instances whose hellos fitted; 0: none
-    int64_t seen_step[PM_REMOTE_SEEN];   // by step modulo their number; -1: none
+    int64_t instance;                    // the instance that reported step 0; 0: none
+    int64_t greeted[PM_REMOTE_GREETED];  // the last instances that were greeted; 0: none
+    int64_t seen_step[PM_REMOTE_SEEN];   // the last reported steps, at step % PM_REMOTE_SEEN; -1:
+                                         // none
     uint64_t seen[PM_REMOTE_SEEN];       // digest of the reported numbers of that step
 } pm_remote_process;
 
@@ -59,8 +60,10 @@ int pm_remote_process_rows(const pm_remote_process *remote);
 // step, one of the last PM_REMOTE_SEEN, had other numbers.
 bool pm_remote_process_agrees(pm_remote_process *remote, int row, int64_t step);
 
-// Remembers an instance of the process, and tells whether one is remembered.
+// Remembers an instance of the process whose hello fits the run. Only the last PM_REMOTE_GREETED
+// instances are remembered.
 void pm_remote_process_greet(pm_remote_process *remote, int64_t instance);
+// Returns true if the instance is remembered.
 bool pm_remote_process_is_greeted(const pm_remote_process *remote, int64_t instance);
 
 // Writes this process's numbers of row `row` of `report` into the sample of that step.

@@ -13,14 +13,14 @@ typedef struct pm_reporter {
     const pm_scene *scene;
     const pm_scene_process *process;
     pm_transport *transport;
-    pm_resend_buffer sent;      // DONE reports, by their number
-    int64_t *first, *last;      // [sent.depth] first and last step of each
+    pm_resend_buffer sent;      // the last DONE reports; a report's key is its number from 0
+    int64_t *first, *last;      // [sent.depth] first and last step of each report in `sent`
     int64_t count;              // DONE reports published
     portmet_report_t done;      // the report being filled
-    int rows, capacity;         // steps in it, and at most
-    int npart, nend, nz;        // numbers of one step
+    int rows, capacity;         // steps in the report being filled, and its largest number of steps
+    int npart, nend, nz;        // subsystems, ends of ports and state components of one step
     portmet_report_t notice;    // FAILED or BYE
-    unsigned char *notice_data; // [notice_capacity]
+    unsigned char *notice_data; // [notice_capacity] the encoded notice
     size_t notice_capacity;
 } pm_reporter;
 
@@ -39,13 +39,14 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
 pm_status pm_reporter_notify(pm_reporter *reporter, int64_t session, int64_t coordinator,
                              int8_t kind, pm_status code, const char *message);
 
-// Adds the fluxes, energies and, with `with_state`, the state after `step` steps to the report, and
-// publishes it when it is full. `head` gives the session, the coordinator, the step and the time
-// (s) of its first row. PM_ENUMERIC: a number is not finite; PM_ENET.
+// Adds one step to the report being filled: the fluxes, the energies and, with `with_state`, the
+// state. Publishes the report when it is full. `head` gives the session, the coordinator, the step
+// and the time (s) of the added step. PM_ENUMERIC: a number is not finite; PM_ENET.
 pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *head,
                                const pm_process_subsystems *subsystems, bool with_state);
 
-// Publishes a report that holds at least one step. PM_ENUMERIC, PM_ENET.
+// Publishes the report being filled, unless it is empty. PM_ENUMERIC: a number is not finite;
+// PM_ENET.
 pm_status pm_reporter_flush(pm_reporter *reporter);
 
 // Publishes the report that holds `step` again. Sets `kept` to false if the report is no longer

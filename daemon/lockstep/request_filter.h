@@ -27,9 +27,9 @@ typedef struct pm_request_place {
 
 // The requests of one sender. The caller initialises it with zeros.
 typedef struct pm_request_filter {
-    pm_request_place newest;
-    pm_request_place repeated; // the last one that was not new
-    double since;              // s, when it first came
+    pm_request_place newest;   // the newest request so far
+    pm_request_place repeated; // the last request that was not new
+    double since;              // s, when `repeated` was first received
 } pm_request_filter;
 
 // Records a request for `key` at the time `now` (s), and returns its age.

@@ -1,6 +1,7 @@
-// Every process reports once a second how it is doing: its pace, how long it computes, and how long
-// it waits for each peer. The coordinator sums the reports up (health.h). A process waits for one
-// peer at a time: the neighbour whose flux is missing first, else the coordinator.
+// Vitals are measurements that every process publishes once a second: the number of steps done, the
+// time spent computing, and the time spent waiting for each peer. The coordinator computes the
+// health of the run from them (health.h). A process waits for one peer at a time: the first
+// neighbour whose flux is missing, or the coordinator if no flux is missing.
 #ifndef PM_LOCKSTEP_VITALS_H
 #define PM_LOCKSTEP_VITALS_H
 
@@ -13,18 +14,19 @@
 
 #define PM_VITALS_INTERVAL 1.0 // s between two messages
 
-// Storage the caller owns; zero-initialise. Times in s, of the owner's clock (endpoint.h).
+// The caller owns this storage and initialises it with zeros. Times are in s, of the clock
+// endpoint->now (endpoint.h).
 typedef struct pm_vitals {
     portmet_vitals_t message; // the sums so far
     char channel[PM_CHANNEL_SIZE];
     unsigned char *data; // [capacity] the encoded message
     size_t capacity;
-    double begun, next; // when it began to take part; when the next message is due
+    double begun, next; // when the process joined the run; when the next message is due
     double looked;      // when the present poll began
     double rested;      // when the last poll ended; 0: unknown
-    int peer;           // that it has waited for since then
-    int64_t checkpoint; // step of its last checkpoint
-    double saved;       // when it was made
+    int peer;           // the peer that the process has waited for since `rested`
+    int64_t checkpoint; // step of the last checkpoint
+    double saved;       // when that checkpoint was first published
 } pm_vitals;
 
 // Writes the processes that exchange fluxes with process `process_id` into `list` [nprocess] (may
@@ -36,19 +38,21 @@ int pm_vitals_neighbours(const pm_scene *scene, int process_id, int *list);
 pm_status pm_vitals_init(pm_vitals *vitals, pm_arena *arena, const pm_scene *scene, int process_id,
                          int npeer, const int *peer);
 
-// Begins and ends a poll: the time between an end and the next begin was spent waiting for the peer
-// `peer`, a position in the list of peers, in which the coordinator is the last one. Without calls
-// of pm_vitals_rest no times are measured.
+// pm_vitals_look is called when a poll begins, and pm_vitals_rest when it ends. The time from an
+// end to the next beginning counts as waiting for the peer `peer`, its position in the list of
+// peers, in which the coordinator is the last one. Without calls of pm_vitals_rest no times are
+// measured.
 void pm_vitals_look(pm_vitals *vitals, double now);
 void pm_vitals_rest(pm_vitals *vitals, double now, int peer);
 
-// Count messages of a peer that were requested again or used, and requests of it that were
-// answered.
+// These functions count one event each: this process requested a message from the peer, used a
+// message of the peer, or answered a request of the peer.
 void pm_vitals_ask(pm_vitals *vitals, int peer);
 void pm_vitals_use(pm_vitals *vitals, int peer);
 void pm_vitals_answer(pm_vitals *vitals, int peer);
 
-// Returns true once in each interval, for a process that takes part in the run `session`.
+// Returns true if vitals are due at `now`: once in each PM_VITALS_INTERVAL while the process takes
+// part in the run `session`; 0: it takes part in none.
 bool pm_vitals_are_due(pm_vitals *vitals, int64_t session, double now);
 
 // Publishes the vitals after `step` steps. `checkpoint` is the step of the last checkpoint, or -1

@@ -15,9 +15,9 @@
 #define PM_WAITING_FIRST 0.002    // s
 #define PM_WAITING_EACH 0.0001    // s for each process
 #define PM_WAITING_LAST 0.1       // s, the longest interval between two requests
-#define PM_WAITING_FACTOR 3       // first interval in usual waiting times
+#define PM_WAITING_FACTOR 3       // ratio of the first interval to the usual waiting time
 #define PM_WAITING_LATELY 1000    // waits
-#define PM_WAITING_LONG 20        // upper limits of the first interval, after which a wait is long
+#define PM_WAITING_LONG 20        // pm_waiting_is_long uses this multiple
 
 // The caller owns this storage. Times in s, monotonic.
 typedef struct pm_waiting {
@@ -37,8 +37,8 @@ void pm_waiting_start(pm_waiting *waiting, double now);
 // request.
 bool pm_waiting_request_due(pm_waiting *waiting, double now);
 
-// Returns true if the wait has lasted so long that requests come at the longest interval, and for
-// PM_WAITING_LONG times the upper limit of the first one.
+// Returns true if the interval between requests has reached PM_WAITING_LAST, and the wait is as
+// long as PM_WAITING_LONG times the upper limit of the first interval.
 bool pm_waiting_is_long(const pm_waiting *waiting);
 
 // Returns true if this wait has lasted for more than `patience` (s) at `now` (s, monotonic), and

@@ -22,7 +22,7 @@ pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *w
 pm_status pm_channel_hello(char *channel, const pm_scene *scene, const char *owner);
 
 // <SCENE>_REQUEST_<OWNER>: the channel of requests for the messages of `owner`, a process, or ""
-// for the coordinator, whose channel ends in TICK.
+// for the coordinator, whose channel is <SCENE>_REQUEST_TICK.
 pm_status pm_channel_request(char *channel, const pm_scene *scene, const char *owner);
 
 #endif

@@ -13,9 +13,9 @@
 // = 0) the program drops all other datagrams. `start` is the position of LCM's datagram in the
 // bytes that the filter sees: 8 on a UDP socket. The caller frees `program->filter`.
 //
-// Some names have no filter: a name has less than three characters, or the program would have more
-// than BPF_MAXINSNS (4096) instructions. The result is then PM_OK with `program->filter` NULL, and
-// the socket must accept everything. PM_ENOMEM.
+// No program can be built if a name has fewer than three characters, or if the program would have
+// more than BPF_MAXINSNS (4096) instructions. The function then returns PM_OK with
+// `program->filter` NULL, and the socket must accept everything. PM_ENOMEM.
 pm_status pm_channel_filter_build(struct sock_fprog *program, int count, const char *const *name,
                                   unsigned start);
 

@@ -14,10 +14,10 @@
 
 #include "base/status.h"
 
-#define PM_DATAGRAM_SHORT UINT32_C(0x4c433032)    // magic
-#define PM_DATAGRAM_FRAGMENT UINT32_C(0x4c433033) // magic
-#define PM_DATAGRAM_SHORT_HEAD 8                  // bytes before the channel
-#define PM_DATAGRAM_FRAGMENT_HEAD 20              // likewise
+#define PM_DATAGRAM_SHORT UINT32_C(0x4c433032)    // magic of a short message, "LC02"
+#define PM_DATAGRAM_FRAGMENT UINT32_C(0x4c433033) // magic of a fragment, "LC03"
+#define PM_DATAGRAM_SHORT_HEAD 8                  // bytes before the channel of a short message
+#define PM_DATAGRAM_FRAGMENT_HEAD 20              // bytes of a fragment before channel or data
 
 // The largest message that is reassembled, bytes.
 #define PM_MESSAGE_MAX ((size_t)1 << 24)
@@ -28,22 +28,23 @@ typedef struct pm_datagram {
     size_t size;
     size_t offset, total;   // bytes: position of the part in the message; size of the message
     uint32_t sequence;      // the sender's number of the message
-    unsigned number, count; // of the fragment, and of all; a whole message is 0 of 1
+    unsigned number, count; // number of this fragment, number of fragments; short message: 0, 1
 } pm_datagram;
 
-// Parses `bytes` [size]; pointers in `datagram` point into them. Returns false, and leaves
-// `datagram` unchanged, if they are not in LCM's format or their sizes contradict each other.
+// Parses `bytes` [size]. The pointers in `datagram` point into `bytes`. Returns false, and leaves
+// `datagram` unchanged, if the bytes are not in LCM's format or the sizes in them contradict each
+// other.
 bool pm_datagram_parse(pm_datagram *datagram, const void *bytes, size_t size);
 
-// A message that arrives in fragments, in any order after the first. Storage the caller owns;
-// zero-initialise.
+// A message that is being reassembled. Its first fragment must arrive first, the others may arrive
+// in any order. The caller owns this storage and initialises it with zeros.
 typedef struct pm_reassembly {
     unsigned char *data; // [total] the message, then [count] flags of the fragments that arrived
     size_t capacity;
     uint64_t sender; // address and port
     uint32_t sequence;
     size_t total, received;  // bytes
-    unsigned count, missing; // fragments; missing 0: no message is being reassembled
+    unsigned count, missing; // fragments; no message is being reassembled while `missing` is 0
 } pm_reassembly;
 
 void pm_reassembly_free(pm_reassembly *reassembly);

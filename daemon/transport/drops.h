@@ -25,8 +25,9 @@ typedef enum pm_drop {
     PM_NDROP
 } pm_drop;
 
-// Messages by reason. A transport counts only the messages that it drops itself; the state machine
-// above it counts the others, with those used at PM_KEEP.
+// The number of messages for each reason. A transport counts only the messages that it drops
+// itself. The state machine of the node or coordinator counts all others, and it counts the
+// messages that it uses as PM_KEEP.
 typedef struct pm_drops {
     long count[PM_NDROP];
 } pm_drops;

@@ -2,7 +2,8 @@
 //   stamp   8 bytes, big-endian: ns of the sender's clock
 //   sender  n bytes of text: NAME@HOST, a process and the host on which it runs
 //   length  1 byte: n
-//   tag    16 bytes: keyed BLAKE2b (RFC 7693) of the channel with its terminator and all before
+//   tag    16 bytes: keyed BLAKE2b (RFC 7693) of the channel with its terminator, the payload and
+//          the three fields above
 // LCM's decoders ignore bytes after the fields they know, so lcm-spy and lcm-logger work as before.
 //
 // The seal protects against attackers who can read and send on the network but do not hold the key.
@@ -25,7 +26,8 @@
 //   - make a process send a buffered message again;
 //   - if the message is a request, and is repeated for half a second, make a process with
 //     checkpoints roll back and compute the same bits again (lockstep/request_filter.h);
-//   - if the message is such a request, and a run without checkpoints is pausing, end that run.
+//   - if a request is repeated in this way, and its receiver, a node of a run without checkpoints,
+//     itself waits for a long time, end that run.
 //
 // The seal does not protect against readers (nothing is encrypted), against holders of the key (any
 // of them can speak for all), or against a flooded or cut network.

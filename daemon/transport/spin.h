@@ -6,10 +6,13 @@
 #ifndef PM_TRANSPORT_SPIN_H
 #define PM_TRANSPORT_SPIN_H
 
-#define PM_SPIN_LONGEST 0.0005  // s, the longest wait for which polling pays
-#define PM_SPIN_SLICE 0.001     // s, a yield that takes longer counts as a loss
-#define PM_SPIN_FIRST_PAUSE 0.1 // s without polling after a loss, doubled by each that follows soon
-#define PM_SPIN_LONGEST_PAUSE 10 // s
+#define PM_SPIN_LONGEST 0.0005 // s, the longest wait for which polling pays
+#define PM_SPIN_SLICE 0.001    // s, a yield that takes longer counts as a loss
+// After a loss polling pauses, for PM_SPIN_FIRST_PAUSE s at first. If the next loss comes before
+// polling has gone on for as long as the pause lasted, the next pause is twice as long, but at most
+// PM_SPIN_LONGEST_PAUSE s.
+#define PM_SPIN_FIRST_PAUSE 0.1
+#define PM_SPIN_LONGEST_PAUSE 10
 
 // The caller owns this storage and initialises it with zeros. Times in s, monotonic.
 typedef struct pm_spin {

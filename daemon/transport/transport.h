@@ -21,8 +21,8 @@
 
 typedef struct pm_transport pm_transport;
 
-// Called for each message during pm_transport_wait. `data` [size] and `channel` are valid until it
-// returns. It may publish; it must not wait, subscribe or close.
+// A function that pm_transport_wait calls for each message. `data` [size] and `channel` are valid
+// until the handler returns. The handler may publish; it must not wait, subscribe or close.
 typedef void pm_message_handler(void *context, const char *channel, const void *data, size_t size);
 
 // --- the hub of the memory transport ---
@@ -31,9 +31,9 @@ typedef void pm_message_handler(void *context, const char *channel, const void *
 // first-in first-out queue.
 typedef struct pm_hub pm_hub;
 
-// Faults that a hub simulates for tests; all zero: none. They are drawn from the seed for each
-// message and receiver. A delayed message waits for 1 to `max_delay` of the receiver's calls of
-// pm_transport_wait, so that later messages overtake it.
+// Faults that a hub simulates for tests; a struct of zeros means no faults. The hub draws them at
+// random, from `seed`, for each message and receiver. A delayed message waits for 1 to `max_delay`
+// of the receiver's calls of pm_transport_wait, so that later messages overtake it.
 typedef struct pm_hub_faults {
     uint64_t seed;
     double drop, duplicate, delay; // probabilities

@@ -21,9 +21,13 @@ typedef struct pm_transport_table {
 extern const pm_transport_table pm_transport_lcm;
 extern const pm_transport_table pm_transport_memory;
 
-// The transport that seals stands in front of another one, `beneath`, which it owns from now on.
-// Its `check` and `open` are NULL. PM_ENOMEM; `beneath` then stays the caller's.
+// The transport that seals and checks messages in front of another transport. Its `check` and
+// `open` are NULL, because pm_transport_sealed_open opens it.
 extern const pm_transport_table pm_transport_sealed;
+
+// Opens the state of a sealed transport in front of the transport `beneath`, whose functions are
+// `table`. The sealed transport owns and closes `beneath`. PM_ENOMEM; the caller then keeps
+// `beneath`. pm_transport_seal describes `key`, `sender` and `on_clock`.
 pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
                                    const pm_key *key, const char *sender,
                                    pm_clock_handler *on_clock, pm_drops *drops);

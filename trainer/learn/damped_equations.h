@@ -5,10 +5,10 @@
 // need products with H alone (gauss_newton_product.h).
 //
 // R is zero except for weights that are held (model/params.h), such as a common size of
-// temperatures, which data determine weakly. While the rest of a model is wrong, an undamped step
-// would take such weights anywhere. There R = loss/width^2, so that a step by the width must lower
-// the loss by its own size. R vanishes with the loss, so that the convergence stays quadratic
-// (Yamashita, Fukushima, Computing Suppl. 15 (2001) 239).
+// temperatures, which data determine weakly. While the rest of a model is wrong, a step without R
+// would move such weights arbitrarily far. For these weights R = loss/width^2, so that a step as
+// long as the width pays only if it removes the whole loss. R vanishes with the loss, so that the
+// convergence stays quadratic (Yamashita, Fukushima, Computing Suppl. 15 (2001) 239).
 #ifndef PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
 #define PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
 
@@ -25,9 +25,9 @@ typedef struct pm_damped_equations {
     double *gradient, *diagonal;      // [size]
     double *held;                     // [size] 1 for weights that are held, else 0
     double hold;                      // the diagonal of R where held is 1
-    double *hessian, *damped;         // [size][size], of the matrix
-    double *residual, *conditioned, *direction, *image; // [size], of conjugate gradients
-    double near;        // damping in the units of the weights; 0 at first, the caller may change it
+    double *hessian, *damped;         // [size][size] H and the damped matrix, for Cholesky
+    double *residual, *conditioned, *direction, *image; // [size] vectors of conjugate gradients
+    double near;        // `near` in the equation; 0 at first, the caller may change it
     const bool *frozen; // [size] weights whose step is zero, borrowed; NULL: none
     int count;          // the batch of the last linearisation
     const int *index;   // [count], borrowed

@@ -14,7 +14,7 @@
 // The command line of a fit. Texts are borrowed; NULL: not given.
 typedef struct pm_fit_arguments {
     const char *config, *data, *output, *trajectories, *validation;
-    const char *data_set; // of measurements; NULL: as the training file says, or z
+    const char *data_set; // name of the dataset of measurements; NULL: as the training file says
     bool resume, black_box;
     double limit;    // s of training, after which the fit ends with the weights it has; 0: none
     char line[1024]; // the whole command, for the weights files
@@ -23,8 +23,8 @@ typedef struct pm_fit_arguments {
 // The position of a fit, as a checkpoint stores it.
 enum {
     PM_FIT_STAGE,
-    PM_FIT_DONE, // completed iterations of the stage
-    PM_FIT_SECONDS,
+    PM_FIT_DONE,       // completed iterations of the stage
+    PM_FIT_SECONDS,    // s of training so far
     PM_FIT_ROBUST,     // the robust scale D^2 (learn/objective.h)
     PM_FIT_BATCHES,    // adam: completed batches of the next iteration
     PM_FIT_LOSS,       // adam: the sum of the losses of these batches
@@ -81,8 +81,8 @@ void pm_fit_close(pm_fit *fit);
 
 // Checks that no two components share a weights file. PM_ECONFIG.
 pm_status pm_fit_check_names(const pm_scene *scene);
-// Writes the checkpoint, and the best weights so far as weights files. With `loud` it prints the
-// names of these. PM_EFILE, PM_ENOMEM.
+// Writes the checkpoint, and the best weights so far as weights files. If `loud`, prints the names
+// of the weights files. PM_EFILE, PM_ENOMEM.
 pm_status pm_fit_save(pm_fit *fit, bool loud);
 // Loads the checkpoint. PM_EFILE if it is missing or if another training file or dataset made it.
 pm_status pm_fit_load(pm_fit *fit);
@@ -114,7 +114,8 @@ void pm_fit_draw_curves(const pm_fit *fit);
 // a measure of a model without structure on the validation part, or NULL. PM_EUNFIT if rollouts are
 // not finite or worse than persistence, a state that stays as it is.
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box);
-// Measures the system on the validation part, or on the training part. The caller frees *measure.
+// Measures the system on the validation part if `validation` is true, else on the training part.
+// The caller frees *measure. Fails as the functions of evaluate/measure.h do.
 pm_status pm_fit_measure(const pm_fit *fit, bool validation, pm_measure *measure);
 
 #endif

@@ -1,5 +1,5 @@
-// A fit to measurements (learn/shooting.h) in place of one to states: used where the training file
-// gives `noise`, where the scene has hidden groups or `observations`.
+// Fits a system to measurements by multiple shooting (learn/shooting.h), instead of to states. This
+// happens if the training file gives `noise`, or if the scene has hidden groups or `observations`.
 #ifndef PM_TRAINER_LEARN_FIT_MEASURED_H
 #define PM_TRAINER_LEARN_FIT_MEASURED_H
 
@@ -15,15 +15,16 @@ struct pm_fit_measured {
     double *typical;  // [nz] typical size of hidden components; 0: not known
 };
 
-// Loads the measurements, and makes f->dataset: states at steps of the scene that are interpolated
-// from them, with guesses for hidden groups. They serve to fix the scales of the models. PM_EDATA,
-// PM_ECONFIG, PM_EFILE, PM_ENOMEM.
+// Loads the measurements, and makes f->dataset: states at the steps of the scene, interpolated from
+// the measurements, with guesses for hidden groups. These states only serve to fix the scales of
+// the models (learn/normalization.h). PM_EDATA, PM_ECONFIG, PM_EFILE, PM_ENOMEM.
 pm_status pm_fit_measured_load(pm_fit *f, const char *path);
 void pm_fit_measured_close(struct pm_fit_measured *m); // NULL is allowed
 // Runs multiple shooting on the training part. f->theta holds the result.
 pm_status pm_fit_measured_run(pm_fit *f);
-// Estimates the starts of the validation part (or of the training part) from its first quarter and
-// prints how well the rest is predicted.
+// Estimates the starts of the validation part from the first quarter of each trajectory, and prints
+// how well the rest is predicted. The training part is used if there is no validation part.
+// PM_EUNFIT: predictions are not finite.
 pm_status pm_fit_measured_report(pm_fit *f);
 
 #endif

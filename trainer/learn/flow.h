@@ -17,10 +17,10 @@ typedef struct pm_flow_how {
     const pm_integrator *integrator;   // borrowed
     int substeps;                      // steps of the integrator in one dt of the scene
     bool stretched;                    // intervals are not all dt long
-    bool fixed;                        // the weights do not vary: no derivatives by them
+    bool fixed;                        // derivatives with respect to the weights are not computed
 } pm_flow_how;
 
-// Programs of one thread.
+// The compiled programs with their memory. Each thread needs a pm_flow of its own.
 typedef struct pm_flow pm_flow;
 
 #define PM_FLOW_BATCH 32 // states at a time
@@ -30,10 +30,10 @@ pm_status pm_flow_open(pm_flow **flow, const pm_flow_how *how, bool derivatives)
 void pm_flow_close(pm_flow *flow); // NULL is allowed
 
 int pm_flow_weights(const pm_flow *flow); // the number of all trained weights
-// The number of coefficients of the boundary inputs over one interval that a step reads.
+// Returns the number of coefficients of the boundary inputs that a step reads for one interval.
 int pm_flow_inputs(const pm_flow *flow);
 
-// A state on its way. The arrays belong to the caller.
+// A state that the flow advances in time, with its derivatives. The caller owns the arrays.
 typedef struct pm_flow_item {
     double *z;           // [nz] the state
     double *by_start;    // [nz][nz] its derivative with respect to the state at the start
@@ -42,13 +42,15 @@ typedef struct pm_flow_item {
     double duration;     // of the coming interval, in dt of the scene
 } pm_flow_item;
 
-// Sets the derivatives of a state to those of a start.
+// Makes the state of `item` a start: by_start becomes the identity and by_weights zero.
 void pm_flow_start(const pm_flow *flow, pm_flow_item *item);
-// Takes the states of item [count], count <= PM_FLOW_BATCH, over one interval, in one step of the
-// scene. Derivatives are carried along if the flow has them.
+// Advances the states of all items [count], count <= PM_FLOW_BATCH, by one interval each, which is
+// one step of the scene stretched to item->duration. Also advances the derivatives if the flow has
+// them.
 void pm_flow_step(pm_flow *flow, int count, pm_flow_item *const *item);
-// Computes what is measured: y [count][ny], and if the flow has derivatives those with respect to
-// the start, by_start [count][ny][nz], and to the weights, by_weights [count][ny][weights].
+// Computes the measured columns y [count][ny] at the present states of the items. If the flow has
+// derivatives, also writes the derivatives of y with respect to the start, by_start
+// [count][ny][nz], and with respect to the weights, by_weights [count][ny][pm_flow_weights].
 void pm_flow_look(pm_flow *flow, int count, pm_flow_item *const *item, double *y, double *by_start,
                   double *by_weights);
 

@@ -1,5 +1,5 @@
 // Folds the tangent of networks marked `zero_at_origin` (model/spec.h) into their skip weights, so
-// that evaluating them costs no more than a plain network.
+// that evaluating them costs no more than evaluating a network without this mark.
 #ifndef PM_TRAINER_LEARN_FOLD_TANGENT_H
 #define PM_TRAINER_LEARN_FOLD_TANGENT_H
 

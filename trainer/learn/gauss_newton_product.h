@@ -1,8 +1,8 @@
 // Products of the Gauss-Newton matrix J^T W J with vectors, where neither the Jacobian J of the
-// residuals nor the matrix is formed (Schraudolph, Neural Computation 14 (2002) 1723). J v is the
-// derivative of the linear function u -> u^T J v, which reverse accumulation provides, and J^T of
-// it is one more reverse pass. A product costs about as much as three gradients, for any number of
-// weights and residuals.
+// residuals nor the matrix is formed (Schraudolph, Neural Computation 14 (2002) 1723). A reverse
+// pass computes J^T u as a function of u. This function is linear, and the reverse pass through it
+// computes J v. One more reverse pass multiplies W J v by J^T. A product costs about as much as
+// three gradients, for any number of weights and residuals.
 #ifndef PM_TRAINER_LEARN_GAUSS_NEWTON_PRODUCT_H
 #define PM_TRAINER_LEARN_GAUSS_NEWTON_PRODUCT_H
 

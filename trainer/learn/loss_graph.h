@@ -9,7 +9,7 @@
 #include "scene/system.h"
 
 typedef struct pm_loss {
-    pm_residual residual;
+    pm_residual residual;            // of integrated states or of rates (learn/samples.h)
     const pm_integrator *integrator; // borrowed
     int substeps;                    // steps of the integrator in one dt
     double degeneracy;               // weight of the degeneracy penalty in the soft form

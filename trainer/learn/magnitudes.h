@@ -10,10 +10,12 @@ typedef struct pm_magnitudes {
     const pm_scene *scene; // borrowed
     pm_arena arena;        // owns the arrays below
     double *deviation;     // [nz] standard deviation, pooled over the components of each group
-    double *rate;          // [nz] root mean square of the rate, 1/s, pooled likewise
+    double *rate;   // [nz] root mean square of the rate, unit of the component per s, pooled over
+                    // the components of each group
     double *energy; // [nsubsystem] J: the estimate from given reversible pairs if the model has
                     // any, else the typical heat content, else 1
-    double *temperature; // [nsubsystem] K, the starting temperature of thermal energies; else 300
+    double *temperature; // [nsubsystem] K, the starting temperature of thermal energies; 300 if
+                         // the model has none
 } pm_magnitudes;
 
 // The magnitudes of one group, in the units of pm_magnitudes.
@@ -26,8 +28,8 @@ typedef struct pm_group_magnitude {
 pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm_samples *samples);
 void pm_magnitudes_free(pm_magnitudes *m);
 
-// Looks up a group of a subsystem by its name, or a group of a port by its prefixed name ("a.q").
-// Both return false if there is no such group or if it belongs to a boundary input.
+// These functions look up a group of a subsystem by its name, and a group of a port by its prefixed
+// name ("a.q"). They return false if there is no such group or if it belongs to a boundary input.
 bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
                            pm_group_magnitude *result);
 bool pm_magnitudes_of_port(const pm_magnitudes *m, int port, const char *group,

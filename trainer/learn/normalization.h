@@ -7,11 +7,11 @@
 #include "learn/samples.h"
 #include "scene/system.h"
 
-// Sets these constants for every subsystem and port of the system that the scene does not define
-// itself. Features that contain co-energies are evaluated with the present weights. With `plain`
-// the scales of operators follow the size of states alone; otherwise they also follow the size of
-// rates and energies (learn/magnitudes.h), so that training does not depend on units. PM_ECONFIG
-// (too many networks), PM_EDATA (too few states for the patterns), PM_ENOMEM.
+// Sets these constants in the models of all subsystems and ports of the system. The samples must be
+// windows of one step. Features that contain co-energies are evaluated with the present weights.
+// With `plain` the scales of operators follow the size of states alone; otherwise they also follow
+// the size of rates and energies (learn/magnitudes.h), so that training does not depend on units.
+// PM_ECONFIG (too many networks), PM_EDATA (too few states for the patterns), PM_ENOMEM.
 pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain);
 
 #endif

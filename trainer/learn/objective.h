@@ -24,20 +24,21 @@ int pm_objective_samples(const pm_objective *o); // the number of samples
 int pm_objective_symmetry_copies(const pm_objective *o);
 
 int pm_objective_size(const pm_objective *o); // the number of weights
-// Copies all weights from and to the system; theta is [pm_objective_size].
+// These functions copy all weights from the system to theta [pm_objective_size], and back.
 void pm_objective_weights(const pm_objective *o, double *theta);
 void pm_objective_set_weights(pm_objective *o, const double *theta);
 
-// Returns the loss at the present weights of the system and writes its gradient [size], unless
-// `gradient` is NULL, which takes a fraction of the time. The mean is
-// over the samples index[0 .. count), or over all samples in their original orientation if index is
-// NULL. An index names a sample or one of its symmetric copies, and at most one of them per sample.
+// Returns the loss at the present weights of the system. Writes its gradient [pm_objective_size]
+// unless `gradient` is NULL; the loss alone takes a fraction of the time. The mean is over the
+// samples index [count], or over all samples in their original orientation if `index` is NULL. An
+// index names a sample or one of its symmetric copies, and at most one of them per sample.
 double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);
 
-// Sets the robust scale D^2 = d^2 times the median squared residual of these samples (all if index
-// is NULL), as last evaluated. Has no effect if the loss is not robust. PM_ENOMEM.
+// Sets the robust scale D^2 = d^2 times the median squared residual of the samples index [count]
+// (all if `index` is NULL), as last evaluated; d is `robust` of pm_loss. Has no effect if the loss
+// is not robust. PM_ENOMEM.
 pm_status pm_objective_rescale(pm_objective *o, int count, const int *index);
-// Read and restore D^2, for resuming a training.
+// These functions return and set D^2. A training that is resumed restores it.
 double pm_objective_robust_square(const pm_objective *o);
 void pm_objective_set_robust_square(pm_objective *o, double square);
 

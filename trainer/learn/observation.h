@@ -14,16 +14,16 @@ typedef struct pm_observation {
     const char **name;           // [count] names of the columns
     const char **unit;           // [count] units of the components; NULL: a formula
     const pm_formula **rule;     // [count] the formula; NULL: a component
-    int *base;                   // [nz] component from which one is measured; -1: none
-    bool *hidden;                // [nz] components that no column holds
-    double *guess;               // [nz] where the start of a hidden component is looked for first
-    double *deviation;           // [nz] how far from it the start may be; 0: not hidden
+    int *base;                   // [nz] component that is added to this one (relative_to); -1: none
+    bool *hidden;                // [nz] true for components that no column holds
+    double *guess;               // [nz] prior mean of the start of a hidden component
+    double *deviation;           // [nz] prior deviation from the guess; 0: not hidden
     const char **component_name; // [nz] "subsystem.group" or "subsystem.group[1]"
 } pm_observation;
 
-// Finds the columns of a measured dataset. Hidden groups are not looked for. The arrays lie in the
-// arena. PM_EDATA: the dataset lacks a column of a group that is not hidden, or one that a formula
-// gives; PM_ECONFIG: a formula is wrong, or nothing is measured; PM_ENOMEM.
+// Finds the columns of a measured dataset; hidden groups need no columns. The arrays lie in the
+// arena. PM_EDATA: the dataset lacks a column of a group that is not hidden, or the column of a
+// formula; PM_ECONFIG: a formula is wrong, or nothing is measured; PM_ENOMEM.
 pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm_dataset *dataset,
                               pm_arena *arena);
 

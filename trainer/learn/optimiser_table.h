@@ -12,7 +12,7 @@ pm_status pm_lbfgs_run(pm_optimisation *optimisation);
 // Levenberg-Marquardt on batches (Marquardt, J. SIAM 11 (1963) 431), with the matrix of the normal
 // equations where it is small, and by conjugate gradients without a matrix where it would be large.
 pm_status pm_gauss_newton_run(pm_optimisation *optimisation);
-// The same by conjugate gradients for any number of weights (Martens, ICML 2010).
+// Levenberg-Marquardt by conjugate gradients, for any number of weights (Martens, ICML 2010).
 pm_status pm_gauss_newton_cg_run(pm_optimisation *optimisation);
 
 #endif

@@ -7,7 +7,8 @@
 #include "graph/graph.h"
 #include "learn/objective.h"
 
-// The number of differences to the data in one sample: the variables of all steps of a window.
+// Returns the number of differences to the data in one sample: the number of variables times the
+// number of steps of a window.
 int pm_residuals_count(const pm_objective *objective);
 
 // Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the
@@ -16,9 +17,9 @@ int pm_residuals_count(const pm_objective *objective);
 pm_status pm_residuals_build(pm_graph *g, const pm_loss_context *context, pm_node *input,
                              pm_node *residual);
 
-// Adds every trained matrix of the system as a node leaf [result], writes how many numbers each has
-// to size [result], and returns how many matrices there are. The order is that of
-// pm_objective_weights. With leaf NULL the function only counts.
+// Adds every trained matrix of the system to the graph, in the order of pm_objective_weights, and
+// returns the number of matrices, n. Writes the nodes to leaf [n] and the number of weights in each
+// matrix to size [n]. If `leaf` is NULL, the function only counts.
 int pm_residuals_weights(pm_graph *g, const pm_system *system, pm_node *leaf, int *size);
 
 #endif

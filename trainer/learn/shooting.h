@@ -18,7 +18,7 @@
 #include "learn/flow.h"
 #include "learn/track.h"
 
-#define PM_SHOOTING_REACH 10.0 // of logarithms of positive constants
+#define PM_SHOOTING_REACH 10.0 // `reach` of the logarithm of a positive constant
 #define PM_SHOOTING_LANES 2    // threads; a fixed number, so that the order of sums is fixed
 
 // A window: the samples [first, last) of a track, where the integration ends at sample `last` if
@@ -37,31 +37,34 @@ typedef struct pm_shooting {
     const pm_tracks *tracks;           // borrowed
     const pm_observation *observation; // borrowed
     int nz, ny, nweight, nborder;      // nborder = nweight + 1: the weights and the gradient
-    double *noise;                     // [ny] what residuals are divided by
-    double *gap;                       // [nz] what gaps are divided by
-    double *prior;                     // [nz] deviation of the first start; 0: none
+    double *noise;                     // [ny] `noise` in the objective, unit of the column
+    double *gap;                       // [nz] `gap` in the objective, unit of the component
+    double *prior;                     // [nz] `deviation` in the objective; 0: no prior
     bool hold;                         // the weights stay as they are; only starts are sought
-    // [nweight] the weights before the fit, and how far a weight is expected to go from there; 0:
-    // any distance. Weights on which the data have no influence stay near the first ones.
-    double *first_weight, *reach, *no_reach; // no_reach: zeros
+    // [nweight] `first weight` and `reach` in the objective. A reach of 0 means no prior. Weights
+    // that do not influence the data stay near their first values.
+    double *first_weight, *reach, *no_reach; // no_reach holds zeros
     double huber;                            // residuals beyond this many deviations count less
     int nwindow;
     pm_window *window; // [nwindow], by track and time
     double *z;         // [nwindow][nz] the starts
     double *end;       // [nwindow][nz] where the windows end, by the last evaluation
     double **residual; // [tracks->count] -> [count][ny], model minus data by the last evaluation
-    // The normal equations of the last evaluation with derivatives.
-    double *matrix; // [nborder][nborder] weights and, in the last column, gradient; upper triangle
-    double *own;    // [nwindow][nz][nz] starts
-    double *border; // [nwindow][nz][nborder] starts with weights, and gradient by the starts
-    double *end_by_start;   // [nwindow][nz][nz] derivatives of the gaps, divided by `gap`
-    double *end_by_weights; // [nwindow][nz][nborder], and the gaps themselves
+    // The blocks of the normal equations (learn/shooting_solve.c) from the last evaluation with
+    // derivatives. The last column of an array with nborder columns holds the gradient or the gap.
+    double *matrix;       // [nborder][nborder] block of the weights, upper triangle
+    double *own;          // [nwindow][nz][nz] block of the start of each window
+    double *border;       // [nwindow][nz][nborder] block that couples a start with the weights
+    double *end_by_start; // [nwindow][nz][nz] derivative of the end by the start, over `gap`
+    double
+        *end_by_weights; // [nwindow][nz][nborder] derivative of the end by the weights, over `gap`
     // Work space of the solution.
     double *factor;   // [nwindow][nz][nz]
     double *coupling; // [nwindow][nz][nz]
     double *solved;   // [nwindow][nz][nborder]
     double *reduced;  // [nborder][nborder] the matrix after elimination
-    // Flows without derivatives, with those by starts and weights, and with those by starts alone.
+    // One flow per lane without derivatives, one with derivatives with respect to starts and
+    // weights, and one with derivatives with respect to starts alone.
     pm_flow *value[PM_SHOOTING_LANES], *derivative[PM_SHOOTING_LANES], *start[PM_SHOOTING_LANES];
     pm_shooting_lane *lane[PM_SHOOTING_LANES];
 } pm_shooting;
@@ -71,9 +74,9 @@ typedef struct pm_shooting {
 // Prepares a fit without windows. All arguments must outlive it. The caller closes it. PM_ENOMEM.
 pm_status pm_shooting_open(pm_shooting *s, const pm_flow_how *how, const pm_tracks *tracks);
 void pm_shooting_close(pm_shooting *s); // zeroed storage is allowed
-// Divides all tracks into windows of `length` samples, the last of a track up to half as long
-// again. Starts are taken from the windows before, integrated from there, or, if there are none,
-// from the measurements. PM_ENOMEM.
+// Divides all tracks into windows of `length` samples; the last window of a track has up to half as
+// many samples more. A window keeps its start if one of the previous windows began at the same
+// sample. All other starts are taken from the measurements (pm_track_sample_states). PM_ENOMEM.
 pm_status pm_shooting_divide(pm_shooting *s, int length);
 
 // --- learn/shooting_evaluate.c ---
@@ -81,8 +84,10 @@ pm_status pm_shooting_divide(pm_shooting *s, int length);
 // Integrates all windows with the present weights of the system from the starts z [nwindow][nz].
 // Returns the objective, which may not be finite. With `derivatives` it fills the normal equations.
 double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives);
-pm_status pm_shooting_open_lanes(pm_shooting *s); // PM_ENOMEM
-// Lets later evaluations take this many steps of the integrator in one dt. PM_ENOMEM.
+// Opens the flows and the memory of all threads. PM_ENOMEM.
+pm_status pm_shooting_open_lanes(pm_shooting *s);
+// Sets the number of steps of the integrator in one dt of the scene for later evaluations.
+// PM_ENOMEM.
 pm_status pm_shooting_set_substeps(pm_shooting *s, int substeps);
 void pm_shooting_close_lanes(pm_shooting *s);
 
@@ -101,13 +106,14 @@ typedef struct pm_shooting_progress {
     double damping;
 } pm_shooting_progress;
 
-// Makes up to `iterations` steps, each with the damping that lowers the objective, until one lowers
-// it by less than the fraction `enough`. Weights and starts hold the result. *damping is carried
+// Makes up to `iterations` Gauss-Newton steps. Each step raises the damping until the objective
+// falls. The function ends early when a step lowers the objective by less than the fraction
+// `enough`. The system and s->z then hold the resulting weights and starts. *damping is carried
 // over from call to call; 0 at first. PM_EINTERRUPTED if *stop becomes nonzero, PM_ENUMERIC if the
 // objective is not finite at the beginning, PM_ENOMEM.
 pm_status pm_shooting_minimise(pm_shooting *s, int iterations, double enough, double *damping,
                                const volatile sig_atomic_t *stop, pm_shooting_progress *progress);
-// Copies all trained weights of the system to and from theta [nweight].
+// These functions copy all trained weights from the system to theta [nweight], and back.
 void pm_shooting_weights(const pm_shooting *s, double *theta);
 void pm_shooting_set_weights(const pm_shooting *s, const double *theta);
 

@@ -11,14 +11,14 @@
 #include "learn/samples.h"
 #include "learn/training.h"
 
-// Draws all weights at random from the seed of the training, starting from the declared values that
-// the system must hold. Writes all trained numbers to theta [size].
+// Draws random initial weights with the seed of the training. The system must hold the declared
+// weights, to which the random numbers are added. Writes all weights to theta [pm_objective_size].
 void pm_start_draw(pm_training *training, double *theta);
 
-// Replaces theta [size] by the best of training->tries draws, which `seed` decides, judged by their
-// loss on the samples, which must be those of the derivative residual. With the seed of the
-// training theta itself must be its draw and is one of them. `declared` [size] are the weights as
-// declared, from which every draw begins. The constants of the models must have been fixed
+// Replaces theta [size] by the best of training->tries random draws. `seed` decides the draws; if
+// it is training->seed, `theta` must be the result of pm_start_draw and is the first of them. The
+// loss on `samples`, which must be those of the derivative residual, decides which draw is best.
+// `declared` [size] are the declared weights. The constants of the models must have been fixed
 // (learn/normalization.h). If training->tries is 1, theta is not changed. PM_EINTERRUPTED if *stop
 // becomes nonzero; PM_ENOMEM.
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,

@@ -24,19 +24,19 @@ typedef struct pm_tracks {
     double *deviation; // [ny] standard deviation of each column over all samples
 } pm_tracks;
 
-// Makes the tracks of trajectories which [count] of a measured dataset, from their first sample
-// until `until` seconds later (INFINITY: all). Between two samples the intervals are equal and at
-// most dt of the scene long. With `thin`, samples that follow another one by less than dt are left
-// out. The caller frees. PM_EDATA: a trajectory has fewer than two samples, or a scene with
-// boundary inputs has data whose times are not its dt apart; PM_ENOMEM.
+// Makes the tracks of the trajectories `which` [count] of a measured dataset, from their first
+// sample until `until` seconds later (INFINITY: all). Between two samples the intervals are equal
+// and at most one dt of the scene long. With `thin`, samples that follow another one by less than
+// dt are left out. The caller frees. PM_EDATA: a trajectory has fewer than two samples, or the
+// scene has boundary inputs and the samples are not dt apart; PM_ENOMEM.
 pm_status pm_tracks_make(pm_tracks *tracks, const pm_scene *scene, const pm_observation *o,
                          const pm_dataset *dataset, int count, const int *which, double until,
                          bool thin);
 void pm_tracks_free(pm_tracks *tracks);
 
-// Writes the states of track `id` at multiples of dt of the scene to state [ntime][nz]. Measured
-// components are polynomials through the nearest four samples that are there, hidden ones are
-// guesses; values of formulas are not used.
+// Writes the states of track `id` at multiples of dt of the scene to state [ntime][nz]. A measured
+// component is interpolated by a polynomial through the nearest four samples that hold it. A hidden
+// component is its guess. Columns of formulas are not used.
 void pm_track_states(const pm_tracks *tracks, int id, const pm_scene *scene,
                      const pm_observation *o, int ntime, double *state);
 // Does the same at the times of the samples `first` to `end` - 1: state [end - first][nz].

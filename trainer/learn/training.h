@@ -27,13 +27,13 @@ typedef struct pm_training {
     const char *data, *data_at;                 // the dataset, or NULL: named on the command line
     const char *trajectories, *trajectories_at; // "A:B", or NULL: all
     const char *validation, *validation_at;     // a list, "none", or NULL (learn/split.h)
-    // Measurements (learn/fit_measured.h): whether the file gives `noise`, and what it gives.
-    bool noisy;
-    int nnoise;
+    // The key `noise` of measurements (learn/fit_measured.h).
+    bool noisy;                // the file has this key
+    int nnoise;                // number of columns whose noise it gives
     const char **noise_column; // [nnoise]
     double *noise;             // [nnoise] in the unit of the column
     const char *noise_at;
-    double seconds;       // of each trajectory that count; infinite: all
+    double seconds;       // only the first seconds of each trajectory are used; infinite: all
     const char *data_set; // the dataset of the file that holds the measurements; NULL: z
     uint64_t seed;
     bool square;        // samples have symmetric copies (learn/symmetry.h)
@@ -51,10 +51,10 @@ typedef struct pm_training {
 // Reads and checks a training file and its scene, and declares the models. The caller frees.
 // PM_EFILE, PM_ECONFIG with the place in the file, PM_ENOMEM.
 pm_status pm_training_load(pm_training **training, const char *path);
-// Whether the data are measurements, to which multiple shooting is fitted: the file gives `noise`,
-// or the scene has hidden groups or observations.
+// Returns true if the data are measurements, which are fitted by multiple shooting: the file gives
+// `noise`, or the scene has hidden groups or observations.
 bool pm_training_is_measured(const pm_training *training);
-// Whether the scene has hidden groups.
+// Returns true if the scene has hidden groups.
 bool pm_training_hides(const pm_training *training);
 void pm_training_free(pm_training *training); // NULL is allowed
 

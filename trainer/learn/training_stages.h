@@ -7,9 +7,9 @@
 #include "store/yaml.h"
 
 // Fills training->stage and training->nstage from `root`, the top level of the training file. With
-// `stages: auto`, or without `stages`, learn/stages.h chooses them, unless models are plain. The
-// scene is loaded and the models are declared before. PM_ECONFIG with the place in the file;
-// PM_ENOMEM.
+// `stages: auto`, or without `stages`, learn/stages.h chooses the stages; with `defaults: plain`
+// and without `noise` the file must list them. The caller has loaded the scene and declared the
+// models. PM_ECONFIG; the error names the place in the file. PM_ENOMEM.
 pm_status pm_training_read_stages(pm_training *training, pm_yaml root);
 
 // Fills training->stage_digest for all stages. The number of iterations is not part of a digest, so

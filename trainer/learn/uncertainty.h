@@ -12,17 +12,18 @@ typedef struct pm_uncertainty {
     double *covariance; // [nweight][nweight] of all trained weights
     double *weights;    // [nweight] the weights that it belongs to
     double *noise;      // [ny] standard deviation of the residuals, in the unit of each column
-    // Residuals of neighbouring samples agree where the model is wrong. So many samples count as
-    // one: 1 plus twice the sum of the residuals' autocorrelation.
+    // The number of samples that carry as much information as one sample with independent noise: 1
+    // plus twice the sum of the autocorrelation of the residuals. It exceeds 1 where the model is
+    // wrong, since residuals of neighbouring samples then agree.
     double samples_per_residual;
-    // The variance of the weights over that with independent noise: the larger of the number above
-    // and of how much more the trajectories disagree about the weights than noise lets them. The
-    // covariance contains it.
+    // The factor by which the covariance is larger than with independent noise: the larger of
+    // samples_per_residual and of the ratio by which trajectories disagree about the weights more
+    // than independent noise explains. `covariance` includes this factor.
     double inflation;
     double *start;   // [nz] mean start of all trajectories
     double *spread;  // [nz] standard deviation of the starts among trajectories
-    double *unknown; // [nz] deviation of a start that the data leave, over that of its prior; 0:
-                     // the component has no prior
+    double *unknown; // [nz] standard deviation of the start after the fit, divided by that of its
+                     // prior; 0: the component has no prior
 } pm_uncertainty;
 
 // Computes the uncertainty at the present weights and starts. The caller frees. PM_ENUMERIC: the
@@ -32,8 +33,9 @@ void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
 
 // Writes "measured.h5" into the folder. PM_EFILE.
 pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder);
-// Reads it. `found` tells whether the folder has such a file. PM_EWEIGHTS: it belongs to other
-// weights, columns or states than those of the system and the observation; PM_EFILE, PM_ENOMEM.
+// Reads "measured.h5" from the folder, and sets *found to false if there is no such file. The
+// caller frees. PM_EWEIGHTS: the file has another number of weights, columns or state components
+// than the system and the observation; PM_EFILE, PM_ENOMEM.
 pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, const pm_system *system,
                               const pm_observation *o, bool *found);
 
