@@ -8,9 +8,11 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 failures=0
 
-# number FILE GROUP: the median error per trajectory of a group
+# number FILE GROUP: the median error per trajectory of a group, or of the entropy that is produced
 number() {
-    sed -n "s/.*\"$2\": {\"trajectory\": {.*\"median\": \([^,]*\),.*\"snapshot\".*/\1/p" "$1" | head -1
+    [ "$2" = production ] && pattern='s/.*"kind": "production", .*"median": \([^,]*\), "mean".*/\1/p' ||
+        pattern="s/.*\"$2\": {\"trajectory\": {.*\"median\": \([^,]*\),.*\"snapshot\".*/\1/p"
+    sed -n "$pattern" "$1" | head -1
 }
 
 # scene NAME TRUTH TRAJECTORIES GROUP BOUND...
@@ -35,9 +37,9 @@ scene() {
     fi
 }
 
-scene double_pendulum double_pendulum 40:50 q 0.00001 p 0.00001 s 0.00001
-scene double_pendulum_fast double_pendulum_fast 40:50 q 0.0002 p 0.0002 s 0.0005
-scene chain_10 chain_10 0:20 q 0.00001 p 0.00001 s 0.00001
+scene double_pendulum double_pendulum 40:50 q 0.00001 p 0.00001 s 0.00001 production 0.00001
+scene double_pendulum_fast double_pendulum_fast 40:50 q 0.0001 p 0.0001 s 0.0002 production 0.001
+scene chain_10 chain_10 0:20 q 0.00001 p 0.00001 s 0.00001 production 0.00001
 scene gas_containers gas_containers 80:100 v 0.0005 p 0.0005 s 0.0005
 scene driven_upper driven_upper 80:100 q 0.0001 p 0.0001 s 0.0002
 scene driven_lower driven_lower 80:100 q 0.0001 p 0.0001 s 0.0002

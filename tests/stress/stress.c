@@ -94,6 +94,7 @@ static void set_time(const subject *s, double dt, const char *integrator, int su
     s->scene->dt = dt;
     s->scene->integrator = pm_integrator_find(integrator);
     s->scene->substeps = substeps;
+    s->scene->tolerance = 0;
 }
 
 static void finish(stress *t, const trial_row *row) {

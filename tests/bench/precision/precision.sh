@@ -39,7 +39,7 @@ over_lcm() {
     *_adaptive) pace="s/^\( *\)substeps: .*/\1tolerance: $(printf %.6f "$3")/" ;;
     *) pace="s/substeps: [0-9]*/substeps: $3/" ;;
     esac
-    sed -e "s/integrator: [a-z0-9_]*/integrator: ${2%_adaptive}/" -e "$pace" \
+    sed -e "s/, tolerance: [0-9.e-]*//" -e "s/integrator: [a-z0-9_]*/integrator: ${2%_adaptive}/" -e "$pace" \
         -e "s|weights: weights|weights: $configs/weights|" \
         -e "s|file: reference|file: $configs/reference|" "$configs/$1.yaml" >"$folder/scene.yaml"
     speed=$(for repetition in 1 2 3; do
