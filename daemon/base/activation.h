@@ -1,5 +1,5 @@
-// Elementwise transcendental functions over arrays (elementary.h). The compiler vectorises them,
-// which changes no bit.
+// These loops apply the functions of elementary.h to every entry of an array. The compiler
+// vectorises them, which does not change a bit of the results.
 #ifndef PM_BASE_ACTIVATION_H
 #define PM_BASE_ACTIVATION_H
 

@@ -22,14 +22,15 @@ static inline double pm_power_of_two(double n) {
 
 // Splits x = n ln 2 + r with a whole n and |r| <= ln 2 / 2 (Cody and Waite 1980). Returns n.
 static inline double pm_reduce(double x, double *r) {
-    const double shift = 6755399441055744.0; // 1.5 * 2^52: what is added to it becomes whole
+    const double shift = 6755399441055744.0; // 1.5 * 2^52: adding it rounds a number to a whole one
     const double n = (x * 1.44269504088896338700e+00 + shift) - shift;
     *r = (x - n * 6.93147180369123816490e-01) - n * 1.90821492927058770002e-10;
     return n;
 }
 
-// exp(r) - 1 for |r| <= ln 2 / 2, by its Taylor polynomial of degree 13. Groups of four terms
-// (Estrin's scheme) do not have to wait for each other.
+// exp(r) - 1 for |r| <= ln 2 / 2, by its Taylor polynomial of degree 13. The groups of four terms
+// (Estrin's scheme) are independent of each other, so that the processor can evaluate them at the
+// same time.
 static inline double pm_short_expm1(double r) {
     const double r2 = r * r, r4 = r2 * r2;
     const double low = (0.5 + r * (1.0 / 6.0)) + (1.0 / 24.0 + r * (1.0 / 120.0)) * r2;
@@ -40,7 +41,7 @@ static inline double pm_short_expm1(double r) {
     return r + r2 * (low + (middle + high * r4) * r4);
 }
 
-// exp(x); below -708 it stays at exp(-708), from 709.4 on it is infinite.
+// exp(x). The result is exp(-708) for all x below -708, and infinite from x = 709.4 on.
 static inline double pm_exp_of(double x) {
     double r;
     x = x < -708.0 ? -708.0 : x;
@@ -53,7 +54,7 @@ static inline double pm_exp_of(double x) {
 // tanh(x) = sign(x) e / (e + 2) with e = exp(2 |x|) - 1.
 static inline double pm_tanh_of(double x) {
     double twice = 2.0 * (x < 0 ? -x : x), r;
-    twice = twice > 40.0 ? 40.0 : twice; // there the result is 1
+    twice = twice > 40.0 ? 40.0 : twice; // from |x| = 20 on the result is 1
     const double n = pm_reduce(twice, &r);
     const double power = pm_power_of_two(n);
     const double e = power * pm_short_expm1(r) + (power - 1.0);
@@ -66,8 +67,9 @@ static inline double pm_sigmoid_of(double x) {
     return 1.0 / (1.0 + pm_exp_of(-x));
 }
 
-// log(1 + u) for 0 <= u <= 1. With f = u, or (u - 1)/2 so that 1 + u = 2 (1 + f), and s = f/(2 + f)
-// it is the series of log(1 + f) = log((1 + s)/(1 - s)) (FDLIBM, s_log1p.c, with its coefficients).
+// log(1 + u) for 0 <= u <= 1. The function writes 1 + u as 1 + f with f = u or, if u exceeds
+// sqrt(2) - 1, as 2 (1 + f) with f = (u - 1)/2. With s = f/(2 + f) it evaluates the series of
+// log(1 + f) = log((1 + s)/(1 - s)), with the coefficients of FDLIBM, s_log1p.c.
 static inline double pm_log1p_of(double u) {
     const double fold = u > 0.41421356237309503 ? 1.0 : 0.0;
     const double f = fold * (0.5 * (u - 1.0)) + (1.0 - fold) * u;

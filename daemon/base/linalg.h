@@ -5,10 +5,11 @@
 
 #include <stdbool.h>
 
-// Products of up to this number of multiply-adds run here in an order of sums that is the same on
-// every processor; larger ones call BLAS, because they take longer than the call.
+// A product of up to this number of multiply-adds is computed here, in an order of sums that is the
+// same on every processor. A larger product takes longer than a call of BLAS costs, and therefore
+// calls BLAS.
 #define PM_SMALL_PRODUCT 4096
-// A product with b transposed transposes b first if it has at least this many rows.
+// If a product a b^T has at least this many rows, pm_gemm transposes b into a buffer first.
 #define PM_MANY_ROWS 4
 // Number of partial sums of an inner product: one register of the widest instruction set.
 #define PM_LANES 8
@@ -17,8 +18,9 @@
 // more than they gain on small matrices and would change the order of sums.
 void pm_linalg_init(void);
 
-// Computes c [m][n] = op(a) op(b) with op(a) [m][k] and op(b) [k][n]; op transposes where asked. a,
-// b and c must not overlap. Small products do not call BLAS but run here, in a fixed order of sums.
+// Computes c [m][n] = op(a) op(b) with op(a) [m][k] and op(b) [k][n]. op is the transposition if
+// transpose_a or transpose_b is true. a, b and c must not overlap. Small products do not call BLAS
+// but run here, in a fixed order of sums.
 void pm_gemm(bool transpose_a, bool transpose_b, int m, int n, int k, const double *a,
              const double *b, double *c);
 
@@ -34,8 +36,9 @@ bool pm_cholesky_factor(int n, double *h);
 // b [n][count] becomes x.
 void pm_cholesky_back(int n, const double *u, int count, double *b);
 
-// Solves h x = b for one right-hand side: h [n][n] as in pm_cholesky_factor, b [n] becomes x.
-// Returns false if h is not positive definite.
+// Solves h x = b for one right-hand side and a symmetric positive definite h [n][n]. The upper
+// triangle of h is replaced by its Cholesky factor, and b [n] by x. Returns false if h is not
+// positive definite.
 bool pm_cholesky_solve(int n, double *h, double *b);
 
 // Computes the `count` largest eigenvalues of a symmetric h [n][n], in descending order, into

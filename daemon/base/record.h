@@ -1,6 +1,7 @@
-// A record holds the numbers that a module needs to go on from a checkpoint. The module lists them
-// in one function, which puts each under a name; that function then counts, saves or restores them,
-// so that the three can never disagree.
+// A record holds the numbers that a module needs to go on from a checkpoint. The module lists these
+// numbers, each with a name, in one function. Depending on the record that it is given, this
+// function counts, saves or restores the numbers. One list serves all three purposes, so that they
+// can never disagree.
 //
 //     void link_record(link *l, pm_record *record) {
 //         pm_record_put_long(record, "step", &l->step);
@@ -27,15 +28,16 @@ pm_record pm_record_count(const char *kind);
 pm_record pm_record_save(const char *kind, double *number);
 pm_record pm_record_restore(const char *kind, const double *number);
 
-// Returns true if the record restores. A number then has its restored value after it was put.
+// Returns true if the record restores. A number then has its restored value as soon as it was put
+// into the record.
 static inline bool pm_record_restores(const pm_record *record) {
     return record->from != NULL;
 }
 
-// Puts value [count] under a name: counts, saves or restores it. A NULL value counts as zeros and
-// is not restored. Cannot fail and allocates nothing.
+// Puts value [count] into the record under a name: the record counts, saves or restores it. If
+// `value` is NULL, the record saves zeros and restores nothing. Cannot fail and allocates nothing.
 void pm_record_put(pm_record *record, const char *name, double *value, int count);
-// Puts one whole number; exact up to 2^53 in magnitude.
+// Put one number into the record in the same way. A whole number is exact up to 2^53 in magnitude.
 void pm_record_put_long(pm_record *record, const char *name, long *value);
 void pm_record_put_int(pm_record *record, const char *name, int *value);
 void pm_record_put_bool(pm_record *record, const char *name, bool *value);

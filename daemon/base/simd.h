@@ -4,7 +4,8 @@
 #ifndef PM_BASE_SIMD_H
 #define PM_BASE_SIMD_H
 
-// Sanitizers instrument the loader's choice before they are initialised, so they get plain code.
+// With sanitizers the loader would run instrumented code before the sanitizer is initialised.
+// Programs with sanitizers therefore get plain code.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(PM_SANITIZED)
 #define PM_SIMD_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 #else

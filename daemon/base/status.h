@@ -2,7 +2,8 @@
 //
 // A function that can fail for reasons outside the program returns pm_status. The function that
 // detects a failure describes it once with pm_fail; callers pass the code up; only main prints the
-// description.
+// description. The comment of a function ends with the codes that it can return, such as
+// "PM_EFILE: the file is missing; PM_ENOMEM."
 #ifndef PM_BASE_STATUS_H
 #define PM_BASE_STATUS_H
 
@@ -20,7 +21,7 @@ typedef enum pm_status {
     PM_ELAW = 10,    // a law of thermodynamics was violated beyond its tolerance
     PM_ENOMEM = 11,  // out of memory
     PM_EINTERRUPTED = 12, // SIGINT, SIGTERM or SIGHUP
-    PM_EUNFIT = 13        // what was trained is worse than persistence, or not finite
+    PM_EUNFIT = 13        // a trained model is not finite or predicts worse than a constant state
 } pm_status;
 
 // Stores the description of a failure for the calling thread and returns `code`. The description is

@@ -13,7 +13,7 @@ typedef struct pm_unit {
 
 // Reads symbols that are joined by blanks, '*' or '.', each with an optional power "^2", "^-1" or
 // "2". A '/' divides by the next symbol, or by several in parentheses. "1" and "" are
-// dimensionless. The result is not `known` if a symbol is not an SI unit without a prefix.
+// dimensionless. The result is `known` if every symbol is kg or an SI unit without a prefix.
 pm_unit pm_unit_parse(const char *text);
 
 // Returns true if both units are known and equal.

@@ -4,8 +4,9 @@
 // that all items share (parameters, constants, sums over the batch). Building a graph only
 // describes a computation; pm_program (program.h) plans memory for chosen outputs and runs it.
 //
-// Equal expressions become one node (hash-consing), so calling a builder twice costs nothing. A
-// program computes only what its outputs need.
+// A builder is a function below that adds a node and returns it. Equal expressions become one node
+// (hash-consing), so calling a builder twice costs nothing. A program computes only what its
+// outputs need.
 //
 // A builder cannot fail: after memory is exhausted it returns a harmless node, and pm_program_open
 // reports PM_ENOMEM. Shapes that do not fit together are a programmer's mistake (assert).
@@ -42,10 +43,10 @@ pm_node pm_input(pm_graph *g, bool batched, int rows, int cols);
 // Makes a shared matrix that every run reads from value [rows][cols], which the caller keeps alive.
 // The same pointer always gives the same node.
 pm_node pm_param(pm_graph *g, const double *value, int rows, int cols);
-// Does the same for numbers that training changes. After pm_graph_weights_per_item the node repeats
-// the matrix for every item, so that the gradient with respect to it has one row of the Jacobian
-// per item instead of their sum over the batch.
+// Does the same for numbers that training changes.
 pm_node pm_weight(pm_graph *g, const double *value, int rows, int cols);
+// Makes all later calls of pm_weight repeat the matrix for every item of the batch. The gradient
+// with respect to a weight then has one row of the Jacobian for each item, instead of their sum.
 void pm_graph_weights_per_item(pm_graph *g);
 // Makes a shared matrix whose entries are all `value`.
 pm_node pm_constant(pm_graph *g, double value, int rows, int cols);

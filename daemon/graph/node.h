@@ -1,5 +1,5 @@
-// Shared by the files of this folder: the nodes, the instructions of a program, and the table of
-// operations.
+// Declarations that the files of this folder share: the nodes, the instructions of a program, and
+// the table of operations.
 #ifndef PM_GRAPH_NODE_H
 #define PM_GRAPH_NODE_H
 
@@ -47,7 +47,7 @@ typedef struct pm_graph_node {
     pm_shape shape;
     int noperand;
     const pm_node *operand; // [noperand]
-    double number;          // of scale, offset and constant
+    double number; // scale: the factor; offset: the term; constant: the value of all entries
     int first; // slice and place: the first column; matmul: bit 0 transposes a, bit 1 transposes b
     int nindex;
     const int *index;    // [nindex] rows of gather and scatter
@@ -55,8 +55,8 @@ typedef struct pm_graph_node {
 } pm_graph_node;
 
 const pm_graph_node *pm_graph_node_at(const pm_graph *g, pm_node x);
-bool pm_graph_exhausted(const pm_graph *g); // whether building ran out of memory
-void pm_graph_exhaust(pm_graph *g);         // notes that it did
+bool pm_graph_exhausted(const pm_graph *g); // returns true if memory ran out while building
+void pm_graph_exhaust(pm_graph *g);         // notes that memory ran out
 
 // The distances between neighbouring items, rows and columns of an operand while a kernel walks
 // over the result, in numbers; 0 along a dimension in which the operand is repeated.
@@ -72,11 +72,13 @@ struct pm_instruction {
     pm_kernel *run;
     const pm_graph_node *node;
     pm_shape shape, shape_a, shape_b;
-    pm_stride stride_a, stride_b; // sum_to walks over a instead: stride_a is that of the result
+    // A kernel walks over its result, and the strides lead through a and b. The kernel of sum_to
+    // walks over a, and stride_a leads through the result.
+    pm_stride stride_a, stride_b;
     double *out;
     const double *a, *b;
-    const double *const *part; // [nindex] all operands of concat
-    const int *part_cols;      // [nindex] their columns
+    const double *const *part; // [nindex] the operands of concat
+    const int *part_cols;      // [nindex] the number of columns of each operand
     double number;
     int first, nindex;
     const int *index;
@@ -95,8 +97,9 @@ typedef struct pm_operation {
 
 extern const pm_operation pm_operations[PM_OP_COUNT];
 
-// Returns the kernel that runs a batched instruction with the items innermost (lane_kernel.c), or
-// NULL if there is none. The kernel's `batch` is the number of lanes.
+// Returns the kernel that runs a batched instruction on arrays [rows][cols][lanes], in which each
+// lane is one item (pm_program_open_lanes), or NULL if there is none. The kernel's `batch` is the
+// number of lanes. The kernels are in lane_kernel.c.
 pm_kernel *pm_lane_kernel_of(const pm_instruction *instruction);
 
 // Kernels (kernel.c) and derivative rules (adjoint.c), one per operation, listed in operation.c.

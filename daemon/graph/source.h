@@ -1,6 +1,7 @@
-// Writes graphs as functions in C99 that need nothing but libm, and give the same bits as a program
-// (program.h) that runs one item. Small operations become one expression for each number, and
-// whatever only moves numbers becomes no code at all; large operations become loops.
+// Writes graphs as functions in C99. They need nothing but libm and give the same bits as a program
+// (program.h) that runs one item. A small operation becomes one expression for each number of its
+// result, and a large operation becomes loops. Operations that only move numbers become no code at
+// all.
 #ifndef PM_GRAPH_SOURCE_H
 #define PM_GRAPH_SOURCE_H
 
@@ -18,9 +19,10 @@ typedef struct pm_source_argument {
 // Writes the declarations that all functions need: elementary functions and products.
 void pm_source_prelude(FILE *file);
 
-// Writes the parameter list and the body of a function of `nin` constant and `nout` written arrays:
-// everything from "(const double *restrict z, ...". PM_ENOMEM. PM_ECONFIG: a product of matrices is
-// so large that BLAS would compute it in an order of its own.
+// Writes a function without its return type and name: the parameter list, which begins with "(const
+// double *restrict z, ...", and the body. The parameters are the `nin` input arrays, which the
+// function reads, and then the `nout` output arrays, which it writes. PM_ENOMEM. PM_ECONFIG: a
+// product of matrices is so large that BLAS would compute it in an order of its own.
 pm_status pm_source_write(FILE *file, const pm_graph *graph, int nin,
                           const pm_source_argument *input, int nout,
                           const pm_source_argument *output);

@@ -1,7 +1,8 @@
 
 // Products of matrices, with the order of sums of portmetd.
 
-// c [m][n] = a b, where a_row, a_col, b_row and b_col are the distances between rows and columns.
+// c [m][n] = a b. Neighbouring rows of a are a_row numbers apart, and neighbouring columns a_col;
+// b_row and b_col are the same distances in b.
 static inline void pm_product(int m, int n, int k, const double *a, int a_row, int a_col,
                               const double *b, int b_row, int b_col, double *restrict c) {
     for (int i = 0; i < m; ++i) {
@@ -17,7 +18,8 @@ static inline void pm_product(int m, int n, int k, const double *a, int a_row, i
     }
 }
 
-// The same with b stored by columns [n][k], by inner products of eight partial sums.
+// c [m][n] = a b, where b is stored by columns [n][k]. Every entry of c is an inner product of
+// eight partial sums.
 static inline void pm_inner_products(int m, int n, int k, const double *a, int a_row, int a_col,
                                      const double *b, double *restrict c) {
     for (int i = 0; i < m; ++i) {

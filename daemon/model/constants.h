@@ -1,7 +1,7 @@
 // The constants of formulas that training learns. Each is a parameter "constant.<name>" [1][1],
-// which holds the value or, for a positive constant, its logarithm, and a symbol of one component
-// that formulas name. Known constants are folded into formulas when these are read; they are
-// neither parameters nor symbols.
+// which holds the value or, for a positive constant, its logarithm. Formulas name it as a symbol of
+// one component. Known constants are folded into formulas when these are read; they are neither
+// parameters nor symbols.
 #ifndef PM_MODEL_CONSTANTS_H
 #define PM_MODEL_CONSTANTS_H
 

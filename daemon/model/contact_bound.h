@@ -7,14 +7,17 @@
 
 #include "model/part.h"
 
-// Builds the bound of a part. A group is called unconstrained if energy and entropy depend on it
-// only through such sums. `unconstrained` [nz] becomes true for the components of these groups.
-// `value` [1][n] holds all x at the state z [1][nz]. `spread` [1][n] bounds the change of x if each
-// unconstrained component c changes by at most width[c] (`width` [1][nz]) and all others stay; it
-// includes rounding. The method is interval arithmetic in midpoint-radius form (Neumaier, Interval
-// Methods for Systems of Equations, 1990). Returns false if there is no bound: no group is
-// unconstrained, an x depends on unconstrained components through other operations than sums and
-// products, or there are more than eight sums. `unconstrained` is written in every case.
+// Builds the bound of a part at the state z [1][nz], for a box of states around z. In the box each
+// unconstrained component c changes by at most width[c] (`width` [1][nz]), and all others stay. The
+// results are
+//   unconstrained [nz]  true for the components of a group if energy and entropy depend on the
+//                       group only through sums of terms |min(x,0)|^2; written in every case
+//   value [1][n]        all x at the state z
+//   spread [1][n]       bounds of the change of each x within the box, which include rounding
+// The method is interval arithmetic in midpoint-radius form (Neumaier, Interval Methods for Systems
+// of Equations, 1990). Returns false if there is no bound: no group is unconstrained, an x depends
+// on unconstrained components through other operations than sums and products, or there are more
+// than eight sums.
 bool pm_contact_bound_build(pm_graph *g, const pm_part *part, pm_node z, pm_node width,
                             bool *unconstrained, pm_node *value, pm_node *spread);
 

@@ -24,9 +24,9 @@ void pm_derived_pull(const pm_part *part, pm_graph *g, pm_node *covector);
 // larger than double precision requires.
 #define PM_DERIVED_ROUNDING 1e-12
 
-// Bounds the change of the derived variables if each group g changes by at most radius[g] [1][its
-// size] (PM_NO_NODE: not at all). Writes radius[ngroup + i] for derived variable i, which includes
-// rounding errors. `symbols` are those of pm_part_symbols.
+// Bounds the change of the derived variables if each group g changes by at most radius[g] [1][size
+// of group g], or not at all if radius[g] is PM_NO_NODE. Writes the bound of derived variable i,
+// with its rounding errors, to radius[ngroup + i]. `symbols` are those of pm_part_symbols.
 void pm_derived_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols,
                        pm_node *radius);
 

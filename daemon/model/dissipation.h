@@ -11,15 +11,17 @@
 // Hence M = sum_j v_j v_j^T / |theta_j| is symmetric, positive semi-definite and degenerate for any
 // factor.
 //
-// Because of the division by theta, a constant factor describes a constant material property. A
-// process without h is friction -u_j F_j with a coefficient that does not depend on the
-// temperatures; it acts between two bodies if u_j is a difference. A process without u is
-// conduction between two entropies with constant conductance, since h_jk is measured in sqrt(m_j),
-// where m_j = sum_k (1 - lambda_jk) T_k / (n - 1) for n entropies. Coefficients may depend on
-// temperature by a power law: process j is multiplied by (m_j/T_ref)^a_j, with m_j = T for one
-// entropy, and for several by (m_j/g_j)^c_j, too, where g_j is the geometric mean with the same
-// weights. Examples are viscosities, conduction driven by differences of 1/T (a = -2, c = 2,
-// exactly), and radiation between bodies (a = 3, c = 2, to fourth order of the difference).
+// Because of the division by theta, a constant factor describes a constant material property:
+//   - A process without h is friction -u_j F_j, with a coefficient that does not depend on the
+//     temperatures. It acts between two bodies if u_j is a difference.
+//   - A process without u is conduction between two entropies with a constant conductance. For this
+//     purpose the factor holds h_jk/sqrt(m_j), with the mean temperature
+//     m_j = sum_k (1 - lambda_jk) T_k / (N - 1) of N entropies.
+// Coefficients may also depend on temperature by power laws. The rate of process j is multiplied by
+// (m_j/T_ref)^a_j, where m_j = T if there is one entropy. If there are several, it is also
+// multiplied by (m_j/g_j)^c_j, where g_j is the geometric mean of the T_k with the weights of m_j.
+// Examples are viscosities, conduction driven by differences of 1/T (a = -2, c = 2, exactly), and
+// radiation between bodies (a = 3, c = 2, to fourth order of the difference).
 #ifndef PM_MODEL_DISSIPATION_H
 #define PM_MODEL_DISSIPATION_H
 
@@ -29,7 +31,7 @@
 
 typedef struct pm_dissipation {
     pm_node driving, normal; // [1][n] batched: d and n
-    pm_node factor;          // [rank][n]: u_j, and h_jk in sqrt(W/K) at the places of the entropies
+    pm_node factor; // [rank][n]: u_j; in the columns of the entropies h_jk/sqrt(m_j), in sqrt(W/K)
     int nheat;
     int heat[PM_MAX_HEATS]; // [nheat] components of the entropies, in ascending order
     pm_node split; // [rank][nheat - 1]: logarithms of lambda_jk/lambda_j0 for k > 0; PM_NO_NODE:

@@ -1,5 +1,5 @@
 // Features: expressions of named vectors, which are the inputs of networks and the vectors of
-// frames.
+// frames (pm_operator_spec in spec.h).
 //   x                          the components of x themselves
 //   |x|  ln|x|  |x|^2  <x,y>   one number, invariant under rotations
 //   |min(x,0)|  |min(x,0)|^2   the length of the negative components of x: zero, with a zero slope,
@@ -73,8 +73,8 @@ pm_node pm_negative_squared(pm_graph *g, pm_node x);
 // [1][n].
 pm_node pm_negative_squared_slope(pm_graph *g, pm_node from, pm_node to);
 
-// Compute the size and the values [1][sum of sizes] of a list of expressions, side by side.
-// PM_ECONFIG: as pm_feature_size, or more than PM_MAX_FEATURES expressions.
+// Compute the size of a list of expressions, and their values side by side, [1][sum of sizes].
+// PM_ECONFIG: as pm_feature_size, or there are more than PM_MAX_FEATURES expressions.
 pm_status pm_features_size(int count, const char *const *expression, const pm_symbols *symbols,
                            int *size);
 pm_node pm_features_build(pm_graph *g, int count, const char *const *expression,

@@ -20,27 +20,28 @@ typedef enum pm_step_kind {
     PM_STEP_SQRT,
     PM_STEP_SIN,
     PM_STEP_COS,
-    PM_STEP_NEGATIVE_SQUARED // sum over the components
+    PM_STEP_NEGATIVE_SQUARED // |min(a,0)|^2, summed over the components of a
 } pm_step_kind;
 
-#define PM_STEP_WHOLE (-1) // as the component of a feature: all components
+#define PM_STEP_WHOLE (-1) // a component that stands for all components of a feature
 
 typedef struct pm_step {
     pm_step_kind kind;
-    int width; // components of the result
-    int a, b;  // positions of the operands
-    double number;
-    char feature[PM_MAX_STEP_FEATURE];
-    int component, size; // of the feature
+    int width;                         // components of the result
+    int a, b;                          // positions of the operands
+    double number;                     // PM_STEP_NUMBER: its value
+    char feature[PM_MAX_STEP_FEATURE]; // PM_STEP_FEATURE: its text
+    int component, size;               // PM_STEP_FEATURE: the component used; components in all
 } pm_step;
 
 typedef struct pm_formula_steps {
-    int count, whole; // whole: position of the last operation
+    // `whole` is the position of the last operation, whose result is the value of the formula.
+    int count, whole;
     pm_step step[PM_MAX_STEPS];
 } pm_formula_steps;
 
-// Reads the text of a formula. PM_ECONFIG: as pm_formula_check, but the message does not name the
-// place of the formula.
+// Reads the text of a formula. PM_ECONFIG: the text is not a formula of these symbols; unlike that
+// of pm_formula_check, the message does not name the place of the formula.
 pm_status pm_formula_read(pm_formula_steps *steps, const pm_formula *formula,
                           const pm_symbols *symbols);
 // Reads a formula that has passed pm_formula_check, which cannot fail.

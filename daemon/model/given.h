@@ -25,7 +25,7 @@ pm_node pm_given_reversible(pm_graph *g, const pm_operator_spec *spec, const pm_
 // n = dE, both [1][support->n], or PM_NO_NODE if there is no pair. A pair of a variable and an
 // entropy adds
 //     rate_row += c (d_row - d_col n_row/n_col),  rate_col -= rate_row . n_row/n_col
-// and friction by the difference f = n_row - n_col, whose heat N components take up,
+// and friction by the difference f = n_row - n_col, whose heat N components k take up, adds
 //     rate_row -= c f,  rate_col += c f,  rate_k += c f . f/(N n_k).
 // Every pair is degenerate by itself, n . rate = 0, and produces entropy for c >= 0.
 pm_node pm_given_irreversible(pm_graph *g, const pm_operator_spec *spec, const pm_site *site,

@@ -1,5 +1,5 @@
-// The pairs of a given operator as text: which groups and components they name, and which pairs are
-// friction by a difference of two flows (spec.h).
+// Reads the texts of an operator's given pairs (pm_given_pair in spec.h): which groups and
+// components they name, and which pairs are friction by a difference of two flows.
 #ifndef PM_MODEL_GIVEN_PAIR_H
 #define PM_MODEL_GIVEN_PAIR_H
 

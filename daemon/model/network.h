@@ -31,23 +31,33 @@ pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
 pm_node pm_network_param(pm_graph *g, const pm_params *params, const char *prefix,
                          const char *name);
 
-// --- constants that training fixes from the data before it changes weights ---
+// --- constants that training fixes from the data before it changes the weights ---
 
 typedef enum pm_normaliser_kind {
-    PM_NORMALISE_FEATURES, // "<prefix>.mean", "<prefix>.deviation": of each component
-    PM_NORMALISE_SCALE,    // "<prefix>.scale": for each component the root mean square pooled over
-                           // the components of its expression, all divided by their own root mean
-                           // square
-    PM_NORMALISE_ALONG, // "<prefix>.along": for each expression the root mean square of its length
-    PM_NORMALISE_PATTERNS, // "<prefix>.patterns" [size][columns]: the leading patterns of one
-                           // expression (proper orthogonal decomposition), entries of rms 1
-    PM_NORMALISE_FRICTION, // like PM_NORMALISE_SCALE, for an irreversible operator
-    PM_NORMALISE_RATE,     // like PM_NORMALISE_SCALE, of the rates instead of the expressions
-    PM_NORMALISE_UNIT      // "<prefix>.unit" [1][1]: a typical energy of the part in J; the
-                           // expressions are the entropies of a thermal energy, or none
+    // "<prefix>.mean" and "<prefix>.deviation": mean and standard deviation of each component.
+    PM_NORMALISE_FEATURES,
+    // "<prefix>.scale": the scales of a reversible operator (operator.h), one number for each
+    // component, equal within a group. The expressions are the operator's groups. The trainer
+    // chooses scales with which matrix entries of size 1 give rates as large as those of the data.
+    // Where it does not know the rates, it takes the root mean square of each group, relative to
+    // that of all components.
+    PM_NORMALISE_SCALE,
+    // "<prefix>.along": for each expression the root mean square of its length.
+    PM_NORMALISE_ALONG,
+    // "<prefix>.patterns" [size][columns]: the leading patterns of one expression (proper
+    // orthogonal decomposition), each of which has entries with the root mean square 1.
+    PM_NORMALISE_PATTERNS,
+    // "<prefix>.scale" of an irreversible operator, chosen as for a reversible one.
+    PM_NORMALISE_FRICTION,
+    // "<prefix>.scale" of an unstructured rate: the sizes of the groups' rates in the data, or root
+    // mean squares as above where the rates are not known.
+    PM_NORMALISE_RATE,
+    // "<prefix>.unit" [1][1]: a typical energy of the part in J. For an entropy it is this energy
+    // divided by PM_DEFAULT_TEMPERATURE. The expressions are not used.
+    PM_NORMALISE_UNIT
 } pm_normaliser_kind;
 
-// One set of such constants. The trainer computes it from the statistics of expressions over
+// A set of constants of one kind. The trainer computes it from the statistics of expressions over
 // `symbols`. All pointers are borrowed and valid during the call of the visitor.
 typedef struct pm_normaliser {
     pm_normaliser_kind kind;
@@ -63,9 +73,10 @@ typedef struct pm_normaliser {
 // If it fails, the visit ends with its status.
 typedef pm_status pm_normaliser_visit(void *context, const pm_normaliser *normaliser);
 
-// The name of a weight [1][1] that all components of a system share: the logarithm of a factor of
-// all learned temperatures. Conduction depends on their ratios, so that the data determine their
-// common size only weakly.
+// The warmth is a weight [1][1] that all components of a system share: the logarithm of a factor of
+// all learned temperatures. Conduction depends on ratios of temperatures, so that the data
+// determine this factor only weakly. PM_WARMTH is the name of the parameter; pm_warmth returns it
+// as a node.
 #define PM_WARMTH "warmth"
 pm_node pm_warmth(pm_graph *g, const pm_params *params);
 

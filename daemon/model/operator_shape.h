@@ -11,9 +11,12 @@
 typedef struct pm_operator_shape {
     int count; // matrices: 1, or one for each node of the mesh
     int rows;
-    int columns; // irreversible: the rank; with `against`: the rows of the other end; else = rows
+    // Of a reversible operator as many as rows or, with `against`, as the rows of the other end. Of
+    // an irreversible operator its rank.
+    int columns;
 } pm_operator_shape;
 
+// Returns the shape of the learned matrix of an operator on its support.
 pm_operator_shape pm_operator_shape_of(const pm_operator *op, const pm_support *support);
 
 // Returns the number of rows that a group of this size has in the frame: one for each vector of

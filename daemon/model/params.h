@@ -1,6 +1,7 @@
 // The numbers of a component: weights, which training changes, and constants, which training fixes
-// from the data before (normalisation, training range). The functions that declare a model name the
-// parameters that they need; the trainer or a weights file supplies the values.
+// from the data before it changes weights (normalisation, training range). The functions that
+// declare a model name the parameters that they need; the trainer or a weights file supplies the
+// values.
 #ifndef PM_MODEL_PARAMS_H
 #define PM_MODEL_PARAMS_H
 
@@ -14,12 +15,12 @@ typedef struct pm_param_entry {
     char *name; // e.g. "energy.1.layer0.weight"
     int rows, cols;
     bool trained;  // true: the optimiser changes it; false: it is fixed from the data
-    bool late;     // training keeps it as it starts while it chooses the initial weights
+    bool late;     // stays as it starts while the trainer compares several initial weights
     double spread; // standard deviation of the numbers that pm_params_randomise adds
     double *value; // [rows][cols], owned unless borrowed; the pointer stays valid until
                    // pm_params_free
     bool shared;   // the entries of this name in all components of a system are one weight
-    bool held;     // moves only as far as the loss is small (learn/damped_equations.h)
+    bool held;     // training damps its steps until the loss is small (learn/damped_equations.h)
     bool borrowed; // the value belongs to the entry of another component, which is trained
 } pm_param_entry;
 

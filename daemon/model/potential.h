@@ -21,9 +21,10 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
                            const pm_params *params, const char *prefix);
 
 // Adds the discrete derivative D between the states of `from` and `to` to covector[i] [1][size of
-// symbol i], which the caller sets to PM_NO_NODE. D . (z_to - z_from) = E_to - E_from for any
-// network: D takes the derivative of the network at the mean of its features, corrects it along the
-// change of the features, and carries it to the states by the discrete derivatives of the features
+// symbol i]. The caller sets every covector to PM_NO_NODE before. For any network D satisfies
+//     D . (z_to - z_from) = E_to - E_from.
+// D takes the derivative of the network at the mean of its features, corrects it along the change
+// of the features, and carries it to the states by the discrete derivatives of the features
 // (Gonzalez, J. Nonlinear Sci. 6 (1996) 449). The spec must pass pm_potential_is_discrete.
 void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, const pm_params *params, const char *prefix,

@@ -17,9 +17,9 @@
 bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group);
 
 // Returns the rate [1][ny] of the components exposed by the end `own`, or PM_NO_NODE if nothing
-// acts. If an end shows a response, the prediction replaces its end[].e, and the law is evaluated
-// there. The co-energies of an end without a response are not predicted. If neither end shows a
-// response, the result is the rate of the law.
+// acts. Where an end shows a response, its predicted co-energies replace its `e` in the array
+// `end`, and the law is evaluated with them. The co-energies of an end without a response are not
+// predicted. If neither end shows a response, the result is the rate of the law.
 //
 // `last` is the irreversible rate [1][ny_a + ny_b] that made the current iterate, or PM_NO_NODE in
 // the first iteration. *next receives the irreversible rate of this iteration, or PM_NO_NODE if

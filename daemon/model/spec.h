@@ -44,9 +44,9 @@ bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
 
 // --- where a spec was read ---
 
-// The members called `at` are places "file:line:column" for errors that are found only when the
-// layout is known. NULL: the spec was not read from a file. If `status` is PM_ECONFIG, this
-// function puts the place in front of the error message. It returns `status`.
+// Puts the place `at` in front of the error message if `status` is PM_ECONFIG, and returns
+// `status`. `at` is a text "file:line:column", for errors that are found only when the layout is
+// known; NULL: the spec was not read from a file. All members called `at` below are such places.
 pm_status pm_spec_locate(const char *at, pm_status status);
 
 // --- formulas ---
@@ -122,9 +122,9 @@ typedef struct pm_message_spec {
 // A network from features to numbers. Features are expressions over named groups (feature.h):
 // "q", "|q|", "ln|q|", "|p|^2", "<q,p>". A network without features is a learned constant.
 typedef struct pm_network_spec {
-    const pm_message_spec
-        *message; // NULL: the features are inputs of the layers. Else the features
-                  // are groups, each of them a field on the nodes of the mesh
+    // NULL: the features are inputs of the layers. Else the features are groups, each of them a
+    // field on the nodes of the mesh.
+    const pm_message_spec *message;
     int nfeature;
     const char *const *feature;
     int nhidden;       // hidden layers; 0: only the skip. On a mesh the layers are those on the
@@ -134,12 +134,13 @@ typedef struct pm_network_spec {
     pm_skip skip;
     bool zero_at_origin; // of energies: subtract the tangent at features of 0, so that value and
                          // slope vanish there
-    int nthermal;       // the last features are entropies, in which the energy is rising and convex
-                        // for all weights (thermal.h); 0: an energy without this property
+    // The number of features, the last ones, that are entropies. The energy is then thermal: it
+    // rises with them and is convex in them for all weights (thermal.h). 0: it is not.
+    int nthermal;
     int exponentials;   // of a thermal energy: number of summands
-    double temperature; // K, of a thermal energy: from which training starts
-    bool scaled;        // the energy has its unit as the parameter ".unit"
-    double spread;      // of the initial values; 0: the default. Weights files do not keep it
+    double temperature; // K, of a thermal energy: the temperature with which training starts
+    bool scaled;        // the output is multiplied by the constant ".unit", which training fixes
+    double spread;      // standard deviation of the initial values; 0: the default. Not in files
     const char *at;     // place of the features
 } pm_network_spec;
 
@@ -187,8 +188,7 @@ typedef struct pm_given_pair {
 // coordinates is U^T (C - C^T) U or U^T G G^T U. A network gives C, or G with `rank` columns. The
 // frame U is
 //   - without `along`: the identity; the network may have any features;
-//   - with `along`: one row for each scalar group of acts_on and, for each vector group, one row
-//   for
+//   - with `along`: one row for each scalar group of acts_on, and for each vector group one row for
 //     each vector of `along` ("q", "q/|q|", "q/|q|^2"). If the features are invariant, the result
 //     rotates with the state.
 // A network on a mesh gives a matrix for each node, which acts on the components of that node, and
@@ -206,9 +206,11 @@ typedef struct pm_operator_spec {
     const char *const *against;
     int nalong;
     const char *const *along;
-    int rank;                 // columns of the factor G; only irreversible operators
-    int nheats;               // groups that take up the heat (dissipation.h); only irreversible
-    const char *const *heats; // hard operators. None: a projection shares the heat among all groups
+    int rank; // columns of the factor G; only irreversible operators
+    // [nheats] groups that take up the heat (dissipation.h); only irreversible operators of the
+    // hard form. None: a projection shares the heat among all groups.
+    int nheats;
+    const char *const *heats;
     const char *at;
 } pm_operator_spec;
 
@@ -222,7 +224,7 @@ typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 typedef struct pm_part_spec {
     pm_form form;
     const pm_constants *constants; // of all formulas; NULL: none
-    const pm_mesh *mesh;           // on which networks may be; NULL: none
+    const pm_mesh *mesh;           // for networks on a mesh; NULL: there is none
     int nderived;
     const pm_derived_spec *derived; // [nderived] that energy and entropy may name
     pm_potential_spec energy, entropy;

@@ -4,7 +4,8 @@
 //     H_i = exp(b_i . (s - mean)/deviation + y_i) - 1 - y_i - y_i^2/2,   y_i = beta_i h_i(x)
 //     A_i > 0,   sum_i A_i = 1,   b_i > 0
 //     beta_i = mean over k of b_ik,   B_i = mean over k of b_ik/deviation_k
-// Here i counts the exponentials and k the entropies. Theta is `temperature` of the spec, in K.
+// Here i counts the exponentials and k the entropies. Theta is `temperature` of the spec, in K. The
+// factor w of Theta is learned, starts at 1, and is one number for the whole system (see below).
 // Every summand contains the exponential of an increasing linear form of s, so that dE/ds > 0 and E
 // is convex in s. For one entropy the temperature at s = mean and h = 0 is Theta w. f and h are the
 // outputs of one network of x, whose parameters have names that begin with "<prefix>.body". A body

@@ -8,10 +8,10 @@
 //                                      f0 to f179 (names.h), and is used for more than 60 kB of
 //                                      names
 //   units, attribute of /              optional: units of the columns, separated by ';'. A scene
-//                                      that maps a column must give its group the same text
+//                                      must state the same text as the unit of the column's group
 // A file of measurements (pm_dataset_load_measured) may have times [trajectory][time], and NaN
 // where a sample is missing. Other text attributes of / are notes, such as title, source, command,
-// seed, or coordinates (weights.h).
+// seed, or coordinates (scene/weights.h).
 #ifndef PM_STORE_DATASET_H
 #define PM_STORE_DATASET_H
 
@@ -76,7 +76,8 @@ static inline double *pm_dataset_state(const pm_dataset *d, int i, int j) {
     return d->z + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;
 }
 
-// Returns a digest of one trajectory, by which it is recognised in any file.
+// Returns a digest of the states of one trajectory. An equal trajectory has the same digest in any
+// file.
 uint64_t pm_dataset_digest(const pm_dataset *dataset, int trajectory);
 
 // Returns the rate [ncolumn] of trajectory i at time j, where the dataset has rates.

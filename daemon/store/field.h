@@ -42,7 +42,7 @@ typedef struct pm_field {
     double *clamped;      // [nnode] 1 or 0; NULL: unknown, as after loading
     double *energy;       // [ntrajectory][ntime][PM_FIELD_ENERGIES] J; NULL: unknown
     const char *variable; // names of the variables, separated by blanks
-    bool placed;          // the file has a placement; otherwise it is the global frame
+    bool placed;          // the file has a placement; false: `placement` is the global frame
     pm_placement placement;
 } pm_field;
 

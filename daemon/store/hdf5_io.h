@@ -35,13 +35,16 @@ bool pm_hdf5_is_own(const char *path);
 // (attempt.h) calls it last.
 void pm_hdf5_end(void);
 
-// Opens a file that was written IN_PLACE, to go on writing. PM_EFILE.
+// Opens a file that was written IN_PLACE, so that the caller can continue to write it. The caller
+// closes the file. PM_EFILE.
 pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);
 
 // ATOMIC: the file has a temporary name in the same folder until pm_hdf5_commit moves it, whole, to
 // `path`. IN_PLACE: the file is at `path` from the start, so that flushed content survives the
 // death of its writer.
 typedef enum pm_hdf5_mode { PM_HDF5_ATOMIC, PM_HDF5_IN_PLACE } pm_hdf5_mode;
+// Creates an empty file for writing. It replaces a file of the same name, if there is one. The
+// caller closes the file.
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode);
 // Makes sure that the disk has room for the file to grow by `size` bytes, so that the next writes
 // do not fail halfway. A flush gives back what was not used. A file whose space cannot be reserved
@@ -67,10 +70,12 @@ pm_status pm_hdf5_attributes(const pm_hdf5 *file, const char *object, pm_arena *
 pm_status pm_hdf5_members(const pm_hdf5 *file, const char *group, pm_arena *arena, int *count,
                           const char ***name);
 
-// --- attributes; a text to be written has at most 60 KiB ---
+// --- attributes ---
 
 // Returns true if the object has an attribute of this name that is one text.
 bool pm_hdf5_is_text(const pm_hdf5 *file, const char *object, const char *name);
+// Read the attribute `name` of an object, which must be text: one text, or a list text [count], in
+// the arena. It is an error of the content if the attribute is missing or of another type.
 pm_status pm_hdf5_read_text(const pm_hdf5 *file, const char *object, const char *name,
                             pm_arena *arena, const char **text);
 pm_status pm_hdf5_read_texts(const pm_hdf5 *file, const char *object, const char *name,
@@ -87,6 +92,9 @@ pm_status pm_hdf5_read_integer(const pm_hdf5 *file, const char *object, const ch
 pm_status pm_hdf5_read_number(const pm_hdf5 *file, const char *object, const char *name,
                               double *value);
 
+// Write a new attribute `name` of an existing object: one text, the list text [count], the list
+// value [count], one integer, or one floating-point number. An attribute takes at most
+// 60 KiB.
 pm_status pm_hdf5_write_text(pm_hdf5 *file, const char *object, const char *name, const char *text);
 pm_status pm_hdf5_write_texts(pm_hdf5 *file, const char *object, const char *name, int count,
                               const char *const *text);
@@ -95,12 +103,13 @@ pm_status pm_hdf5_write_integers(pm_hdf5 *file, const char *object, const char *
 pm_status pm_hdf5_write_integer(pm_hdf5 *file, const char *object, const char *name,
                                 uint64_t value);
 pm_status pm_hdf5_write_number(pm_hdf5 *file, const char *object, const char *name, double value);
-// Replaces the value of an integer that is there.
+// Replaces the value of an integer attribute that exists.
 pm_status pm_hdf5_update_integer(pm_hdf5 *file, const char *object, const char *name,
                                  uint64_t value);
 
 // --- groups and datasets of floating-point numbers (4 or 8 bytes in the file, double here) ---
 
+// Makes an empty group.
 pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name);
 // Returns true if the file has an object of the name `name`, such as "/z".
 bool pm_hdf5_has(const pm_hdf5 *file, const char *name);
@@ -125,8 +134,8 @@ typedef struct pm_hdf5_series {
     int64_t count; // samples so far
 } pm_hdf5_series;
 
-// Makes an empty series that grows by `chunk` samples at a time, of which the library keeps no more
-// in memory. `integer`: the file holds 64-bit integers.
+// Makes an empty series. The file grows by `chunk` samples at a time, and the library keeps at most
+// one such chunk in memory. `integer`: the file holds 64-bit integers.
 pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
                                 int chunk, bool integer);
 // Opens a series and truncates it to its first `count` samples. PM_EFILE: it has fewer.

@@ -10,14 +10,14 @@
 
 typedef struct pm_name {
     const char *text;
-    int position;
+    int position; // in the list of names before sorting
 } pm_name;
 
 // Names in sorted order, so that a lookup takes a time that grows with the logarithm of their
 // number.
 typedef struct pm_names {
     int count;
-    pm_name *sorted; // [count] by text, equal names by position
+    pm_name *sorted; // [count] ordered by text; equal texts are ordered by position
 } pm_names;
 
 // Sorts text [count]. The texts must outlive the result; the order lives in the arena. PM_ENOMEM.
@@ -33,7 +33,7 @@ int pm_names_twice(const pm_names *names);
 // `first` on, or the word itself.
 typedef struct pm_name_range {
     const char *text;
-    int prefix; // characters; -1: the text is a name itself
+    int prefix; // length of the prefix in characters; -1: the word itself is the only name
     int first, count;
 } pm_name_range;
 

@@ -33,7 +33,8 @@ pm_status pm_snapshot_save_synced(const char *path, const pm_snapshot_key *key, 
 pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t *session,
                            double *value, bool *found);
 
-// Reads only the session. PM_EFILE: not a snapshot, or of another digest.
+// Reads only the session. Where there is no file, `found` is false. PM_EFILE: the file is not a
+// snapshot, or has another digest.
 pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *session, bool *found);
 
 #endif

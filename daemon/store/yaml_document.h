@@ -14,11 +14,11 @@ struct pm_yaml_document {
     const char *name; // of the file, for errors
     bool composed;    // `yaml` must be deleted
     yaml_document_t yaml;
-    int *parent; // [node] the list or mapping it stands in
-    int *key;    // [node] the key it stands under; 0: none
+    int *parent; // [node] the list or mapping that contains the node
+    int *key;    // [node] the key whose value the node is; 0: the node has no key
 };
 
-// libyaml's node of a value; NULL for an absent one.
+// Returns libyaml's node of a value; NULL for an absent value.
 static inline const yaml_node_t *pm_yaml_node(pm_yaml value) {
     return value.node == 0 ? NULL : &value.document->yaml.nodes.start[value.node - 1];
 }
@@ -30,7 +30,7 @@ static inline const char *pm_yaml_scalar(pm_yaml value) {
                                                           : NULL;
 }
 
-// Returns the value of another node of the same document.
+// Returns the value that stands at `node` of the document to which `value` belongs.
 static inline pm_yaml pm_yaml_sibling(pm_yaml value, int node) {
     return (pm_yaml){value.document, node};
 }

@@ -11,7 +11,7 @@
 // on a face normal to y, on a face normal to z, and 0 otherwise.
 #define PM_MESH_NODE_FEATURES 6
 // An edge has one of six directions. Features of a direction: the unit vector from source to
-// target, and the length of the edge over that of the bricks' longest side.
+// target, and the length of the edge divided by the longest side of a brick.
 #define PM_MESH_DIRECTIONS 6
 #define PM_MESH_EDGE_FEATURES 4
 
