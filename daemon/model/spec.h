@@ -1,7 +1,7 @@
 // The specification of a learned component as plain data: the layout of its state, and its
 // potentials, operators and networks. scene/model_reader.h reads it from the `model:` block of a
-// training file, and from the same text in a weights file; part.h and port.h make graphs of it. All
-// pointers belong to the arena that the caller passed to the reader.
+// training file, or from the copy of this block in a weights file; part.h and port.h make graphs of
+// it. All pointers belong to the arena that the caller passed to the reader.
 #ifndef PM_MODEL_SPEC_H
 #define PM_MODEL_SPEC_H
 
@@ -193,8 +193,8 @@ typedef struct pm_given_pair {
 //     rotates with the state.
 // A network on a mesh gives a matrix for each node, which acts on the components of that node, and
 // U is the identity. A reversible operator of a port may act on groups of one end `against` groups
-// of the other end: C has rows for the former and columns for the latter, and they drive each other
-// like the two groups of a pair.
+// of the other end: C has rows for `acts_on` and columns for `against`. The groups of the two lists
+// drive each other like the two groups of a pair.
 typedef struct pm_operator_spec {
     int ngiven;
     const pm_given_pair *given;
@@ -233,8 +233,8 @@ typedef struct pm_part_spec {
     const char *at;
 } pm_part_spec;
 
-// Which ends of a port of the law exchange have a boundary term. The end of a boundary input needs
-// none, because nothing changes there.
+// Says which ends of a port of the law `exchange` have a boundary term. The end of a boundary input
+// needs no term, because the outside is prescribed.
 typedef enum pm_term_ends { PM_BOTH_ENDS, PM_END_A_ALONE, PM_END_B_ALONE } pm_term_ends;
 
 // A port between the ends a and b. Groups are named "a.q", "b.s", co-energies "a.dE.s".

@@ -39,15 +39,16 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
                                  const pm_dataset *dataset, int stride, pm_arena *arena);
 
 // Computes the polynomials of a trajectory, from its first state on. `dataset` is the one given to
-// bind, or one of its shape.
+// bind, or another one of the same shape.
 void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_dataset *dataset,
                               int trajectory);
 
-// Returns the polynomials of one interval, [PM_BOUNDARY_INPUT_ORDER][n]. Owned by the object.
+// Returns the polynomials [PM_BOUNDARY_INPUT_ORDER][n] of one interval. Interval i lies between the
+// states i and i + 1 of the trajectory. Owned by the object.
 const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input, long interval);
 
-// Returns true if the step that begins after `step` steps lies within the trajectory, or if every
-// value that follows a column is held.
+// Returns true if the step that begins after `step` steps lies within the trajectory, or if `held`
+// replaces every value that follows a column.
 bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step);
 
 // Writes the values at step `step` of the scene plus a fraction (0 to 1) of a step to value [n], in

@@ -16,10 +16,10 @@ typedef struct pm_columns {
 } pm_columns;
 
 // Finds the scene's columns in the dataset. The arrays lie in the arena; the names are borrowed
-// from the scene. PM_EDATA: the dataset lacks a column; the message lists what it has; or the
-// dataset names the units of its columns (dataset.h), and one differs from the scene's. PM_ECONFIG:
-// the scene maps no columns, maps one twice, or measures a group from one of another size or,
-// through others, from itself. PM_ENOMEM.
+// from the scene. PM_EDATA: the dataset lacks a column, and the message lists those that it has; or
+// the unit of a column in the dataset (dataset.h) differs from the unit in the scene. PM_ECONFIG:
+// the scene maps no columns or maps one twice; a group is measured from a group of another size; or
+// relative_to leads from a group back to itself. PM_ENOMEM.
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
                           pm_arena *arena);
 

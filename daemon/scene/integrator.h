@@ -26,9 +26,9 @@ typedef struct pm_integrator {
     // the iterate; operators and ports are evaluated at the mean of both.
     bool discrete;
     // A stage begins an interval of length width[i] h. Within it each subsystem integrates its bulk
-    // term with substeps of its own (sim/multirate.h), while its ports contribute
-    // sum_j (a[i][j] + slope[i][j] x) k_j, where x rises from 0 to 1. The weights b belong to the
-    // sum over all intervals.
+    // term with substeps of its own (sim/multirate.h), while its ports contribute the rate
+    //     sum_j (a[i][j] + slope[i][j] x) k_j / width[i],
+    // where x rises from 0 to 1. Each b[j] is the sum of a[i][j] + slope[i][j]/2 over all i.
     bool multirate;
     double width[PM_MAX_STAGES], slope[PM_MAX_STAGES][PM_MAX_STAGES];
     // After each step the state is moved, by no more than the method's error, to where energy and

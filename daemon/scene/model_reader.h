@@ -27,9 +27,9 @@
 // entropies (model/dissipation.h).
 //
 // The block of a port begins with a law, such as `law: bracket`. It names groups "a.q" and
-// co-energies "a.dE.s" (model/spec.h). A learned reversible operator may act on groups of one end
-// `against: [b.q]`, groups of the other. With `law: contact` the block has only `matrix: [[1.0,
-// 0.0], [0.0, -1.0]]`, row by row. Formulas are explained in model/formula.h.
+// co-energies "a.dE.s" (model/spec.h). A learned reversible operator may couple groups of one end
+// to groups of the other end, which `against: [b.q]` lists. With `law: contact` the block has only
+// `matrix: [[1.0, 0.0], [0.0, -1.0]]`, row by row. Formulas are explained in model/formula.h.
 #ifndef PM_SCENE_MODEL_READER_H
 #define PM_SCENE_MODEL_READER_H
 

@@ -7,8 +7,8 @@
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
-// A scene may name the subsystems to keep; ports at none of them are not kept either. /ledger is
-// always there.
+// A scene may name the subsystems that the recording keeps. It then keeps the ports at these
+// subsystems only. It always keeps /ledger.
 // The attribute `committed` of "/" says how many samples are certain. A run that was killed, or
 // whose disk became full, may leave more rows than that in some series; readers stop at
 // `committed`.
@@ -21,9 +21,11 @@
 
 #include "scene/scene.h"
 
-// The fluxes through one end of a port, positive into the subsystem: the integrator's weighted mean
-// over one step. The gross fluxes are the same mean of sum_j |e_j ydot_j| and sum_j |eta_j ydot_j|,
-// the scale of rounding.
+// The fluxes through one end of a port, positive into the subsystem. Each is a mean over one step
+// with the weights of the integrator:
+//     energy   of sum_j e_j ydot_j       energy_gross   of sum_j |e_j ydot_j|
+//     entropy  of sum_j eta_j ydot_j     entropy_gross  of sum_j |eta_j ydot_j|
+// The gross fluxes are the scale of rounding.
 typedef struct pm_flux {
     double energy;        // W
     double entropy;       // W/K

@@ -21,21 +21,22 @@ typedef struct pm_scene_subsystem {
     const char *name, *at;
     const char *weights;       // path, resolved against the scene's folder; NULL: a known model
     const pm_part_spec *model; // known model; NULL: it comes from weights
-    const char *weights_at;    // place of either
+    const char *weights_at;    // place of the weights or of the known model
     pm_layout layout;          // groups of the state
     const char *group_at[PM_MAX_GROUPS];
     const char *const *column; // [nz] dataset column of each component; NULL: none are mapped
     const char *const *column_at;
-    // [ngroup] subsystem and group from which a group is measured (relative_to); -1: none. The
-    // dataset's column then holds the group's own value plus the value in that group's column.
+    // [ngroup] subsystem and group from which a group is measured (relative_to); -1: none. A column
+    // of the group in the dataset then holds the sum of the group's value and of the value in the
+    // column of the other group.
     int relative_subsystem[PM_MAX_GROUPS];
     int relative_group[PM_MAX_GROUPS];
-    // [ngroup] groups whose columns nobody measures: an estimate of their start begins at the
-    // guess, in the unit of the group, and stays within about the deviation of it (0: not given).
+    // [ngroup] groups that are not measured. A fit looks for the initial value of such a group
+    // around the guess, in the unit of the group, with this standard deviation (0: not given).
     bool hidden[PM_MAX_GROUPS];
     double guess[PM_MAX_GROUPS], deviation[PM_MAX_GROUPS];
     const double *initial; // [nz] state at step 0; NULL: not given
-    int substeps;          // of its own between two exchanges, for multirate integrators
+    int substeps;          // between two exchanges, for multirate integrators
     const char *substeps_at;
     int first;   // position of its first component in the concatenated state of the scene
     int process; // position of the process that serves it
@@ -51,7 +52,7 @@ typedef struct pm_scene_process {
 // One prescribed number: a constant, or a column of the dataset that a run follows.
 typedef struct pm_scene_prescribed {
     double number;
-    const char *column, *at; // column NULL: the constant holds
+    const char *column, *at; // column NULL: the value is `number`
 } pm_scene_prescribed;
 
 // A boundary input prescribes, over time (boundary_input.h), the state and co-energies that the
@@ -68,17 +69,17 @@ typedef struct pm_scene_boundary_input {
 typedef struct pm_scene_port {
     const char *name;
     const char *law, *law_at;         // name of the port law (model/laws)
-    const char *weights, *weights_at; // as of a subsystem
-    const pm_port_spec *model;        // likewise
+    const char *weights, *weights_at; // path of the weights; NULL: a known model
+    const pm_port_spec *model;        // known model; NULL: it comes from weights
     int subsystem[2];                 // position in the scene; -1: a boundary input
     int boundary_input[2];            // position in the scene; -1: a subsystem
     pm_layout layout[2];              // exposed groups of each end
-    const char *expose_at[2];         // place of their list
-    const int *component[2];          // [layout.nz] position of each in the end's whole state
+    const char *expose_at[2];         // place of the list of exposed groups
+    const int *component[2];          // [layout.nz] exposed components in the end's state
 } pm_scene_port;
 
 // A column of measurements that is a function of the state instead of a component of it. Its
-// symbols are "subsystem.group" and the co-energies "subsystem.dE.group".
+// formula may name groups "subsystem.group" and co-energies "subsystem.dE.group".
 typedef struct pm_scene_observation {
     const char *column;
     pm_formula formula;
@@ -94,19 +95,19 @@ typedef struct pm_scene {
     int steps;
     const pm_integrator *integrator; // of the table in integrator.h; nobody frees it
     const char *integrator_at;
-    int substeps;                         // per step; the fewest if there is a tolerance
-    double tolerance;                     // relative error of a substep; 0: substeps are fixed
-    int window;                           // steps that a process may be ahead of another
-    double patience;                      // s to wait for a silent peer before giving up
-    int checkpoint;                       // steps between two checkpoints of a process
+    int substeps;     // of a step; with a tolerance, their smallest number
+    double tolerance; // relative error of a substep; 0: substeps are fixed
+    int window;       // steps granted beyond the last step that all processes have completed
+    double patience;  // s to wait for a silent peer before giving up
+    int checkpoint;   // steps between two checkpoints of a process
     const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
-    const char *reference_trajectory_at; // place of the whole reference if none is named
+    const char *reference_trajectory_at; // place of `reference` if the scene names no trajectory
     int nobservation;
     pm_scene_observation *observation;          // [nobservation]
-    double energy_tolerance, entropy_tolerance; // relative residuals of a hard port
-    double largest_drift;     // J, of the total energy, beyond which a run ends; infinite: none
-    double largest_departure; // from the training range, in its widths, likewise
+    double energy_tolerance, entropy_tolerance; // largest relative residuals of a hard port
+    double largest_drift;     // J, change of the total energy that ends a run; infinite: none does
+    double largest_departure; // from the training range, in its widths, that ends a run
     bool outlives_recording;  // a run whose recording cannot be written goes on without it
     bool *recorded;           // [nsubsystem] whether a recording keeps it; NULL: it keeps all
     int record_every;         // steps between two samples of a recording
@@ -120,10 +121,10 @@ typedef struct pm_scene {
     pm_scene_process *process; // [nprocess] in the order of their first subsystems
     int nz;                    // components of all subsystems
     int nprescribed;           // values of all boundary inputs
-    // The names of all subsystems and ports, sorted. No names: lookups go through all of them.
+    // The names of all subsystems and ports, sorted; empty until the reader has read them all.
     pm_names subsystem_names, port_names;
-    // The ends of ports at each subsystem, as 2 port + end, ascending: those of subsystem i begin
-    // at end_at[first_end[i]] and end before end_at[first_end[i + 1]].
+    // The ends of ports at each subsystem as numbers 2 * port + end, in ascending order. Those of
+    // subsystem i begin at end_at[first_end[i]] and end before end_at[first_end[i + 1]].
     int *first_end, *end_at; // [nsubsystem + 1], [2 nport]
 } pm_scene;
 
@@ -146,8 +147,8 @@ int pm_scene_find_process(const pm_scene *scene, const char *name);
 // in all processes.
 double pm_scene_time(const pm_scene *scene, double t0, long step);
 
-// Return true if a recording keeps a subsystem, or a port: it keeps those ports of which it keeps a
-// subsystem at one end.
+// Return true if a recording keeps a subsystem, or a port. It keeps a port if it keeps the
+// subsystem at one of its ends.
 bool pm_scene_records(const pm_scene *scene, int subsystem);
 bool pm_scene_records_port(const pm_scene *scene, int port);
 

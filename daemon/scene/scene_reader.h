@@ -58,7 +58,8 @@ pm_status pm_scene_read_part_maker(pm_scene_reader *r, pm_yaml block,
                                    pm_scene_subsystem *subsystem);
 pm_status pm_scene_read_port_maker(pm_scene_reader *r, pm_yaml block, pm_scene_port *port);
 
-// Parses the text of a key. PM_ECONFIG: it is neither a name nor a range, or stands for too many.
+// Parses the text of a key. PM_ECONFIG: it is neither a name nor a range, or it stands for more
+// than PM_SCENE_MOST_COMPONENTS components.
 pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
                                pm_scene_range *range);
 // Makes component `number` of a range the one that is being read.

@@ -21,9 +21,11 @@ typedef struct pm_system {
     pm_part *part;                  // [scene->nsubsystem]
     pm_port_model *port;            // [scene->nport]
     pm_provenance *part_provenance; // [nsubsystem] of the weights; path NULL: there are none
-    pm_provenance *port_provenance; // [nport] likewise
-    // The first subsystem or port that has the same model, which owns the parameters of all; its
-    // own position unless loaded. Components with equal owners have equal numbers.
+    pm_provenance *port_provenance; // [nport] of the weights; path NULL: there are none
+    // The owner of the parameters of each subsystem and port. Components with the same model share
+    // the parameters of the first of them, which is their owner. A component owns its own
+    // parameters where no other has the same model, and in a system that pm_system_load did not
+    // make.
     int *part_owner; // [nsubsystem]
     int *port_owner; // [nport]
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.

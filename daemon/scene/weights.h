@@ -9,7 +9,7 @@
 //     trajectories, seen         the trajectories of the training, as text, and a digest of each
 //     columns       a digest of the names of the state's columns
 //     relative      the groups that are measured from a neighbour (relative_to)
-//     coordinates   only if the variables have a meaning with another file alone: names that file
+//     coordinates   names the file without which the variables have no meaning, if there is one
 //   /layout, or for a port /layout_a and /layout_b: attributes names, units, sizes
 //   /parameters/<name>: [rows][cols] double (float32 is read too), attribute trained
 // A file is written under a temporary name, synchronised and renamed, so that it is never
@@ -32,8 +32,9 @@ typedef struct pm_provenance {
     const char *path;    // of the file; set by loading, ignored by saving
     const char *command; // that made the weights
     const char *data;    // on which they were trained
-    // The file that gives the variables a meaning, such as "basis 0123456789abcdef"; a note of the
-    // dataset says the same. "" or, when saving, NULL: no such file is needed.
+    // The file that gives the variables a meaning, such as "basis 0123456789abcdef"; the note
+    // `coordinates` of a dataset has this text, too. "" or, when saving, NULL: no such file is
+    // needed.
     const char *coordinates;
     // The integrator whose steps the training fitted, and the length of one step. "" or, when
     // saving, NULL: the training fitted rates, or nothing is known.

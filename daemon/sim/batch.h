@@ -1,12 +1,14 @@
 // Integrates many subsystems in one process. Subsystems with the same model are evaluated together,
-// and so are ports with the same model: their states, co-energies and rates are arrays with the
-// subsystems innermost, and one run of a graph serves all lanes of a block. Indices, not pointers,
-// lead from a port to its ends. Every subsystem has the same bits, counts of evaluated and skipped
-// graphs, and fluxes as it has alone (subsystem.h). A block is not evaluated if no input of any
-// subsystem in it has changed.
+// and so are ports with the same model. They are divided into blocks, and each subsystem or port is
+// one lane of a block. Arrays of states, co-energies and rates have the lane as their last index,
+// so that one run of a graph serves all lanes of a block. Indices, not pointers, lead from a port
+// to its ends. Every subsystem has the same bits, fluxes, and counts of evaluated and skipped
+// graphs as if it were stepped alone (subsystem.h). A block is not evaluated if no input of its
+// lanes has changed.
 //
 // A batch serves explicit Runge-Kutta methods with fixed substeps and ports between two subsystems.
-// Subsystems with contact, boundary inputs and laws with separate ends are served one by one.
+// It serves no scene with contact, boundary inputs or laws that compute the two ends separately;
+// monolithic.h steps the subsystems of such a scene one by one.
 //
 // Life cycle: open; set_state; then steps, each of which fills the sample; close.
 #ifndef PM_SIM_BATCH_H
@@ -27,7 +29,7 @@ int pm_batch_lanes(const pm_batch *batch);
 
 // Starts a run at step 0 from the concatenated state z [scene->nz] and fills the sample.
 void pm_batch_set_state(pm_batch *batch, const double *z, pm_sample *sample);
-// Takes a step and fills the sample, but for its step and time. PM_ENUMERIC: a state or a potential
+// Takes a step and fills the sample except its step and time. PM_ENUMERIC: a state or a potential
 // is not finite, or a state is further outside the training range than the scene's guard allows;
 // all states are then those of the last successful step.
 pm_status pm_batch_step(pm_batch *batch, pm_sample *sample);

@@ -1,9 +1,9 @@
 // Projection of the state onto the energy and entropy that follow from the fluxes. After a step of
-// an explicit method the energy of a subsystem has changed by an amount that differs from the
-// energy that flowed in, h sum_i b_i dE(z_i) . k_i, by the method's error. The projection moves the
-// state to where both agree, by no more than the method's error. Since the flux that leaves one
-// subsystem enters its neighbour at every stage, the total energy is then kept to rounding, by each
-// subsystem on its own and without another exchange. The entropy is treated alike, so that it never
+// an explicit method two amounts differ by the method's error: the change of the subsystem's
+// energy, and the energy that flowed in, h sum_i b_i dE(z_i) . k_i. The projection moves the state,
+// by no more than the method's error, to where the two agree. The flux that leaves one subsystem
+// enters its neighbour at every stage. Each subsystem on its own, without another exchange,
+// therefore keeps the total energy to rounding. The entropy is treated alike, so that it never
 // falls.
 //
 // The method is projection onto invariants (Hairer, Lubich, Wanner, Geometric Numerical
@@ -29,9 +29,9 @@ typedef struct pm_invariant_projection {
 // Starts from the energy (J) and entropy (J/K) that the subsystem has.
 void pm_invariant_projection_start(pm_invariant_projection *projection, double E, double S);
 
-// Adds the contribution of one stage to the totals: weight (dE . k) to the energy and weight (dS .
-// k) to the entropy. The weight is h b_i (s); dE, dS and k are [n], and k is the stage's rate. dE
-// or dS may be NULL: zero. `first` marks the first stage of a step.
+// Adds the contribution of one stage to the totals: weight * dE . k to the energy, and
+// weight * dS . k to the entropy. The weight is h b_i (s); dE, dS and k are [n], and k is the
+// stage's rate. dE or dS may be NULL: zero. `first` marks the first stage of a step.
 void pm_invariant_projection_book(pm_invariant_projection *projection, bool first, double weight,
                                   int n, const double *dE, const double *dS, const double *k);
 

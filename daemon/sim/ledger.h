@@ -40,8 +40,9 @@ typedef struct pm_ledger {
     double worst_entropy_fall; // J/K, largest fall of the total S over one step (>= 0)
     double worst_step;         // largest energy residual of a whole step
     long worst_step_at;
-    long unbalanced; // steps on which an integrator that keeps the energy did not
-    long violations; // steps with a residual beyond the scene's tolerances, these included
+    long unbalanced; // steps whose energy residual exceeds the tolerance, with an integrator that
+                     // keeps the energy
+    long violations; // steps with any residual beyond the scene's tolerances, unbalanced ones too
 } pm_ledger;
 
 // Returns whether the integrator keeps the energy of a step by construction.
@@ -56,7 +57,7 @@ void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 // allows.
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 
-// Puts all that the ledger needs to go on after a step.
+// Puts into the record all numbers with which the ledger continues after a step.
 void pm_ledger_record(pm_ledger *ledger, pm_record *record);
 
 #endif

@@ -16,23 +16,23 @@
 
 typedef struct pm_local_dynamics {
     int nz;
-    pm_program
-        *exposure;      // z (and for a discrete integrator the start of the step) -> the five below
-    double *exposure_z; // [nz]
+    // Computes the five results below from z and, for a discrete integrator, the start of the step.
+    pm_program *exposure;
+    double *exposure_z;    // [nz]
     double *exposure_from; // [nz] start of the step; NULL unless the integrator is discrete
     // Results of the exposure: [1], [1], [nz], [nz], [nz]. NULL: identically zero. `response` is
-    // d dE/d rate, where a port's prediction needs it (model/prediction.h).
+    // the change of dE per unit of rate, where a port's prediction needs it (model/prediction.h).
     const double *E, *S, *dE, *dS, *response;
-    pm_program *bulk;                   // z, dE, dS -> rate; NULL: there is no bulk term
+    pm_program *bulk;                   // computes the rate from z, dE, dS; NULL: no bulk term
     double *bulk_z, *bulk_dE, *bulk_dS; // [nz]
     const double *bulk_rate;            // [nz] in units of z per second
-    bool exposure_known, bulk_known;    // the results belong to the inputs
+    bool exposure_known, bulk_known;    // the results were computed from the present inputs
     pm_contact_broadphase broadphase;   // a box around exposure_z
 } pm_local_dynamics;
 
 typedef enum pm_exposure {
-    PM_EXPOSURE_SAME,     // the results are those of the same state
-    PM_EXPOSURE_BOUNDED,  // the results are those of another state in the same box, and equal
+    PM_EXPOSURE_SAME,     // the state is the same, and the graph was not run
+    PM_EXPOSURE_BOUNDED,  // the state is another one in the same box, where the results are equal
     PM_EXPOSURE_EVALUATED // the graph was run
 } pm_exposure;
 
@@ -49,8 +49,9 @@ void pm_local_dynamics_forget(pm_local_dynamics *t);
 // between `from` [nz] and z. `rate` [nz] is an estimate of dz/dt; NULL: not known.
 pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, const double *from,
                                      const double *rate);
-// Does the same at the end of a step. All later results then depend only on z, not on earlier
-// states at which the graph was run, so that a restored run continues with the same bits.
+// Does the same at the end of a step, and replaces the box of contact_broadphase.h by one that
+// depends only on z. Earlier states then have no effect on later results, so that a restored run
+// continues with the same bits.
 pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z, const double *from);
 // Evaluates the bulk term, which must exist, at z with the dE and dS of the last exposure. Returns
 // true if the graph was run.

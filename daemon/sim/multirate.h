@@ -22,7 +22,7 @@ typedef struct pm_multirate {
     int nz, steps;                 // components; steps per interval
     const pm_integrator *exchange; // the multirate method
     const pm_integrator *own;      // rk4, of the steps in between
-    double *forcing; // [2][nz] rate from ports: at the interval's start, and its slope
+    double *forcing; // [2][nz] the ports' rate at the start of an interval, and its change over it
     double *z;       // [nz] stage state
     double *k;       // [own->nstage][nz] rates of the stages
 } pm_multirate;

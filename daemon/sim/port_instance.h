@@ -22,11 +22,13 @@ typedef struct pm_port_values {
     const double *y;   // exposed components of the state
     const double *e;   // dE/dy
     const double *eta; // dS/dy; all zero without entropy
-    // d e/d rate, by which a discrete integrator predicts e at the end of the step; else NULL.
+    // Change of e per unit of rate, with which a discrete integrator predicts e at the end of the
+    // step (model/prediction.h); NULL for other integrators.
     const double *response;
 } pm_port_values;
 
-// The same four arrays in memory that this module owns and writes.
+// The four arrays of pm_port_values in memory that this module owns and writes. `shown` points to
+// them.
 typedef struct pm_port_instance_end {
     int ny;
     double *y, *e, *eta, *response;
@@ -35,26 +37,30 @@ typedef struct pm_port_instance_end {
 
 typedef struct pm_port_instance {
     int port_id;          // position of the port in the scene
-    pm_end end;           // which end of it this is
+    pm_end end;           // the end of the port at which the subsystem is
     const int *component; // [own.ny] position in z of each exposed component
     pm_port_instance_end own;
-    const pm_scene_boundary_input *boundary_input; // at the other end; NULL: it is a subsystem
-    const int *outside_component;                  // [outside.ny] likewise, of the boundary input
+    const pm_scene_boundary_input *boundary_input; // at the other end; NULL: a subsystem is there
+    const int *outside_component; // [outside.ny] positions in the boundary input's state
     pm_port_instance_end outside;
 
     pm_program *program;           // the law's graph; NULL: the law has no effect here
     pm_port_instance_end input[2]; // inputs of the graph by end; NULL: the rates ignore them
-    const double *rate[2];         // [ny] into the subsystem; into the other end if evaluated here
-    const double *law_e[2]; // [ny] predicted co-energies at which the law is taken; NULL: e itself
-    // [nboth] irreversible rates of both ends, by which the law predicts co-energies: the result of
-    // the iteration before, and of this one. NULL without prediction.
+    // Rates [ny] at this end and at the other end. The latter is NULL unless this instance serves
+    // both ends, or the other end is a boundary input.
+    const double *rate[2];
+    // [ny] predicted co-energies with which the law is evaluated, in the order of `rate`; NULL: the
+    // law is evaluated with e.
+    const double *law_e[2];
+    // [nboth] irreversible rates of both ends, from which the law predicts co-energies: those of
+    // the last iteration, and those of this one. NULL without prediction.
     double *last;
     const double *next;
     int nboth;
-    bool known;                          // the rates belong to the inputs
+    bool known;                          // the rates were computed from the present inputs
     bool renewed;                        // the last coupling ran the graph
     bool shared;                         // this instance evaluates the other end's rate too
-    const struct pm_port_instance *peer; // the instance that evaluates for this one; NULL: itself
+    const struct pm_port_instance *peer; // the instance that evaluates this end too; NULL: none
     pm_flux booking, outside_booking;    // sums over the step under way
 } pm_port_instance;
 
@@ -64,11 +70,11 @@ pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_s
                                 const pm_integrator *integrator, int port_id, pm_end end);
 void pm_port_instance_close(pm_port_instance *j);
 
-// Lets `here` evaluate the law for both ends of a port whose subsystems are in one process, with
-// one graph instead of two. In every round (one stage of one substep) pm_port_instance_couple must
-// be called for `here` before it is called for `there`. Neither may be used once the other is
-// closed. Does nothing for a law that computes the rates of its two ends with separate networks,
-// such as `exchange`. PM_ENOMEM.
+// Lets the instance `here` evaluate the law for both ends of a port, with one graph instead of two.
+// `there` is the instance of the other end, in the same process. In every round (one stage of one
+// substep) pm_port_instance_couple must be called for `here` before it is called for `there`. After
+// one of them is closed, the other may not be used. Does nothing for a law that computes the rates
+// of its two ends with separate networks, such as `exchange`. PM_ENOMEM.
 pm_status pm_port_instance_share(pm_port_instance *here, pm_port_instance *there,
                                  const pm_system *system, const pm_integrator *integrator);
 

@@ -8,14 +8,14 @@
 // Computes the relative L2 error ||predicted - truth|| / ||truth|| of each group, over the whole
 // trajectory and for each snapshot. predicted, truth: [ntime][ncolumn]; trajectory: [ngroup];
 // snapshot: [ntime][ngroup] or NULL. A group that is zero throughout the truth scores the absolute
-// norm. A group that is zero in one snapshot only, or less than 1e-9 of its root mean square over
-// the trajectory, is divided by that root mean square there.
+// norm. If the true norm of a group in a snapshot is less than 1e-9 of its root mean square over
+// the trajectory, the error of this snapshot is divided by that root mean square instead.
 void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *predicted,
               const double *truth, double *trajectory, double *snapshot);
 
-// Computes the score of one group snapshot by snapshot. The sums start at zero; pm_score_add adds
-// one snapshot, predicted and truth [ncolumn]; pm_score_of returns the relative error of all
-// snapshots so far.
+// The sums with which the score of one group is computed snapshot by snapshot. They start at zero.
+// pm_score_add adds one snapshot; predicted, truth: [ncolumn]. pm_score_of returns the relative
+// error of all snapshots so far.
 typedef struct pm_score_sums {
     double error; // of (predicted - truth)^2
     double norm;  // of truth^2

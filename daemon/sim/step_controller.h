@@ -16,7 +16,8 @@ typedef struct pm_step_controller {
     const pm_scene *scene;
     const pm_integrator *integrator;
     int substeps;    // of the next step
-    double expected; // predicted error of the last step, had it had `substeps`; 0: no step before
+    double expected; // error of the coming step with `substeps`, if the solution behaves as in the
+                     // last step; 0: no step has been taken
 } pm_step_controller;
 
 // Starts a run. The controller never chooses fewer substeps than the scene names, since the method

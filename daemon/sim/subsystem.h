@@ -30,10 +30,10 @@ typedef struct pm_subsystem pm_subsystem;
 pm_status pm_subsystem_open(pm_subsystem **subsystem, const pm_system *system, int subsystem_id);
 void pm_subsystem_close(pm_subsystem *subsystem); // NULL is allowed
 
-// Returns the number of ports of this subsystem. The arguments `port` below count from 0 to this
-// number, in the scene's order of ports.
+// Returns the number of ports of this subsystem. The arguments `port` below are positions in the
+// list of these ports, from 0 to this number less 1, in the scene's order.
 int pm_subsystem_nport(const pm_subsystem *s);
-// Returns the position of a port in the scene, and which end of it this subsystem is.
+// Return the position of a port in the scene, and the end of the port at which this subsystem is.
 int pm_subsystem_port_id(const pm_subsystem *s, int port);
 pm_end pm_subsystem_end(const pm_subsystem *s, int port);
 // Returns true if the other end of the port is a boundary input.
@@ -65,8 +65,9 @@ void pm_subsystem_expose(pm_subsystem *s);
 // Returns what a port shows since the last pm_subsystem_expose. Owned by the subsystem.
 const pm_port_values *pm_subsystem_values(const pm_subsystem *s, int port);
 void pm_subsystem_bulk(pm_subsystem *s);
-// `neighbour` is what the other end shows at this stage. NULL where the other end is a boundary
-// input, whose values at the time of the stage are taken instead.
+// Adds the port's term to the rate of the stage. `neighbour` is what the other end shows at this
+// stage. It is NULL where the other end is a boundary input; the function then takes the values of
+// the boundary input at the time of the stage.
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour);
 void pm_subsystem_advance(pm_subsystem *s);
 
@@ -97,8 +98,8 @@ pm_books pm_subsystem_books(const pm_subsystem *s);
 // Copies the state and the quantities of pm_books into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 
-// Puts the numbers with which the subsystem continues from the end of a step with the same bits.
-// Restoring is allowed at any time.
+// Puts into the record all numbers with which the subsystem continues from the end of a step, bit
+// by bit. Restoring is allowed at any time.
 void pm_subsystem_record(pm_subsystem *s, pm_record *record);
 
 #endif

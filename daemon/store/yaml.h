@@ -30,7 +30,7 @@ void pm_yaml_close(pm_yaml_document *document); // NULL is allowed
 bool pm_yaml_exists(pm_yaml value);
 bool pm_yaml_is_map(pm_yaml value);
 bool pm_yaml_is_list(pm_yaml value);
-bool pm_yaml_is_text(pm_yaml value, const char *text); // whether it is a scalar spelled so
+bool pm_yaml_is_text(pm_yaml value, const char *text); // a scalar that equals `text`
 
 // Always returns PM_ECONFIG. Sets the error to "file:line:column: key: " and the message, where
 // `key` is the key whose value is `at`.
