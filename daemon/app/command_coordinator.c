@@ -46,8 +46,8 @@ static const pm_command command = {
         "then steps them together, keeps the ledger of energy and entropy, records, and prints\n"
         "the same tables as `portmetd run`. Nodes with another scene, other weights or another "
         "initial\n"
-        "state are refused by name. With --checkpoint it goes on where it was killed;\n"
-        "remove the files in the folder when all processes have ended well.",
+        "state are refused by name. With --checkpoint it continues after a kill; remove\n"
+        "the files in the folder when all processes have ended well.",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS |
                PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_GATE |
                PM_OPTION_QUIET,

@@ -194,8 +194,8 @@ static const pm_command command = {
         "reference trajectory, the ledger of energy and entropy, and the speed. It starts\n"
         "from each subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
         "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
-        "that is killed starts again and goes on, with the same bits at the end; so does the\n"
-        "whole run when this command is given again.",
+        "that is killed starts again and goes on, and the result has the same bits. If the whole\n"
+        "run is interrupted, the same command continues it.",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_OVERWRITE |
                PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_GATE |
                PM_OPTION_QUIET,

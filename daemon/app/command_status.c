@@ -67,10 +67,12 @@ static const pm_command command = {
     .arguments = "SCENE",
     .help =
         "Listens to a run of the scene, on this or any other host of the network, and prints how\n"
-        "it is doing: the steps per second, the process that the others wait for, and for each\n"
-        "process its pace, CPU time, the part of the time in which it is busy, for whom it waits,\n"
-        "whose messages it loses, requests, dropped messages, the age of its checkpoint, and\n"
-        "memory. The coordinator prints the same when it receives SIGUSR1.",
+        "it is doing: the steps per second, and the process that all others wait for. For each\n"
+        "process it prints the steps per second, the CPU time, the share of the time in which it\n"
+        "is busy, the process that it waits for, the process whose messages it misses, the\n"
+        "messages that it requests and sends again per second, the messages that it has dropped,\n"
+        "the age of its checkpoint, and its memory. The coordinator prints the same table when it\n"
+        "receives SIGUSR1.",
     .accepts = PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,
 };

@@ -46,7 +46,7 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .help = "all subsystems in this process, without LCM"}},
         {PM_OPTION_SESSION,
          text_option("--session", "NUMBER", &given->session,
-                     "the run to join or to open, where several share a network")},
+                     "number of the run, where several of this scene share a network")},
         {PM_OPTION_CHECKPOINT,
          text_option("--checkpoint", "DIR", &run->checkpoint,
                      "keep checkpoints in DIR, and go on from those found there")},

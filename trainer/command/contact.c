@@ -41,13 +41,12 @@ static pm_status read_arguments(contact_arguments *a, int argc, char **argv, boo
         .usage =
             "portmet-train contact CONFIG --basis FILE {-o DIR -k K | --score MODES} [options]",
         .summary =
-            "Places bodies with the same basis as CONFIG says under system: beams:, finds which "
-            "of\n"
-            "them face each other, and writes for any two of them, A and B, the weights A_B.h5 of\n"
-            "the subsystem between them. Its groups A and B are the travel of both bodies, mode "
-            "by\n"
-            "mode (ports of the law contact join them to the momenta p of the bodies); `creep` is\n"
-            "the opening that each contact pair has gained by creeping. The opening of a pair is\n"
+            "Places bodies, which share one basis, as `beams` under `system` of CONFIG says, and\n"
+            "finds which of them face each other. For any two of these, A and B, it writes the\n"
+            "weights A_B.h5 of the subsystem between them. The groups A and B of this subsystem\n"
+            "are the travel of both bodies, mode by mode; ports of the law contact join them to\n"
+            "the momenta p of the bodies. The group `creep` is the opening that each contact pair\n"
+            "has gained by creeping. The opening of a pair is\n"
             "g + creep + u slope_u + v slope_v, where g, u, v and the slopes are derived "
             "variables,\n"
             "linear in the travel. Sliding is assumed to be small.",

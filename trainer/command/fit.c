@@ -18,7 +18,7 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
         {"--output", "-o", "DIR", NULL, &a->output, true,
          "folder for the weights, one file per subsystem and port"},
         {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
-         "of measurements: the dataset in FILE, such as z_noise; default: z"},
+         "measurements: the array of FILE to read, such as z_noise; default: z"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "use only these trajectories, such as 0:40 or 0:4,7"},
         {"--validation", NULL, "LIST", NULL, &a->validation, false,
@@ -26,7 +26,7 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
         {"--black-box", NULL, NULL, &a->black_box, NULL, false,
          "also train a model without structure for the same time"},
         {"--resume", NULL, NULL, &a->resume, NULL, false,
-         "continue from DIR/fit.checkpoint; stages may be longer"},
+         "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
     };
     const pm_options options = {
         .usage = "portmet-train fit CONFIG|SCENE [--data FILE] -o DIR [options]",

@@ -41,9 +41,10 @@ static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv,
             "Turns trajectories of modes, which `reduce` writes, or of nodal values, which "
             "`nodes`\n"
             "writes, into fields of the body: positions, velocities, stresses. Recordings of\n"
-            "`evaluate --record` work as well. Prints the relative L2 errors per trajectory, of\n"
-            "stresses on free nodes. Modes need the --basis. Nodal values need the --truth, which\n"
-            "describes the body, and all of its states; `nodes` may have had any --relaxation.",
+            "`evaluate --record` work as well. Prints the relative L2 errors per trajectory;\n"
+            "stresses are compared on the free nodes. Modes need the option --basis. Nodal values\n"
+            "need the option --truth, which describes the body, and as many states as the truth\n"
+            "has. The option --relaxation of `nodes` makes no difference here.",
         .positional_name = "DATASET",
         .positional = &a->dataset,
         .count = sizeof table / sizeof *table,

@@ -29,8 +29,9 @@ static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool 
         {"--noise", NULL, "X", NULL, &a->noise, false,
          "add normal noise, X times the standard deviation of each column"},
         {"--missing", NULL, "X", NULL, &a->missing, false,
-         "leave out the fraction X of the states at random: uneven times"},
-        {"--seed", NULL, "N", NULL, &a->seed, false, "of noise and missing states; default: 1"},
+         "leave out the fraction X of the states at random, so that times are uneven"},
+        {"--seed", NULL, "N", NULL, &a->seed, false,
+         "seed of the noise and of the missing states; default: 1"},
     };
     const pm_options options = {
         .usage = "portmet-train truth CONFIG -o FILE [options]",
