@@ -49,11 +49,12 @@ const char *portmet_error(void);
 
 typedef struct portmet_scene portmet_scene;
 
-/* Opens the scene file at `path` and stands at its initial state. The weights come from the files
- * that the scene names; with `weights` not NULL, from the files of the same names in that folder.
- * The caller closes the scene. */
+/* Opens the scene file at `path`; the scene is then at step 0, in its initial state. The weights
+ * come from the files that the scene names, or, if `weights` is not NULL, from files of these names
+ * in the folder `weights`. The caller closes the scene. */
 int portmet_scene_open(portmet_scene **scene, const char *path, const char *weights);
-/* Does the same for the text of a scene, as if it were the file `path`. */
+/* Opens a scene from the text of a scene file. Relative paths in the text count from the folder of
+ * `path`, which need not exist; errors name it. The rest is as in portmet_scene_open. */
 int portmet_scene_parse(portmet_scene **scene, const char *text, const char *path,
                         const char *weights);
 void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */
@@ -97,7 +98,7 @@ enum portmet_ledger {
     PORTMET_ENERGY_DRIFT = 4,     /* J, largest difference of the total from that at step 0 */
     PORTMET_ENTROPY_FALL = 5,     /* J/K, largest fall of the total over one step */
     PORTMET_OUTSIDE_ENERGY = 6,   /* J, what has left through boundary inputs */
-    PORTMET_OUTSIDE_ENTROPY = 7,  /* J/K, likewise */
+    PORTMET_OUTSIDE_ENTROPY = 7,  /* J/K, what has left through boundary inputs */
     PORTMET_ENERGY_RESIDUAL = 8,  /* largest residual of the first law in any step */
     PORTMET_ENTROPY_RESIDUAL = 9, /* most negative residual of the second law in any step */
     PORTMET_VIOLATIONS = 10,      /* steps with a residual beyond the scene's tolerances */

@@ -44,9 +44,9 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose);
 // Frees all parts of the setup, the scene included.
 void pm_setup_free(pm_setup *setup);
 
-// Returns the path of that input of the run which is the same file as `path`: the scene's file, its
-// key, its reference or one of its weights files. The result is borrowed from the setup. NULL: no
-// input is this file.
+// Checks whether the file `path` is one of the input files of the run: the scene's file, its key,
+// its reference or one of its weights files. Returns the path of this input, which the setup owns,
+// or NULL if no input is this file.
 const char *pm_setup_input(const pm_setup *setup, const char *path);
 
 // Returns the state with the index `time_id`, 0 to reference->ntime - 1, of the trajectory of the

@@ -13,8 +13,8 @@
 // held there it repeats its last tick, which shows the nodes that it is alive. As at any other
 // step, the run fails if a node is silent for longer than the scene's patience.
 //
-// Death and return: with a checkpoint it saves its ledger and its observer's state at regular
-// steps, the same as the nodes' (checkpoint_ring.h), and after the last step before END. After a
+// Death and return: with a checkpoint it saves its ledger and its observer's state at the steps at
+// which the nodes save theirs (checkpoint_ring.h), and after the last step before END. After a
 // restart it continues from there and requests the reports that it missed. The coordinator never
 // removes checkpoint files. The program that started the processes removes them at the end of the
 // run.

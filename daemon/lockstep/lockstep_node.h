@@ -26,7 +26,7 @@ typedef struct pm_lockstep_node pm_lockstep_node;
 
 typedef struct pm_lockstep_node_options {
     const double *z; // [scene->nz] initial state of the whole scene; NULL: as the scene says
-    int64_t session; // joins only this one; 0: any open one with the same digest
+    int64_t session; // the only session to join; 0: any open session with the node's digest
     const pm_boundary_input *boundary_input; // NULL: the scene has none
     const char *checkpoint;                  // file to save checkpoints in and to continue from;
                                              // NULL: none Called about once a second, with the

@@ -4,10 +4,10 @@
 // files named after it.
 //
 // The state machine. A round begins as soon as the round before it is complete and its step is
-// granted. `patience` and `checkpoint` are those of the scene. A message is "proven" if it repeats
-// the nonce of this node's present hello (identity.h). "Its coordinator" is the one whose tick was
-// proven last; a node asks a coordinator by a hello that names it. Messages that nobody can have
-// sent in this run are dropped first.
+// granted. `patience` is a key of the scene, in s. "With a checkpoint" means that this node keeps
+// checkpoints. A message is "proven" if it repeats the nonce of this node's present hello
+// (identity.h). "Its coordinator" is the one whose tick was proven last; a node asks a coordinator
+// by a hello that names it. Messages that nobody can have sent in this run are dropped first.
 //
 // state    awaits             message or time-out                next      sends
 // -------  -----------------  ---------------------------------  --------  ---------------------
@@ -86,16 +86,16 @@ struct pm_lockstep_node {
     double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
 
     // Members that describe the run, taken from the coordinator's ticks.
-    portmet_tick_t followed; // the tick by which this node follows its coordinator; its array of
-                             // answers is not kept
-    int64_t *answers;        // [processes] scratch for the nonces in a tick
-    int64_t coordinator;     // instance of the coordinator
-    int64_t granted;         // steps
-    double t0;               // s, time at step 0
-    bool want_state;         // reports carry the state z
-    bool late;               // in HELLO: a run is under way that this node cannot join
-    bool coordinator_alive;
-    double coordinator_heard; // s
+    portmet_tick_t followed;  // the tick by which this node follows its coordinator; its array of
+                              // answers is not kept
+    int64_t *answers;         // [processes] scratch for the nonces in a tick
+    int64_t coordinator;      // instance of the coordinator
+    int64_t granted;          // steps
+    double t0;                // s, time at step 0
+    bool want_state;          // reports carry the state z
+    bool late;                // in HELLO: a run is under way that this node cannot join
+    bool coordinator_alive;   // the coordinator sent a message since the last poll
+    double coordinator_heard; // s, when a message of the coordinator last arrived
 
     int rounds;       // largest number of rounds in a step
     int substeps;     // number of substeps of the last step granted
@@ -127,7 +127,8 @@ void pm_node_enter(pm_lockstep_node *node, pm_node_phase next);
 // this function.
 void pm_node_check(pm_lockstep_node *node, pm_status status);
 
-// Publishes a hello that asks the instance `coordinator`, but not too often.
+// Publishes a hello that asks the instance `coordinator`: in HELLO at the next poll, later at once,
+// but at most every 0.01 s.
 void pm_node_ask(pm_lockstep_node *node, int64_t coordinator);
 
 // Returns the position of a neighbour among the peers of the vitals; NULL stands for the
@@ -157,14 +158,16 @@ int64_t pm_node_round_key(const pm_lockstep_node *node);
 // Returns true if the next round may begin.
 bool pm_node_may_start(const pm_lockstep_node *node);
 
-// Begins at the initial state, or at this process's last checkpoint of the session.
+// Begins at the initial state, or at this process's last checkpoint of the session, and reports the
+// initial state. Fails as the functions of checkpoint_ring.h and reporter.h do.
 pm_status pm_node_start_run(pm_lockstep_node *node);
 
-// Computes rounds until a grant or a neighbour's flux is missing, but at most 16 steps.
+// Computes rounds until a grant or a neighbour's flux is missing, but at most 16 steps. Fails as
+// the functions of process_subsystems.h, checkpoint_ring.h and reporter.h do.
 pm_status pm_node_compute(pm_lockstep_node *node);
 
-// Returns to the newest checkpoint of at most `step` steps, to compute again from there. Does
-// nothing if there is none.
+// Returns to the newest checkpoint of at most `step` steps, to compute again from there. Changes no
+// state if there is none. Publishes the report being filled first. Fails as pm_reporter_flush does.
 pm_status pm_node_roll_back(pm_lockstep_node *node, int64_t step);
 
 #endif

@@ -56,7 +56,7 @@ void pm_vitals_answer(pm_vitals *vitals, int peer);
 bool pm_vitals_are_due(pm_vitals *vitals, int64_t session, double now);
 
 // Publishes the vitals after `step` steps. `checkpoint` is the step of the last checkpoint, or -1
-// if none is kept; `drops` are those of the owner. PM_ENET.
+// if none is kept; `drops` are the counts of the owner's endpoint. PM_ENET.
 pm_status pm_vitals_publish(pm_vitals *vitals, pm_transport *transport, int64_t step,
                             int64_t checkpoint, const pm_drops *drops);
 

@@ -77,9 +77,10 @@ pm_status pm_contact_pairs_find(pm_contact_pairs *pairs, const pm_placed_body *f
 void pm_contact_pairs_measure(const pm_contact_pairs *pairs, int end, const pm_placed_body *body,
                               const double *u, double *value);
 
-// The adjoint of pm_contact_pairs_measure. Adds to f [nnode][3], in N and in the frame of `body`,
-// the forces on the nodes of `body` from an energy whose derivatives by the quantities are effort
-// [PM_CONTACT_GROUPS][npair]. For every u, f.u is -effort.value.
+// Adds to f [nnode][3], in N and in the frame of `body`, the forces on the nodes of `body` that
+// follow from an energy whose derivatives with respect to the quantities are effort
+// [PM_CONTACT_GROUPS][npair]. The function is the adjoint of pm_contact_pairs_measure: for every u
+// the added forces satisfy f.u = -effort.value.
 void pm_contact_pairs_add_forces(const pm_contact_pairs *pairs, int end, const pm_placed_body *body,
                                  const double *effort, double *f);
 

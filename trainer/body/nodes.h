@@ -26,7 +26,7 @@ typedef struct pm_nodes_settings {
     int nbranch;
     double tau[PM_NODES_MOST_BRANCHES]; // s, > 0
     double temperature;                 // K, > 0
-    int nstate;                         // of each trajectory, from its first on; 0: all
+    int nstate;                         // states used, from the first of a trajectory on; 0: all
 } pm_nodes_settings;
 
 // Finds the mesh of the free nodes. node [mesh->nnode] receives, for each node of the mesh, its
@@ -35,16 +35,18 @@ typedef struct pm_nodes_settings {
 pm_status pm_nodes_mesh(const pm_field *field, pm_arena *arena, const pm_mesh **mesh,
                         const int **node);
 
-// Converts the trajectories trajectory [count] of the fields. PM_EDATA (also: the fields have no
-// positions qx qy qz or no stresses), PM_ENOMEM. The caller frees the dataset.
+// Converts the trajectories of the fields whose numbers are `trajectory` [count]. Fails as
+// pm_nodes_mesh does. PM_EDATA also if the fields have no positions qx qy qz or no stresses. The
+// caller frees the dataset.
 pm_status pm_nodes_dataset(pm_dataset **dataset, const pm_field *field, int count,
                            const int *trajectory, const pm_nodes_settings *settings);
 
-// Converts back. Trajectory i of the result has the positions and stresses of trajectory i of
-// `nodes` at the free nodes, and velocities by differences over the last step. Everything else
-// (clamped nodes, first velocities, other variables, forces) is copied from trajectory
-// trajectory[i] of `body`; energies are not known. PM_EDATA (columns or shapes that do not fit),
-// PM_ENOMEM. The caller frees the fields.
+// Converts a dataset of pm_nodes_dataset back into fields. Trajectory i of the result has, at the
+// free nodes, the positions and stresses of trajectory i of `nodes`, and as velocities the
+// differences of the positions over the last step. Everything else (clamped nodes, first
+// velocities, other variables, forces) is copied from trajectory trajectory[i] of `body`. The
+// result has no energies. PM_EDATA (columns or shapes that do not fit), PM_ENOMEM. The caller frees
+// the fields.
 pm_status pm_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
                           const int *trajectory);
 

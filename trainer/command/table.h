@@ -20,9 +20,10 @@ typedef struct pm_table {
 // frees. PM_EFILE: the file cannot be read; PM_EDATA, with the line: a line has another number of
 // columns, or a place holds no number; PM_ENOMEM.
 pm_status pm_table_read(pm_table *table, const char *path);
-// Reads the real matrices of a MATLAB file (version 5 or 7.3) as a table: a vector is a column of
-// its name, a matrix x columns x_1, x_2, ... All have as many rows as the first one; others are
-// left out. PM_EFILE also if the program was built without libmatio.
+// Reads the real matrices of a MATLAB file (version 5 or 7.3) as a table. A vector becomes a column
+// with the name of the variable; a matrix x becomes the columns x_1, x_2, and so on. Variables with
+// another number of rows than the first one are left out. The caller frees. PM_EFILE also if the
+// program was built without libmatio; PM_EDATA, PM_ENOMEM.
 pm_status pm_table_read_matlab(pm_table *table, const char *path);
 void pm_table_free(pm_table *table); // zeroed storage is allowed
 

@@ -17,9 +17,9 @@ typedef struct pm_rollout {
     int trajectory;   // its number in the dataset
     int reached;      // the number of finite states; ntime of the dataset if all are
     double *error;    // [ngroup] over the trajectory; infinite if not all states are finite
-    double *snapshot; // [ntime][ngroup] of each state; infinite from `reached` on
+    double *snapshot; // [ntime][ngroup] error of each state alone; infinite from `reached` on
     double *energy;   // [ntime] J, total; zero from `reached` on, or if energy is not defined
-    double *entropy;  // [ntime] J/K, total; likewise
+    double *entropy;  // [ntime] J/K, total; zero where `energy` is
     // [2][ntime][nsubsystem] energy J and entropy J/K of each subsystem by the model, in the
     // predicted states and in the true states. Zero where not reached or not defined.
     double *part_energy, *part_entropy;
@@ -62,7 +62,7 @@ typedef struct pm_evaluate_how {
 // scene's), PM_EINTERRUPTED, PM_ENOMEM.
 pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,
                       int first, int end, const pm_evaluate_how *how);
-// Like pm_evaluate, for the trajectories which [count].
+// Does the same as pm_evaluate for the trajectories whose numbers are `which` [count].
 pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
                            const pm_dataset *truth, int count, const int *which,
                            const pm_evaluate_how *how);

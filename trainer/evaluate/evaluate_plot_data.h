@@ -6,8 +6,9 @@
 
 #include "evaluate/evaluate.h"
 
-// Open the file `name` in `folder` for writing, and close it. PM_EFILE.
+// Opens the file `name` in `folder` for writing. PM_EFILE.
 pm_status pm_plot_open(FILE **file, const char *folder, const char *name);
+// Closes a file that pm_plot_open opened; `folder` names it in the error. PM_EFILE: a write failed.
 pm_status pm_plot_close(FILE *file, const char *folder);
 
 // The columns that describe a distribution over the rollouts.

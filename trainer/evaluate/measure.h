@@ -10,8 +10,9 @@
 typedef struct pm_measure_cell {
     const char *part, *group;
     pm_box rollout;     // relative L2 errors of the rollouts; infinite where not finite
-    pm_box persistence; // the same if the first state replaces all later ones
-    double one_step;    // error of a step from a true state, over its length; NAN: not measured
+    pm_box persistence; // relative L2 errors if the first state replaces all later ones
+    double one_step;    // relative L2 error of the change over one step that begins in a true
+                        // state; NAN: not measured
 } pm_measure_cell;
 
 typedef struct pm_measure {

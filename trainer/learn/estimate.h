@@ -12,9 +12,8 @@
 
 // How starts are estimated.
 typedef struct pm_estimate_how {
-    double seconds; // how many seconds of each trajectory determine its start
-    const pm_uncertainty
-        *uncertainty; // of the weights, from which deviations are computed; or NULL
+    double seconds;                    // how many seconds of each trajectory determine its start
+    const pm_uncertainty *uncertainty; // of the weights, for pm_estimate.deviation; or NULL
     const volatile sig_atomic_t *stop; // ends the work when nonzero; or NULL
 } pm_estimate_how;
 
@@ -25,7 +24,7 @@ typedef struct pm_estimate {
     double *start;            // [count][nz] states at the first samples
     double *noise; // [ny] noise estimated from the residuals of the first seconds, unit of column
     double *y;     // [count][ntime][ny] predicted columns; NaN where a trajectory has no sample
-    double *z;     // [count][ntime][nz] predicted states; NaN likewise
+    double *z;     // [count][ntime][nz] predicted states; NaN where a trajectory has no sample
     // [count][ntime][ny] expected standard deviation of a measurement from its prediction, due to
     // the uncertainty of the weights and of the start, and to noise. NULL without
     // pm_estimate_how.uncertainty.

@@ -6,10 +6,10 @@
 //     + 1/2 sum over trajectories and hidden components of ((first start - guess)/deviation)^2
 //     + 1/2 sum over weights of ((weight - first weight)/reach)^2
 //
-// by Gauss-Newton with Marquardt's damping, where h is what is measured of a state and z(t) comes
-// from the start of the window by the integrator. The starts are eliminated window by window, so
-// that the cost grows linearly with the number of windows (learn/shooting_solve.c). As `gap`
-// shrinks, the windows of a trajectory join to one solution.
+// by Gauss-Newton with Marquardt's damping, where h(z) are the values of the measured columns in
+// the state z, and the integrator computes z(t) from the start of the window. The starts are
+// eliminated window by window, so that the cost grows linearly with the number of windows
+// (learn/shooting_solve.c). As `gap` shrinks, the windows of a trajectory join to one solution.
 #ifndef PM_TRAINER_LEARN_SHOOTING_H
 #define PM_TRAINER_LEARN_SHOOTING_H
 
@@ -52,12 +52,11 @@ typedef struct pm_shooting {
     double **residual; // [tracks->count] -> [count][ny], model minus data by the last evaluation
     // The blocks of the normal equations (learn/shooting_solve.c) from the last evaluation with
     // derivatives. The last column of an array with nborder columns holds the gradient or the gap.
-    double *matrix;       // [nborder][nborder] block of the weights, upper triangle
-    double *own;          // [nwindow][nz][nz] block of the start of each window
-    double *border;       // [nwindow][nz][nborder] block that couples a start with the weights
-    double *end_by_start; // [nwindow][nz][nz] derivative of the end by the start, over `gap`
-    double
-        *end_by_weights; // [nwindow][nz][nborder] derivative of the end by the weights, over `gap`
+    double *matrix;         // [nborder][nborder] block of the weights, upper triangle
+    double *own;            // [nwindow][nz][nz] block of the start of each window
+    double *border;         // [nwindow][nz][nborder] block that couples a start with the weights
+    double *end_by_start;   // [nwindow][nz][nz] derivative of the end by the start, over `gap`
+    double *end_by_weights; // [nwindow][nz][nborder] derivative by the weights, over `gap`
     // Work space of the solution.
     double *factor;   // [nwindow][nz][nz]
     double *coupling; // [nwindow][nz][nz]

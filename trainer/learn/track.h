@@ -39,7 +39,8 @@ void pm_tracks_free(pm_tracks *tracks);
 // component is its guess. Columns of formulas are not used.
 void pm_track_states(const pm_tracks *tracks, int id, const pm_scene *scene,
                      const pm_observation *o, int ntime, double *state);
-// Does the same at the times of the samples `first` to `end` - 1: state [end - first][nz].
+// Writes the states of track `id` at the times of its samples `first` to `end` - 1 to state [end -
+// first][nz], interpolated as pm_track_states does.
 void pm_track_sample_states(const pm_tracks *tracks, int id, const pm_scene *scene,
                             const pm_observation *o, int first, int end, double *state);
 

@@ -42,9 +42,9 @@ typedef struct pm_pattern {
 typedef struct pm_basis {
     pm_arena arena; // owns the arrays
     int nnode;
-    int nmode;  // all modes; those after the state are ordered by the work that loads do on them
-    int nstate; // the first modes, which are the state
-    int nlead;  // the first of these, whose products of two and three are features
+    int nmode;  // all modes; those from nstate on are ordered by the work that loads do on them
+    int nstate; // modes whose amplitudes are in the state: the first ones
+    int nlead;  // modes whose products of two and three amplitudes are features: the first ones
     int nbranch;
     double tau[PM_BASIS_MAX_BRANCHES]; // s, relaxation times
     double inertia_time;               // s
@@ -56,7 +56,7 @@ typedef struct pm_basis {
     double *stiffness;                 // [nmode] J/m^2, 1 / (mode_i . mode_i)
     double *lead_scale;                // [nlead] J^0.5, largest amplitude, which scales products
     pm_pattern displacement;           // m, [nnode][3], the remainder
-    pm_local local;                    // stress that loads cause around them, not in `stress`
+    pm_local local;                    // stress close to the loads, which is added to `stress`
     pm_pattern stress;                 // Pa, [nnode][6]; rank 0: not known
 } pm_basis;
 

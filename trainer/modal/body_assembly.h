@@ -1,5 +1,5 @@
-// Several bodies that share one basis, placed in space: which of them face each other, and their
-// fields in modal coordinates.
+// An assembly is several bodies that share one basis and are placed in space. The functions find
+// the bodies that face each other and project the fields of all bodies to modal coordinates.
 #ifndef PM_TRAINER_MODAL_BODY_ASSEMBLY_H
 #define PM_TRAINER_MODAL_BODY_ASSEMBLY_H
 
@@ -26,10 +26,10 @@ typedef struct pm_body_assembly {
 // The names of the five quantities of a contact pair, indexed by pm_contact_group.
 extern const char *const pm_contact_group_name[PM_CONTACT_GROUPS];
 
-// Reads the names and placements of bodies from the truth file at `path` (its key system: beams:)
-// and finds the interfaces between them. The caller sets assembly->basis first and zero-initialises
-// the rest; it frees assembly->arena, after a failure too. PM_EFILE, PM_ECONFIG, PM_EDATA,
-// PM_ENOMEM.
+// Reads the names and placements of bodies from the key `beams` of the block `system` in the truth
+// file at `path`, and finds the interfaces between the bodies. The caller sets assembly->basis
+// first and initialises the rest with zeros; it frees assembly->arena, after a failure too.
+// PM_EFILE, PM_ECONFIG, PM_EDATA, PM_ENOMEM.
 pm_status pm_body_assembly_load(pm_body_assembly *assembly, const char *path);
 
 // Finds the interfaces between the bodies. Two bodies with a third body between them have none.
@@ -39,10 +39,11 @@ pm_status pm_body_assembly_find_interfaces(pm_body_assembly *assembly);
 // Computes how the quantities of an interface change with the amplitudes of the state of the body
 // at one end: matrix [PM_CONTACT_GROUPS npair][nstate], in m/J^0.5 and, for slopes, J^-0.5.
 //
-// Modes are linear. Where a section rotates by the angle `slope`, they leave out that a side comes
-// h/2 slope^2 closer to the axis, where h is its distance from the axis. The products of sliding
-// and slope contain this term if u and v are taken half way between side and axis, that is with
-// h/2 slope added; the matrix does so. PM_ENOMEM.
+// The displacements are linear in the amplitudes. When a section rotates by the angle `slope`, a
+// side at the distance h from the axis comes closer to it by h/2 slope^2, which linear modes cannot
+// represent. The products u slope_u and v slope_v in the opening contain this term if u and v are
+// taken half way between side and axis, that is with h/2 slope added. The matrix adds it.
+// PM_ENOMEM.
 pm_status pm_contact_interface_matrix(const pm_body_assembly *assembly,
                                       const pm_contact_interface *interface, int end,
                                       double *matrix);
@@ -51,12 +52,12 @@ pm_status pm_contact_interface_matrix(const pm_body_assembly *assembly,
 // number of trajectories, times and dt. PM_EDATA.
 pm_status pm_body_assembly_check(const pm_body_assembly *assembly, const pm_field *const *field);
 
-// Writes the trajectories trajectory [count] of the fields of all bodies, field [nbody], as one
-// dataset. It has the columns of pm_reduce_project for each body, with the body's name and "_" in
-// front, and for each interface between bodies A and B the state of its part (contact_part.h):
-// A_B_A<i>, A_B_B<i>, A_B_creep<i> and A_B_s. Creep and entropy are zero, because the contact of
-// the ground truth neither creeps nor dissipates. PM_EDATA (the fields do not fit together),
-// PM_ENOMEM. The caller frees the dataset.
+// Projects the trajectories whose numbers are `trajectory` [count] in the fields of all bodies,
+// field [nbody], and writes them as one dataset. For each body it has the columns of
+// pm_reduce_project, with the body's name and "_" in front. For each interface between bodies A and
+// B it has the state of its part (contact_part.h): A_B_A<i>, A_B_B<i>, A_B_creep<i> and A_B_s.
+// Creep and entropy are zero, because the contact of the ground truth neither creeps nor
+// dissipates. PM_EDATA (the fields do not fit together), PM_ENOMEM. The caller frees the dataset.
 pm_status pm_body_assembly_project(pm_dataset **dataset, const pm_body_assembly *assembly,
                                    const pm_field *const *field, int count, const int *trajectory);
 

@@ -11,7 +11,8 @@
 typedef struct pm_contact_openings {
     const pm_contact_interface *interface; // borrowed
     int nstate;                            // amplitudes of each body
-    // First columns of the travel of both bodies, [nstate] J^0.5 each, and of the creep, [npair] m.
+    // First columns of the groups A and B [nstate], J^0.5, and of the group creep [npair], m, of
+    // contact_part.h.
     int travel[2], creep;
     double *matrix[2]; // [PM_CONTACT_GROUPS npair][nstate], of pm_contact_interface_matrix
     double *value;     // [PM_CONTACT_GROUPS][npair], of the last row

@@ -40,9 +40,10 @@ int pm_local_features(const pm_local *local);
 // the ends of the body count as free of forces.
 void pm_local_fill_features(const pm_local *local, const double *f, int section, double *feature);
 
-// Adds the stress that the forces f [nnode][3], N, cause to stress [nnode][6], Pa. Without sections
-// it adds nothing. `work` has room for pm_local_work numbers.
+// Returns the size of the work space of pm_local_add, in numbers.
 size_t pm_local_work(const pm_local *local);
+// Adds the stress that the forces f [nnode][3], N, cause to stress [nnode][6], Pa. Without sections
+// it adds nothing. `work` [pm_local_work] belongs to the caller.
 void pm_local_add(const pm_local *local, const double *f, double *stress, double *work);
 
 #endif

@@ -15,7 +15,7 @@ typedef struct pm_modal_trajectory {
     pm_arena arena; // owns the arrays
     int ntime, nmode, nbranch, nnode;
     pm_load_kind loads;
-    int q, sigma;   // first variables of the field that are positions, and stresses; -1: none
+    int q, sigma;   // indices of the field's variables qx and sxx; -1: the field has none
     double *u;      // [ntime][nnode][3] m, displacements
     double *f;      // [ntime][nnode][3] N, loads; zero on nodes that never move
     double *stress; // [ntime][nnode][6] Pa, or NULL

@@ -7,15 +7,16 @@
 #include "store/dataset.h"
 #include "store/field.h"
 
-// Fits a basis to the trajectories trajectory [count] of the field. Forces of contact count as
-// loads. PM_EDATA, PM_ENUMERIC, PM_ENOMEM. The caller frees the basis.
+// Fits a basis to the trajectories of the field whose numbers are `trajectory` [count]. Forces of
+// contact count as loads. PM_EDATA, PM_ENUMERIC, PM_ENOMEM. The caller frees the basis.
 pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, const int *trajectory,
                         const pm_reduce_settings *settings);
 
-// Writes the trajectories trajectory [count] as a dataset with rates. Its columns are a<i>, p<i>
-// and c<k>_<i> of the state, the entropy s, and the loads f<i> of the state's modes and h<j> of the
-// other modes. With `square` the eight symmetric copies of each trajectory follow one another.
-// PM_EDATA, PM_ENOMEM. The caller frees the dataset.
+// Projects the trajectories whose numbers are `trajectory` [count] to the modes, and writes them as
+// a dataset with rates. Its columns are a<i>, p<i> and c<k>_<i> of the state, the entropy s, and
+// the loads f<i> of the state's modes and h<j> of the other modes. With `square` the eight
+// symmetric copies of each trajectory follow one another. PM_EDATA, PM_ENOMEM. The caller frees the
+// dataset.
 pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const pm_field *field,
                             int count, const int *trajectory, bool square, pm_load_kind loads);
 

@@ -11,7 +11,7 @@ typedef struct pm_look_group {
     const pm_group *group; // borrowed from the scene
     int first;             // position of its first component in the state of the scene
     double deviation;      // standard deviation over states, pooled over components, in its unit
-    double rate;           // root mean square of its rate, in its unit per s, pooled likewise
+    double rate;           // root mean square of its rate over states and components, unit per s
     bool constant;         // the group does not change
     bool positive;         // all components are positive in all examined states
     bool zero;             // in some examined state its length is small compared with the deviation
@@ -23,11 +23,12 @@ typedef struct pm_look {
     const pm_scene *scene;     // borrowed
     const pm_dataset *dataset; // borrowed
     pm_columns columns;
-    int count;        // the number of examined states
-    double *z, *rate; // [count][nz] states, in their units, and rates, in units per s: those of the
-                      // dataset, or else central differences
-    double fastest;   // 1/s: the largest rms(change of a rate per s)/rms(rate) of all components
-    int samples;      // the number of states in all trajectories
+    int count;      // the number of examined states
+    double *z;      // [count][nz] states, in their units
+    double *rate;   // [count][nz] rates, in these units per s: those of the dataset if it has
+                    // rates, else central differences
+    double fastest; // 1/s: the largest rms(change of a rate per s)/rms(rate) of all components
+    int samples;    // the number of states in all trajectories
 } pm_look;
 
 // Copies at most some thousand states, evenly chosen, with their rates. `scene` and `dataset` must

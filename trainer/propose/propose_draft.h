@@ -13,7 +13,7 @@ typedef struct pm_draft {
     pm_look look;
     pm_part_view *part; // [nsubsystem]
     bool rotates;       // the dynamics do not depend on directions
-    int width;          // of hidden layers
+    int width;          // number of units in each hidden layer
 } pm_draft;
 
 // Returns the name of a group of a subsystem.
@@ -30,7 +30,7 @@ typedef struct pm_draft_list {
 pm_draft_list pm_draft_open(FILE *file, const char *before);
 void pm_draft_add(pm_draft_list *list, const char *before, const char *name);
 
-// Write the model of a subsystem, and of a port, under the key `models`.
+// These functions write the model of a subsystem, and of a port, under the key `models`.
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
 

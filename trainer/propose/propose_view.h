@@ -29,7 +29,8 @@ typedef struct pm_part_view {
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
     bool apart[PM_MAX_GROUPS];
-    bool gyroscopic[PM_MAX_GROUPS]; // momenta: one component moves another, as in a magnetic field
+    // Momenta: two components drive each other with opposite coefficients, as in a magnetic field.
+    bool gyroscopic[PM_MAX_GROUPS];
     // Lengths, areas and volumes: the rate depends on other variables alone, so that friction does
     // not act on the group.
     bool geometric[PM_MAX_GROUPS];

@@ -35,8 +35,8 @@ typedef struct pm_beam_contact_force {
     double depth;                           // m
     double energy;                          // J
     double force[PM_BEAM_CONTACT_NODES][3]; // N
-    double
-        stiffness[3 * PM_BEAM_CONTACT_NODES * 3 * PM_BEAM_CONTACT_NODES]; // N/m, [3 nnode][3 nnode]
+    // N/m, [3 nnode][3 nnode]
+    double stiffness[3 * PM_BEAM_CONTACT_NODES * 3 * PM_BEAM_CONTACT_NODES];
 } pm_beam_contact_force;
 
 // Finds the candidates for contact between all bodies of the mesh. `stiffness` is the penalty

@@ -30,9 +30,10 @@ typedef struct pm_beam_element_response {
 // Sets up an element with the undeformed corners x [PM_BEAM_CORNERS][3], m, numbered as in VTK.
 void pm_beam_element_init(pm_beam_element *element, const double *x);
 
-// Computes the response at the corners' positions q [PM_BEAM_CORNERS][3], m, after a step of h s
-// from the internal variables before [PM_BEAM_POINTS], and writes the new ones to after
-// [PM_BEAM_POINTS]. Returns false if the element is turned inside out at a point.
+// Computes the response at the corners' positions q [PM_BEAM_CORNERS][3], m, at the end of a step
+// of h s. `before` [PM_BEAM_POINTS] holds the internal variables at the beginning of the step;
+// `after` [PM_BEAM_POINTS] receives those at its end. Returns false if the element is turned inside
+// out at a Gauss point.
 bool pm_beam_element_respond(const pm_beam_element *element, const pm_beam_material *material,
                              double h, const double *q, const pm_beam_memory *before,
                              pm_beam_memory *after, pm_beam_element_response *response);

@@ -39,10 +39,10 @@ typedef struct pm_beam_response {
 // Sets the internal variables of an undeformed, relaxed point.
 void pm_beam_memory_init(pm_beam_memory *memory);
 
-// Computes the response to the deformation gradient F with the determinant J > 0, h s after the
-// internal variables `before`, and writes the new ones to `after`. In between, Cbar^-1 is taken as
-// linear in time, for which A_i is exact; the method is of second order in h. The tangent is
-// consistent with this step.
+// Computes the response to the deformation gradient F, with the determinant J > 0, at the end of a
+// step of h s. `before` holds the internal variables at the beginning of the step; `after` receives
+// those at its end. Cbar^-1 is taken as linear in time within the step, for which A_i is exact; the
+// method is of second order in h. The tangent is consistent with this step.
 void pm_beam_material_respond(const pm_beam_material *material, double h, const double F[9],
                               double J, const pm_beam_memory *before, pm_beam_memory *after,
                               pm_beam_response *response);

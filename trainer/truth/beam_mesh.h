@@ -50,7 +50,8 @@ static inline bool pm_beam_mesh_clamped(const pm_beam_mesh *mesh, int node) {
     return node % (mesh->count[0] + 1) == 0;
 }
 
-// Convert the components of a vector from a body's own frame to the global frame, and back.
+// These functions convert the components of a vector from a body's own frame to the global frame,
+// and back.
 static inline void pm_beam_placement_turn(const pm_beam_placement *placement, const double *own,
                                           double *global) {
     for (int d = 0; d < 3; ++d) {

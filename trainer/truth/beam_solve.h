@@ -16,7 +16,7 @@ typedef struct pm_beam_energy {
     double stored;
     double dissipated;   // since the start
     double work;         // of the loads since the start, by the trapezoidal rule
-    double contact_work; // of the contact forces, likewise
+    double contact_work; // of the contact forces since the start, by the trapezoidal rule
 } pm_beam_energy;
 
 typedef struct pm_beam_state {

@@ -15,7 +15,8 @@
 
 #define PM_TRUTH_MAX_CONSERVED 4
 
-// A simulator of bodies with fields on a mesh, in place of an ODE. `data` is the model's.
+// A simulator of bodies with fields on a mesh, in place of an ODE. Its functions get ode.data of
+// the model as `data`.
 typedef struct pm_truth_body {
     int nbody;
     const char *const *name;        // [nbody]; NULL: one body without a name
@@ -37,7 +38,7 @@ typedef struct pm_truth_model {
     pm_ode ode;
     const pm_truth_body *body; // NULL: the model is an ODE
     const char *title;
-    int ncolumn; // of the dataset: the first components of the state; further ones are internal
+    int ncolumn; // the first ncolumn components of the state become columns of the dataset
     const char *const *column; // [ncolumn]
     const char *units;         // of columns or variables, separated by ';'
     const char *parameters;    // as text, for the dataset's notes
@@ -71,10 +72,10 @@ typedef struct pm_truth {
 pm_status pm_truth_load(pm_truth **truth, const char *path);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
-// Solves an ODE twice: writes trajectory `trajectory` to z [ntime][nz], and the same trajectory at
-// twice the tolerance to check [ntime][nz]. The initial state is drawn from a stream of random
-// numbers of its own. The difference of both solutions shows how well they have converged.
-// PM_ENUMERIC, PM_ENOMEM.
+// Solves the ODE for trajectory number `trajectory` and writes the solution to z [ntime][nz].
+// Solves it again with twice the tolerance and writes this solution to check [ntime][nz]; the
+// difference shows how well both have converged. The initial state depends on the seed and the
+// number of the trajectory alone. PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_truth_run(const pm_truth *truth, int trajectory, double *z, double *check);
 
 // Returns the largest |z - check| of any component, relative to the root mean square of the
