@@ -20,6 +20,7 @@ typedef struct pm_process_port {
                          // end in y, e and eta of the neighbour's flux message
 } pm_process_port;
 
+// A subsystem of the process, with its ports.
 typedef struct pm_process_subsystem {
     pm_subsystem *subsystem;
     int nport;

@@ -11,10 +11,11 @@
 #include "base/arena.h"
 #include "scene/recording.h"
 
+// One step of the window.
 typedef struct pm_report_window_slot {
     int64_t step;
-    int missing; // processes that have not reported it
-    bool *has;   // [nprocess] whether a process has reported it
+    int missing; // number of processes that have not reported the step
+    bool *has;   // [nprocess] true for each process that has reported the step
     pm_sample *sample;
 } pm_report_window_slot;
 

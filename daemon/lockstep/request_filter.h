@@ -12,6 +12,8 @@
 // its request at least every 0.1 s (waiting.h).
 #define PM_REQUEST_TIME 0.5
 
+// What a request is, compared with all earlier requests of its sender. A process rolls back for a
+// new or an insistent request, but not for an old one.
 typedef enum pm_request_age {
     PM_REQUEST_OLD,
     PM_REQUEST_NEW, // from an instance that was started later, of a later attempt, or for a later

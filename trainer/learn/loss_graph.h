@@ -8,6 +8,7 @@
 #include "scene/integrator.h"
 #include "scene/system.h"
 
+// The settings of a loss, from the key `loss` of a training file.
 typedef struct pm_loss {
     pm_residual residual;            // of integrated states or of rates (learn/samples.h)
     const pm_integrator *integrator; // borrowed
@@ -17,6 +18,7 @@ typedef struct pm_loss {
     double robust;       // d, in units of the root of the median squared residual; 0: not robust
 } pm_loss;
 
+// The nodes that pm_loss_graph_build makes.
 typedef struct pm_loss_nodes {
     pm_node input;      // [1][pm_samples_width] batched: a window (learn/samples.h)
     pm_node residual;   // [1][unroll nz]: (z - z_data) weight / scale after each step

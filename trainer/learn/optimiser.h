@@ -6,6 +6,7 @@
 
 #include "learn/objective.h"
 
+// The settings of an optimiser in one stage. Each optimiser reads those that name it.
 typedef struct pm_schedule {
     int iterations;               // adam: the number of epochs
     int batch;                    // adam, gauss_newton: samples per update

@@ -5,6 +5,8 @@
 #include "scene/boundary_input.h"
 #include "scene/columns.h"
 
+// What a loss compares with the data: the states that steps of the integrator reach from the first
+// state of a window, or the rates at this state.
 typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residual;
 
 typedef struct pm_symmetry pm_symmetry; // learn/symmetry.h

@@ -5,6 +5,7 @@
 
 #include "learn/observation.h"
 
+// One measured trajectory.
 typedef struct pm_track {
     int count;        // samples
     double *time;     // [count] s

@@ -11,6 +11,7 @@
 
 #define PM_MAX_TRAINING_STAGES 16
 
+// A stage: one optimiser that minimises one loss.
 typedef struct pm_stage {
     const pm_optimiser *optimiser;
     pm_schedule schedule;

@@ -16,7 +16,7 @@
 #define PM_LOCAL_MAX_REACH 20
 
 typedef struct pm_local {
-    int nsection, nper; // sections, and nodes of each; nsection 0: there is no kernel
+    int nsection, nper; // number of sections, nodes in each section; nsection 0: no kernel
     int reach;          // offsets run from -reach to reach
     int *node;          // [nsection][nper], sections along x, the same places in every section
     int nloaded;        // places of a section that may carry a load
