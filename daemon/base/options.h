@@ -24,8 +24,8 @@ typedef struct pm_options {
     const char *usage;           // such as "portmet-train truth CONFIG -o FILE [options]"
     const char *summary;         // paragraphs for the help
     const char *positional_name; // names of the positional arguments, such as "SCENE NAME"
-    const char **positional;     // receives them; NULL before reading
-    // Bounds of their number; both 0: as many arguments as positional_name has names.
+    const char **positional;     // receives the arguments; NULL before reading
+    // Bounds of the number of arguments; both 0: as many arguments as positional_name has names.
     int least, most;
     int count;
     const pm_option *option; // [count]

@@ -31,7 +31,7 @@ typedef struct pm_step {
     int a, b;                          // positions of the operands
     double number;                     // PM_STEP_NUMBER: its value
     char feature[PM_MAX_STEP_FEATURE]; // PM_STEP_FEATURE: its text
-    int component, size;               // PM_STEP_FEATURE: the component used; components in all
+    int component, size; // PM_STEP_FEATURE: one component or PM_STEP_WHOLE; their number
 } pm_step;
 
 typedef struct pm_formula_steps {

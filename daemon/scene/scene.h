@@ -106,11 +106,13 @@ typedef struct pm_scene {
     int nobservation;
     pm_scene_observation *observation;          // [nobservation]
     double energy_tolerance, entropy_tolerance; // largest relative residuals of a hard port
-    double largest_drift;     // J, change of the total energy that ends a run; infinite: none does
-    double largest_departure; // from the training range, in its widths, that ends a run
-    bool outlives_recording;  // a run whose recording cannot be written goes on without it
-    bool *recorded;           // [nsubsystem] whether a recording keeps it; NULL: it keeps all
-    int record_every;         // steps between two samples of a recording
+    // A run ends when the total energy has drifted by more than largest_drift (J), or when a state
+    // is further from its training range than largest_departure times the width of the range.
+    // Infinite: there is no limit.
+    double largest_drift, largest_departure;
+    bool outlives_recording; // a run whose recording cannot be written goes on without it
+    bool *recorded;          // [nsubsystem] whether a recording keeps it; NULL: it keeps all
+    int record_every;        // steps between two samples of a recording
     int nsubsystem;
     pm_scene_subsystem *subsystem; // [nsubsystem]
     int nboundary_input;
