@@ -1,40 +1,15 @@
 // portmetd coordinator: coordinates nodes that are started by hand, here or on other hosts, records
 // their samples and prints the tables.
-#include <stddef.h>
-
 #include "app/command.h"
-#include "app/connect.h"
-#include "app/observer.h"
 #include "app/prepare.h"
-#include "lockstep/lockstep.h"
-
-static pm_status conduct(pm_setup *setup, pm_observer *observer) {
-    pm_transport *transport = NULL;
-    pm_lockstep_coordinator *coordinator = NULL;
-    pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
-    pm_status status;
-    PM_TRY_DONE(pm_prepare_checkpoint(setup, observer->options, NULL, &options.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator"));
-    PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
-    status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
-    status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
-                                "over LCM");
-    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
-done:
-    pm_lockstep_coordinator_close(coordinator);
-    pm_transport_close(transport);
-    return status;
-}
+#include "app/serve.h"
 
 static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
-    pm_observer observer = {0};
-    pm_status status;
-    PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_COORDINATE));
-    PM_TRY_DONE(pm_observer_open(&observer, &setup, options));
-    status = conduct(&setup, &observer);
-done:
-    pm_observer_close(&observer);
+    pm_status status = pm_prepare(&setup, options, PM_TO_COORDINATE);
+    if (status == PM_OK) {
+        status = pm_serve_coordinator(&setup, options);
+    }
     pm_setup_free(&setup);
     return status;
 }

@@ -2,37 +2,8 @@
 #include <stdio.h>
 
 #include "app/command.h"
-#include "app/connect.h"
-#include "app/notify.h"
 #include "app/prepare.h"
-#include "lockstep/lockstep.h"
-
-static void tell_alive(void *context, int64_t step) {
-    (void)context;
-    pm_notify("WATCHDOG=1\nSTATUS=step %lld", (long long)step);
-}
-
-static pm_status serve(pm_setup *setup, const pm_run_options *options, int process_id) {
-    pm_transport *transport = NULL;
-    pm_lockstep_node *node = NULL;
-    pm_lockstep_node_options node_options = {
-        .z = setup->initial,
-        .session = options->session,
-        .alive = tell_alive,
-        .boundary_input = &setup->boundary_input,
-    };
-    pm_status status;
-    PM_TRY_DONE(pm_prepare_checkpoint(setup, options, setup->scene->process[process_id].name,
-                                      &node_options.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, setup->scene->process[process_id].name));
-    PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
-    status = pm_lockstep_run_node(node, options->stop);
-    pm_connect_warn(transport, pm_lockstep_node_drops(node));
-done:
-    pm_lockstep_node_close(node);
-    pm_transport_close(transport);
-    return status;
-}
+#include "app/serve.h"
 
 static pm_status fail_name(const pm_scene *scene, const char *name) {
     char list[256] = "";
@@ -51,8 +22,8 @@ static pm_status execute(const pm_run_options *options) {
     pm_status status;
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_SERVE));
     const int process_id = pm_scene_find_process(setup.scene, options->name);
-    status =
-        process_id < 0 ? fail_name(setup.scene, options->name) : serve(&setup, options, process_id);
+    status = process_id < 0 ? fail_name(setup.scene, options->name)
+                            : pm_serve_node(&setup, options, process_id);
 done:
     pm_setup_free(&setup);
     return status;

@@ -1,6 +1,5 @@
 // portmetd run: runs a whole scene with one command. Over LCM it starts the scene's processes and
 // is itself the coordinator; with --in-process all subsystems live in this thread.
-#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
@@ -10,6 +9,7 @@
 #include "app/launch.h"
 #include "app/observer.h"
 #include "app/prepare.h"
+#include "app/serve.h"
 #include "app/supervise.h"
 #include "library/local_run.h"
 #include "lockstep/gate.h"
@@ -27,11 +27,16 @@
 typedef struct launcher {
     pm_launch *launch;
     pm_setup *setup;
-    const pm_run_options *options;
-    const char *session;
-    int next;  // process to be launched
-    double at; // s, when the last one was
+    pm_run_options options; // of the nodes
+    int next;               // process to be launched
+    double at;              // s, when the last one was
 } launcher;
+
+// The life of a node.
+static pm_status serve_node(void *context, const char *name) {
+    const launcher *l = context;
+    return pm_serve_node(l->setup, &l->options, pm_scene_find_process(l->setup->scene, name));
+}
 
 // Launches nodes as long as few of those before have yet to say hello: they share the cores, and
 // each has to start within its patience.
@@ -39,14 +44,8 @@ static pm_status launch_some(launcher *l, int present) {
     const pm_scene *scene = l->setup->scene;
     while (l->next < scene->nprocess &&
            (l->next - present < MOST_STARTING || pm_clock() > l->at + LAUNCH_INTERVAL)) {
-        const char *name = scene->process[l->next].name;
-        const char *const *argv =
-            l->session == NULL ? NULL
-                               : pm_supervise_arguments(l->setup, l->options, l->session, name);
-        if (argv == NULL) {
-            return pm_fail(PM_ENOMEM, "run: out of memory");
-        }
-        PM_TRY(pm_launch_start(l->launch, name, argv, NULL));
+        PM_TRY(pm_launch_start(l->launch, scene->process[l->next].name,
+                               (pm_launch_program){serve_node, l}, NULL));
         l->next += 1;
         l->at = pm_clock();
     }
@@ -95,11 +94,8 @@ static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
-    launcher nodes = {.launch = launch,
-                      .setup = setup,
-                      .options = options,
-                      .session =
-                          pm_arena_printf(&setup->arena, "%" PRId64, coordinator_options.session)};
+    launcher nodes = {.launch = launch, .setup = setup, .options = *options};
+    nodes.options.session = coordinator_options.session;
     status = conduct(coordinator, &nodes, options->stop);
     if (status == PM_OK) {
         status = pm_launch_wait(launch, END_GRACE);

@@ -1,7 +1,9 @@
 // Starts, watches and reaps children, with one pm_child for each.
 #include "app/launch.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -16,6 +18,7 @@
 
 #include "base/presence.h"
 #include "base/progress.h"
+#include "base/subcommand.h"
 
 #define TERM_GRACE 2.0        // s from SIGTERM to SIGKILL
 #define POLL_INTERVAL 2000000 // ns between two looks at the children
@@ -26,7 +29,7 @@
 
 typedef struct pm_child {
     const char *name;
-    const char *const *argv;
+    pm_launch_program program;
     pid_t pid;
     bool running;
     int wait_status;      // from waitpid, after the child has ended
@@ -54,25 +57,45 @@ pm_status pm_launch_open(pm_launch **launch, int capacity) {
     return PM_OK;
 }
 
-// Turns the forked child into this program with the arguments `argv`.
-static void become(pid_t parent, int output, char *const *argv) {
+// Closes the files that a new program would not inherit.
+static void close_private_files(void) {
+    DIR *folder = opendir("/proc/self/fd");
+    const struct dirent *entry;
+    while (folder != NULL && (entry = readdir(folder)) != NULL) {
+        const int file = atoi(entry->d_name);
+        const int flags = file > STDERR_FILENO && file != dirfd(folder) ? fcntl(file, F_GETFD) : -1;
+        if (flags >= 0 && (flags & FD_CLOEXEC) != 0) {
+            close(file);
+        }
+    }
+    if (folder != NULL) {
+        closedir(folder);
+    }
+}
+
+// The life of the forked child.
+static void live(const pm_child *child, pid_t parent, int output) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     // The parent may have died before the line above took effect.
-    if (getppid() == parent && dup2(output, STDERR_FILENO) >= 0) {
-        execv("/proc/self/exe", argv);
-        dprintf(STDERR_FILENO, "cannot start %s: %s\n", argv[0], strerror(errno));
+    if (getppid() != parent || dup2(output, STDERR_FILENO) < 0) {
+        _exit(PM_EFILE);
     }
-    _exit(PM_EFILE);
+    prctl(PR_SET_NAME, child->name);
+    close_private_files();
+    const pm_status status = child->program.run(child->program.context, child->name);
+    const int code = pm_subcommand_end("portmetd", status);
+    fflush(stderr);
+    _exit(code);
 }
 
 static pm_status start(pm_child *child) {
     const pid_t parent = getpid();
     const int output = fileno(child->output);
     child->restart_at = 0;
+    fflush(NULL); // else the child would print what is in the buffers, too
     child->pid = fork();
     if (child->pid == 0) {
-        // exec does not write to argv, though its prototype lacks const.
-        become(parent, output, (char *const *)child->argv);
+        live(child, parent, output);
     }
     child->running = child->pid > 0;
     return child->running
@@ -80,7 +103,7 @@ static pm_status start(pm_child *child) {
                : pm_fail(PM_ENOMEM, "process %s: fork: %s", child->name, strerror(errno));
 }
 
-pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const *argv,
+pm_status pm_launch_start(pm_launch *launch, const char *name, pm_launch_program program,
                           const char *progress) {
     if (launch->count == launch->capacity) {
         return pm_fail(PM_ENOMEM, "launch: more than %d processes", launch->capacity);
@@ -91,7 +114,7 @@ pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const
         return pm_fail(PM_ENOMEM, "process %s: memory for its messages: %s", name, strerror(errno));
     }
     pm_child *child = &launch->child[launch->count++];
-    *child = (pm_child){.name = name, .argv = argv, .output = output, .progress = progress};
+    *child = (pm_child){.name = name, .program = program, .output = output, .progress = progress};
     return start(child);
 }
 

@@ -1,6 +1,8 @@
-// Starts, watches and ends the child processes of a run. Each child executes this program's own
-// file. At the end each child is terminated if it still runs, and reaped by its process id. A
-// child's standard error is kept until it has ended, and its last line becomes this process's
+// Starts, watches and ends the child processes of a run. Each child is a copy of this process
+// (fork), so that it has the scene and the weights in memory when it starts: a new program would
+// load its libraries and read them again, which takes more time than all else that a small
+// subsystem does. At the end each child is terminated if it still runs, and reaped by its process
+// id. A child's standard error is kept until it has ended, and its last line becomes this process's
 // error, so that a failure is printed once. A child that a signal kills may be started again.
 #ifndef PM_APP_LAUNCH_H
 #define PM_APP_LAUNCH_H
@@ -14,12 +16,20 @@ typedef struct pm_launch pm_launch;
 // Makes a list with room for `capacity` children, which the caller closes. PM_ENOMEM.
 pm_status pm_launch_open(pm_launch **launch, int capacity);
 
-// Starts this program with the NULL-terminated `argv`; errors call the child `name`. The child gets
-// SIGTERM when this process dies. `progress` is a file that the child replaces as it makes
-// progress, or NULL. With it, a child that a signal kills is started again after a short while,
-// with a line on standard error, unless it has died several times without progress. All text must
-// outlive the child. PM_ENOMEM.
-pm_status pm_launch_start(pm_launch *launch, const char *name, const char *const *argv,
+// What a child does: `run` gets `context` and the name of the child, and its status is the exit
+// code of the child.
+typedef struct pm_launch_program {
+    pm_status (*run)(void *context, const char *name);
+    void *context;
+} pm_launch_program;
+
+// Starts a child that runs `program`. Errors call the child `name`, and so do tools that list
+// processes. The child keeps the open files that a new program would inherit; it gets SIGTERM when
+// this process dies. `progress` is a file that the child replaces as it makes progress, or NULL.
+// With it, a child that a signal kills is started again after a short while, with a line on
+// standard error, unless it has died several times without progress. The name, the context and the
+// path must outlive the child. PM_ENOMEM.
+pm_status pm_launch_start(pm_launch *launch, const char *name, pm_launch_program program,
                           const char *progress);
 
 // Looks at the children without waiting. Returns PM_OK as long as none has failed; otherwise the

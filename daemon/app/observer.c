@@ -8,8 +8,10 @@
 #include "app/notify.h"
 #include "app/status_request.h"
 
-// Checks that the recording takes the place of no file that the run reads, and can be made.
-static pm_status check_recording(const pm_setup *setup, const pm_run_options *options) {
+pm_status pm_observer_check_recording(const pm_setup *setup, const pm_run_options *options) {
+    if (options->record == NULL) {
+        return PM_OK;
+    }
     const char *input = pm_setup_input(setup, options->record);
     if (input != NULL) {
         return pm_fail(PM_EUSAGE, "--record %s: the run reads this file (%s)", options->record,
@@ -22,7 +24,7 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options) {
     *observer = (pm_observer){.options = options, .scene = setup->scene, .started = pm_clock()};
     PM_TRY(pm_report_open(&observer->report, setup));
-    return options->record == NULL ? PM_OK : check_recording(setup, options);
+    return pm_observer_check_recording(setup, options);
 }
 
 // Appends every so many samples, as the scene asks, from step 0 on.

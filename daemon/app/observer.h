@@ -20,9 +20,13 @@ typedef struct pm_observer {
     double started; // s of pm_clock
 } pm_observer;
 
-// Checks that the recording can be made, if one is wanted. The recording is made when the first
-// sample arrives, so that a run that never begins does not destroy an older file. `setup` and
-// `options` must outlive the observer. PM_EFILE, PM_ENOMEM.
+// Checks that the recording, if one is wanted, can be made and takes the place of no file that the
+// run reads and, unless the options say so, of no file but a recording. PM_EUSAGE, PM_EFILE.
+pm_status pm_observer_check_recording(const pm_setup *setup, const pm_run_options *options);
+
+// Opens an observer and checks its recording (pm_observer_check_recording). The recording is made
+// when the first sample arrives, so that a run that never begins does not destroy an older file.
+// `setup` and `options` must outlive the observer. PM_EUSAGE, PM_EFILE, PM_ENOMEM.
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options);
 

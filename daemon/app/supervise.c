@@ -2,9 +2,7 @@
 #include "app/supervise.h"
 
 #include <fcntl.h>
-#include <inttypes.h>
 #include <signal.h>
-#include <stdio.h>
 #include <sys/file.h>
 #include <time.h>
 #include <unistd.h>
@@ -12,7 +10,9 @@
 #include "base/progress.h"
 
 #include "app/launch.h"
+#include "app/observer.h"
 #include "app/prepare.h"
+#include "app/serve.h"
 #include "app/status_request.h"
 #include "lockstep/lockstep_coordinator.h"
 #include "store/snapshot.h"
@@ -21,8 +21,7 @@
 #define END_GRACE 1.0          // s for all children to end by themselves after the first of them
 #define STOP_GRACE 5.0         // s for the coordinator to end the run after it was told to stop
 #define LOCK_GRACE 3.0         // s for the processes of a killed run to disappear
-#define MAX_ARGUMENTS 24
-#define COORDINATOR 0 // the first child
+#define COORDINATOR 0          // the first child
 
 // Opens and locks the folder of the checkpoints. The children inherit the lock, so that it is free
 // when the last process of a run is gone, however the run ended.
@@ -39,74 +38,46 @@ static pm_status lock(int *folder, const char *path, const volatile sig_atomic_t
     return PM_OK;
 }
 
-// Chooses the session, as text: that of the checkpoints, or else a random one.
-static pm_status choose_session(pm_setup *setup, const char *checkpoint, const char **text) {
-    int64_t session = 0;
+// The setup and the options of the children.
+typedef struct shared {
+    pm_setup *setup;
+    pm_run_options options;
+} shared;
+
+// Chooses the session: that of the checkpoints, or else a random one. The recording of a new run is
+// checked here, since each new coordinator replaces what the one before has left of it.
+static pm_status choose_session(shared *s, const char *checkpoint) {
     bool found;
-    PM_TRY(pm_snapshot_session(checkpoint, setup->system->digest, &session, &found));
-    session = found ? session : pm_lockstep_session();
-    *text = pm_arena_printf(&setup->arena, "%" PRId64, session);
-    return *text == NULL ? pm_fail(PM_ENOMEM, "run: out of memory") : PM_OK;
+    PM_TRY(pm_snapshot_session(checkpoint, s->setup->system->digest, &s->options.session, &found));
+    if (!found) {
+        PM_TRY(pm_observer_check_recording(s->setup, &s->options));
+        s->options.session = pm_lockstep_session();
+    }
+    s->options.overwrite = true;
+    return PM_OK;
 }
 
-const char *const *pm_supervise_arguments(pm_setup *setup, const pm_run_options *options,
-                                          const char *session, const char *process) {
-    const bool coordinates = process == NULL;
-    const char **argv = pm_arena_array(&setup->arena, MAX_ARGUMENTS, sizeof *argv);
-    const char *steps = pm_arena_printf(&setup->arena, "%d", setup->scene->steps);
-    if (argv == NULL || steps == NULL) {
-        return NULL;
-    }
-    const struct {
-        const char *option, *value;
-    } given[] = {
-        {"--session", session},
-        {"--url", setup->scene->url},
-        {"--weights", options->weights},
-        {"--checkpoint", options->checkpoint},
-        {"--steps", coordinates ? steps : NULL},
-        {"--record", coordinates ? options->record : NULL},
-        {"--gate", coordinates ? options->gate : NULL},
-    };
-    int count = 0;
-    argv[count++] = "portmetd";
-    argv[count++] = coordinates ? "coordinator" : "node";
-    for (size_t i = 0; i < sizeof given / sizeof given[0]; ++i) {
-        if (given[i].value != NULL) {
-            argv[count++] = given[i].option;
-            argv[count++] = given[i].value;
-        }
-    }
-    if (coordinates && options->quiet) {
-        argv[count++] = "--quiet";
-    }
-    if (coordinates && options->record != NULL) {
-        argv[count++] = "--overwrite"; // `run` has checked the file before it started a process
-    }
-    argv[count++] = "--";
-    argv[count++] = options->scene;
-    argv[count] = process;
-    return argv;
+static pm_status coordinate(void *context, const char *name) {
+    shared *s = context;
+    (void)name;
+    return pm_serve_coordinator(s->setup, &s->options);
 }
 
-static pm_status start(pm_launch *launch, pm_setup *setup, const pm_run_options *options,
-                       const char *session, const char *process, const char *checkpoint) {
-    const char *const *argv = pm_supervise_arguments(setup, options, session, process);
-    const char *name = process == NULL ? "coordinator" : process;
-    return argv == NULL ? pm_fail(PM_ENOMEM, "run: out of memory")
-                        : pm_launch_start(launch, name, argv, checkpoint);
+static pm_status serve_node(void *context, const char *name) {
+    shared *s = context;
+    return pm_serve_node(s->setup, &s->options, pm_scene_find_process(s->setup->scene, name));
 }
 
-static pm_status start_all(pm_launch *launch, pm_setup *setup, const pm_run_options *options) {
-    const pm_scene *scene = setup->scene;
-    const char *checkpoint, *session;
-    PM_TRY(pm_prepare_checkpoint(setup, options, NULL, &checkpoint));
-    PM_TRY(choose_session(setup, checkpoint, &session));
-    PM_TRY(start(launch, setup, options, session, NULL, checkpoint));
+static pm_status start_all(pm_launch *launch, shared *s) {
+    const pm_scene *scene = s->setup->scene;
+    const char *checkpoint;
+    PM_TRY(pm_prepare_checkpoint(s->setup, &s->options, NULL, &checkpoint));
+    PM_TRY(choose_session(s, checkpoint));
+    PM_TRY(pm_launch_start(launch, "coordinator", (pm_launch_program){coordinate, s}, checkpoint));
     for (int i = 0; i < scene->nprocess; ++i) {
         const char *name = scene->process[i].name;
-        PM_TRY(pm_prepare_checkpoint(setup, options, name, &checkpoint));
-        PM_TRY(start(launch, setup, options, session, name, checkpoint));
+        PM_TRY(pm_prepare_checkpoint(s->setup, &s->options, name, &checkpoint));
+        PM_TRY(pm_launch_start(launch, name, (pm_launch_program){serve_node, s}, checkpoint));
     }
     return PM_OK;
 }
@@ -143,6 +114,7 @@ static void remove_checkpoints(pm_setup *setup, const pm_run_options *options) {
 
 pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     pm_launch *launch = NULL;
+    shared children = {setup, *options};
     int folder = -1;
     const char *checkpoint;
     pm_status status;
@@ -150,7 +122,7 @@ pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare_checkpoint(setup, options, NULL, &checkpoint));
     PM_TRY_DONE(lock(&folder, options->checkpoint, options->stop));
     PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
-    PM_TRY_DONE(start_all(launch, setup, options));
+    PM_TRY_DONE(start_all(launch, &children));
     status = watch(launch, options->stop);
     // Among several failures the coordinator's says most. If it has succeeded, the run has.
     if (status != PM_EINTERRUPTED) {

@@ -6,13 +6,6 @@
 #include "app/options.h"
 #include "library/setup.h"
 
-// Returns the command-line arguments of a child of the run `session`: the node `process`, or the
-// coordinator if `process` is NULL. The list ends with NULL and lives in the setup's arena. It
-// points to `session`, `process` and the texts of `options`, which must outlive the child. NULL:
-// out of memory.
-const char *const *pm_supervise_arguments(pm_setup *setup, const pm_run_options *options,
-                                          const char *session, const char *process);
-
 // Runs the scene, or continues the run whose checkpoints are in the folder options->checkpoint, and
 // removes the checkpoints when the run has succeeded. The coordinator prints the tables. Returns
 // the coordinator's result; PM_EFILE: another run uses the folder; PM_EINTERRUPTED; what

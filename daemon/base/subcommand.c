@@ -38,14 +38,17 @@ static pm_status dispatch(const pm_subcommands *commands, int argc, char **argv,
                    commands->program);
 }
 
-int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv,
-                       const volatile sig_atomic_t *stop) {
-    pm_status status = dispatch(commands, argc, argv, stop);
+int pm_subcommand_end(const char *program, pm_status status) {
     if (fflush(stdout) != 0 && status == PM_OK) {
         status = pm_fail(PM_EFILE, "standard output: %s", strerror(errno));
     }
     if (status != PM_OK) {
-        fprintf(stderr, "%s: %s\n", commands->program, pm_error());
+        fprintf(stderr, "%s: %s\n", program, pm_error());
     }
     return (int)status;
+}
+
+int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv,
+                       const volatile sig_atomic_t *stop) {
+    return pm_subcommand_end(commands->program, dispatch(commands, argc, argv, stop));
 }

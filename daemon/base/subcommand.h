@@ -29,4 +29,8 @@ typedef struct pm_subcommands {
 int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv,
                        const volatile sig_atomic_t *stop);
 
+// Ends what `program` does with `status`: writes what is left of standard output, and prints one
+// line on standard error if that or the program failed. Returns the exit code, a pm_status.
+int pm_subcommand_end(const char *program, pm_status status);
+
 #endif

@@ -115,9 +115,7 @@ children() {
 # child PID NAME: the process id of the node NAME that the run PID launched; nothing if there is none.
 child() {
     for process in $(children "$1"); do
-        if tr '\0' ' ' 2>/dev/null <"/proc/$process/cmdline" | grep -q " $2 \$"; then
-            echo "$process"
-        fi
+        read -r comm 2>/dev/null <"/proc/$process/comm" && [ "$comm" = "$2" ] && echo "$process"
     done
 }
 

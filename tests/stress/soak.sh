@@ -14,15 +14,6 @@ sed '/^time:/i lockstep: {patience: 60}' "$scene" >"$folder/soak.yaml"
 start soak run "$folder/soak.yaml" --quiet --steps 1000000000 --record "$folder/soak.h5" --checkpoint "$folder/saved"
 run=$pid
 
-# process NAME: the process id of the coordinator or of a node.
-process() {
-    for child in $(children "$run"); do
-        case " $(tr '\0' ' ' 2>/dev/null <"/proc/$child/cmdline")" in
-        *" coordinator "*) [ "$1" = coordinator ] && echo "$child" ;;
-        *" $1 ") echo "$child" ;;
-        esac
-    done
-}
 memory() { awk '/^VmRSS/ { print $2 }' "/proc/$1/status" 2>/dev/null; }
 descriptors() { ls "/proc/$1/fd" 2>/dev/null | wc -l; }
 size() { stat -c %s "$folder/soak.h5" 2>/dev/null || echo 0; }
@@ -35,14 +26,14 @@ while [ $second -lt "$seconds" ] && kill -0 "$run" 2>/dev/null; do
     second=$((second + 5))
     line=$second,$(($(size) / 1024)),$(memory "$run"),$(descriptors "$run")
     for name in coordinator left right; do
-        victim=$(process $name)
+        victim=$(child "$run" $name)
         line=$line,$(memory "${victim:-0}"),$(descriptors "${victim:-0}")
     done
     echo "$line,$kills" >>"$table"
     if [ $((second % 20)) -eq 0 ]; then
         name=left
         [ $((second % 40)) -eq 0 ] && name=right
-        victim=$(process $name)
+        victim=$(child "$run" $name)
         [ -n "$victim" ] && kill -KILL "$victim" && kills=$((kills + 1))
     fi
 done

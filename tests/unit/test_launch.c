@@ -1,4 +1,4 @@
-// Child processes. This program starts itself; with arguments it is the child.
+// Child processes, which are copies of this one.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,9 +7,8 @@
 #include <cmocka.h>
 
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -20,58 +19,81 @@
 
 #define SLEEP 30 // s, longer than any test takes
 
-// --- what a child does, by its first argument ---
+// --- what a child does ---
 
-// With `file`, a number of one that it has inherited, it writes to that when it is ready.
-static int act_child(const char *role, const char *file) {
-    if (strcmp(role, "well") == 0) {
-        return 0;
-    }
-    if (strcmp(role, "numeric") == 0) {
-        fputs("portmetd: q[0] is nan\n", stderr);
-        return PM_ENUMERIC;
-    }
-    if (strcmp(role, "foreign") == 0) {
-        return 99;
-    }
-    if (strcmp(role, "killed") == 0) {
-        raise(SIGKILL);
-    }
-    if (strcmp(role, "stubborn") == 0) {
-        signal(SIGTERM, SIG_IGN);
-    }
-    if (file != NULL && write(atoi(file), "r", 1) != 1) {
-        return 1;
-    }
-    // Interrupted by SIGTERM unless stubborn.
-    sleep(SLEEP);
-    return 0;
+typedef struct role {
+    pm_status (*act)(const struct role *own);
+    int file; // open when the child was started; 0: none
+} role;
+
+static pm_status act(void *context, const char *name) {
+    const role *own = context;
+    char title[32] = "";
+    prctl(PR_GET_NAME, title);
+    return strcmp(title, name) == 0 ? own->act(own) : pm_fail(PM_EUSAGE, "called %s", title);
 }
 
-static const char *launch_argument[] = {"test_launch", NULL, NULL, NULL};
+static pm_status end_well(const role *own) {
+    (void)own;
+    return PM_OK;
+}
 
-static pm_launch *start(const char *role) {
+static pm_status fail_numerically(const role *own) {
+    (void)own;
+    return pm_fail(PM_ENUMERIC, "q[0] is nan");
+}
+
+static pm_status end_otherwise(const role *own) {
+    (void)own;
+    _exit(99);
+}
+
+static pm_status be_killed(const role *own) {
+    (void)own;
+    raise(SIGKILL);
+    return PM_OK;
+}
+
+// Writes to the file, if there is one, and stays until SIGTERM ends the sleep.
+static pm_status stay(const role *own) {
+    if (own->file != 0 && write(own->file, "r", 1) != 1) {
+        return pm_fail(PM_EFILE, "not inherited");
+    }
+    sleep(SLEEP);
+    return PM_OK;
+}
+
+static pm_status stay_stubbornly(const role *own) {
+    signal(SIGTERM, SIG_IGN);
+    return stay(own);
+}
+
+// Succeeds if the file is open.
+static pm_status look_at_file(const role *own) {
+    return fcntl(own->file, F_GETFD) >= 0 ? PM_OK : pm_fail(PM_EFILE, "not inherited");
+}
+
+static pm_launch *start_role(const role *r) {
     pm_launch *launch = NULL;
     assert_int_equal(pm_launch_open(&launch, 2), PM_OK);
-    const char **argv = launch_argument;
-    argv[1] = role;
-    argv[2] = NULL;
-    assert_int_equal(pm_launch_start(launch, "lower", argv, NULL), PM_OK);
+    const pm_launch_program program = {act, (void *)(uintptr_t)r};
+    assert_int_equal(pm_launch_start(launch, "lower", program, NULL), PM_OK);
     return launch;
 }
 
+// The child has its own copy of the role.
+static pm_launch *start(pm_status (*action)(const role *own)) {
+    const role r = {.act = action};
+    return start_role(&r);
+}
+
 // Returns when the child is what its role says.
-static pm_launch *start_and_wait(const char *role) {
-    pm_launch *launch = NULL;
+static pm_launch *start_and_wait(pm_status (*action)(const role *own)) {
     int file[2];
-    char number[16], word;
+    char word;
     assert_int_equal(pipe(file), 0);
-    snprintf(number, sizeof number, "%d", file[1]);
-    assert_int_equal(pm_launch_open(&launch, 2), PM_OK);
-    const char **argv = launch_argument;
-    argv[1] = role;
-    argv[2] = number;
-    assert_int_equal(pm_launch_start(launch, "lower", argv, NULL), PM_OK);
+    const role r = {action, file[1]};
+    pm_launch *launch = start_role(&r);
     close(file[1]);
     assert_int_equal(read(file[0], &word, 1), 1);
     close(file[0]);
@@ -85,7 +107,7 @@ static void assert_none_left(void) {
 
 static void test_child_that_ends_well(void **state) {
     (void)state;
-    pm_launch *launch = start("well");
+    pm_launch *launch = start(end_well);
     assert_int_equal(pm_launch_wait(launch, SLEEP), PM_OK);
     pm_launch_close(launch);
     assert_none_left();
@@ -93,9 +115,10 @@ static void test_child_that_ends_well(void **state) {
 
 static void test_failure_is_named_with_its_code_and_line(void **state) {
     (void)state;
-    pm_launch *launch = start("numeric");
-    const char *argv[] = {"test_launch", "sleep", NULL};
-    assert_int_equal(pm_launch_start(launch, "upper", argv, NULL), PM_OK);
+    pm_launch *launch = start(fail_numerically);
+    role sleeper = {.act = stay};
+    const pm_launch_program program = {act, &sleeper};
+    assert_int_equal(pm_launch_start(launch, "upper", program, NULL), PM_OK);
     const double begin = pm_clock();
     pm_status status = PM_OK;
     while (status == PM_OK && pm_clock() - begin < SLEEP) {
@@ -109,15 +132,33 @@ static void test_failure_is_named_with_its_code_and_line(void **state) {
 
 static void test_foreign_code_and_signal_are_transport_failures(void **state) {
     (void)state;
-    pm_launch *launch = start("foreign");
+    pm_launch *launch = start(end_otherwise);
     assert_int_equal(pm_launch_wait(launch, SLEEP), PM_ENET);
     assert_string_equal(pm_error(), "process lower ended with exit code 99");
     pm_launch_close(launch);
-    launch = start("killed");
+    launch = start(be_killed);
     assert_int_equal(pm_launch_wait(launch, SLEEP), PM_ENET);
     assert_string_equal(pm_error(), "process lower was killed by signal 9 (Killed)");
     pm_launch_close(launch);
     assert_none_left();
+}
+
+// A child inherits the files that a new program would.
+static void test_child_closes_private_files(void **state) {
+    (void)state;
+    int file[2];
+    assert_int_equal(pipe(file), 0);
+    const role r = {look_at_file, file[0]};
+    pm_launch *launch = start_role(&r);
+    assert_int_equal(pm_launch_wait(launch, SLEEP), PM_OK);
+    pm_launch_close(launch);
+    assert_int_equal(fcntl(file[0], F_SETFD, FD_CLOEXEC), 0);
+    launch = start_role(&r);
+    assert_int_equal(pm_launch_wait(launch, SLEEP), PM_EFILE);
+    assert_non_null(strstr(pm_error(), "not inherited"));
+    pm_launch_close(launch);
+    close(file[0]);
+    close(file[1]);
 }
 
 // A child that is killed again and again is started again after growing pauses, then given up.
@@ -125,8 +166,9 @@ static void test_child_that_keeps_dying_is_given_up(void **state) {
     (void)state;
     pm_launch *launch = NULL;
     assert_int_equal(pm_launch_open(&launch, 1), PM_OK);
-    const char *const argv[] = {"test_launch", "killed", NULL};
-    assert_int_equal(pm_launch_start(launch, "lower", argv, "/nowhere/x"), PM_OK);
+    role victim = {.act = be_killed};
+    const pm_launch_program program = {act, &victim};
+    assert_int_equal(pm_launch_start(launch, "lower", program, "/nowhere/x"), PM_OK);
     const double begin = pm_clock();
     pm_status status = PM_OK;
     while (status == PM_OK && pm_clock() - begin < SLEEP) {
@@ -142,7 +184,7 @@ static void test_child_that_keeps_dying_is_given_up(void **state) {
 
 static void test_child_that_stays_is_a_timeout_and_gets_ended(void **state) {
     (void)state;
-    pm_launch *launch = start("sleep");
+    pm_launch *launch = start(stay);
     assert_int_equal(pm_launch_wait(launch, 0.05), PM_ETIMEOUT);
     assert_non_null(strstr(pm_error(), "lower"));
     const double begin = pm_clock();
@@ -153,7 +195,7 @@ static void test_child_that_stays_is_a_timeout_and_gets_ended(void **state) {
 
 static void test_child_that_ignores_sigterm_is_killed(void **state) {
     (void)state;
-    pm_launch *launch = start_and_wait("stubborn");
+    pm_launch *launch = start_and_wait(stay_stubbornly);
     const double begin = pm_clock();
     pm_launch_close(launch);
     assert_true(pm_clock() - begin < SLEEP / 2.0);
@@ -166,7 +208,7 @@ static void test_children_die_with_their_parent(void **state) {
     assert_int_equal(prctl(PR_SET_CHILD_SUBREAPER, 1), 0);
     const pid_t parent = fork();
     if (parent == 0) {
-        start_and_wait("sleep"); // it has asked for the signal
+        start_and_wait(stay); // it has asked for the signal
         _exit(0);
     }
     assert_int_equal(waitpid(parent, NULL, 0), parent);
@@ -178,14 +220,12 @@ static void test_children_die_with_their_parent(void **state) {
     assert_int_equal(WTERMSIG(status), SIGTERM);
 }
 
-int main(int argc, char **argv) {
-    if (argc > 1) {
-        return act_child(argv[1], argc > 2 ? argv[2] : NULL);
-    }
+int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_child_that_ends_well),
         cmocka_unit_test(test_failure_is_named_with_its_code_and_line),
         cmocka_unit_test(test_foreign_code_and_signal_are_transport_failures),
+        cmocka_unit_test(test_child_closes_private_files),
         cmocka_unit_test(test_child_that_keeps_dying_is_given_up),
         cmocka_unit_test(test_child_that_stays_is_a_timeout_and_gets_ended),
         cmocka_unit_test(test_child_that_ignores_sigterm_is_killed),

@@ -1,0 +1,18 @@
+// A process of a run over LCM: a node, or the coordinator, from the opening of its transport to the
+// end of the run.
+#ifndef PM_APP_SERVE_H
+#define PM_APP_SERVE_H
+
+#include "app/options.h"
+#include "library/setup.h"
+
+// Serves the process `process_id` of the setup's scene until the run is over. Returns its result
+// (lockstep/lockstep_node.h), or what opening the transport or the checkpoint returns.
+pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int process_id);
+
+// Coordinates the processes of the setup's scene, which somebody else starts, records and prints
+// the tables. Returns the result of the run (lockstep/lockstep_coordinator.h), or what opening the
+// recording, the transport or the checkpoint returns.
+pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options);
+
+#endif
