@@ -18,6 +18,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lockstep/wire_format.h"
 #include "portmet_command_t.h"
 #include "portmet_flux_t.h"
 #include "portmet_health_t.h"
@@ -27,9 +28,6 @@
 #include "portmet_request_t.h"
 #include "portmet_tick_t.h"
 #include "portmet_vitals_t.h"
-#include "transport/drops.h"
-
-#define PM_TEXT_MAX 1023 // characters, without the terminator
 
 // The largest number of steps of a run. Rounds counted from its start then fit an int64_t.
 #define PM_STEPS_MAX (INT64_C(1) << 40)

@@ -1,0 +1,282 @@
+// The reader and the writer of LCM's wire format.
+#include "lockstep/wire_format.h"
+
+#include <endian.h>
+#include <stdbool.h>
+#include <string.h>
+
+// --- members of a struct, by offset ---
+
+static int32_t get_count(const char *message, size_t offset) {
+    int32_t count;
+    memcpy(&count, message + offset, sizeof count);
+    return count;
+}
+
+static char *get_array(const char *message, size_t offset) {
+    char *array;
+    memcpy(&array, message + offset, sizeof array);
+    return array;
+}
+
+static const char *get_text(const char *message, size_t offset) {
+    const char *text;
+    memcpy(&text, message + offset, sizeof text);
+    return text;
+}
+
+static bool is_finite_bits(uint64_t bits) {
+    const uint64_t exponent = UINT64_C(0x7ff) << 52;
+    return (bits & exponent) != exponent;
+}
+
+static bool is_control(char character) {
+    const unsigned char byte = (unsigned char)character;
+    return byte < 0x20 || byte == 0x7f;
+}
+
+// --- reading ---
+
+typedef struct wire_reader {
+    const unsigned char *at;
+    size_t left;
+} wire_reader;
+
+static bool read_bits(wire_reader *r, size_t size, uint64_t *bits) {
+    if (r->left < size) {
+        return false;
+    }
+    *bits = 0;
+    for (size_t i = 0; i < size; ++i) {
+        *bits = *bits << 8 | r->at[i];
+    }
+    r->at += size;
+    r->left -= size;
+    return true;
+}
+
+// `count` numbers of eight bytes.
+static pm_drop read_words(wire_reader *r, size_t count, bool must_be_finite, char *target) {
+    bool finite = true;
+    if (r->left / 8 < count) {
+        return PM_DROP_LENGTH;
+    }
+    for (size_t i = 0; i < count; ++i) {
+        uint64_t bits;
+        memcpy(&bits, r->at + 8 * i, sizeof bits);
+        bits = be64toh(bits);
+        finite = finite && is_finite_bits(bits);
+        memcpy(target + 8 * i, &bits, sizeof bits);
+    }
+    r->at += 8 * count;
+    r->left -= 8 * count;
+    return finite || !must_be_finite ? PM_KEEP : PM_DROP_NUMBER;
+}
+
+static pm_drop read_text(wire_reader *r, char *target) {
+    uint64_t size;
+    if (!read_bits(r, 4, &size)) {
+        return PM_DROP_LENGTH;
+    }
+    if (size < 1 || size > PM_TEXT_MAX + 1) {
+        return PM_DROP_TEXT;
+    }
+    if (size > r->left) {
+        return PM_DROP_LENGTH;
+    }
+    const char *text = (const char *)r->at;
+    for (size_t i = 0; i + 1 < size; ++i) {
+        if (is_control(text[i])) {
+            return PM_DROP_TEXT;
+        }
+    }
+    if (text[size - 1] != 0) {
+        return PM_DROP_TEXT;
+    }
+    memcpy(target, &text, sizeof text);
+    r->at += size;
+    r->left -= size;
+    return PM_KEEP;
+}
+
+static pm_drop read_integer(wire_reader *r, pm_wire_kind kind, char *target) {
+    const bool is_count = kind == PM_WIRE_COUNT || kind == PM_WIRE_COUNT_TO;
+    const size_t size = kind == PM_WIRE_I64 ? 8 : kind == PM_WIRE_I32 || is_count ? 4 : 1;
+    uint64_t bits;
+    if (!read_bits(r, size, &bits)) {
+        return PM_DROP_LENGTH;
+    }
+    const uint32_t word = (uint32_t)bits;
+    const uint8_t byte = (uint8_t)bits;
+    switch (kind) {
+    case PM_WIRE_I64:
+        memcpy(target, &bits, 8);
+        return PM_KEEP;
+    case PM_WIRE_I32:
+        memcpy(target, &word, 4);
+        return PM_KEEP;
+    case PM_WIRE_COUNT:
+        return memcmp(target, &word, 4) == 0 ? PM_KEEP : PM_DROP_COUNT;
+    case PM_WIRE_COUNT_TO:
+        if (word > (uint32_t)get_count(target, 0)) {
+            return PM_DROP_COUNT;
+        }
+        memcpy(target, &word, 4);
+        return PM_KEEP;
+    case PM_WIRE_BOOLEAN:
+        memcpy(target, &byte, 1);
+        return byte <= 1 ? PM_KEEP : PM_DROP_NUMBER;
+    default:
+        memcpy(target, &byte, 1);
+        return PM_KEEP;
+    }
+}
+
+pm_drop pm_wire_decode(const pm_wire_type *type, void *message, const void *data, size_t size) {
+    wire_reader r = {data, size};
+    uint64_t fingerprint;
+    if (!read_bits(&r, 8, &fingerprint)) {
+        return PM_DROP_LENGTH;
+    }
+    if (fingerprint != (uint64_t)type->fingerprint()) {
+        return PM_DROP_TYPE;
+    }
+    char *m = message;
+    for (int i = 0; i < type->nfield; ++i) {
+        const pm_wire_field *f = &type->field[i];
+        pm_drop drop;
+        if (f->kind == PM_WIRE_DOUBLE) {
+            drop = read_words(&r, 1, true, m + f->offset);
+        } else if (f->kind == PM_WIRE_DOUBLES || f->kind == PM_WIRE_I64S) {
+            // The count was decoded and checked before: the caller's memory holds as many numbers.
+            const size_t count = (size_t)get_count(m, f->count);
+            drop = read_words(&r, count, f->kind == PM_WIRE_DOUBLES, get_array(m, f->offset));
+        } else if (f->kind == PM_WIRE_TEXT) {
+            drop = read_text(&r, m + f->offset);
+        } else {
+            drop = read_integer(&r, f->kind, m + f->offset);
+        }
+        if (drop != PM_KEEP) {
+            return drop;
+        }
+    }
+    return r.left == 0 ? PM_KEEP : PM_DROP_LENGTH;
+}
+
+// --- writing ---
+
+typedef struct wire_writer {
+    unsigned char *at;
+    size_t left;
+    bool failed;
+} wire_writer;
+
+static void write_bits(wire_writer *w, size_t size, uint64_t bits) {
+    if (w->failed || w->left < size) {
+        w->failed = true;
+        return;
+    }
+    for (size_t i = 0; i < size; ++i) {
+        w->at[i] = (unsigned char)(bits >> (8 * (size - 1 - i)));
+    }
+    w->at += size;
+    w->left -= size;
+}
+
+// `count` numbers of eight bytes.
+static void write_words(wire_writer *w, size_t count, bool must_be_finite, const char *source) {
+    bool finite = true;
+    if (w->failed || w->left / 8 < count) {
+        w->failed = true;
+        return;
+    }
+    for (size_t i = 0; i < count; ++i) {
+        uint64_t bits;
+        memcpy(&bits, source + 8 * i, sizeof bits);
+        finite = finite && is_finite_bits(bits);
+        bits = htobe64(bits);
+        memcpy(w->at + 8 * i, &bits, sizeof bits);
+    }
+    w->at += 8 * count;
+    w->left -= 8 * count;
+    w->failed = must_be_finite && !finite;
+}
+
+static void write_text(wire_writer *w, const char *text) {
+    const size_t length = strnlen(text, PM_TEXT_MAX);
+    write_bits(w, 4, length + 1);
+    for (size_t i = 0; i < length; ++i) {
+        write_bits(w, 1, is_control(text[i]) ? ' ' : (unsigned char)text[i]);
+    }
+    write_bits(w, 1, 0);
+}
+
+static void write_integer(wire_writer *w, pm_wire_kind kind, const char *source) {
+    uint64_t bits = 0;
+    uint32_t word;
+    switch (kind) {
+    case PM_WIRE_I64:
+        memcpy(&bits, source, 8);
+        write_bits(w, 8, bits);
+        return;
+    case PM_WIRE_I32:
+    case PM_WIRE_COUNT:
+    case PM_WIRE_COUNT_TO:
+        memcpy(&word, source, 4);
+        write_bits(w, 4, word);
+        return;
+    default:
+        write_bits(w, 1, (unsigned char)*source);
+    }
+}
+
+size_t pm_wire_encode(const pm_wire_type *type, const void *message, void *data, size_t capacity) {
+    wire_writer w = {data, capacity, false};
+    write_bits(&w, 8, (uint64_t)type->fingerprint());
+    const char *m = message;
+    for (int i = 0; i < type->nfield; ++i) {
+        const pm_wire_field *f = &type->field[i];
+        if (f->kind == PM_WIRE_DOUBLE) {
+            write_words(&w, 1, true, m + f->offset);
+        } else if (f->kind == PM_WIRE_DOUBLES || f->kind == PM_WIRE_I64S) {
+            const size_t count = (size_t)get_count(m, f->count);
+            write_words(&w, count, f->kind == PM_WIRE_DOUBLES, get_array(m, f->offset));
+        } else if (f->kind == PM_WIRE_TEXT) {
+            write_text(&w, get_text(m, f->offset));
+        } else {
+            write_integer(&w, f->kind, m + f->offset);
+        }
+    }
+    return w.failed ? 0 : capacity - w.left;
+}
+
+size_t pm_wire_size(const pm_wire_type *type, const void *message) {
+    const char *m = message;
+    size_t size = 8;
+    for (int i = 0; i < type->nfield; ++i) {
+        const pm_wire_field *f = &type->field[i];
+        switch (f->kind) {
+        case PM_WIRE_I8:
+        case PM_WIRE_BOOLEAN:
+            size += 1;
+            break;
+        case PM_WIRE_I32:
+        case PM_WIRE_COUNT:
+        case PM_WIRE_COUNT_TO:
+            size += 4;
+            break;
+        case PM_WIRE_I64:
+        case PM_WIRE_DOUBLE:
+            size += 8;
+            break;
+        case PM_WIRE_DOUBLES:
+        case PM_WIRE_I64S:
+            size += 8 * (size_t)get_count(m, f->count);
+            break;
+        case PM_WIRE_TEXT:
+            size += 4 + strnlen(get_text(m, f->offset), PM_TEXT_MAX) + 1;
+            break;
+        }
+    }
+    return size;
+}
