@@ -83,6 +83,7 @@ struct pm_lockstep_coordinator {
     bool paused;                // the observer was told that the run pauses
     bool held;                  // the gate holds the run after the step `completed`
     bool tick_wanted;           // the next poll publishes a tick that answers a message
+    double ticked_at;           // s, when the last tick was published
     bool hello_wanted;          // the next poll publishes a hello, since a process named another
                                 // coordinator
     int nanswer;

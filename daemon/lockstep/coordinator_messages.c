@@ -174,6 +174,9 @@ static pm_drop accept_done(pm_remote_process *remote) {
             drop = PM_KEEP;
         }
     }
+    if (drop == PM_KEEP) {
+        pm_waiting_note_used(&c->endpoint.waiting);
+    }
     return drop;
 }
 
@@ -309,7 +312,12 @@ static pm_drop accept_request(void *context, const portmet_request_t *request) {
 static void on_vitals(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
     pm_lockstep_coordinator *c = context;
-    pm_endpoint_count(&c->endpoint, pm_health_take(&c->health, data, size, c->endpoint.now));
+    const pm_drop drop = pm_health_take(&c->health, data, size, c->endpoint.now);
+    if (drop == PM_KEEP) {
+        // A process that waits among many others asks rarely.
+        c->remote[c->health.vitals.process].alive = true;
+    }
+    pm_endpoint_count(&c->endpoint, drop);
 }
 
 // --- opening ---

@@ -55,7 +55,7 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
     char own_address[PM_CHANNEL_SIZE], coordinators[PM_CHANNEL_SIZE];
     endpoint->handlers = handlers;
     endpoint->context = context;
-    pm_waiting_init(&endpoint->waiting, scene->nprocess);
+    pm_waiting_init(&endpoint->waiting, scene->nprocess, name[0] == 0 ? 1 : scene->nprocess);
     PM_TRY(pm_identity_init(&endpoint->identity, endpoint->system, name, asked, keeps_checkpoints,
                             transport));
     PM_TRY(pm_channel_scene(endpoint->tick_channel, scene, "TICK"));
@@ -83,7 +83,7 @@ pm_status pm_endpoint_listen_to(pm_endpoint *endpoint, const char *name, const c
 
 // --- requests ---
 
-pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, const char *channel,
+pm_status pm_endpoint_request(pm_endpoint *endpoint, const char *address, const char *channel,
                               int64_t step, int round) {
     const portmet_request_t message = {
         .session = endpoint->session,
@@ -94,10 +94,15 @@ pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, 
         .step = step,
         .round = round,
     };
+    const double pause = PM_ENDPOINT_ALL_ASKED * endpoint->system->scene->nprocess;
     // Names of processes are shorter than the channels that contain them.
     unsigned char data[96 + 2 * PM_CHANNEL_SIZE];
     const size_t size = pm_request_encode(&message, data, sizeof data);
-    const char *to = pm_waiting_is_long(&endpoint->waiting) ? endpoint->request_channel : address;
+    const bool all =
+        pm_waiting_is_long(&endpoint->waiting) && endpoint->now >= endpoint->all_asked_at + pause;
+    const char *to = all ? endpoint->request_channel : address;
+    endpoint->all_asked_at = all ? endpoint->now : endpoint->all_asked_at;
+    pm_waiting_note_requests(&endpoint->waiting, 1);
     return pm_transport_publish(endpoint->transport, to, data, size);
 }
 

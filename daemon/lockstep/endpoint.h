@@ -10,6 +10,9 @@
 #include "lockstep/identity.h"
 #include "lockstep/waiting.h"
 
+// The time between two requests to all processes, in s for each process of the run.
+#define PM_ENDPOINT_ALL_ASKED 0.02
+
 // Functions of the owner of an endpoint, called with each well-formed message. Each handler returns
 // PM_KEEP or the reason for which it drops the message.
 typedef struct pm_handlers {
@@ -29,6 +32,7 @@ typedef struct pm_endpoint {
     char coordinator_address[PM_CHANNEL_SIZE]; // channel of requests to the coordinator
     int64_t session, steps;                    // session and length of the run; session 0: no run
     int64_t attempt;                           // number of rollbacks since the start
+    double all_asked_at;                       // s, when it last sent a request to all processes
     double now;                                // s, set by pm_endpoint_look
     pm_presence presence;
     pm_waiting waiting;
@@ -66,10 +70,10 @@ void pm_endpoint_count(pm_endpoint *endpoint, pm_drop drop);
 
 // Requests the message of `step` and `round` on the channel `channel` from the process that
 // publishes there. The request goes to the channel `address`, which only that process and the
-// coordinator receive, so that it wakes no other process. After a long wait (pm_waiting_is_long)
-// the request goes to all processes. It then shows that this process is alive, and reveals a second
-// process of the same name. PM_ENET, PM_ENOMEM.
-pm_status pm_endpoint_request(const pm_endpoint *endpoint, const char *address, const char *channel,
+// coordinator receive, so that it wakes no other process. During a long wait (pm_waiting_is_long)
+// a request now and then goes to all processes: it reveals a second process of the same name.
+// PM_ENET, PM_ENOMEM.
+pm_status pm_endpoint_request(pm_endpoint *endpoint, const char *address, const char *channel,
                               int64_t step, int round);
 
 // Stores the result of the run: PM_OK, or a failure with its one-line message, which is copied.

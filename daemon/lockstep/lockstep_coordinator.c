@@ -16,6 +16,7 @@
 #define HELLO_INTERVAL 0.1    // s
 #define PAUSE 2.0             // s of silence that the observer is told of, or half the patience
 #define MOST_IDLE 3           // times the patience without progress, though all processes show life
+#define TICK_EACH 0.00004     // s between two ticks before the first step, for each process
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 #define LEDGER_INTERVAL 0.001 // s between two ledger messages at least
@@ -39,6 +40,7 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
     };
     const size_t size = pm_tick_encode(&message, c->tick_data, c->tick_capacity);
     c->tick_wanted = false;
+    c->ticked_at = c->endpoint.now;
     c->nanswer = 0;
     return pm_transport_publish(c->endpoint.transport, c->endpoint.tick_channel, c->tick_data,
                                 size);
@@ -322,6 +324,11 @@ static pm_status say_hello(pm_lockstep_coordinator *c) {
     return pm_identity_publish_hello(&c->endpoint.identity);
 }
 
+// Returns the time, in s, from which a tick may answer hellos.
+static double next_tick(const pm_lockstep_coordinator *c) {
+    return c->completed < 0 ? c->ticked_at + TICK_EACH * c->nremote : 0;
+}
+
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
     pm_endpoint_look(&c->endpoint, clock);
     const double now = c->endpoint.now;
@@ -337,8 +344,9 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
     if (c->phase == PM_COORDINATOR_RUNNING) {
         pm_coordinator_check(c, complete_steps(c));
     }
-    // One tick answers all requests for it since the last poll.
-    if (c->phase == PM_COORDINATOR_RUNNING && c->tick_wanted) {
+    // One tick answers all requests for it since the last poll, or since the last tick while many
+    // processes join: every tick wakes all of them.
+    if (c->phase == PM_COORDINATOR_RUNNING && c->tick_wanted && now >= next_tick(c)) {
         pm_coordinator_check(c, publish_tick(c));
     }
     if (c->phase == PM_COORDINATOR_RUNNING) {
@@ -352,8 +360,9 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
     switch (c->phase) {
     case PM_COORDINATOR_RUNNING: {
         const double next = c->endpoint.waiting.next;
-        const bool first = pm_coordinator_is_at_gate(c) && c->gate.read_at < next;
-        return pm_endpoint_clock(&c->endpoint, first ? c->gate.read_at : next);
+        const double gate = pm_coordinator_is_at_gate(c) ? c->gate.read_at : INFINITY;
+        const double tick = c->tick_wanted ? next_tick(c) : INFINITY;
+        return pm_endpoint_clock(&c->endpoint, fmin(next, fmin(gate, tick)));
     }
     case PM_COORDINATOR_CLOSING:
         return pm_endpoint_clock(&c->endpoint, c->next);

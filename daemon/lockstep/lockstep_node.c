@@ -13,6 +13,7 @@
 #define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
 #define EACH_ASK 0.002       // s between two questions before the first step, for each process
 #define LONG_ASK 1.0         // s between two questions of a node that waits for long
+#define EACH_LONG_ASK 0.02   // s between them for each process, if others ask meanwhile
 #define LEAVE_LINGER 0.15    // s to answer requests and repeated commands after the run
 
 // The resend buffer keeps the fluxes of the last SENT_DEPTH rounds. A neighbour requests the flux
@@ -48,6 +49,24 @@ static pm_status tell_vitals(pm_lockstep_node *node) {
 
 // --- waiting ---
 
+// Asks the coordinator by a hello whether the run goes on as this node believes. Another
+// coordinator may lead the run, or this node may believe something wrong. Until all processes are
+// there, a question now and then shows that this one is. The answer is a tick, which all processes
+// hear: while one of them asks, the others need not, and wait a little longer, each by another
+// time.
+static void ask_coordinator(pm_lockstep_node *node) {
+    const double now = node->endpoint.now, n = node->endpoint.system->scene->nprocess;
+    const double later = 1 + (double)(node->endpoint.identity.hello.instance & 1023) / 1024;
+    const bool begins = node->granted == 0;
+    const bool unheard = now >= node->coordinator_heard + later * LONG_ASK;
+    const double pause = begins    ? EACH_ASK * n
+                         : unheard ? LONG_ASK
+                                   : fmax(LONG_ASK, EACH_LONG_ASK * n);
+    if ((begins || pm_waiting_is_long(&node->endpoint.waiting)) && now >= node->asked_at + pause) {
+        pm_node_ask(node, node->coordinator);
+    }
+}
+
 // Requests the missing message if a request is due, and sets the time of the next poll. A node
 // gives up a silent coordinator, but never a silent neighbour: the neighbour may be recomputing
 // steps after a restart, and the coordinator decides about it.
@@ -68,13 +87,8 @@ static pm_status await(pm_lockstep_node *node) {
         node->next = waiting->next;
         return PM_OK;
     }
-    // Another coordinator may lead the run, or this node may believe something wrong. Until all
-    // processes are there, a question now and then shows that this one is.
+    ask_coordinator(node);
     const bool begins = node->granted == 0;
-    const double pause = begins ? EACH_ASK * node->endpoint.system->scene->nprocess : LONG_ASK;
-    if ((begins || pm_waiting_is_long(waiting)) && now >= node->asked_at + pause) {
-        pm_node_ask(node, node->coordinator);
-    }
     if (node->step < node->endpoint.steps && !begins) {
         // While blocked, publish the partially filled report.
         PM_TRY(pm_reporter_flush(&node->reporter));

@@ -135,6 +135,9 @@ void pm_node_ask(pm_lockstep_node *node, int64_t coordinator);
 // coordinator.
 int pm_node_peer(const pm_lockstep_node *node, const pm_flux_link *link);
 
+// Notes that a message of a neighbour (NULL: of the coordinator) was used.
+void pm_node_note_used(pm_lockstep_node *node, const pm_flux_link *link);
+
 // --- orders (node_orders.c) ---
 
 // The handlers of ticks and of commands. `context` is the node.

@@ -154,7 +154,7 @@ static pm_drop accept_flux(pm_flux_link *link) {
     const pm_drop drop =
         pm_flux_link_keep(link, flux->step * node->rounds + flux->round, pm_node_round_key(node));
     if (drop == PM_KEEP) {
-        pm_vitals_use(&node->vitals, pm_node_peer(node, link));
+        pm_node_note_used(node, link);
     }
     if (drop == PM_DROP_CONFLICT) {
         pm_node_check(node, pm_fail(PM_ENET,

@@ -183,7 +183,7 @@ void pm_node_on_tick(void *context, const char *channel, const void *data, size_
     const pm_drop drop = pm_tick_decode(&tick, data, size);
     const pm_drop used = drop == PM_KEEP ? accept_tick(node, &tick) : drop;
     if (used == PM_KEEP) {
-        pm_vitals_use(&node->vitals, pm_node_peer(node, NULL));
+        pm_node_note_used(node, NULL);
     }
     pm_endpoint_count(&node->endpoint, used);
 }

@@ -38,6 +38,11 @@ int pm_node_peer(const pm_lockstep_node *node, const pm_flux_link *link) {
     return link == NULL ? node->subsystems.nlink : (int)(link - node->subsystems.link);
 }
 
+void pm_node_note_used(pm_lockstep_node *node, const pm_flux_link *link) {
+    pm_vitals_use(&node->vitals, pm_node_peer(node, link));
+    pm_waiting_note_used(&node->endpoint.waiting);
+}
+
 // --- questions ---
 
 bool pm_lockstep_node_finished(const pm_lockstep_node *node) {

@@ -1,11 +1,16 @@
 // The steps of a process: rounds of exposing, publishing and coupling (sim/subsystem.h), the report
 // after each step, and the return to a checkpoint.
+#include <math.h>
+
 #include "lockstep/node.h"
 
 // The most steps of one poll. The loop then handles messages and reads the stop flag.
 #define STEPS_AT_ONCE 16
 
-#define REPORT_INTERVAL 0.02 // s between two reports at most, while steps are computed
+// The time between two reports at most, while steps are computed: the larger of these two. Among
+// many processes a report costs as much as a flux, which every step has anyway.
+#define REPORT_INTERVAL 0.02 // s
+#define REPORT_PAIR 0.000004 // s for each pair of a sender and a receiver
 
 double pm_node_time(const pm_lockstep_node *node, int64_t step) {
     return pm_scene_time(node->endpoint.system->scene, node->t0, step);
@@ -47,7 +52,8 @@ static pm_status report(pm_lockstep_node *node) {
     if (!awaited && node->endpoint.now < node->report_at) {
         return PM_OK;
     }
-    node->report_at = node->endpoint.now + REPORT_INTERVAL;
+    const double n = node->endpoint.system->scene->nprocess;
+    node->report_at = node->endpoint.now + fmax(REPORT_INTERVAL, REPORT_PAIR * n * n);
     return pm_reporter_flush(&node->reporter);
 }
 

@@ -1,4 +1,5 @@
-// Intervals between requests (exponential back-off), and the running median of waiting times.
+// Intervals between requests (exponential back-off), the running median of waiting times, and the
+// credit (a token bucket).
 #include "lockstep/waiting.h"
 
 // With every wait the median estimate rises or falls by this fraction of itself, independent of the
@@ -9,9 +10,13 @@ static double clamp(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
 }
 
-void pm_waiting_init(pm_waiting *waiting, int processes) {
-    const double first = PM_WAITING_EACH * processes;
-    *waiting = (pm_waiting){.first = clamp(first, PM_WAITING_FIRST, PM_WAITING_LAST / 2)};
+void pm_waiting_init(pm_waiting *waiting, int processes, int alike) {
+    const double n = processes, longer = PM_WAITING_EACH * n + PM_WAITING_PAIR * n * n;
+    const double first = clamp(longer, PM_WAITING_FIRST, PM_WAITING_MOST);
+    *waiting = (pm_waiting){.first = first,
+                            .last = clamp(2 * first, PM_WAITING_LAST, 2 * PM_WAITING_MOST),
+                            .refill = PM_WAITING_REFILL * alike,
+                            .credit = 1};
 }
 
 // Returns the median estimate after a wait of `taken` s; it is at most `first`.
@@ -32,22 +37,42 @@ void pm_waiting_start(pm_waiting *waiting, double now) {
     waiting->next = now + waiting->interval;
 }
 
+void pm_waiting_note_used(pm_waiting *waiting) {
+    waiting->credit = clamp(waiting->credit + PM_WAITING_SHARE, waiting->credit, PM_WAITING_CREDIT);
+}
+
+// Lets the credit grow with time. Returns true if it allows a request.
+static bool can_pay(pm_waiting *waiting, double now) {
+    const double more = waiting->credited > 0 ? (now - waiting->credited) / waiting->refill : 0;
+    waiting->credit = clamp(waiting->credit + more, waiting->credit, PM_WAITING_CREDIT);
+    waiting->credited = now;
+    return waiting->credit >= 1;
+}
+
 bool pm_waiting_request_due(pm_waiting *waiting, double now) {
     if (now < waiting->next) {
         return false;
     }
+    if (!can_pay(waiting, now)) {
+        waiting->next = now + (1 - waiting->credit) * waiting->refill + PM_WAITING_SOONEST;
+        return false;
+    }
     waiting->interval *= 2;
-    if (waiting->interval > PM_WAITING_LAST) {
-        waiting->interval = PM_WAITING_LAST;
+    if (waiting->interval > waiting->last) {
+        waiting->interval = waiting->last;
     }
     waiting->next = now + waiting->interval;
     waiting->cautious_waits = PM_WAITING_LATELY;
     return true;
 }
 
+void pm_waiting_note_requests(pm_waiting *waiting, int count) {
+    waiting->credit -= count;
+}
+
 bool pm_waiting_is_long(const pm_waiting *waiting) {
     // Among many processes a request to all costs much, and steps take longer anyway.
-    return waiting->interval >= PM_WAITING_LAST &&
+    return waiting->interval >= waiting->last &&
            waiting->next - waiting->since >= PM_WAITING_LONG * waiting->first;
 }
 

@@ -84,12 +84,12 @@ has_lost() {
     [ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/$1.err")" -eq "$2" ]
 }
 
-# choices SCENE KILLS: gates at random steps, one in each of as many equal parts of the run, when to kill
+# choices KILLS: gates at random steps, one in each of as many equal parts of the run, when to kill
 # after the gate was opened so far, and whom. Every other kill waits until the run is held.
 choices() {
-    awk -v seed="$seed" -v kills="$2" -v steps="$steps" -v scene="${1##*/}" 'BEGIN {
+    awk -v seed="$seed" -v kills="$1" -v steps="$steps" 'BEGIN {
         srand(seed)
-        split("link1 link2 link3 " scene, who, " ")
+        split("link1 link2 link3 coordinator", who, " ")
         for (i = 0; i < kills; i++) {
             gate = int(steps * (i + rand()) / (kills + 1))
             when = i % 2 ? "held" : sprintf("%.3f", 0.03 * rand())
@@ -107,7 +107,7 @@ killed() {
     run=$pid
     kills_done=0
     at_gate=0
-    for choice in $(choices "$2" "$3"); do
+    for choice in $(choices "$3"); do
         step=${choice%%:*}
         when=${choice#*:}
         when=${when%:*}
@@ -117,7 +117,7 @@ killed() {
         else
             sleep "$when" # a place at random, anywhere before the gate
         fi
-        find_child $run "[^ ]*${choice##*:}"
+        find_child $run "${choice##*:}"
         says "$1" "held after step $step by" && at_gate=$((at_gate + 1))
         kill -KILL "$victim" || fail "$1: ${choice##*:} was gone before it was killed"
         kills_done=$((kills_done + 1))
@@ -156,7 +156,7 @@ open_gate paused 100
 start paused run "$folder/pausing.yaml" --steps $steps --checkpoint "$folder/paused" --gate "$folder/paused.gate"
 paused=$pid
 held paused 100
-find_child $paused "[^ ]*link2"
+find_child $paused link2
 stopped=$victim
 kill -STOP "$stopped"
 start second run "$folder/pausing.yaml" --steps 10 --checkpoint "$folder/paused"
