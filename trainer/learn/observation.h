@@ -1,6 +1,7 @@
-// An observation gives, for each measured column, a function of the state. A column that the
-// scene maps to a component is this component, plus those from which it is measured (relative_to);
-// other columns are formulas of states and co-energies (`observations` in the scene).
+// An observation gives, for each measured column, a function of the state. A column that the scene
+// maps to a component is this component plus, where the scene says `relative_to`, the component
+// that it is relative to. Other columns are formulas of states and co-energies (`observations` in
+// the scene).
 #ifndef PM_TRAINER_LEARN_OBSERVATION_H
 #define PM_TRAINER_LEARN_OBSERVATION_H
 

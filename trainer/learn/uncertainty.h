@@ -10,7 +10,7 @@ typedef struct pm_uncertainty {
     pm_arena arena; // owns all
     int nweight, ny, nz;
     double *covariance; // [nweight][nweight] of all trained weights
-    double *weights;    // [nweight] the weights that it belongs to
+    double *weights;    // [nweight] the weights at which the covariance was computed
     double *noise;      // [ny] standard deviation of the residuals, in the unit of each column
     // The number of samples that carry as much information as one sample with independent noise: 1
     // plus twice the sum of the autocorrelation of the residuals. It exceeds 1 where the model is
