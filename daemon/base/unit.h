@@ -1,4 +1,5 @@
-// Units as powers of the base units, read from texts such as "kg m^2/s", "J/(K mol)" or "V s".
+// Units as powers of the base units with a factor, read from texts such as "kg m^2/s", "J/(K mol)",
+// "V s" or "kJ/K".
 #ifndef PM_BASE_UNIT_H
 #define PM_BASE_UNIT_H
 
@@ -9,6 +10,7 @@ enum { PM_UNIT_KG, PM_UNIT_M, PM_UNIT_S, PM_UNIT_A, PM_UNIT_K, PM_UNIT_MOL, PM_U
 typedef struct pm_unit {
     bool known;
     int power[PM_UNIT_BASES]; // of kg, m, s, A, K, mol; angles are dimensionless
+    double factor;            // how many of these base units one of this unit is: 1e-3 for "mm"
 } pm_unit;
 
 // Reads symbols that are joined by blanks, '*' or '.', each with an optional power "^2", "^-1" or

@@ -101,6 +101,7 @@ static pm_unit read_unit(const char *name, pm_arena *arena) {
     for (int i = 0; i < PM_UNIT_BASES; ++i) {
         unit.power[i] = joule.power[i] - unit.power[i];
     }
+    unit.factor = 1 / unit.factor;
     return unit;
 }
 
@@ -118,6 +119,9 @@ static void write_unit(FILE *file, const char *name, pm_arena *arena) {
         if (unit.power[i] != 0) {
             fprintf(file, " %s=\"%d\"", base[i], unit.power[i]);
         }
+    }
+    if (unit.factor < 1 || unit.factor > 1) {
+        fprintf(file, " factor=\"%.17g\"", unit.factor);
     }
     fputs("/></Unit>\n", file);
 }
