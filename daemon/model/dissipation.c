@@ -101,6 +101,9 @@ pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
         }
         flow = pm_mul(g, flow, pm_exp(g, exponent));
     }
+    if (d->strength != PM_NO_NODE) {
+        flow = pm_mul(g, flow, pm_exp(g, d->strength));
+    }
     pm_node heat =
         pm_scale(g, pm_div(g, pm_matmul(g, pm_mul(g, flow, power), false, share, false), nh), -1);
     if (h != PM_NO_NODE) {

@@ -21,7 +21,9 @@
 // (m_j/T_ref)^a_j, where m_j = T if there is one entropy. If there are several, it is also
 // multiplied by (m_j/g_j)^c_j, where g_j is the geometric mean of the T_k with the weights of m_j.
 // Examples are viscosities, conduction driven by differences of 1/T (a = -2, c = 2, exactly), and
-// radiation between bodies (a = 3, c = 2, to fourth order of the difference).
+// radiation between bodies (a = 3, c = 2, to fourth order of the difference). Any other dependence
+// on the state, such as that of a friction which grows with the velocity, is a further positive
+// factor exp(f_j) of process j.
 #ifndef PM_MODEL_DISSIPATION_H
 #define PM_MODEL_DISSIPATION_H
 
@@ -38,6 +40,8 @@ typedef struct pm_dissipation {
                    // equal shares
     pm_node power, reference; // the exponents a [1][rank], and T_ref [1][1] in K; power PM_NO_NODE:
                               // coefficients do not depend on temperature
+    pm_node strength;    // [1][rank] logarithms of a further factor of each process, functions of
+                         // the state; PM_NO_NODE: the factor is 1
     pm_node warmth;      // ln w [1][1]: conductances and T_ref are multiplied by w. PM_NO_NODE:
                          // w = 1
     pm_node ratio_power; // the exponents c [1][rank]; PM_NO_NODE where there is one entropy

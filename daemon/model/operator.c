@@ -193,7 +193,14 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
         .split = shared ? pm_network_param(g, params, c->op->prefix, "split") : PM_NO_NODE,
         .ratio_power =
             shared ? pm_network_param(g, params, c->op->prefix, "ratio_power") : PM_NO_NODE,
+        .strength = PM_NO_NODE,
     };
+    if (spec->strength != NULL) {
+        pm_operator_name name;
+        pm_operator_join(name, c->op->prefix, "strength");
+        dissipation.strength =
+            pm_network_build(g, spec->strength, &c->site->symbols, spec->rank, params, name);
+    }
     for (int i = 0; i < c->support.ngroup; ++i) {
         const bool heated = pm_is_listed(spec->nheats, spec->heats, c->support.group[i]->name);
         for (int k = 0; k < c->support.group[i]->size && heated; ++k) {

@@ -27,7 +27,8 @@ typedef struct pm_operator {
     pm_operator_kind kind;
     pm_form form;
     const char *prefix; // of its parameters "<prefix>.scale", ".along", ".matrix.<...>", and with
-                        // `heats` ".temperature", ".power", ".ratio_power", ".split"
+                        // `heats` ".temperature", ".power", ".ratio_power", ".split",
+                        // ".strength.<...>"
 } pm_operator;
 
 // Returns true if the operator has given pairs or a learned matrix.

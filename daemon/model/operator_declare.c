@@ -33,6 +33,9 @@ static bool is_other_end(const pm_operator_spec *spec, const pm_support *s, int 
 
 static pm_status check_heats(const pm_operator *op, const pm_site *site) {
     const pm_operator_spec *spec = op->spec;
+    if (spec->nheats == 0 && spec->strength != NULL) {
+        return pm_fail(PM_ECONFIG, "%s: strength belongs to an operator with heats", op->prefix);
+    }
     if (spec->nheats == 0 || !spec->learned) {
         return PM_OK;
     }
@@ -136,6 +139,26 @@ static pm_status add_late(pm_params *params, const char *name, int rows, int col
     return PM_OK;
 }
 
+// Declares the network of the strengths. Its outputs start at zero, so that all strengths are 1.
+static pm_status declare_strength(const pm_operator *op, const pm_site *site, pm_params *params) {
+    const pm_operator_spec *spec = op->spec;
+    pm_operator_name name, output;
+    pm_operator_join(name, op->prefix, "strength");
+    const size_t length = strlen(name);
+    PM_TRY(pm_network_declare(spec->strength, &site->symbols, spec->rank, NULL, params, name));
+    pm_param_entry *weight =
+        pm_params_find(params, pm_operator_join(output, name, "output.weight"));
+    if (weight != NULL) {
+        weight->spread = 0;
+    }
+    for (int i = 0; i < params->count; ++i) {
+        pm_param_entry *entry = &params->entry[i];
+        entry->late = entry->late || (entry->trained && strncmp(entry->name, name, length) == 0 &&
+                                      entry->name[length] == '.');
+    }
+    return PM_OK;
+}
+
 // Declares the shares of the heat of each process, and the exponents of its dependence on
 // temperature.
 static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_params *params) {
@@ -145,6 +168,7 @@ static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_pa
                          PM_DEFAULT_TEMPERATURE));
     PM_TRY(pm_params_add_shared(params, PM_WARMTH, 0));
     PM_TRY(add_late(params, pm_operator_join(name, op->prefix, "power"), 1, rank));
+    PM_TRY(op->spec->strength == NULL ? PM_OK : declare_strength(op, site, params));
     if (nheat < 2) {
         return PM_OK;
     }
@@ -250,6 +274,14 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
         PM_TRY(visit(context, &along));
     }
     pm_operator_name name;
+    if (spec->strength != NULL) {
+        const pm_normaliser strength = {.kind = PM_NORMALISE_FEATURES,
+                                        .prefix = pm_operator_join(name, op->prefix, "strength"),
+                                        .count = spec->strength->nfeature,
+                                        .expression = spec->strength->feature,
+                                        .symbols = &site->symbols};
+        PM_TRY(visit(context, &strength));
+    }
     if (spec->learned && spec->network.message != NULL) {
         return pm_message_visit(&spec->network, &site->symbols,
                                 pm_operator_join(name, op->prefix, "matrix"), visit, context);

@@ -211,6 +211,9 @@ typedef struct pm_operator_spec {
     // hard form. None: a projection shares the heat among all groups.
     int nheats;
     const char *const *heats;
+    // With `heats`: a network with `rank` outputs, the logarithms of a further factor of each
+    // process. NULL: none.
+    const pm_network_spec *strength;
     const char *at;
 } pm_operator_spec;
 

@@ -118,6 +118,11 @@ static void write_learned(FILE *file, bool reversible, const pm_operator_spec *o
         fputs(op->nheats > 0 ? ", " : "", file);
         write_heats(file, op);
     }
+    if (op->strength != NULL) {
+        fputs(", strength: {", file);
+        pm_network_write(file, op->strength);
+        fputs("}", file);
+    }
     fputs(", ", file);
     pm_network_write(file, &op->network);
     fputs("}\n", file);

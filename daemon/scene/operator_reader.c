@@ -38,12 +38,31 @@ static pm_status read_pairs(pm_yaml list, const pm_model_context *r, pm_operator
     return PM_OK;
 }
 
+// Reads the network of the strengths of the processes.
+static pm_status read_strength(pm_yaml block, const pm_model_context *r, pm_operator_spec *op) {
+    static const char *const keys[] = {"features", "hidden", "activation", "skip", NULL};
+    if (!pm_yaml_exists(block)) {
+        return PM_OK;
+    }
+    pm_network_spec *strength = pm_arena_alloc(r->arena, sizeof *strength);
+    if (strength == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    PM_TRY(pm_yaml_allow(block, keys));
+    PM_TRY(pm_network_read(block, NULL, r->arena, strength));
+    if (strength->nfeature == 0) {
+        return pm_yaml_fail(block, "a strength needs features");
+    }
+    op->strength = strength;
+    return PM_OK;
+}
+
 static pm_status read_learned(pm_yaml block, const pm_model_context *r, bool reversible,
                               pm_operator_spec *op) {
     static const char *const reversible_keys[] = {"acts_on", "against", "along", PM_NETWORK_KEYS,
                                                   NULL};
-    static const char *const irreversible_keys[] = {"acts_on", "along",         "rank",
-                                                    "heats",   PM_NETWORK_KEYS, NULL};
+    static const char *const irreversible_keys[] = {"acts_on",  "along",         "rank", "heats",
+                                                    "strength", PM_NETWORK_KEYS, NULL};
     pm_yaml acts;
     PM_TRY(pm_yaml_allow(block, reversible ? reversible_keys : irreversible_keys));
     PM_TRY(pm_yaml_require(block, "acts_on", &acts));
@@ -62,6 +81,7 @@ static pm_status read_learned(pm_yaml block, const pm_model_context *r, bool rev
         PM_TRY(pm_yaml_int(rank, 1, MAX_RANK, &op->rank));
     }
     op->learned = true;
+    PM_TRY(read_strength(pm_yaml_get(block, "strength"), r, op));
     return pm_network_read(block, r->mesh, r->arena, &op->network);
 }
 

@@ -49,10 +49,15 @@ static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *te
     if (pm_yaml_exists(scaled)) {
         PM_TRY(pm_yaml_bool(scaled, &term->scaled));
     }
+    // Without `thermal` the physical defaults of training may still make the energy thermal.
+    if (pm_yaml_exists(count)) {
+        PM_TRY(pm_yaml_int(count, 1, PM_MAX_EXPONENTIALS, &term->exponentials));
+    }
+    if (pm_yaml_exists(start)) {
+        PM_TRY(pm_yaml_double(start, 1e-300, 1e300, &term->temperature));
+    }
     if (!pm_yaml_exists(thermal)) {
-        const pm_yaml other = pm_yaml_exists(count) ? count : start;
-        return pm_yaml_exists(other) ? pm_yaml_fail(other, "only a thermal energy has this")
-                                     : PM_OK;
+        return PM_OK;
     }
     if (term->message != NULL) {
         return pm_yaml_fail(thermal, "a network of nodes cannot be thermal");
@@ -63,15 +68,9 @@ static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *te
         return pm_yaml_fail(thermal, "expected 1 to %d entropies",
                             PM_MAX_FEATURES - term->nfeature);
     }
-    term->exponentials = PM_DEFAULT_EXPONENTIALS;
-    term->temperature = PM_DEFAULT_TEMPERATURE;
+    term->exponentials = term->exponentials > 0 ? term->exponentials : PM_DEFAULT_EXPONENTIALS;
+    term->temperature = term->temperature > 0 ? term->temperature : PM_DEFAULT_TEMPERATURE;
     term->scaled = true;
-    if (pm_yaml_exists(count)) {
-        PM_TRY(pm_yaml_int(count, 1, PM_MAX_EXPONENTIALS, &term->exponentials));
-    }
-    if (pm_yaml_exists(start)) {
-        PM_TRY(pm_yaml_double(start, 1e-300, 1e300, &term->temperature));
-    }
     return pm_spec_append_features(term, term->nthermal, entropy, arena);
 }
 

@@ -31,6 +31,7 @@ typedef struct operands {
     double driving[MAX_N], normal[MAX_N], factor[MAX_COLUMNS * MAX_N];
     double split[MAX_COLUMNS * MAX_HEATS];
     double power, ratio_power;
+    double strength[MAX_COLUMNS]; // logarithms
 } operands;
 
 static bool is_heat(const operands *o, int c, int *k) {
@@ -60,6 +61,9 @@ static void draw_operands(operands *o, pm_rng *rng) {
     }
     for (int i = 0; i < o->rank * (o->nheat - 1); ++i) {
         o->split[i] = pm_rng_normal(rng);
+    }
+    for (int j = 0; j < o->rank; ++j) {
+        o->strength[j] = pm_rng_normal(rng);
     }
 }
 
@@ -105,6 +109,7 @@ static void build_rate(const operands *o, double *rate) {
             o->ratio_power == 0 ? PM_NO_NODE : pm_constant(g, o->ratio_power, 1, o->rank),
         .reference = pm_constant(g, 300, 1, 1),
         .warmth = PM_NO_NODE,
+        .strength = pm_param(g, o->strength, 1, o->rank),
         .split = o->nheat > 1 ? pm_param(g, o->split, o->rank, o->nheat - 1) : PM_NO_NODE};
     memcpy(dissipation.heat, o->heat, sizeof o->heat);
     const pm_node out = pm_dissipation_build(g, &dissipation);
@@ -117,8 +122,8 @@ static void build_rate(const operands *o, double *rate) {
     pm_graph_close(g);
 }
 
-// The rate is M dS with M = sum v v^T/theta, which is symmetric and positive semi-definite,
-// and all v are orthogonal to dE.
+// The rate is M dS with M = sum exp(strength) v v^T/theta, which is symmetric and positive
+// semi-definite, and all v are orthogonal to dE.
 static void operators_are_sums_of_squares_without_energy(void **state) {
     (void)state;
     pm_rng rng;
@@ -138,7 +143,7 @@ static void operators_are_sums_of_squares_without_energy(void **state) {
             }
             assert_true(theta > 0 && fabs(product) <= ROUNDING * sum);
             for (int c = 0; c < o.n; ++c) {
-                expected[c] += v[c] * drive / theta;
+                expected[c] += exp(o.strength[j]) * v[c] * drive / theta;
             }
         }
         for (int c = 0; c < o.n; ++c) {

@@ -368,7 +368,8 @@ static void test_physics_round_trip(void **state) {
         "reversible: {given: [[m, m, cross], [\"x[0]\", \"p[1]\", \"g\"]]}\n"
         "irreversible:\n"
         "  given: [[p, v, K]]\n"
-        "  learned: {acts_on: [p, v], rank: 2, heats: [s, r]}\n";
+        "  learned: {acts_on: [p, v], rank: 2, heats: [s, r], "
+        "strength: {features: [p], hidden: [3]}}\n";
     pm_arena arena = {0};
     pm_part_spec spec = part_of(text, &arena);
     for (int pass = 0; pass < 2; ++pass) {
@@ -384,6 +385,10 @@ static void test_physics_round_trip(void **state) {
         assert_true(spec.energy.term[1].scaled && spec.energy.term[1].nthermal == 0);
         assert_true(spec.reversible.given[0].cross && !spec.reversible.given[1].cross);
         assert_names(spec.irreversible.nheats, spec.irreversible.heats, "s r");
+        assert_non_null(spec.irreversible.strength);
+        assert_names(spec.irreversible.strength->nfeature, spec.irreversible.strength->feature,
+                     "p");
+        assert_int_equal(spec.irreversible.strength->hidden[0], 3);
         const char *written = pm_part_spec_write(&spec, &arena);
         assert_non_null(written);
         spec = part_of(written, &arena);

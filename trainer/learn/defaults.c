@@ -22,21 +22,22 @@ static bool is_listed(int count, const char *const *list, const char *name) {
     return false;
 }
 
-// Returns true if the entropy is this group, or a sum that contains it with a positive coefficient:
-// a given linear form, or a formula that is the name of the group.
-static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
-    if (entropy->nterm > 0) {
-        return false;
-    }
-    bool found = false;
-    for (int i = 0; i < entropy->ngiven; ++i) {
+// Returns the coefficient of this group in the entropy if that is a given linear form, 1 if it is a
+// formula that is the name of the group, and 0 if the group is no entropy.
+static double entropy_of(const pm_potential_spec *entropy, const char *group) {
+    double found = 0;
+    for (int i = 0; i < entropy->ngiven && entropy->nterm == 0; ++i) {
         const double c = entropy->given_coefficient == NULL ? 1 : entropy->given_coefficient[i];
-        found = found || (strcmp(entropy->given[i], group) == 0 && c > 0);
+        found = strcmp(entropy->given[i], group) == 0 && c > 0 ? c : found;
     }
-    for (int i = 0; i < entropy->nformula; ++i) {
-        found = found || strcmp(entropy->formula[i].text, group) == 0;
+    for (int i = 0; i < entropy->nformula && entropy->nterm == 0; ++i) {
+        found = strcmp(entropy->formula[i].text, group) == 0 ? 1 : found;
     }
     return found;
+}
+
+static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
+    return entropy_of(entropy, group) > 0;
 }
 
 // --- energies ---
@@ -49,18 +50,23 @@ static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *en
         return no_memory();
     }
     int count = 0;
+    double dS = 0; // the mean over the entropies
     for (int pass = 0; pass < 2; ++pass) {
         for (int i = 0; i < term->nfeature; ++i) {
-            if (is_entropy(entropy, term->feature[i]) == (pass == 1)) {
+            const double own = entropy_of(entropy, term->feature[i]);
+            if ((own > 0) == (pass == 1)) {
                 feature[count++] = term->feature[i];
                 term->nthermal += pass;
+                dS += own;
             }
         }
     }
     term->feature = feature;
     if (term->nthermal > 0) {
-        term->exponentials = PM_DEFAULT_EXPONENTIALS;
-        term->temperature = PM_DEFAULT_TEMPERATURE;
+        term->exponentials = term->exponentials > 0 ? term->exponentials : PM_DEFAULT_EXPONENTIALS;
+        if (term->temperature <= 0) {
+            term->temperature = PM_DEFAULT_TEMPERATURE * dS / term->nthermal;
+        }
     }
     return PM_OK;
 }

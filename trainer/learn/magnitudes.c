@@ -50,8 +50,8 @@ bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
         return false;
     }
     const int at = subsystem->first + found->first;
-    *result =
-        (pm_group_magnitude){m->deviation[at], m->rate[at], m->energy[part], m->temperature[part]};
+    *result = (pm_group_magnitude){m->deviation[at], m->rate[at], m->energy[part],
+                                   m->temperature[part], m->dS[part]};
     return true;
 }
 
@@ -130,19 +130,28 @@ static double heat_content(const pm_magnitudes *m, const pm_system *system, int 
     return content;
 }
 
+static double dS_of(const pm_system *system, int part) {
+    const pm_potential_spec *entropy = &system->part[part].spec.entropy;
+    return entropy->ngiven > 0 && entropy->given_coefficient != NULL &&
+                   entropy->given_coefficient[0] > 0
+               ? entropy->given_coefficient[0]
+               : 1;
+}
+
 static double temperature_of(const pm_system *system, int part) {
     const pm_potential_spec *energy = &system->part[part].spec.energy;
-    double temperature = 0;
+    double slope = 0; // dE/ds
     for (int i = 0; i < energy->nterm; ++i) {
-        temperature += energy->term[i].nthermal > 0 ? energy->term[i].temperature : 0;
+        slope += energy->term[i].nthermal > 0 ? energy->term[i].temperature : 0;
     }
-    return temperature > 0 ? temperature : PM_DEFAULT_TEMPERATURE;
+    return slope > 0 ? slope / dS_of(system, part) : PM_DEFAULT_TEMPERATURE;
 }
 
 static void find_energies(pm_magnitudes *m, const pm_system *system, estimate *e) {
     for (int i = 0; i < m->scene->nsubsystem; ++i) {
         m->energy[i] = 1;
         m->temperature[i] = temperature_of(system, i);
+        m->dS[i] = dS_of(system, i);
         estimate_part(m, system, i, e);
     }
     for (int i = 0; i < m->scene->nport; ++i) {
@@ -162,9 +171,10 @@ pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm
     m->rate = pm_arena_array(&m->arena, nz, sizeof *m->rate);
     m->energy = pm_arena_array(&m->arena, count, sizeof *m->energy);
     m->temperature = pm_arena_array(&m->arena, count, sizeof *m->temperature);
+    m->dS = pm_arena_array(&m->arena, count, sizeof *m->dS);
     estimate *e = pm_arena_array(&m->arena, count, sizeof *e);
     if (m->deviation == NULL || m->rate == NULL || m->energy == NULL || m->temperature == NULL ||
-        e == NULL) {
+        m->dS == NULL || e == NULL) {
         pm_magnitudes_free(m);
         return pm_fail(PM_ENOMEM, "out of memory for normalisation");
     }

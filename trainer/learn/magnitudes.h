@@ -16,11 +16,12 @@ typedef struct pm_magnitudes {
                     // any, else the typical heat content, else 1
     double *temperature; // [nsubsystem] K, the starting temperature of thermal energies; 300 if
                          // the model has none
+    double *dS;          // [nsubsystem] J/K per unit of the first given entropy; 1 if it is in J/K
 } pm_magnitudes;
 
 // The magnitudes of one group, in the units of pm_magnitudes.
 typedef struct pm_group_magnitude {
-    double deviation, rate, energy, temperature;
+    double deviation, rate, energy, temperature, dS;
 } pm_group_magnitude;
 
 // Computes the magnitudes from samples, which must be windows of one step. The caller frees.

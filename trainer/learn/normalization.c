@@ -208,7 +208,7 @@ static void fix_scale_by_rates(const set *s) {
         if (s->kind == PM_NORMALISE_RATE) {
             scale = m->rate;
         } else if (s->heated[k]) {
-            scale = sqrt(m->rate / TYPICAL_WARMTH);
+            scale = sqrt(m->rate * m->dS / TYPICAL_WARMTH);
         } else if (s->kind == PM_NORMALISE_FRICTION && !heats) {
             scale *= sqrt(PM_DEFAULT_TEMPERATURE);
         }
