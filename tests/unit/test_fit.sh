@@ -280,12 +280,29 @@ for text in 'reversible:' 'given: \[\[q, p, 1.0\]\]' 'given: \[\[a.p, b.q, 1.0\]
 done
 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/box.yaml" --form free >"$folder/out" 2>"$folder/err" ||
     fail "propose --form free"
-grep -q 'law: exchange' "$folder/box_scene.yaml" || fail "box_scene.yaml: expected law: exchange"
+grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yaml" ||
+    fail "box_scene.yaml: expected one subsystem with all groups"
+"$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/soft.yaml" --form soft >"$folder/out" 2>"$folder/err" ||
+    fail "propose --form soft"
+grep -q 'law: exchange' "$folder/soft_scene.yaml" || fail "soft_scene.yaml: expected law: exchange"
 timeout 600 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box \
     >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
 says 'times (better than|WORSE than) the black box|the black box is not finite'
 [ -s "$folder/beside/black_box/training.yaml" ] || fail "--black-box: no training file"
 data=$three
+
+# --- an energy becomes thermal by the defaults, from the temperature that it names; another seed ---
+config warm '{optimiser: gauss_newton, iterations: 1, batch: 64, residual: derivative}'
+sed -i '/^defaults/s/.*/start: {tries: 1}/; /given: {s: 300.0}/d; s/skip: quadratic}/skip: quadratic, temperature: 290.0}/' \
+    "$folder/warm.yaml"
+for seed in 1 2; do
+    "$train" fit "$folder/warm.yaml" --data "$data" -o "$folder/warm$seed" --seed $seed >"$folder/out" 2>"$folder/err"
+    code=$?
+    [ $code -eq 0 ] || [ $code -eq 13 ] || fail "temperature without thermal, seed $seed"
+done
+grep -qa 'thermal: \["\{0,1\}s"\{0,1\}\], exponentials: 2, temperature: 290' "$folder/warm1/upper.h5" ||
+    fail "expected a thermal energy of 290 K"
+cmp -s "$folder/warm1/upper.h5" "$folder/warm2/upper.h5" && fail "--seed has no effect"
 
 # --- bad training files: file, line, column ---
 # bad LINE:COLUMN TEXT SED-EXPRESSION

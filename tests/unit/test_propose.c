@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -35,6 +36,29 @@ static void units_are_powers_of_base_units(void **state) {
     assert_unit("1/s", "Hz", true);
     assert_unit("furlong", "furlong", false); // not known, so never equal
     assert_unit("m^x", "m", false);
+}
+
+static void assert_factor(const char *text, const char *base, double factor) {
+    const pm_unit unit = pm_unit_parse(text);
+    assert_unit(text, base, true);
+    if (fabs(unit.factor / factor - 1) > 1e-14) {
+        fail_msg("\"%s\": a factor of %.17g, expected %.17g", text, unit.factor, factor);
+    }
+}
+
+static void prefixes_are_factors(void **state) {
+    (void)state;
+    assert_factor("mm", "m", 1e-3);
+    assert_factor("kJ/K", "J/K", 1e3);
+    assert_factor("g mm^2/ms", "J s", 1e-6);
+    assert_factor("1/min", "Hz", 1.0 / 60); // no milli-inch
+    assert_factor("kg", "kg", 1);
+    assert_factor("mol", "mol", 1);
+    assert_factor("\xc2\xb5s", "s", 1e-6);
+    assert_factor("ml", "m^3", 1e-6);
+    assert_factor("hPa", "Pa", 100);
+    assert_factor("deg", "1", 0.017453292519943295);
+    assert_unit("kk", "1", false);
 }
 
 // --- the choice of trajectories ---
@@ -87,27 +111,30 @@ static void a_dataset_is_sorted_by_the_choice(void **state) {
 
 // Two masses on springs. The second spring joins them, and x2 is its extension. The names of
 // variables carry no information; the units and the data do.
-static const char scene_text[] = "scene: pair\n"
-                                 "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 2}\n"
-                                 "subsystems:\n"
-                                 "  first:\n"
-                                 "    weights: first.h5\n"
-                                 "    state:\n"
-                                 "      u: {unit: kg m/s, columns: [p1]}\n"
-                                 "      v: {unit: m, columns: [x1]}\n"
-                                 "      w: {unit: J/K, columns: [s1]}\n"
-                                 "  second:\n"
-                                 "    weights: second.h5\n"
-                                 "    state:\n"
-                                 "      v: {unit: m, columns: [x2]}\n"
-                                 "      u: {unit: kg m/s, columns: [p2]}\n"
-                                 "      w: {unit: J/K, columns: [s2]}\n"
-                                 "ports:\n"
-                                 "  joint:\n"
-                                 "    law: bracket\n"
-                                 "    between: [first, second]\n"
-                                 "    expose: {first: [u, v, w], second: [u, v, w]}\n"
-                                 "    weights: joint.h5\n";
+#define PAIR(length, entropy)                                     \
+    "scene: pair\n"                                               \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 2}\n" \
+    "subsystems:\n"                                               \
+    "  first:\n"                                                  \
+    "    weights: first.h5\n"                                     \
+    "    state:\n"                                                \
+    "      u: {unit: kg m/s, columns: [p1]}\n"                    \
+    "      v: {unit: " length ", columns: [x1]}\n"                \
+    "      w: {unit: J/K, columns: [s1]}\n"                       \
+    "  second:\n"                                                 \
+    "    weights: second.h5\n"                                    \
+    "    state:\n"                                                \
+    "      v: {unit: " length ", columns: [x2]}\n"                \
+    "      u: {unit: kg m/s, columns: [p2]}\n"                    \
+    "      w: {unit: " entropy ", columns: [s2]}\n"               \
+    "ports:\n"                                                    \
+    "  joint:\n"                                                  \
+    "    law: bracket\n"                                          \
+    "    between: [first, second]\n"                              \
+    "    expose: {first: [u, v, w], second: [u, v, w]}\n"         \
+    "    weights: joint.h5\n"
+
+static const char scene_text[] = PAIR("m", "J/K");
 
 static pm_dataset *make_data(void) {
     static const char *const column[] = {"x1", "p1", "s1", "x2", "p2", "s2"};
@@ -165,38 +192,144 @@ static void assert_says(const char *text, const char *expected) {
     }
 }
 
+#define MOST_TEXT 16384
+
+// Proposes a training file for the dataset and returns its text.
+static void propose(const char *scene_of_text, const pm_dataset *d, char text[MOST_TEXT]) {
+    char path[] = "/tmp/test_proposeXXXXXX";
+    const int id = mkstemp(path);
+    assert_true(id >= 0);
+    close(id);
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, scene_of_text, "pair.yaml"), PM_OK);
+    const pm_proposal p = {scene, d, "pair.yaml", "data.h5", PM_HARD};
+    assert_int_equal(pm_propose(&p, path), PM_OK);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    text[fread(text, 1, MOST_TEXT - 1, file)] = '\0';
+    fclose(file);
+    remove(path);
+    pm_scene_free(scene);
+}
+
 static void a_proposal_names_them(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    pm_dataset *d = make_data();
+    propose(scene_text, d, text);
+    assert_says(text, "given: [[v, u, 1.0]]");
+    assert_says(text, "given: [[a.u, b.v, 1.0]]");
+    assert_says(text, "entropy: {given: [w]}");
+    assert_says(text, "acts_on: [u, w], rank: 1, strength: {features: [u, v, w], hidden: [6]}");
+    assert_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 3");
+    assert_says(text, "strength: {features: [a.u, a.v, a.w, b.v, b.u, b.w], hidden: [6]}");
+    assert_says(text, "stages:");
+    pm_dataset_free(d);
+}
+
+// Lengths in mm and entropies in kJ/K: coefficients carry the factors of the units.
+static void units_with_prefixes_give_coefficients(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    static const double factor[6] = {1e3, 1, 1, 1e3, 1, 1e-3};
+    pm_dataset *d = make_data();
+    for (int i = 0; i < d->ntrajectory * d->ntime * 6; ++i) {
+        d->z[i] *= factor[i % 6];
+    }
+    propose(PAIR("mm", "kJ/K"), d, text);
+    assert_says(text, "given: [[v, u, 1000.0]]");
+    assert_says(text, "given: [[a.u, b.v, 1000.0]]");
+    assert_says(text, "entropy: {given: [w]}");
+    assert_says(text, "entropy: {given: {w: 1000.0}}");
+    pm_dataset_free(d);
+}
+
+// A body with a rotor: the momentum of the rotor is a part of that of the body, so that the energy
+// depends on both together.
+static void a_rotor_shares_the_energy_of_its_body(void **state) {
+    (void)state;
+    static const char *const column[] = {"Mx", "My", "Mz", "h", "s"};
+    static const char body[] = "scene: body\n"
+                               "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
+                               "subsystems:\n"
+                               "  body:\n"
+                               "    weights: body.h5\n"
+                               "    state:\n"
+                               "      M: {unit: N m s, columns: [Mx, My, Mz]}\n"
+                               "      h: {unit: N m s, columns: [h]}\n"
+                               "      s: {unit: J/K, columns: [s]}\n";
+    char text[MOST_TEXT];
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 2, 50, 5, 0.1, column), PM_OK);
+    for (int i = 0; i < 5 * 100; ++i) {
+        d->z[i] = sin(0.37 * i + i % 5);
+    }
+    propose(body, d, text);
+    assert_says(text, "{features: [M, h], hidden");
+    assert_says(text, "given: [[M, M, cross]]");
+    pm_dataset_free(d);
+}
+
+// Two species react, so that the rate of one follows the amount of the other. Amounts keep their
+// signs when time runs backwards: nothing couples them without loss.
+static void amounts_are_not_coupled_without_loss(void **state) {
+    (void)state;
+    static const char *const column[] = {"A", "B", "s"};
+    static const char cell[] = "scene: cell\n"
+                               "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
+                               "subsystems:\n"
+                               "  cell:\n"
+                               "    weights: cell.h5\n"
+                               "    state:\n"
+                               "      A: {unit: mol, columns: [A]}\n"
+                               "      B: {unit: mol, columns: [B]}\n"
+                               "      s: {unit: J/K, columns: [s]}\n";
+    char text[MOST_TEXT];
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 2, 50, 3, 0.1, column), PM_OK);
+    for (int i = 0; i < 3 * 100; ++i) {
+        d->z[i] = 1 + exp(-0.01 * i) * (i % 3 == 0 ? 1 : -0.5);
+    }
+    propose(cell, d, text);
+    assert_says(text, "irreversible: {learned: {acts_on: [A, B, s]");
+    assert_null(strstr(text, "    reversible"));
+    pm_dataset_free(d);
+}
+
+// The scene of a black box has one subsystem with the groups and columns of all.
+static void a_scene_of_one_has_all_groups(void **state) {
     (void)state;
     char path[] = "/tmp/test_proposeXXXXXX";
     const int id = mkstemp(path);
     assert_true(id >= 0);
-    pm_scene *scene = NULL;
-    pm_dataset *d = make_data();
+    close(id);
+    pm_scene *scene = NULL, *one = NULL;
     assert_int_equal(pm_scene_parse(&scene, scene_text, "pair.yaml"), PM_OK);
-    const pm_proposal p = {scene, d, "pair.yaml", "data.h5", PM_HARD};
-    assert_int_equal(pm_propose(&p, path), PM_OK);
-    FILE *file = fopen(path, "r");
-    char text[16384];
-    text[fread(text, 1, sizeof text - 1, file)] = '\0';
-    fclose(file);
+    assert_true(pm_propose_fits_one(scene));
+    assert_int_equal(pm_propose_scene_of_one(scene, path), PM_OK);
+    assert_int_equal(pm_scene_load(&one, path), PM_OK);
     remove(path);
-    assert_says(text, "given: [[v, u, 1.0]]");
-    assert_says(text, "given: [[a.u, b.v, 1.0]]");
-    assert_says(text, "entropy: {given: [w]}");
-    assert_says(text, "acts_on: [u, w], rank: 1");
-    assert_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 3");
-    assert_says(text, "stages:");
-    pm_dataset_free(d);
+    assert_int_equal(one->nsubsystem, 1);
+    assert_int_equal(one->nport, 0);
+    assert_int_equal(one->nz, scene->nz);
+    assert_string_equal(one->subsystem[0].layout.group[4].name, "second_u");
+    assert_string_equal(one->subsystem[0].column[4], "p2");
+    pm_scene_free(one);
     pm_scene_free(scene);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(units_are_powers_of_base_units),
+        cmocka_unit_test(prefixes_are_factors),
         cmocka_unit_test(every_fifth_is_kept_back),
         cmocka_unit_test(a_dataset_is_sorted_by_the_choice),
         cmocka_unit_test(data_say_what_moves_with_what),
         cmocka_unit_test(a_proposal_names_them),
+        cmocka_unit_test(units_with_prefixes_give_coefficients),
+        cmocka_unit_test(a_rotor_shares_the_energy_of_its_body),
+        cmocka_unit_test(amounts_are_not_coupled_without_loss),
+        cmocka_unit_test(a_scene_of_one_has_all_groups),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -23,8 +23,10 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
          "use only these trajectories, such as 0:40 or 0:4,7"},
         {"--validation", NULL, "LIST", NULL, &a->validation, false,
          "keep these back for validation, or none; default: every fifth"},
+        {"--seed", NULL, "N", NULL, &a->seed, false,
+         "of the first weights and all batches, instead of the one in CONFIG"},
         {"--black-box", NULL, NULL, &a->black_box, NULL, false,
-         "also train a model without structure for the same time"},
+         "also train a model without structure for the same CPU time"},
         {"--resume", NULL, NULL, &a->resume, NULL, false,
          "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
     };
@@ -77,7 +79,7 @@ static pm_status train(pm_fit *f, const pm_fit_arguments *a, const volatile sig_
     return pm_fit_save(f, loud);
 }
 
-// Trains a model without structure (form free) for the same scene on the same data for the same
+// Trains a model without structure (form free) for the same scene on the same data for the same CPU
 // time, and measures it on the validation part.
 static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
                                  pm_measure *measure) {
@@ -96,7 +98,7 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
         .output = folder,
         .trajectories = f->split.training,
         .validation = f->split.nvalidation > 0 ? f->split.validation : "none",
-        .limit = f->position[PM_FIT_SECONDS],
+        .limit = pm_fit_processor_time(f),
     };
     snprintf(a.line, sizeof a.line, "%s", f->arguments->line);
     pm_fit box;

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "base/digest.h"
 #include "base/options.h"
@@ -22,11 +23,15 @@
 // The difference between the seeds of two attempts.
 #define SEED_STRIDE 7000003
 
+double pm_fit_processor_time(const pm_fit *f) {
+    return (double)clock() / CLOCKS_PER_SEC - f->processor;
+}
+
 // --- reports from optimisers ---
 
 static bool is_over(pm_fit *f) {
     const double limit = f->arguments->limit;
-    f->expired = limit > 0 && f->position[PM_FIT_SECONDS] + pm_clock() - f->saved > limit;
+    f->expired = limit > 0 && pm_fit_processor_time(f) > limit;
     return f->expired;
 }
 
@@ -341,10 +346,23 @@ static void print_head(const pm_fit *f) {
     fflush(stdout);
 }
 
+static pm_status replace_seed(pm_training *training, const char *text) {
+    int64_t seed = 0;
+    if (text == NULL) {
+        return PM_OK;
+    }
+    PM_TRY(pm_options_count("--seed", text, INT32_MAX, &seed));
+    training->seed = (uint64_t)seed;
+    training->digest = pm_digest_integer(training->digest, seed);
+    return PM_OK;
+}
+
 pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
                       const volatile sig_atomic_t *stop) {
     *f = (pm_fit){.arguments = arguments, .stop = stop};
+    f->processor = pm_fit_processor_time(f);
     PM_TRY(pm_training_load(&f->training, arguments->config));
+    PM_TRY(replace_seed(f->training, arguments->seed));
     PM_TRY(pm_fit_check_names(f->training->scene));
     PM_TRY(load_data(f));
     PM_TRY(pm_options_folder(arguments->output));

@@ -15,8 +15,9 @@
 typedef struct pm_fit_arguments {
     const char *config, *data, *output, *trajectories, *validation;
     const char *data_set; // name of the dataset of measurements; NULL: as the training file says
+    const char *seed;     // of first weights and batches; NULL: as the training file says
     bool resume, black_box;
-    double limit;    // s of training, after which the fit ends with the weights it has; 0: none
+    double limit;    // s of CPU time, after which the fit ends with the weights it has; 0: none
     char line[1024]; // the whole command, for the weights files
 } pm_fit_arguments;
 
@@ -59,6 +60,7 @@ typedef struct pm_fit {
     double saved;     // s, monotonic clock, at the last checkpoint
     double loss;      // as last reported
     double validated; // s of wall time that validation took
+    double processor; // s of CPU time of the process at the beginning of the fit
     bool expired;     // the time limit is over
     int nrow, nscore; // rows of fit.csv, and rows that have a validation
     FILE *curves;     // fit.csv
@@ -76,6 +78,8 @@ pm_status pm_fit_open(pm_fit *fit, const pm_fit_arguments *arguments,
 // becomes nonzero; PM_ENUMERIC if the loss is not finite.
 pm_status pm_fit_run(pm_fit *fit);
 void pm_fit_close(pm_fit *fit);
+// Returns the CPU time that the fit has taken in this process, in s.
+double pm_fit_processor_time(const pm_fit *fit);
 
 // --- learn/fit_save.c: checkpoints and weights files ---
 

@@ -10,6 +10,8 @@
 // resolves its dynamics.
 #define FINE 0.25
 #define RESOLVED 0.5
+// The most iterations on derivatives. A stage ends sooner when it makes no more progress.
+#define DERIVATIVE_ITERATIONS 240
 
 static void write_head(const pm_draft *d) {
     FILE *f = d->file;
@@ -62,8 +64,8 @@ static void write_stages(const pm_draft *d) {
                 "further,\n# then to single steps.\n",
           f);
     fprintf(f, "loss: {residual: step}\nstages:\n");
-    fprintf(f,
-            "  - {optimiser: gauss_newton, iterations: 80, batch: 8192, residual: derivative}\n");
+    fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: 8192, residual: derivative}\n",
+            DERIVATIVE_ITERATIONS);
     fprintf(
         f, "  - {optimiser: gauss_newton, iterations: 15, batch: 4096, substeps: %d, robust: 20}\n",
         substeps_for(d, FINE));

@@ -24,4 +24,12 @@ pm_status pm_propose(const pm_proposal *proposal, const char *path);
 // the forms soft and free have. PM_EFILE.
 pm_status pm_propose_scene(const char *from, const char *path);
 
+// Returns true if one subsystem can have all groups of the scene: there are no boundary inputs and
+// not too many groups.
+bool pm_propose_fits_one(const pm_scene *scene);
+// Writes a scene to `path` that has the columns and the steps of `scene`, but a single subsystem
+// without ports. Its groups are those of all subsystems in their order, called
+// "<subsystem>_<group>". A model of the form free for it is limited by no port. PM_EFILE.
+pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path);
+
 #endif

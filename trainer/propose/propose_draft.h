@@ -21,6 +21,11 @@ const char *pm_draft_name(const pm_part_view *part, int group);
 // Returns true if friction, relaxation or leakage may act on the group.
 bool pm_draft_may_lose(const pm_part_view *part, int group);
 
+// Writes a coefficient, with a point also where it is a whole number.
+void pm_draft_number(FILE *file, double number);
+// Writes the coefficient of a lossless pair, which is given in SI units, in those of its variables.
+void pm_draft_coefficient(FILE *file, double coefficient, const pm_unit *a, const pm_unit *b);
+
 // Writes a list of names in brackets: _open writes `before` and the opening bracket, _add writes
 // `before` and `name`, after a comma where needed. The caller writes the closing bracket.
 typedef struct pm_draft_list {
@@ -30,7 +35,20 @@ typedef struct pm_draft_list {
 pm_draft_list pm_draft_open(FILE *file, const char *before);
 void pm_draft_add(pm_draft_list *list, const char *before, const char *name);
 
+<<<<<<< HEAD
 // These functions write the model of a subsystem, and of a port, under the key `models`.
+=======
+// Adds those groups of a subsystem that change in the data to a list of features, with `before` in
+// front of their names. With `shown` only the groups are added that this layout has. Returns the
+// number of inputs that they make.
+int pm_draft_add_features(const pm_draft *draft, pm_draft_list *list, const pm_part_view *part,
+                          const char *before, const pm_layout *shown);
+// Writes ", strength: {...}" up to its features, which the caller adds, and its end.
+pm_draft_list pm_draft_open_strength(const pm_draft *draft);
+void pm_draft_close_strength(const pm_draft *draft);
+
+// Write the model of a subsystem, and of a port, under the key `models`.
+>>>>>>> ab52d55 (wip)
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
 

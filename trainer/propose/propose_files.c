@@ -46,6 +46,18 @@ done:
     return status;
 }
 
+// The form free has all groups in one subsystem where that is possible. Otherwise the scene keeps
+// its subsystems, and its ports have the law exchange.
+static pm_status write_other_scene(const char *from, pm_form form, const char *path) {
+    pm_scene *scene = NULL;
+    PM_TRY(pm_scene_load(&scene, from));
+    const pm_status status = form == PM_FREE && pm_propose_fits_one(scene)
+                                 ? pm_propose_scene_of_one(scene, path)
+                                 : pm_propose_scene(from, path);
+    pm_scene_free(scene);
+    return status;
+}
+
 pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output) {
     if (form == PM_HARD) {
         return write_proposal(scene, data, form, output);
@@ -56,7 +68,7 @@ pm_status pm_propose_files(const char *scene, const char *data, pm_form form, co
     if (length >= (int)sizeof exchange) {
         return pm_fail(PM_EUSAGE, "%s: the path is too long", output);
     }
-    PM_TRY(pm_propose_scene(scene, exchange));
+    PM_TRY(write_other_scene(scene, form, exchange));
     printf("wrote %s\n", exchange);
     return write_proposal(exchange, data, form, output);
 }

@@ -1,6 +1,12 @@
 // Writes the model of a subsystem in a proposed training file: comments on its variables, energy,
 // entropy and both operators.
+#include <math.h>
+
+#include "model/feature.h"
 #include "propose/propose_draft.h"
+
+#define STRENGTH_WIDTH 6 // hidden units of the strengths of dissipative processes
+#define HEAT_WIDTH 6     // and of the dependence of heat on other variables
 
 const char *pm_draft_name(const pm_part_view *v, int g) {
     return v->group[g].group->name;
@@ -28,6 +34,17 @@ void pm_draft_add(pm_draft_list *l, const char *before, const char *name) {
 
 static void add_quoted(pm_draft_list *l, const char *before, const char *name, const char *after) {
     fprintf(l->file, "%s\"%s%s%s\"", l->count++ > 0 ? ", " : "", before, name, after);
+}
+
+// --- numbers ---
+
+void pm_draft_number(FILE *file, double number) {
+    const bool whole = number == round(number) && fabs(number) < 1e9;
+    fprintf(file, whole ? "%.1f" : "%.17g", number);
+}
+
+void pm_draft_coefficient(FILE *file, double coefficient, const pm_unit *a, const pm_unit *b) {
+    pm_draft_number(file, coefficient * pm_view_coefficient_unit(a, b));
 }
 
 // --- comments ---
@@ -84,14 +101,38 @@ static void add_entropies(pm_draft_list *l, const pm_part_view *v, bool changing
 
 // Adds a group as a feature: the length of a vector if nothing depends on directions, the logarithm
 // of a volume as in the entropy of gases, else the group itself.
-static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v, int g) {
+static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
+                        const char *before, int g) {
     const pm_unit volume = pm_unit_parse("m^3");
     const bool length = d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0;
     if (length || (v->group[g].positive && pm_unit_equal(&v->unit[g], &volume))) {
-        add_quoted(l, length && v->group[g].zero ? "|" : "ln|", pm_draft_name(v, g), "|");
+        char name[2 * PM_MAX_NAME];
+        snprintf(name, sizeof name, "%s%s", before, pm_draft_name(v, g));
+        add_quoted(l, length && v->group[g].zero ? "|" : "ln|", name, "|");
     } else {
-        pm_draft_add(l, "", pm_draft_name(v, g));
+        pm_draft_add(l, before, pm_draft_name(v, g));
     }
+}
+
+int pm_draft_add_features(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
+                          const char *before, const pm_layout *shown) {
+    int inputs = 0;
+    for (int g = 0; g < v->count; ++g) {
+        const bool seen = shown == NULL || pm_layout_find(shown, pm_draft_name(v, g)) != NULL;
+        if (seen && !v->group[g].constant) {
+            add_feature(d, l, v, before, g);
+            inputs += d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size;
+        }
+    }
+    return inputs;
+}
+
+pm_draft_list pm_draft_open_strength(const pm_draft *d) {
+    return pm_draft_open(d->file, ", strength: {features: ");
+}
+
+void pm_draft_close_strength(const pm_draft *d) {
+    fprintf(d->file, "], hidden: [%d]}", STRENGTH_WIDTH);
 }
 
 // Returns the hidden layers for a number of inputs. Networks that are too large train slowly.
@@ -99,11 +140,23 @@ static const char *hidden_of(int inputs) {
     return inputs == 1 ? "[8, 8]" : inputs <= 3 ? "[12, 12]" : "[16, 16]";
 }
 
+// Returns true if the subsystem has variables without a role, such as the angular momentum of a
+// rotor in a body, on which the energy of rotation may depend.
+static bool moves_spin(const pm_part_view *v) {
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant) {
+            return true;
+        }
+    }
+    return false;
+}
+
 // Writes the terms of the energy that depend on one group alone, and marks these groups in done
 // [count].
 static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
+    const bool alone = !moves_spin(v);
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_SPIN) { // rotation alone does not warm a body
+        if (v->kind[g] == PM_VIEW_SPIN && alone) { // rotation alone does not warm a body
             done[g] = true;
             fprintf(d->file, "      - {features: [%s], hidden: [8], skip: quadratic}\n",
                     pm_draft_name(v, g));
@@ -135,15 +188,20 @@ static int count_rest(const pm_part_view *v, const bool *done) {
 static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, const bool *done) {
     pm_draft_list l = pm_draft_open(d->file, "      - {features: ");
     for (int g = 0; g < v->count; ++g) {
-        if (is_state(v, g) && !done[g]) {
-            add_feature(d, &l, v, g);
+        if (is_state(v, g) && !done[g] && v->kind[g] != PM_VIEW_SPIN) {
+            add_feature(d, &l, v, "", g);
         }
     }
     const bool coupled = l.count > 0;
     pm_draft_add(&l, "", pm_draft_name(v, entropy));
-    fprintf(d->file, coupled ? "], skip: quadratic}   # heat, and its dependence on the rest: "
-                               "temperatures are positive\n"
-                             : "]}   # heat: temperatures are positive by construction\n");
+    if (coupled) {
+        fprintf(d->file,
+                "], hidden: [%d], skip: quadratic}   # heat, and its dependence on the rest: "
+                "temperatures are positive\n",
+                HEAT_WIDTH);
+    } else {
+        fprintf(d->file, "]}   # heat: temperatures are positive by construction\n");
+    }
 }
 
 static void write_energy(const pm_draft *d, const pm_part_view *v) {
@@ -157,7 +215,7 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         pm_draft_list l = pm_draft_open(f, "      - {features: ");
         for (int g = 0; g < v->count; ++g) {
             if (is_state(v, g) && !done[g]) {
-                add_feature(d, &l, v, g);
+                add_feature(d, &l, v, "", g);
                 inputs += d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size;
             }
         }
@@ -179,11 +237,32 @@ static bool has_heat(const pm_part_view *v) {
     return false;
 }
 
+// Writes S as the sum of the entropies, with coefficients where they are not in J/K.
+static void write_given_entropy(FILE *f, const pm_part_view *v) {
+    bool scaled = false;
+    for (int g = 0; g < v->count; ++g) {
+        scaled = scaled || (v->kind[g] == PM_VIEW_ENTROPY &&
+                            (v->unit[g].factor < 1 || v->unit[g].factor > 1));
+    }
+    if (!scaled) {
+        pm_draft_list l = pm_draft_open(f, "    entropy: {given: ");
+        add_entropies(&l, v, false);
+        fprintf(f, "]}\n");
+        return;
+    }
+    fprintf(f, "    entropy: {given: {");
+    for (int g = 0, n = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_ENTROPY) {
+            fprintf(f, "%s%s: ", n++ > 0 ? ", " : "", pm_draft_name(v, g));
+            pm_draft_number(f, v->unit[g].factor);
+        }
+    }
+    fprintf(f, "}}\n");
+}
+
 static void write_entropy(const pm_draft *d, const pm_part_view *v) {
     if (v->nentropy > 0) {
-        pm_draft_list l = pm_draft_open(d->file, "    entropy: {given: ");
-        add_entropies(&l, v, false);
-        fprintf(d->file, "]}\n");
+        write_given_entropy(d->file, v);
     } else if (has_heat(v)) {
         pm_draft_list l = pm_draft_open(d->file, "    entropy:\n      - {features: ");
         for (int g = 0; g < v->count; ++g) {
@@ -204,25 +283,41 @@ static bool is_coupled(const pm_part_view *v, int g) {
     return (v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant) || v->gyroscopic[g];
 }
 
+// Writes L = m x. In other units than kg m^2/s the cross product has a factor.
+static void write_spin(FILE *f, const char *before, const char *name, const pm_unit *unit) {
+    const bool scaled = unit->factor < 1 || unit->factor > 1;
+    if (!scaled) {
+        fprintf(f, "%s[%s, %s, cross]", before, name, name);
+    }
+    for (int c = 0; c < 3 && scaled; ++c) {
+        fprintf(f, "%s[\"%s[%d]\", \"%s[%d]\", \"-%.17g*%s[%d]\"]", c == 0 ? before : ", ", name, c,
+                name, (c + 1) % 3, 1 / unit->factor, name, (c + 2) % 3);
+    }
+}
+
 static void write_reversible(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
     int given = 0, others = 0;
+    bool odd = false;
     for (int g = 0; g < v->count; ++g) {
         const char *name = pm_draft_name(v, g), *before = given > 0 ? ", " : "given: [";
         if (given == 0 && (v->kind[g] == PM_VIEW_POSITION || v->kind[g] == PM_VIEW_SPIN)) {
             fprintf(f, "    reversible:\n      ");
         }
         if (v->kind[g] == PM_VIEW_POSITION) {
-            fprintf(f, "%s[%s, %s, %.1f]", before, name, pm_draft_name(v, v->mate[g]), v->sign[g]);
+            fprintf(f, "%s[%s, %s, ", before, name, pm_draft_name(v, v->mate[g]));
+            pm_draft_coefficient(f, v->sign[g], &v->unit[g], &v->unit[v->mate[g]]);
+            fputc(']', f);
             ++given;
         } else if (v->kind[g] == PM_VIEW_SPIN) {
-            fprintf(f, "%s[%s, %s, cross]", before, name, name);
+            write_spin(f, before, name, &v->unit[g]);
             ++given;
         }
         others += is_coupled(v, g) ? v->group[g].group->size : 0;
+        odd = odd || (is_coupled(v, g) && v->odd[g]);
     }
     fprintf(f, given > 0 ? "]\n" : "");
-    if (others < 2) {
+    if (others < 2 || !odd) { // such as the amounts of two species
         return;
     }
     pm_draft_list l = pm_draft_open(f, given > 0 ? "      learned: {acts_on: "
@@ -257,8 +352,13 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
         }
     }
     add_entropies(&l, v, true);
-    fprintf(d->file, "], rank: %d}}", rank);
-    fprintf(d->file, "   # one constant for each dissipative process\n");
+    fprintf(d->file, "], rank: %d", rank);
+    if (d->p->form == PM_HARD && heats > 0) {
+        l = pm_draft_open_strength(d);
+        pm_draft_add_features(d, &l, v, "", NULL);
+        pm_draft_close_strength(d);
+    }
+    fprintf(d->file, "}}   # dissipative processes, whose strengths may vary with the state\n");
 }
 
 void pm_draft_part(const pm_draft *d, const pm_part_view *v) {

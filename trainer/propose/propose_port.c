@@ -52,11 +52,12 @@ static void write_given_pairs(FILE *f, const pm_part_view *a, const pm_part_view
     for (int i = 0, n = 0; i < view->count; ++i) {
         const pm_pair_view *p = &view->pair[i];
         if (p->coefficient != 0) {
-            fprintf(f, p->momentum_first ? "%s[a.%s, b.%s, %.1f]" : "%s[b.%s, a.%s, %.1f]",
+            fprintf(f, p->momentum_first ? "%s[a.%s, b.%s, " : "%s[b.%s, a.%s, ",
                     n++ > 0 ? ", " : "",
                     p->momentum_first ? pm_draft_name(a, p->a) : pm_draft_name(b, p->b),
-                    p->momentum_first ? pm_draft_name(b, p->b) : pm_draft_name(a, p->a),
-                    p->coefficient);
+                    p->momentum_first ? pm_draft_name(b, p->b) : pm_draft_name(a, p->a));
+            pm_draft_coefficient(f, p->coefficient, &a->unit[p->a], &b->unit[p->b]);
+            fputc(']', f);
         }
     }
     fprintf(f, "]\n");
@@ -150,6 +151,20 @@ static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *
     return !is_entropy_unit(group) && has_coentropy(d, port, end, group);
 }
 
+// Writes the strengths of the processes as functions of what both ends expose. A boundary input is
+// no feature.
+static void write_strength(const pm_draft *d, int port) {
+    const pm_scene_port *scene = &d->p->scene->port[port];
+    pm_draft_list l = pm_draft_open_strength(d);
+    for (int end = 0; end < 2; ++end) {
+        if (scene->subsystem[end] >= 0) {
+            pm_draft_add_features(d, &l, &d->part[scene->subsystem[end]], ends[end],
+                                  shown(d, port, end));
+        }
+    }
+    pm_draft_close_strength(d);
+}
+
 static void write_port_irreversible(const pm_draft *d, int port) {
     FILE *f = d->file;
     int lossy[2] = {0}, heats = 0;
@@ -193,6 +208,8 @@ static void write_port_irreversible(const pm_draft *d, int port) {
             }
         }
         fprintf(f, "], hidden: [4]");
+    } else {
+        write_strength(d, port);
     }
     fprintf(f, "}}   # %s%s\n", both > 0 ? "friction between the ends" : "",
             heats < 2  ? ""

@@ -74,17 +74,30 @@ static double explain_by_mate(const pm_look *look, const pm_part_view *parts, in
     return rest;
 }
 
+static bool is_length(const pm_unit *unit) {
+    bool only = unit->known;
+    for (int k = 0; k < PM_UNIT_BASES; ++k) {
+        only = only && (k == PM_UNIT_M || unit->power[k] == 0);
+    }
+    return only;
+}
+
 // A conjugate pair. Its position is the variable whose rate the other one explains better.
 typedef struct pairing {
     int position, momentum;
     double rest, own; // unexplained fraction; coefficient of the mate
 } pairing;
 
+// One of two variables that is a length or an angle is the position, for which it need not be
+// easier to explain: velocities of coupled bodies depend on positions, too.
 static pairing try_pair(const pm_look *look, const pm_part_view *parts, int part, int a, int b) {
     double of_a, of_b;
     const double rest_a = explain_by_mate(look, parts, part, a, b, &of_a);
     const double rest_b = explain_by_mate(look, parts, part, b, a, &of_b);
-    return rest_a <= rest_b ? (pairing){a, b, rest_a, of_a} : (pairing){b, a, rest_b, of_b};
+    const bool length_a = is_length(&parts[part].unit[a]);
+    const bool length_b = is_length(&parts[part].unit[b]);
+    const bool first = length_a != length_b ? length_a : rest_a <= rest_b;
+    return first ? (pairing){a, b, rest_a, of_a} : (pairing){b, a, rest_b, of_b};
 }
 
 // One component of a group as a group of its own.
@@ -192,14 +205,6 @@ static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
     }
 }
 
-static bool is_length(const pm_unit *unit) {
-    bool only = unit->known;
-    for (int k = 0; k < PM_UNIT_BASES; ++k) {
-        only = only && (k == PM_UNIT_M || unit->power[k] == 0);
-    }
-    return only;
-}
-
 // Friction does not act on lengths and angles with a conjugate variable, nor on lengths, areas and
 // volumes whose rate is proportional to another variable.
 static void find_geometric(const pm_look *look, pm_part_view *parts, int part) {
@@ -230,6 +235,8 @@ static void begin_part(const pm_look *look, int subsystem, pm_part_view *v) {
     for (int g = 0; g < v->count; ++g) {
         v->group[g] = pm_look_at(look, subsystem, g);
         v->unit[g] = pm_unit_parse(layout->group[g].unit);
+        v->odd[g] = !v->unit[g].known ||
+                    (v->unit[g].power[PM_UNIT_S] + v->unit[g].power[PM_UNIT_A]) % 2 != 0;
         v->mate[g] = -1;
         if (pm_unit_equal(&v->unit[g], &entropy)) {
             v->kind[g] = PM_VIEW_ENTROPY;
@@ -275,6 +282,10 @@ bool pm_view_rotates(const pm_look *look, const pm_part_view *parts) {
 
 // --- ports ---
 
+double pm_view_coefficient_unit(const pm_unit *a, const pm_unit *b) {
+    return 1 / (a->factor * b->factor);
+}
+
 // Returns how much more of the rate of `target` is explained when `source` is added to the
 // variables of its own subsystem, and writes the coefficients of `source` and of the mate.
 static double gain(const pm_look *look, const pm_part_view *own, int target,
@@ -317,7 +328,9 @@ static double whole_coefficient(const pm_look *look, const pm_part_view *carrier
     // The velocity per momentum of the neighbour itself, whatever else moves its position.
     const pm_look_group *source = &carrier->group[momentum];
     const double rest_home = pm_look_explain(look, &carrier->group[home], 1, source, &at_home);
-    const double c = at_home == 0 || rest_home > 0.5 ? 0 : -other / at_home * carrier->sign[home];
+    const double units = carried->unit[position].factor / carrier->unit[home].factor;
+    const double c =
+        at_home == 0 || rest_home > 0.5 ? 0 : -other / at_home * units * carrier->sign[home];
     const double whole = round(c);
     return fabs(c - whole) < NEAR_WHOLE && fabs(whole) == 1 ? whole : 0;
 }
@@ -325,8 +338,8 @@ static double whole_coefficient(const pm_look *look, const pm_part_view *carrier
 static void view_pair(const pm_look *look, const pm_part_view *a, int ga, const pm_part_view *b,
                       int gb, pm_port_view *view) {
     double c, mate, rest = 1;
-    if (pm_unit_equal(&a->unit[ga], &b->unit[gb])) {
-        return; // only friction couples variables with equal units
+    if (pm_unit_equal(&a->unit[ga], &b->unit[gb]) || !(a->odd[ga] || b->odd[gb])) {
+        return; // only dissipation couples variables with equal units, or two that are even
     }
     const double to_b = whole_coefficient(look, a, ga, b, gb);
     const double to_a = whole_coefficient(look, b, gb, a, ga);

@@ -24,13 +24,21 @@ typedef struct pm_part_view {
     pm_unit unit[PM_MAX_GROUPS];
     pm_view_kind kind[PM_MAX_GROUPS];
     int mate[PM_MAX_GROUPS];    // index of the conjugate group in this subsystem, or -1
-    double sign[PM_MAX_GROUPS]; // positions: dposition/dt = sign dE/dmomentum, 1 or -1
+    double sign[PM_MAX_GROUPS]; // positions: dposition/dt = sign dE/dmomentum in SI units, 1 or -1
     // Positions: momenta explain the rate linearly, but for 0.1 % of its variance.
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
     bool apart[PM_MAX_GROUPS];
+<<<<<<< HEAD
     // Momenta: two components drive each other with opposite coefficients, as in a magnetic field.
     bool gyroscopic[PM_MAX_GROUPS];
+=======
+    bool gyroscopic[PM_MAX_GROUPS]; // momenta: one component moves another, as in a magnetic field
+    // The sign changes when time runs backwards, as that of momenta and fluxes does: the unit has
+    // an odd power of s and A together. Without loss such a variable moves those that keep their
+    // sign.
+    bool odd[PM_MAX_GROUPS];
+>>>>>>> ab52d55 (wip)
     // Lengths, areas and volumes: the rate depends on other variables alone, so that friction does
     // not act on the group.
     bool geometric[PM_MAX_GROUPS];
@@ -41,7 +49,7 @@ typedef struct pm_pair_view {
     int a, b;            // indices of the groups in the subsystems at the two ends
     bool momentum_first; // true: momentum a moves position b; false: momentum b moves position a,
                          // or the direction is to be learned
-    double coefficient;  // 1 or -1; 0: to be learned
+    double coefficient;  // 1 or -1, in SI units; 0: to be learned
 } pm_pair_view;
 
 // The lossless couplings that a port may have.
@@ -56,6 +64,10 @@ void pm_view_parts(const pm_look *look, pm_part_view *view);
 // Writes the couplings of port number `port` to *view, which the caller owns. `parts` is the result
 // of pm_view_parts. A port with a boundary input has no couplings.
 void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_port_view *view);
+
+// Returns the factor by which a coefficient of a lossless pair in SI units becomes that of the
+// units of both variables.
+double pm_view_coefficient_unit(const pm_unit *a, const pm_unit *b);
 
 // Returns true if end `end` (0: a, 1: b) of port number `port` exposes the group `group`.
 bool pm_view_exposes(const pm_scene *scene, int port, int end, const char *group);
