@@ -20,8 +20,9 @@ typedef struct pm_observer {
     double started; // s of pm_clock
 } pm_observer;
 
-// Checks that the recording, if one is wanted, can be made and takes the place of no file that the
-// run reads and, unless the options say so, of no file but a recording. PM_EUSAGE, PM_EFILE.
+// Checks that the recording, if one is wanted, can be made. It must not replace a file that the run
+// reads. It may replace an older recording, and any other file only if the options allow it.
+// PM_EUSAGE, PM_EFILE.
 pm_status pm_observer_check_recording(const pm_setup *setup, const pm_run_options *options);
 
 // Opens an observer and checks its recording (pm_observer_check_recording). The recording is made

@@ -10,9 +10,10 @@
 // (lockstep/lockstep_node.h), or what opening the transport or the checkpoint returns.
 pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int process_id);
 
-// Coordinates the processes of the setup's scene, which somebody else starts, records and prints
-// the tables. Returns the result of the run (lockstep/lockstep_coordinator.h), or what opening the
-// recording, the transport or the checkpoint returns.
+// Coordinates the processes of the setup's scene, which the caller or a user has started. Writes
+// the recording, and prints the tables at the end. Returns the result of the run
+// (lockstep/lockstep_coordinator.h), or what opening the recording, the transport or the checkpoint
+// returns.
 pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options);
 
 #endif

@@ -16,9 +16,9 @@
 #include <stdbool.h>
 
 // The interval before the first request is at least SOONEST. It is at most FIRST, or more among
-// many processes: EACH for each process, PAIR for each pair of a sender and a receiver, but MOST.
-// If no request was needed in the last LATELY waits, the interval is the upper limit, because a
-// short timer costs the kernel as much as a message.
+// many processes: EACH for each process plus PAIR for each pair of a sender and a receiver, and
+// never more than MOST. If no request was needed in the last LATELY waits, the interval is the
+// upper limit, because a short timer costs the kernel as much as a message.
 #define PM_WAITING_SOONEST 0.0001 // s
 #define PM_WAITING_FIRST 0.002    // s
 #define PM_WAITING_EACH 0.0001    // s for each process

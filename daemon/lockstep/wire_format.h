@@ -18,18 +18,18 @@ typedef enum pm_wire_kind {
     PM_WIRE_I64,
     PM_WIRE_DOUBLE,
     PM_WIRE_COUNT,    // an int32_t that counts the elements of later arrays
-    PM_WIRE_COUNT_TO, // the same; the caller's count is the largest allowed
-    PM_WIRE_DOUBLES,  // an array; `count` is the offset of its PM_WIRE_COUNT
-    PM_WIRE_I64S,     // likewise
+    PM_WIRE_COUNT_TO, // a count, too; the caller sets it to the largest count that is accepted
+    PM_WIRE_DOUBLES,  // an array of double; `count` is the offset of its count in the struct
+    PM_WIRE_I64S,     // an array of int64_t; `count` is the offset of its count in the struct
     PM_WIRE_TEXT
 } pm_wire_kind;
 
 typedef struct pm_wire_field {
     pm_wire_kind kind;
-    size_t offset, count; // in the struct
+    size_t offset, count; // bytes from the beginning of the struct; `count` for arrays alone
 } pm_wire_field;
 
-#define PM_WIRE_FIELDS 27 // of the type that has most
+#define PM_WIRE_FIELDS 27 // the largest number of fields of a type
 
 typedef struct pm_wire_type {
     int64_t (*fingerprint)(void);
