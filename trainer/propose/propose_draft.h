@@ -35,9 +35,6 @@ typedef struct pm_draft_list {
 pm_draft_list pm_draft_open(FILE *file, const char *before);
 void pm_draft_add(pm_draft_list *list, const char *before, const char *name);
 
-<<<<<<< HEAD
-// These functions write the model of a subsystem, and of a port, under the key `models`.
-=======
 // Adds those groups of a subsystem that change in the data to a list of features, with `before` in
 // front of their names. With `shown` only the groups are added that this layout has. Returns the
 // number of inputs that they make.
@@ -47,8 +44,7 @@ int pm_draft_add_features(const pm_draft *draft, pm_draft_list *list, const pm_p
 pm_draft_list pm_draft_open_strength(const pm_draft *draft);
 void pm_draft_close_strength(const pm_draft *draft);
 
-// Write the model of a subsystem, and of a port, under the key `models`.
->>>>>>> ab52d55 (wip)
+// These functions write the model of a subsystem, and of a port, under the key `models`.
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
 

@@ -29,16 +29,12 @@ typedef struct pm_part_view {
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
     bool apart[PM_MAX_GROUPS];
-<<<<<<< HEAD
     // Momenta: two components drive each other with opposite coefficients, as in a magnetic field.
     bool gyroscopic[PM_MAX_GROUPS];
-=======
-    bool gyroscopic[PM_MAX_GROUPS]; // momenta: one component moves another, as in a magnetic field
     // The sign changes when time runs backwards, as that of momenta and fluxes does: the unit has
     // an odd power of s and A together. Without loss such a variable moves those that keep their
     // sign.
     bool odd[PM_MAX_GROUPS];
->>>>>>> ab52d55 (wip)
     // Lengths, areas and volumes: the rate depends on other variables alone, so that friction does
     // not act on the group.
     bool geometric[PM_MAX_GROUPS];
