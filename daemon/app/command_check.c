@@ -1,5 +1,6 @@
 // portmetd check: loads everything that a run would load, and describes it.
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -187,8 +188,8 @@ static bool is_used(const pm_scene *scene, int input_id) {
 static void print_boundary_input(const pm_scene *scene, int input_id) {
     static const char *const what[] = {"value", "dE", "dS"};
     const pm_scene_boundary_input *boundary_input = &scene->boundary_input[input_id];
-    printf("\nboundary input %s: numbers or columns of the reference%s\n", boundary_input->name,
-           is_used(scene, input_id) ? "" : "; no port ends at it");
+    printf("\nboundary input %s: numbers, columns of the reference or live values%s\n",
+           boundary_input->name, is_used(scene, input_id) ? "" : "; no port ends at it");
     for (int g = 0; g < boundary_input->layout.ngroup; ++g) {
         const pm_group *group = &boundary_input->layout.group[g];
         printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
@@ -199,6 +200,20 @@ static void print_boundary_input(const pm_scene *scene, int input_id) {
         }
         printf("\n");
     }
+}
+
+static void print_live_input(const pm_scene_live_input *input) {
+    printf("\nlive input on channel %s:", input->channel);
+    for (int i = 0; i < input->count; ++i) {
+        printf(" %s", input->name[i]);
+    }
+    printf("\n  %s", input->waits    ? "each step waits for the message of its number"
+                     : input->starts ? "the newest message holds; `start` until the first one"
+                                     : "the newest message holds; the run waits for the first one");
+    if (isfinite(input->age)) {
+        printf("; the run ends after %g s without a message", input->age);
+    }
+    printf("\n");
 }
 
 static void print_port(const pm_setup *setup, int i) {
@@ -306,6 +321,9 @@ static pm_status describe(const pm_setup *setup) {
     }
     for (int i = 0; i < setup->scene->nboundary_input; ++i) {
         print_boundary_input(setup->scene, i);
+    }
+    for (int i = 0; i < scene->nlive_input; ++i) {
+        print_live_input(&scene->live_input[i]);
     }
     for (int i = 0; i < scene->nport; ++i) {
         if (pm_stands_in_list(scene->nport, setup->system->port_owner, i)) {

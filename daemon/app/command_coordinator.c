@@ -23,9 +23,9 @@ static const pm_command command = {
         "initial\n"
         "state are refused by name. With --checkpoint it continues after a kill; remove\n"
         "the files in the folder when all processes have ended well.",
-    .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS |
-               PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT | PM_OPTION_GATE |
-               PM_OPTION_QUIET,
+    .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY | PM_OPTION_OVERWRITE |
+               PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
+               PM_OPTION_GATE | PM_OPTION_QUIET,
     .execute = execute,
 };
 

@@ -100,8 +100,9 @@ static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
     if (status == PM_OK) {
         status = pm_launch_wait(launch, END_GRACE);
     }
-    status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
-                                "a process each, over LCM");
+    status =
+        pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
+                           pm_lockstep_coordinator_pace(coordinator), "a process each, over LCM");
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_launch_close(launch);
@@ -131,12 +132,26 @@ static pm_status pass_gate(pm_gate *gate, const pm_lockstep_observer *tell, long
     return is_interrupted(observer) ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
 }
 
-static pm_status step_to_the_end(pm_local_run *run, pm_gate *gate,
+// Waits until the step with this number is due. PM_EINTERRUPTED.
+static pm_status keep_pace(const pm_pace *pace, const pm_observer *observer, long step) {
+    const double due = pm_pace_due(pace, step);
+    for (double now = pm_clock(); now < due && !is_interrupted(observer); now = pm_clock()) {
+        const double wait = due - now < WATCH_INTERVAL ? due - now : WATCH_INTERVAL;
+        const struct timespec pause = {0, (long)(1e9 * wait)};
+        nanosleep(&pause, NULL);
+    }
+    return is_interrupted(observer) ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
+}
+
+static pm_status step_to_the_end(pm_local_run *run, pm_gate *gate, pm_pace *pace,
                                  const pm_lockstep_observer *tell) {
     PM_TRY(tell->step(tell->context, &run->sample));
+    pm_pace_begin(pace, pm_clock());
     while (run->sample.step < run->setup->scene->steps) {
         PM_TRY(pass_gate(gate, tell, run->sample.step));
+        PM_TRY(keep_pace(pace, tell->context, run->sample.step));
         PM_TRY(pm_local_run_step(run));
+        pm_pace_note(pace, run->sample.step, pm_clock());
         PM_TRY(tell->step(tell->context, &run->sample));
     }
     return PM_OK;
@@ -146,11 +161,15 @@ static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     const pm_lockstep_observer tell = pm_observer_attach(observer, setup).observer;
     pm_local_run run = {0};
     pm_gate gate;
+    pm_pace pace = pm_pace_of(setup->scene);
     pm_status status;
+    if (setup->scene->nlive > 0 && setup->replay == NULL) {
+        return pm_fail(PM_EUSAGE, "run: live inputs arrive over LCM: --in-process needs --replay");
+    }
     PM_TRY_DONE(pm_gate_init(&gate, observer->options->gate));
     PM_TRY_DONE(pm_local_run_open(&run, setup));
-    status = step_to_the_end(&run, &gate, &tell);
-    status = pm_observer_finish(observer, status, &run.ledger, "in one process");
+    status = step_to_the_end(&run, &gate, &pace, &tell);
+    status = pm_observer_finish(observer, status, &run.ledger, &pace, "in one process");
 done:
     pm_local_run_close(&run);
     return status;
@@ -192,9 +211,9 @@ static const pm_command command = {
         "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
         "that is killed starts again and goes on, and the result has the same bits. If the whole\n"
         "run is interrupted, the same command continues it.",
-    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_OVERWRITE |
-               PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS | PM_OPTION_GATE |
-               PM_OPTION_QUIET,
+    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
+               PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
+               PM_OPTION_GATE | PM_OPTION_QUIET,
     .execute = execute,
 };
 

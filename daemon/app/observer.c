@@ -124,6 +124,8 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
         .session = observer->options->session,
         .want_state = observer->options->record != NULL || setup->reference != NULL,
         .gate = observer->options->gate,
+        .replay = setup->replay,
+        .replayed = setup->replayed,
         .observer = {.context = observer,
                      .step = observe,
                      .pause = tell_pause,
@@ -137,13 +139,14 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
 }
 
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
-                             const char *how) {
+                             const pm_pace *pace, const char *how) {
     pm_progress_finish(&observer->progress);
     pm_recording *recording = observer->recording;
     observer->recording = NULL;
     const pm_status closed = outlive(observer, pm_recording_close(recording));
     if (!observer->options->quiet && ledger->steps > 0) {
         pm_report_print(observer->report, ledger, how, pm_clock() - observer->started);
+        pm_report_print_pace(observer->report, pace);
     }
     return status != PM_OK ? status : closed;
 }

@@ -36,10 +36,11 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup);
 
 // Closes the recording after a run that ended with `status`, and prints the tables of the steps
-// done, unless --quiet. `how` names the transport for the tables. Returns `status`, or PM_EFILE if
+// done, unless --quiet. `pace` tells how the run kept its pace; `how` names the transport for the
+// tables. Returns `status`, or PM_EFILE if
 // the run succeeded but the recording cannot be completed.
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
-                             const char *how);
+                             const pm_pace *pace, const char *how);
 
 // Releases all memory of the observer. It may be called for a zeroed observer.
 void pm_observer_close(pm_observer *observer);

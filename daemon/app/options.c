@@ -32,6 +32,8 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
          text_option("--steps", "N", &given->steps, "compute N steps instead of the scene's")},
         {PM_OPTION_RECORD, text_option("--record", "FILE", &run->record,
                                        "write every state, flux and total to FILE (HDF5)")},
+        {PM_OPTION_REPLAY, text_option("--replay", "FILE", &run->replay,
+                                       "take the values of live inputs from the recording FILE")},
         {PM_OPTION_OVERWRITE,
          {.name = "--overwrite",
           .on = &run->overwrite,

@@ -12,7 +12,7 @@
 // The options that a subcommand was given. Text points into argv; text that was not given is NULL.
 typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
-    const char *weights, *url, *record, *checkpoint, *gate, *c_folder, *output;
+    const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
     int64_t steps;   // number of steps of the run; 0: as the scene says
     int64_t session; // number of the session to join or to open; 0: no session was given
     bool in_process, quiet, overwrite;
@@ -32,7 +32,8 @@ enum {
     PM_OPTION_GATE = 1 << 8,
     PM_OPTION_C = 1 << 9,
     PM_OPTION_OUTPUT = 1 << 10,
-    PM_OPTION_OVERWRITE = 1 << 11
+    PM_OPTION_OVERWRITE = 1 << 11,
+    PM_OPTION_REPLAY = 1 << 12
 };
 
 typedef struct pm_command {

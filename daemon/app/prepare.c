@@ -28,7 +28,8 @@ pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose 
     // steps.
     PM_TRY(pm_connect_check(scene));
     PM_TRY(override(scene, options));
-    return pm_setup_complete(setup, purpose);
+    PM_TRY(pm_setup_complete(setup, purpose));
+    return options->replay == NULL ? PM_OK : pm_setup_replay(setup, options->replay);
 }
 
 pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
@@ -42,6 +43,12 @@ pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, 
         return pm_fail(PM_ECONFIG,
                        "scene %s has a tolerance, and --checkpoint needs fixed substeps: a "
                        "restarted process could not repeat the substeps of earlier steps",
+                       setup->scene->name);
+    }
+    if (setup->scene->nlive > 0) {
+        return pm_fail(PM_ECONFIG,
+                       "scene %s has live inputs, and a process that restarts from a --checkpoint "
+                       "could not repeat earlier steps: they do not come again",
                        setup->scene->name);
     }
     if (mkdir(folder, 0777) != 0 && errno != EEXIST) {

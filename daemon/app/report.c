@@ -281,6 +281,14 @@ static const char *plural(int count) {
     return count == 1 ? "" : "s";
 }
 
+void pm_report_print_pace(const pm_report *report, const pm_pace *pace) {
+    if (pace->interval > 0) {
+        printf("Pace: %.6g simulated s per s; %lld of %ld steps ended after their deadline, by at "
+               "most %.3g s\n",
+               report->setup->scene->pace, (long long)pace->late, report->steps, pace->latest);
+    }
+}
+
 void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,
                      double seconds) {
     const pm_scene *scene = report->setup->scene;

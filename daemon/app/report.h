@@ -5,6 +5,7 @@
 
 #include "base/record.h"
 #include "library/setup.h"
+#include "lockstep/pace.h"
 #include "scene/recording.h"
 #include "sim/ledger.h"
 
@@ -26,5 +27,8 @@ void pm_report_record(pm_report *report, pm_record *record);
 // the program's start.
 void pm_report_print(const pm_report *report, const pm_ledger *ledger, const char *how,
                      double seconds);
+
+// Prints how the run kept its pace; nothing if the scene has none.
+void pm_report_print_pace(const pm_report *report, const pm_pace *pace);
 
 #endif

@@ -23,6 +23,7 @@ pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int proc
         .session = options->session,
         .alive = tell_alive,
         .boundary_input = &setup->boundary_input,
+        .live = setup->live,
     };
     pm_status status;
     PM_TRY_DONE(pm_prepare_checkpoint(setup, options, name, &node_options.checkpoint));
@@ -46,7 +47,7 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
-                                "over LCM");
+                                pm_lockstep_coordinator_pace(coordinator), "over LCM");
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
 done:
     pm_lockstep_coordinator_close(coordinator);

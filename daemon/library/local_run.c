@@ -1,8 +1,11 @@
 // Steps the monolithic system and books every step.
 #include "library/local_run.h"
 
+#include <string.h>
+
 static pm_status book(pm_local_run *run) {
     run->sample = *pm_monolithic_sample(run->monolithic);
+    run->sample.live = run->setup->live;
     return pm_ledger_book(&run->ledger, &run->sample);
 }
 
@@ -24,7 +27,24 @@ pm_status pm_local_run_start(pm_local_run *run, const double *z) {
     return book(run);
 }
 
+// Puts the values that are replayed in the next step in the place of the present ones.
+static pm_status take_live(const pm_local_run *run) {
+    const pm_setup *setup = run->setup;
+    const long step = run->sample.step;
+    const size_t n = (size_t)setup->scene->nlive;
+    if (setup->replay == NULL) {
+        return PM_OK;
+    }
+    if (step >= setup->replayed) {
+        return pm_fail(PM_EDATA, "%s: the recording that is replayed ends after step %lld",
+                       setup->replay_path, (long long)setup->replayed);
+    }
+    memcpy(setup->live, setup->replay + (size_t)step * n, n * sizeof *setup->live);
+    return PM_OK;
+}
+
 pm_status pm_local_run_step(pm_local_run *run) {
+    PM_TRY(take_live(run));
     PM_TRY(pm_monolithic_step(run->monolithic));
     return book(run);
 }

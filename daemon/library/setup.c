@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include "base/digest.h"
+#include "scene/live_replay.h"
 
 // Relative difference of two time steps that are meant to be equal; decimal fractions are rounded.
 #define TIME_TOLERANCE 1e-9
@@ -63,6 +64,21 @@ static pm_status find_initial(pm_setup *setup) {
     return PM_OK;
 }
 
+static pm_status start_live_inputs(pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    setup->live = pm_arena_array(&setup->arena, (size_t)scene->nlive, sizeof *setup->live);
+    if (setup->live == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", scene->path);
+    }
+    for (int i = 0; i < scene->nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->live_input[i];
+        memcpy(setup->live + input->first, input->start,
+               (size_t)input->count * sizeof *input->start);
+    }
+    setup->boundary_input.live = setup->live;
+    return PM_OK;
+}
+
 pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights) {
     *setup = (pm_setup){.scene = scene};
     return pm_system_load(&setup->system, scene, weights);
@@ -90,11 +106,17 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
         pm_boundary_input_follow(&setup->boundary_input, setup->reference,
                                  scene->reference_trajectory);
     }
+    PM_TRY(start_live_inputs(setup));
     PM_TRY(find_initial(setup));
     setup->system->digest =
         pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->nz);
     setup->system->digest = pm_boundary_input_digest(&setup->boundary_input, setup->system->digest);
     return PM_OK;
+}
+
+pm_status pm_setup_replay(pm_setup *setup, const char *path) {
+    setup->replay_path = path;
+    return pm_live_replay_load(path, setup->scene, &setup->arena, &setup->replay, &setup->replayed);
 }
 
 static bool is_same_file(const char *path, const struct stat *other) {
@@ -105,7 +127,7 @@ static bool is_same_file(const char *path, const struct stat *other) {
 
 const char *pm_setup_input(const pm_setup *setup, const char *path) {
     const pm_scene *scene = setup->scene;
-    const char *const own[] = {scene->path, scene->key_file, scene->reference};
+    const char *const own[] = {scene->path, scene->key_file, scene->reference, setup->replay_path};
     struct stat file;
     if (stat(path, &file) != 0) {
         return NULL;

@@ -21,6 +21,11 @@ typedef struct pm_setup {
     int stride;            // steps of the scene between two states of the reference
     // Values prescribed from outside; empty if the scene has no boundary inputs.
     pm_boundary_input boundary_input;
+    double *live; // [scene->nlive] the values of live inputs in the present step, at first `start`
+    // A recording from which the values of live inputs are taken; NULL: none.
+    const char *replay_path;
+    double *replay; // [replayed][scene->nlive] the values in each step
+    int64_t replayed;
     // [scene->nz] the state before the first step; NULL only for PM_TO_DESCRIBE, if a subsystem has
     // neither an `initial` nor a reference.
     double *initial;
@@ -41,6 +46,10 @@ pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights);
 // scene's. PM_ENOMEM. Otherwise fails as pm_dataset_load, pm_system_check_dataset, pm_columns_bind
 // and pm_boundary_input_bind do.
 pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose);
+// Reads the values that the live inputs of the scene had in the recording at `path`; a run of the
+// setup repeats them. `path` must outlive the setup. Fails as pm_live_replay_load does.
+pm_status pm_setup_replay(pm_setup *setup, const char *path);
+
 // Frees all parts of the setup, the scene included.
 void pm_setup_free(pm_setup *setup);
 

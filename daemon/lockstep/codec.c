@@ -28,11 +28,11 @@ static const pm_wire_type flux_type = {
 
 static const pm_wire_type tick_type = {
     __portmet_tick_t_get_hash,
-    12,
+    14,
     {F(I64, tick, session), F(I64, tick, instance), F(I64, tick, digest), F(I64, tick, granted),
      F(I64, tick, steps), F(DOUBLE, tick, t0), F(DOUBLE, tick, dt), F(I32, tick, substeps),
      F(BOOLEAN, tick, want_state), F(BOOLEAN, tick, open), F(COUNT_TO, tick, nanswer),
-     ARRAY(I64S, tick, answer, nanswer)},
+     ARRAY(I64S, tick, answer, nanswer), F(COUNT, tick, nlive), ARRAY(DOUBLES, tick, live, nlive)},
 };
 
 static const pm_wire_type report_type = {

@@ -18,10 +18,13 @@
 // STEPPING   reports of         every report of a step arrived   STEPPING   tick, ledger
 //            granted steps,     flux that shows progress         STEPPING   tick if it may grant
 //            or fluxes that     request for a tick               STEPPING   tick
-//            show progress      gate allows no further step      HELD       tell the observer
+//            show progress      no further step may be granted   HELD       tell the observer
 //                               every report of the last step    CLOSING    ledger
 // HELD       a larger number    gate file with a larger number   STEPPING   tick
-//            in the gate file   time to request (waiting.h)      HELD       tick, as a sign of life
+//            in the gate file;  every value of the next step     STEPPING   tick
+//            live inputs; the     has arrived
+//            clock              the next step is due             STEPPING   tick
+//                               time to request (waiting.h)      HELD       tick, as a sign of life
 // any of                        1 s passed                       the same   health
 // these                         hello that names another         the same   hello
 // three                           coordinator, or none
@@ -49,7 +52,9 @@
 #include "lockstep/endpoint.h"
 #include "lockstep/gate.h"
 #include "lockstep/health.h"
+#include "lockstep/live_inputs.h"
 #include "lockstep/lockstep_coordinator.h"
+#include "lockstep/pace.h"
 #include "lockstep/remote_process.h"
 #include "lockstep/report_window.h"
 #include "sim/step_controller.h"
@@ -81,7 +86,7 @@ struct pm_lockstep_coordinator {
     bool fluxes_requested;      // this wait has requested fluxes; it requests reports next
     double moved;               // s, when a process last made progress
     bool paused;                // the observer was told that the run pauses
-    bool held;                  // the gate holds the run after the step `completed`
+    bool held;                  // every granted step is complete, and no more can be granted
     bool tick_wanted;           // the next poll publishes a tick that answers a message
     double ticked_at;           // s, when the last tick was published
     bool hello_wanted;          // the next poll publishes a hello, since a process named another
@@ -94,6 +99,9 @@ struct pm_lockstep_coordinator {
     int nremote;
     pm_remote_process *remote; // [nremote]
     pm_gate gate;
+    pm_pace pace;
+    pm_live_inputs live;
+    double live_until; // s, when the observer is told that the run waits for a live input
     pm_report_window reports;
     pm_health health;
     pm_ledger ledger;
@@ -117,8 +125,9 @@ void pm_coordinator_check(pm_lockstep_coordinator *coordinator, pm_status status
 void pm_coordinator_close_run(pm_lockstep_coordinator *coordinator);
 
 // Returns the number of steps that may be granted when the reports of the first `complete` steps
-// have arrived. It is at most `complete` plus the lookahead and at most the number that the gate
-// allows. If fluxes show progress, it is also at most a window beyond the slowest process.
+// have arrived. It is at most `complete` plus the lookahead, and at most the number that the gate,
+// the pace and the live inputs allow. If fluxes show progress, it is also at most a window beyond
+// the slowest process.
 int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
 
 // Returns the number of steps that every process has completed, as far as reports and fluxes show.

@@ -28,6 +28,10 @@ int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *c, int64_t com
     const int window = c->endpoint.system->scene->window;
     int64_t limit = least(complete + c->lookahead, c->endpoint.steps);
     limit = least(limit, c->gate.steps > complete ? c->gate.steps : complete);
+    limit = least(limit, pm_pace_limit(&c->pace, c->endpoint.now));
+    if (pm_live_inputs_awaited(&c->live) != NULL) {
+        limit = least(limit, c->granted);
+    }
     for (int i = 0; c->hears_fluxes && i < c->nremote; ++i) {
         const int64_t done = c->remote[i].done;
         limit = least(limit, (done > complete ? done : complete) + window);
@@ -55,6 +59,10 @@ bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *c) {
 
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *c) {
     return pm_endpoint_result(&c->endpoint);
+}
+
+const pm_pace *pm_lockstep_coordinator_pace(const pm_lockstep_coordinator *c) {
+    return &c->pace;
 }
 
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *c) {

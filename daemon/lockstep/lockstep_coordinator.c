@@ -17,6 +17,7 @@
 #define PAUSE 2.0             // s of silence that the observer is told of, or half the patience
 #define MOST_IDLE 3           // times the patience without progress, though all processes show life
 #define TICK_EACH 0.00004     // s between two ticks before the first step, for each process
+#define LIVE_WAIT 1.0         // s of waiting for a live input that the observer is told of
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 #define LEDGER_INTERVAL 0.001 // s between two ledger messages at least
@@ -37,6 +38,8 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .open = c->endpoint.identity.hello.session == 0,
         .nanswer = c->nanswer,
         .answer = c->answer,
+        .nlive = c->endpoint.system->scene->nlive,
+        .live = (double *)pm_live_inputs_values(&c->live, c->granted - 1),
     };
     const size_t size = pm_tick_encode(&message, c->tick_data, c->tick_capacity);
     c->tick_wanted = false;
@@ -85,6 +88,8 @@ static pm_status publish_command(pm_lockstep_coordinator *c) {
 // Enters a step's sample in the ledger, hands it to the observer and saves the checkpoint if due.
 static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     PM_TRY(pm_ledger_book(&c->ledger, sample));
+    sample->live = pm_live_inputs_values(&c->live, sample->step - 1);
+    pm_pace_note(&c->pace, sample->step, c->endpoint.now);
     if (c->observer.step != NULL) {
         PM_TRY(c->observer.step(c->observer.context, sample));
     }
@@ -108,8 +113,15 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
 
 // Publishes a tick if more steps may be granted than before.
 static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
+    const bool live = c->endpoint.system->scene->nlive_input > 0;
     if (pm_coordinator_is_at_gate(c)) {
         PM_TRY(pm_gate_refresh(&c->gate, c->endpoint.now));
+    }
+    if (complete >= 0) {
+        pm_pace_begin(&c->pace, c->endpoint.now);
+    }
+    if (live && c->granted < c->endpoint.steps) {
+        PM_TRY(pm_live_inputs_check(&c->live, c->endpoint.now));
     }
     const int64_t limit = pm_coordinator_grant_limit(c, complete);
     if (complete < 0 || limit <= c->granted) {
@@ -117,11 +129,29 @@ static pm_status grant(pm_lockstep_coordinator *c, int64_t complete) {
     }
     c->progressed = true;
     c->granted = limit;
+    if (live) {
+        pm_live_inputs_take(&c->live);
+    }
     return publish_tick(c);
 }
 
+// Tells the observer once in each wait of LIVE_WAIT on which channel the run waits for a message.
+static void tell_live(pm_lockstep_coordinator *c) {
+    char text[128];
+    const char *awaited = c->held ? pm_live_inputs_awaited(&c->live) : NULL;
+    if (awaited == NULL) {
+        c->live_until = c->endpoint.now + LIVE_WAIT;
+    } else if (c->endpoint.now >= c->live_until && c->observer.warn != NULL) {
+        c->live_until = INFINITY;
+        snprintf(text, sizeof text, "the run waits after step %lld for a message on %s",
+                 (long long)c->completed, awaited);
+        c->observer.warn(c->observer.context, text);
+    }
+}
+
 // Grants steps first, so that the processes compute them while this one books the complete steps.
-// The run is held when every granted step is complete, since only the gate withholds the next one.
+// The run is held when every granted step is complete, since only the gate, the pace or a live
+// input withholds the next one.
 static pm_status complete_steps(pm_lockstep_coordinator *c) {
     const int64_t complete =
         pm_report_window_complete(&c->reports, c->completed, c->endpoint.steps);
@@ -135,10 +165,11 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     c->failed = status != PM_OK;
     const bool held =
         c->completed >= 0 && c->completed == c->granted && c->completed < c->endpoint.steps;
-    if (held && !c->held && c->observer.hold != NULL) {
+    if (held && !c->held && pm_coordinator_is_at_gate(c) && c->observer.hold != NULL) {
         c->observer.hold(c->observer.context, (long)c->completed);
     }
     c->held = held;
+    tell_live(c);
     if (status == PM_OK && c->completed >= c->endpoint.steps) {
         pm_coordinator_close_run(c);
     }
@@ -176,8 +207,8 @@ static void tell_pause(pm_lockstep_coordinator *c, bool paused, const char *sile
 
 // Requests what is missing. If fluxes show progress, the first request of a wait is for the fluxes
 // that the next grant needs; neighbours may miss these, too. A blocked process publishes its
-// partial report, so that later requests are for reports. At the gate nothing is missing, and a
-// tick shows the processes that the coordinator is alive.
+// partial report, so that later requests are for reports. While the run is held nothing is missing,
+// and a tick shows the processes that the coordinator is alive.
 static pm_status request_missing(pm_lockstep_coordinator *c) {
     if (c->held) {
         return publish_tick(c);
@@ -362,7 +393,9 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
         const double next = c->endpoint.waiting.next;
         const double gate = pm_coordinator_is_at_gate(c) ? c->gate.read_at : INFINITY;
         const double tick = c->tick_wanted ? next_tick(c) : INFINITY;
-        return pm_endpoint_clock(&c->endpoint, fmin(next, fmin(gate, tick)));
+        const double due = pm_pace_due(&c->pace, c->granted);
+        const double first = fmin(next, fmin(gate, tick));
+        return pm_endpoint_clock(&c->endpoint, due > now ? fmin(first, due) : first);
     }
     case PM_COORDINATOR_CLOSING:
         return pm_endpoint_clock(&c->endpoint, c->next);
@@ -383,7 +416,8 @@ static pm_status open_remotes(pm_lockstep_coordinator *c) {
         remote->coordinator = c;
         PM_TRY(pm_remote_process_init(remote, &c->arena, c->endpoint.system->scene, i));
     }
-    c->tick_capacity = pm_tick_size(&(portmet_tick_t){.nanswer = c->nremote});
+    c->tick_capacity = pm_tick_size(
+        &(portmet_tick_t){.nanswer = c->nremote, .nlive = c->endpoint.system->scene->nlive});
     c->tick_data = pm_arena_alloc(&c->arena, c->tick_capacity);
     c->answer = pm_arena_array(&c->arena, (size_t)c->nremote, sizeof *c->answer);
     return c->tick_data != NULL && c->answer != NULL
@@ -391,7 +425,8 @@ static pm_status open_remotes(pm_lockstep_coordinator *c) {
                : pm_fail(PM_ENOMEM, "coordinator: out of memory");
 }
 
-static pm_status prepare(pm_lockstep_coordinator *c, int64_t session, const char *gate) {
+static pm_status prepare(pm_lockstep_coordinator *c,
+                         const pm_lockstep_coordinator_options *options) {
     const pm_scene *scene = c->endpoint.system->scene;
     if (c->endpoint.steps > PM_STEPS_MAX) {
         return pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
@@ -402,13 +437,16 @@ static pm_status prepare(pm_lockstep_coordinator *c, int64_t session, const char
     pm_ledger_init(&c->ledger, c->endpoint.system);
     PM_TRY(pm_step_controller_init(&c->step_controller, scene));
     PM_TRY(open_remotes(c));
-    PM_TRY(pm_gate_init(&c->gate, gate));
-    PM_TRY(pm_coordinator_load_checkpoint(c, session));
+    c->pace = pm_pace_of(scene);
+    PM_TRY(pm_gate_init(&c->gate, options->gate));
+    PM_TRY(pm_live_inputs_open(&c->live, scene, &c->arena, c->endpoint.transport, options->replay,
+                               options->replayed, &c->endpoint.drops));
+    PM_TRY(pm_coordinator_load_checkpoint(c, options->session));
     PM_TRY(pm_report_window_init(&c->reports, &c->arena, scene, c->completed + 1));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
     PM_TRY(pm_health_init(&c->health, &c->arena, scene, (int64_t)c->endpoint.system->digest,
                           c->endpoint.session, c->endpoint.steps));
-    return pm_coordinator_listen(c, session);
+    return pm_coordinator_listen(c, options->session);
 }
 
 int64_t pm_lockstep_session(void) {
@@ -439,7 +477,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->completed = -1;
     c->progressed = true;
     c->nremote = system->scene->nprocess;
-    const pm_status status = prepare(c, given->session, given->gate);
+    const pm_status status = prepare(c, given);
     if (status != PM_OK) {
         pm_lockstep_coordinator_close(c);
         return status;

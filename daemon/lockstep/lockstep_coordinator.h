@@ -9,6 +9,9 @@
 // short time has passed. Nodes with another digest or version are refused by name, and so is a
 // second coordinator of the same session.
 //
+// Live inputs and pace: a step is granted when the values of its live inputs are there
+// (live_inputs.h), and no sooner than the scene's pace allows (pace.h).
+//
 // Gate: with a gate (gate.h) it grants no step beyond the one that a file names. While the run is
 // held there it repeats its last tick, which shows the nodes that it is alive. As at any other
 // step, the run fails if a node is silent for longer than the scene's patience.
@@ -25,6 +28,7 @@
 
 #include "base/record.h"
 #include "lockstep/codec.h"
+#include "lockstep/pace.h"
 #include "sim/ledger.h"
 #include "transport/drops.h"
 #include "transport/transport.h"
@@ -71,6 +75,8 @@ typedef struct pm_lockstep_coordinator_options {
                                    // no checkpoints
     const char *gate;              // file with the number of steps that may be granted (gate.h);
                                    // NULL: all of them
+    const double *replay; // [replayed][scene->nlive] values of the live inputs in each step; NULL:
+    int64_t replayed;     // they arrive on their channels
 } pm_lockstep_coordinator_options;
 
 // Returns a random number of 63 bits for a new session, so that two runs are unlikely to share it.
@@ -102,8 +108,10 @@ pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordina
 // Returns the number of processes that have said hello.
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
 
-// These functions return the ledger of the completed steps, the transport that the coordinator was
-// opened on, and the counts of used and dropped messages. The coordinator owns ledger and counts.
+// These functions return the ledger of the completed steps, how the run kept its pace, the
+// transport that the coordinator was opened on, and the counts of used and dropped messages. The
+// coordinator owns ledger, pace and counts.
+const pm_pace *pm_lockstep_coordinator_pace(const pm_lockstep_coordinator *coordinator);
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
 pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
 const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);

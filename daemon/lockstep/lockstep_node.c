@@ -219,7 +219,10 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
                                    node->endpoint.system, &node->subsystems));
     node->answers = pm_arena_array(&node->arena, (size_t)node->endpoint.system->scene->nprocess,
                                    sizeof *node->answers);
-    if (node->answers == NULL) {
+    node->live = options->live;
+    node->heard = pm_arena_array(&node->arena, (size_t)node->endpoint.system->scene->nlive,
+                                 sizeof *node->heard);
+    if (node->answers == NULL || node->heard == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", node->name);
     }
     PM_TRY(open_vitals(node, process_id));

@@ -28,10 +28,11 @@ typedef struct pm_lockstep_node_options {
     const double *z; // [scene->nz] initial state of the whole scene; NULL: as the scene says
     int64_t session; // the only session to join; 0: any open session with the node's digest
     const pm_boundary_input *boundary_input; // NULL: the scene has none
-    const char *checkpoint;                  // file to save checkpoints in and to continue from;
-                                             // NULL: none Called about once a second, with the
-                                             // number of steps computed, so that others see that
-                                             // the node is alive. May be NULL.
+    double *live;           // [scene->nlive] where the node writes the values of live inputs, for
+                            // boundary_input->live; NULL only if the scene has none
+    const char *checkpoint; // file to save checkpoints in and to continue from; NULL: none
+    // Called about once a second, with the number of steps computed, so that others see that the
+    // node is alive. May be NULL.
     void (*alive)(void *context, int64_t step);
     void *context; // of `alive`
 } pm_lockstep_node_options;

@@ -13,7 +13,8 @@ static bool has_one_round(const pm_scene *scene) {
 int pm_lookahead(const pm_scene *scene) {
     const int half = scene->checkpoint / 2, most = half < MOST_STEPS ? half : MOST_STEPS;
     const int window = scene->window, own = window > 1 ? window / 2 : 1; // steps in a report
-    const bool shown = scene->nprocess > 1 && scene->tolerance == 0 && has_one_round(scene);
+    const bool shown =
+        scene->nprocess > 1 && scene->tolerance == 0 && scene->nlive == 0 && has_one_round(scene);
     return shown && most / 2 > 2 * own ? most : window;
 }
 

@@ -86,14 +86,16 @@ struct pm_lockstep_node {
     double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
 
     // Members that describe the run, taken from the coordinator's ticks.
-    portmet_tick_t followed;  // the tick by which this node follows its coordinator; its array of
-                              // answers is not kept
-    int64_t *answers;         // [processes] scratch for the nonces in a tick
-    int64_t coordinator;      // instance of the coordinator
-    int64_t granted;          // steps
-    double t0;                // s, time at step 0
-    bool want_state;          // reports carry the state z
-    bool late;                // in HELLO: a run is under way that this node cannot join
+    portmet_tick_t followed; // the tick by which this node follows its coordinator; its array of
+                             // answers is not kept
+    int64_t *answers;        // [processes] scratch for the nonces in a tick
+    double *live;        // [scene->nlive] borrowed: values of live inputs in the last step granted
+    double *heard;       // [scene->nlive] scratch for the values in a tick
+    int64_t coordinator; // instance of the coordinator
+    int64_t granted;     // steps
+    double t0;           // s, time at step 0
+    bool want_state;     // reports carry the state z
+    bool late;           // in HELLO: a run is under way that this node cannot join
     bool coordinator_alive;   // the coordinator sent a message since the last poll
     double coordinator_heard; // s, when a message of the coordinator last arrived
 

@@ -131,6 +131,24 @@ static pm_drop change(pm_lockstep_node *node, const portmet_tick_t *tick) {
     return PM_KEEP;
 }
 
+// Takes the values of live inputs over from a tick. Two ticks that grant the same steps carry the
+// same values; false: these do not.
+static bool take_live(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    const size_t size = (size_t)tick->nlive * sizeof *tick->live;
+    if (tick->granted == node->granted && node->granted > 0 && size > 0 &&
+        memcmp(node->live, tick->live, size) != 0) {
+        pm_node_check(node, pm_fail(PM_ENET,
+                                    "two ticks grant step %lld with different live inputs, so that "
+                                    "one is forged",
+                                    (long long)tick->granted));
+        return false;
+    }
+    if (size > 0) {
+        memcpy(node->live, tick->live, size);
+    }
+    return true;
+}
+
 static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
     const pm_identity *own = &node->endpoint.identity;
     const bool answers = tick->instance == own->hello.coordinator &&
@@ -170,6 +188,9 @@ static pm_drop accept_tick(pm_lockstep_node *node, const portmet_tick_t *tick) {
                                     (long long)tick->granted, node->substeps, tick->substeps));
         return PM_DROP_CONFLICT;
     }
+    if (!take_live(node, tick)) {
+        return PM_DROP_CONFLICT;
+    }
     node->granted = tick->granted;
     node->substeps = scene->tolerance > 0 ? tick->substeps : scene->substeps;
     return PM_KEEP;
@@ -179,7 +200,9 @@ void pm_node_on_tick(void *context, const char *channel, const void *data, size_
     (void)channel;
     pm_lockstep_node *node = context;
     portmet_tick_t tick = {.nanswer = node->endpoint.system->scene->nprocess,
-                           .answer = node->answers};
+                           .answer = node->answers,
+                           .nlive = node->endpoint.system->scene->nlive,
+                           .live = node->heard};
     const pm_drop drop = pm_tick_decode(&tick, data, size);
     const pm_drop used = drop == PM_KEEP ? accept_tick(node, &tick) : drop;
     if (used == PM_KEEP) {

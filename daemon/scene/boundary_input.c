@@ -8,12 +8,12 @@
 #include "base/digest.h"
 #include "store/names.h"
 
-// Finds the dataset column of one prescribed value; -1 if the value is a constant. `names` are the
-// column names of the dataset; NULL: there is no dataset.
+// Finds the dataset column of one prescribed value; -1 if the value is a constant, or live without
+// a column. `names` are the column names of the dataset; NULL: there is no dataset.
 static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scene_prescribed *value,
-                             const pm_names *names, int *column) {
-    if (value->column == NULL) {
-        *column = -1;
+                             bool live, const pm_names *names, int *column) {
+    *column = -1;
+    if (value->column == NULL || (live && names == NULL)) {
         return PM_OK;
     }
     if (names == NULL) {
@@ -23,7 +23,7 @@ static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scen
             value->at, owner->name, value->column);
     }
     *column = pm_names_find(names, value->column);
-    return *column >= 0
+    return *column >= 0 || live
                ? PM_OK
                : pm_fail(PM_EDATA, "%s: boundary input %s: column \"%s\" is not in the dataset",
                          value->at, owner->name, value->column);
@@ -38,7 +38,12 @@ static pm_status find_columns(pm_boundary_input *boundary_input, const pm_datase
     for (int i = 0; i < boundary_input->scene->nboundary_input; ++i) {
         const pm_scene_boundary_input *owner = &boundary_input->scene->boundary_input[i];
         for (int k = 0; k < 3 * owner->layout.nz; ++k) {
-            PM_TRY(find_column(owner, &owner->value[k], dataset == NULL ? NULL : &names,
+            const pm_scene_prescribed *value = &owner->value[k];
+            const int live_id = value->column == NULL
+                                    ? -1
+                                    : pm_scene_find_live(boundary_input->scene, value->column);
+            boundary_input->live_id[owner->first + k] = live_id;
+            PM_TRY(find_column(owner, value, live_id >= 0, dataset == NULL ? NULL : &names,
                                &boundary_input->column[owner->first + k]));
         }
     }
@@ -71,7 +76,9 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
         (pm_boundary_input){.n = scene->nprescribed, .stride = 1, .end = LONG_MAX, .scene = scene};
     boundary_input->column = pm_arena_array(arena, n, sizeof *boundary_input->column);
     boundary_input->value = pm_arena_array(arena, n, sizeof *boundary_input->value);
-    if (boundary_input->column == NULL || boundary_input->value == NULL) {
+    boundary_input->live_id = pm_arena_array(arena, n, sizeof *boundary_input->live_id);
+    if (boundary_input->column == NULL || boundary_input->value == NULL ||
+        boundary_input->live_id == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
     }
     PM_TRY(find_columns(boundary_input, dataset, arena));
@@ -149,8 +156,20 @@ const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input
                                              PM_BOUNDARY_INPUT_ORDER * (ptrdiff_t)boundary_input->n;
 }
 
-static bool is_held(const pm_boundary_input *boundary_input, int i) {
-    return boundary_input->held != NULL && !isnan(boundary_input->held[i]);
+// Returns true if a value follows no column, because it is held or live.
+static bool is_replaced(const pm_boundary_input *boundary_input, int i) {
+    return (boundary_input->held != NULL && !isnan(boundary_input->held[i])) ||
+           (boundary_input->live != NULL && boundary_input->live_id[i] >= 0);
+}
+
+static void replace_values(const pm_boundary_input *boundary_input, double *value) {
+    for (int i = 0; i < boundary_input->n && boundary_input->live != NULL; ++i) {
+        const int live_id = boundary_input->live_id[i];
+        value[i] = live_id >= 0 ? boundary_input->live[live_id] : value[i];
+    }
+    for (int i = 0; i < boundary_input->n && boundary_input->held != NULL; ++i) {
+        value[i] = isnan(boundary_input->held[i]) ? value[i] : boundary_input->held[i];
+    }
 }
 
 bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step) {
@@ -158,7 +177,7 @@ bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step
         return true;
     }
     for (int i = 0; i < boundary_input->n; ++i) {
-        if (boundary_input->column[i] >= 0 && !is_held(boundary_input, i)) {
+        if (boundary_input->column[i] >= 0 && !is_replaced(boundary_input, i)) {
             return false;
         }
     }
@@ -181,9 +200,7 @@ void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, do
             value[i] = value[i] * x + c[i];
         }
     }
-    for (int i = 0; i < boundary_input->n && boundary_input->held != NULL; ++i) {
-        value[i] = is_held(boundary_input, i) ? boundary_input->held[i] : value[i];
-    }
+    replace_values(boundary_input, value);
 }
 
 uint64_t pm_boundary_input_digest(const pm_boundary_input *boundary_input, uint64_t digest) {

@@ -1,4 +1,5 @@
-// The values of a scene's boundary inputs over time. Each value is a constant or a dataset column.
+// The values of a scene's boundary inputs over time. Each value is a constant, a dataset column, or
+// a value of a live input, which holds for a whole step.
 // A column is interpolated along a trajectory by the polynomial through the eight states nearest in
 // time. For a sine of angular frequency w and states dt apart, the error is 1.1e-3 (w dt)^8 of its
 // amplitude, and twelve times as much at both ends, where all eight states lie on one side. The
@@ -26,9 +27,12 @@ typedef struct pm_boundary_input {
     double *coefficient;
     const pm_scene *scene; // borrowed
     int *column;           // [n] in the dataset; -1: a constant
-    const double *held;    // [n] borrowed; a number replaces the scene's value, NaN does not; NULL:
-                           // no value is replaced
-    double *value;         // [n] work space
+    int *live_id;          // [n] among the values of all live inputs; -1: not live
+    const double *live; // [scene->nlive] borrowed, the values that hold in the present step; NULL:
+                        // a live value follows its column if the dataset has one, else it stays 0
+    const double *held; // [n] borrowed; a number replaces the scene's value, NaN does not; NULL:
+                        // no value is replaced
+    double *value;      // [n] work space
 } pm_boundary_input;
 
 // Finds the columns in the dataset and takes memory from the arena. `stride` is the dt of the

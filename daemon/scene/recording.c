@@ -139,6 +139,12 @@ static pm_status add_all(pm_recording *r) {
     for (int i = 0; i < scene->nport; ++i) {
         PM_TRY(pm_scene_records_port(scene, i) ? add_port(r, &scene->port[i]) : PM_OK);
     }
+    for (int i = 0; i < scene->nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->live_input[i];
+        for (int k = 0; k < input->count; ++k) {
+            PM_TRY(add(r, "/live", input->name[k], 0, NULL));
+        }
+    }
     return PM_OK;
 }
 
@@ -270,7 +276,7 @@ static size_t count_columns(const pm_scene *scene) {
     for (int i = 0; i < scene->nport; ++i) {
         count += pm_scene_records_port(scene, i) ? PORT_COLUMNS : 0;
     }
-    return count;
+    return count + (size_t)scene->nlive;
 }
 
 // Opens a new file, or with `count` >= 0 an existing one that holds at least as many samples.
@@ -380,6 +386,9 @@ static void put_sample(const pm_recording *r, const pm_sample *s) {
         put_one(r, &next, s->flux[i][1].energy);
         put_one(r, &next, s->flux[i][0].entropy);
         put_one(r, &next, s->flux[i][1].entropy);
+    }
+    for (int i = 0; i < scene->nlive; ++i) {
+        put_one(r, &next, s->live[i]);
     }
 }
 

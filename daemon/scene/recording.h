@@ -5,6 +5,7 @@
 //     each component, "q[0]"; for more than 1000 components one for each group, "q[0:5000]"
 //   /subsystems/<name>/E J, S J/K, bulk_energy W, bulk_entropy W/K [sample]
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
+//   /live/<name> [sample]: the value of a live input during the step before, in SI units
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
 // A scene may name the subsystems that the recording keeps. It then keeps the ports at these
@@ -48,6 +49,7 @@ typedef struct pm_sample {
     long *skipped;        // [nsubsystem] graphs that did not have to be run so far
     long *outside;        // [nsubsystem] steps so far that ended outside the training range
     double *error;        // [nsubsystem] largest relative error of a substep; 0: not estimated
+    const double *live;   // [scene->nlive] borrowed: the values of the live inputs during the step
     // The ledger writes these: the worst residuals of the step, and what has left through boundary
     // inputs so far.
     double energy_residual, entropy_residual;

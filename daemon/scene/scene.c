@@ -45,7 +45,8 @@ static pm_status read_integrator(pm_scene_reader *r, pm_yaml time) {
 }
 
 static pm_status read_time(pm_scene_reader *r) {
-    static const char *const keys[] = {"dt", "steps", "integrator", "substeps", "tolerance", NULL};
+    static const char *const keys[] = {"dt",        "steps", "integrator", "substeps",
+                                       "tolerance", "pace",  NULL};
     pm_scene *scene = r->scene;
     pm_yaml time, value;
     PM_TRY(pm_yaml_require(r->root, "time", &time));
@@ -59,6 +60,10 @@ static pm_status read_time(pm_scene_reader *r) {
     value = pm_yaml_get(time, "substeps");
     if (pm_yaml_exists(value)) {
         PM_TRY(pm_yaml_int(value, 1, 100000, &scene->substeps));
+    }
+    value = pm_yaml_get(time, "pace");
+    if (pm_yaml_exists(value)) {
+        PM_TRY(pm_yaml_double(value, DBL_MIN, INFINITY, &scene->pace));
     }
     value = pm_yaml_get(time, "tolerance");
     return pm_yaml_exists(value) ? pm_yaml_double(value, DBL_MIN, 1, &scene->tolerance) : PM_OK;
@@ -152,9 +157,9 @@ static pm_status check_tolerance(pm_scene_reader *r) {
 
 static pm_status read_scene(pm_scene_reader *r) {
     static const char *const keys[] = {
-        "scene",    "url",    "key_file",     "time",      "subsystems", "boundary_inputs",
-        "models",   "ports",  "processes",    "reference", "laws",       "guards",
-        "lockstep", "record", "observations", NULL};
+        "scene",    "url",    "key_file",     "time",        "subsystems", "boundary_inputs",
+        "models",   "ports",  "processes",    "reference",   "laws",       "guards",
+        "lockstep", "record", "observations", "live_inputs", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
@@ -170,6 +175,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     PM_TRY(read_laws(r));
     PM_TRY(read_guards(r));
     PM_TRY(read_lockstep(r));
+    PM_TRY(pm_scene_read_live_inputs(r));
     PM_TRY(pm_scene_read_record(r));
     PM_TRY(check_tolerance(r));
     return pm_scene_read_processes(r);

@@ -65,6 +65,40 @@ typedef struct pm_scene_boundary_input {
     int first;                        // position of its values among those of all boundary inputs
 } pm_scene_boundary_input;
 
+// The type of a number in a message of a live input, where numbers are big-endian.
+typedef enum pm_live_type {
+    PM_LIVE_DOUBLE,
+    PM_LIVE_FLOAT,
+    PM_LIVE_INTEGER, // with a sign
+    PM_LIVE_BYTE     // without a sign
+} pm_live_type;
+
+#define PM_LIVE_HEAD 8 // bytes before the first field of such a message: its type's fingerprint
+
+// The place of a number in a message.
+typedef struct pm_live_place {
+    pm_live_type type;
+    int size;   // bytes of the number; 0: the message has no such number
+    int offset; // bytes from the start of the message
+} pm_live_place;
+
+// A live input: values that a program sends on a channel while the run goes on
+// (lockstep/live_inputs.h). Boundary inputs refer to them by name, as to columns of a dataset.
+typedef struct pm_scene_live_input {
+    const char *channel, *at;
+    int count;            // values
+    const char **name;    // [count]
+    pm_live_place *place; // [count]
+    pm_live_place step;   // where the message has the number of the step for which it holds
+    size_t least_size;    // bytes of a message that holds all fields
+    bool own_type;        // the messages are of portmet's type input_t, and have exactly that size
+    bool waits;           // each step waits for the message of that step; else the newest holds
+    bool starts;          // `start` holds until the first message; else the run waits for it
+    double *start;        // [count]
+    double age;           // s, without a message, after which the run fails; infinite: never
+    int first;            // position of its values among those of all live inputs
+} pm_scene_live_input;
+
 // A port joins ends a (0) and b (1), which are two subsystems, or a subsystem and a boundary input.
 typedef struct pm_scene_port {
     const char *name;
@@ -96,6 +130,7 @@ typedef struct pm_scene {
     const pm_integrator *integrator; // of the table in integrator.h; nobody frees it
     const char *integrator_at;
     int substeps;     // of a step; with a tolerance, their smallest number
+    double pace;      // simulated s per s of the clock; 0: as fast as possible
     double tolerance; // relative error of a substep; 0: substeps are fixed
     int window;       // steps granted beyond the last step that all processes have completed
     double patience;  // s to wait for a silent peer before giving up
@@ -117,6 +152,9 @@ typedef struct pm_scene {
     pm_scene_subsystem *subsystem; // [nsubsystem]
     int nboundary_input;
     pm_scene_boundary_input *boundary_input; // [nboundary_input]
+    int nlive_input;
+    pm_scene_live_input *live_input; // [nlive_input]
+    int nlive;                       // values of all live inputs
     int nport;
     pm_scene_port *port; // [nport]
     int nprocess;
@@ -143,6 +181,8 @@ int pm_scene_find_subsystem(const pm_scene *scene, const char *name);
 int pm_scene_find_boundary_input(const pm_scene *scene, const char *name);
 int pm_scene_find_port(const pm_scene *scene, const char *name);
 int pm_scene_find_process(const pm_scene *scene, const char *name);
+// The position of a value of this name among the values of all live inputs.
+int pm_scene_find_live(const pm_scene *scene, const char *name);
 
 // Returns the time in s after `step` steps of a run that begins at t0 (s): t0 + step dt. All code
 // computes times with this function instead of summing up steps, so that times are bitwise the same

@@ -53,6 +53,18 @@ int pm_scene_find_process(const pm_scene *scene, const char *name) {
     return -1;
 }
 
+int pm_scene_find_live(const pm_scene *scene, const char *name) {
+    for (int i = 0; i < scene->nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->live_input[i];
+        for (int k = 0; k < input->count; ++k) {
+            if (strcmp(input->name[k], name) == 0) {
+                return input->first + k;
+            }
+        }
+    }
+    return -1;
+}
+
 // --- ends of ports ---
 
 const char *pm_scene_end_name(const pm_scene *scene, const pm_scene_port *port, int end) {

@@ -41,6 +41,7 @@ typedef struct pm_scene_named {
 // refer to it. PM_ECONFIG: the message names the place in the file. PM_ENOMEM.
 pm_status pm_scene_read_subsystems(pm_scene_reader *r);
 pm_status pm_scene_read_boundary_inputs(pm_scene_reader *r);
+pm_status pm_scene_read_live_inputs(pm_scene_reader *r);
 pm_status pm_scene_read_ports(pm_scene_reader *r);
 pm_status pm_scene_read_processes(pm_scene_reader *r);
 pm_status pm_scene_read_record(pm_scene_reader *r);

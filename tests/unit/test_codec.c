@@ -50,6 +50,8 @@ static const portmet_tick_t tick = {
     .open = 1,
     .nanswer = COUNT,
     .answer = counts[0],
+    .nlive = COUNT,
+    .live = values[2],
 };
 static const portmet_report_t report = {
     .session = 11,
@@ -147,7 +149,7 @@ typedef struct codec_case {
 CODEC_CASE(flux, .nend = COUNT, .energy_flux = decoded[0], .entropy_flux = decoded[1], .ny = COUNT,
            .y = decoded[2], .e = decoded[3], .eta = decoded[4], .nresponse = COUNT,
            .response = decoded[5])
-CODEC_CASE(tick, .nanswer = COUNT, .answer = decoded_counts[0])
+CODEC_CASE(tick, .nanswer = COUNT, .answer = decoded_counts[0], .nlive = COUNT, .live = decoded[0])
 CODEC_CASE(report, .npart = COUNT, .energy = decoded[0], .entropy = decoded[1],
            .bulk_energy = decoded[2], .bulk_entropy = decoded[3], .bulk_energy_gross = decoded[4],
            .bulk_entropy_gross = decoded[5], .evaluated = decoded_counts[0],
@@ -295,12 +297,14 @@ static void test_hostile_counts_are_dropped(void **context) {
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
     const size_t report_parts = 8 + 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
     const size_t tick_answers = 8 + 5 * 8 + 2 * 8 + 4 + 2;
+    const size_t tick_live = tick_answers + 4 + 8 * COUNT;
     const size_t report_ends = report_parts + 4 + 10 * 8 * COUNT;
     const size_t report_z = report_ends + 4 + 4 * 8 * (COUNT - 1);
     for (size_t j = 0; j < sizeof hostile / sizeof hostile[0]; ++j) {
         assert_count_dropped(&cases[0], hostile[j], flux_ends);
         assert_count_dropped(&cases[0], hostile[j], flux_y);
         assert_count_dropped(&cases[1], hostile[j], tick_answers);
+        assert_count_dropped(&cases[1], hostile[j], tick_live);
         assert_count_dropped(&cases[2], hostile[j], report_parts);
         assert_count_dropped(&cases[2], hostile[j], report_ends);
         assert_count_dropped(&cases[2], hostile[j], report_z);
@@ -333,7 +337,7 @@ static void test_numbers_must_be_finite(void **context) {
     }
     unsigned char boolean[CAPACITY];
     const size_t size = pm_tick_encode(&tick, boolean, sizeof boolean);
-    boolean[size - 1 - 4 - 8 * COUNT] = 2; // before the answers
+    boolean[size - 1 - 2 * (4 + 8 * COUNT)] = 2; // before the answers and the live values
     assert_drop(&cases[1], boolean, size, PM_DROP_NUMBER);
 }
 

@@ -1,0 +1,195 @@
+// Reads numbers at fixed places of messages, and keeps them until their step is granted.
+#include "lockstep/live_inputs.h"
+
+#include <endian.h>
+#include <math.h>
+#include <string.h>
+
+#include "portmet_input_t.h"
+
+// --- messages ---
+
+static uint64_t read_bits(const unsigned char *at, int size) {
+    uint64_t bits = 0;
+    for (int i = 0; i < size; ++i) {
+        bits = bits << 8 | at[i];
+    }
+    return bits;
+}
+
+static int64_t read_integer(const unsigned char *message, const pm_live_place *place) {
+    const int unused = 64 - 8 * place->size;
+    const uint64_t bits = read_bits(message + place->offset, place->size) << unused;
+    return (int64_t)bits >> unused;
+}
+
+static double read_number(const unsigned char *message, const pm_live_place *place) {
+    const uint64_t bits = read_bits(message + place->offset, place->size);
+    double number;
+    float single;
+    const uint32_t low = (uint32_t)bits;
+    switch (place->type) {
+    case PM_LIVE_DOUBLE:
+        memcpy(&number, &bits, sizeof number);
+        return number;
+    case PM_LIVE_FLOAT:
+        memcpy(&single, &low, sizeof single);
+        return (double)single;
+    case PM_LIVE_INTEGER:
+        return (double)read_integer(message, place);
+    default:
+        return (double)bits;
+    }
+}
+
+// Returns the reason for which a message is not of the type that the scene expects.
+static pm_drop check_form(const pm_scene_live_input *input, const unsigned char *data,
+                          size_t size) {
+    if (size < PM_LIVE_HEAD) {
+        return PM_DROP_LENGTH;
+    }
+    if (!input->own_type) {
+        return size < input->least_size ? PM_DROP_LENGTH : PM_KEEP;
+    }
+    if (read_bits(data, PM_LIVE_HEAD) != (uint64_t)__portmet_input_t_get_hash()) {
+        return PM_DROP_TYPE;
+    }
+    if (size != input->least_size) {
+        return PM_DROP_LENGTH;
+    }
+    return read_bits(data + PM_LIVE_HEAD + 8, 4) == (uint64_t)input->count ? PM_KEEP
+                                                                           : PM_DROP_COUNT;
+}
+
+// Keeps the numbers of a message for its step, or, if no step waits for a message of its own, as
+// the newest ones.
+static pm_drop keep(pm_live_channel *channel, const unsigned char *data) {
+    const pm_scene_live_input *input = channel->input;
+    const int64_t next = channel->owner->next;
+    const int64_t step = input->waits ? read_integer(data, &input->step) : 0;
+    const int64_t slot = input->waits ? step % PM_LIVE_AHEAD : 0;
+    if (input->waits && step < next) {
+        channel->fresh = true;
+        return PM_DROP_REPEATED;
+    }
+    if (input->waits && step >= next + PM_LIVE_AHEAD) {
+        return PM_DROP_RANGE;
+    }
+    for (int i = 0; i < input->count; ++i) {
+        if (!isfinite(read_number(data, &input->place[i]))) {
+            return PM_DROP_NUMBER;
+        }
+    }
+    channel->fresh = true;
+    channel->any = true;
+    if (input->waits && channel->step[slot] == step) {
+        return PM_DROP_REPEATED;
+    }
+    channel->step[slot] = step;
+    for (int i = 0; i < input->count; ++i) {
+        channel->value[slot * input->count + i] = read_number(data, &input->place[i]);
+    }
+    return PM_KEEP;
+}
+
+static void on_message(void *context, const char *name, const void *data, size_t size) {
+    (void)name;
+    pm_live_channel *channel = context;
+    const pm_drop drop = check_form(channel->input, data, size);
+    channel->owner->drops->count[drop == PM_KEEP ? keep(channel, data) : drop] += 1;
+}
+
+// --- opening ---
+
+static pm_status open_channel(pm_live_channel *channel, pm_arena *arena, pm_transport *transport) {
+    const pm_scene_live_input *input = channel->input;
+    channel->step = pm_arena_array(arena, PM_LIVE_AHEAD, sizeof *channel->step);
+    channel->value =
+        pm_arena_array(arena, PM_LIVE_AHEAD * (size_t)input->count, sizeof *channel->value);
+    if (channel->step == NULL || channel->value == NULL) {
+        return pm_fail(PM_ENOMEM, "live inputs: out of memory");
+    }
+    for (int i = 0; i < PM_LIVE_AHEAD; ++i) {
+        channel->step[i] = -1;
+    }
+    memcpy(channel->value, input->start, (size_t)input->count * sizeof *input->start);
+    return transport == NULL
+               ? PM_OK
+               : pm_transport_subscribe(transport, input->channel, on_message, channel);
+}
+
+pm_status pm_live_inputs_open(pm_live_inputs *live, const pm_scene *scene, pm_arena *arena,
+                              pm_transport *transport, const double *replay, int64_t replayed,
+                              pm_drops *drops) {
+    const size_t n = (size_t)scene->nlive;
+    *live =
+        (pm_live_inputs){.scene = scene, .replay = replay, .replayed = replayed, .drops = drops};
+    live->channel = pm_arena_array(arena, (size_t)scene->nlive_input, sizeof *live->channel);
+    live->taken[0] = pm_arena_array(arena, n, sizeof(double));
+    live->taken[1] = pm_arena_array(arena, n, sizeof(double));
+    if (live->channel == NULL || live->taken[0] == NULL || live->taken[1] == NULL) {
+        return pm_fail(PM_ENOMEM, "live inputs: out of memory");
+    }
+    for (int i = 0; i < scene->nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->live_input[i];
+        live->channel[i] = (pm_live_channel){.owner = live, .input = input};
+        memcpy(live->taken[1] + input->first, input->start,
+               (size_t)input->count * sizeof *input->start);
+        PM_TRY(open_channel(&live->channel[i], arena, replay == NULL ? transport : NULL));
+    }
+    return PM_OK;
+}
+
+// --- steps ---
+
+pm_status pm_live_inputs_check(pm_live_inputs *live, double now) {
+    if (live->replay != NULL) {
+        return live->next < live->replayed
+                   ? PM_OK
+                   : pm_fail(PM_EDATA, "the recording that is replayed ends after step %lld",
+                             (long long)live->replayed);
+    }
+    for (int i = 0; i < live->scene->nlive_input; ++i) {
+        pm_live_channel *channel = &live->channel[i];
+        channel->heard = channel->fresh ? now : channel->heard;
+        channel->fresh = false;
+        if (channel->any && now - channel->heard > channel->input->age) {
+            return pm_fail(PM_ETIMEOUT, "no message on %s for %.3g s, in step %lld",
+                           channel->input->channel, now - channel->heard, (long long)live->next);
+        }
+    }
+    return PM_OK;
+}
+
+const char *pm_live_inputs_awaited(const pm_live_inputs *live) {
+    for (int i = 0; i < live->scene->nlive_input && live->replay == NULL; ++i) {
+        const pm_live_channel *channel = &live->channel[i];
+        const bool here = channel->input->waits
+                              ? channel->step[live->next % PM_LIVE_AHEAD] == live->next
+                              : channel->any || channel->input->starts;
+        if (!here) {
+            return channel->input->channel;
+        }
+    }
+    return NULL;
+}
+
+void pm_live_inputs_take(pm_live_inputs *live) {
+    double *to = live->taken[live->next % 2];
+    if (live->replay != NULL) {
+        memcpy(to, live->replay + (ptrdiff_t)live->next * live->scene->nlive,
+               (size_t)live->scene->nlive * sizeof *to);
+    }
+    for (int i = 0; i < live->scene->nlive_input && live->replay == NULL; ++i) {
+        const pm_live_channel *channel = &live->channel[i];
+        const pm_scene_live_input *input = channel->input;
+        const int64_t slot = input->waits ? live->next % PM_LIVE_AHEAD : 0;
+        memcpy(to + input->first, channel->value + slot * input->count,
+               (size_t)input->count * sizeof *to);
+    }
+    live->next += 1;
+}
+
+const double *pm_live_inputs_values(const pm_live_inputs *live, int64_t step) {
+    return live->taken[(step + 2) % 2];
+}
