@@ -298,7 +298,7 @@ pm_status pm_fit_measured_report(pm_fit *f) {
     bool finite = true;
     for (int c = 0; c < m->observation.count; ++c) {
         const pm_box box = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
-        printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median, 100 * box.high);
+        printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median, 100 * box.largest);
         finite = finite && isfinite(box.median);
     }
     pm_estimate_free(&e);

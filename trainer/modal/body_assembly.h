@@ -39,11 +39,12 @@ pm_status pm_body_assembly_find_interfaces(pm_body_assembly *assembly);
 // Computes how the quantities of an interface change with the amplitudes of the state of the body
 // at one end: matrix [PM_CONTACT_GROUPS npair][nstate], in m/J^0.5 and, for slopes, J^-0.5.
 //
-// The displacements are linear in the amplitudes. When a section rotates by the angle `slope`, a
-// side at the distance h from the axis comes closer to it by h/2 slope^2, which linear modes cannot
-// represent. The products u slope_u and v slope_v in the opening contain this term if u and v are
-// taken half way between side and axis, that is with h/2 slope added. The matrix adds it.
-// PM_ENOMEM.
+// The displacements are linear in the amplitudes. When a section rotates by the angle a, a side at
+// the distance h from the axis comes closer to the axis by h/2 a^2, which linear modes cannot
+// represent. The opening of a contact pair (body/contact_pairs.h) contains the products u slope_u
+// and v slope_v of a sliding displacement and a slope, and a slope is such an angle. The matrix
+// therefore adds h/2 slope_u to the quantity u, and h/2 slope_v to v, so that the products contain
+// h/2 a^2. PM_ENOMEM.
 pm_status pm_contact_interface_matrix(const pm_body_assembly *assembly,
                                       const pm_contact_interface *interface, int end,
                                       double *matrix);

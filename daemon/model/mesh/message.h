@@ -56,8 +56,9 @@ pm_status pm_message_visit_fields(const pm_network_spec *spec, const pm_symbols 
                                   pm_fields out, const char *prefix, pm_normaliser_visit *visit,
                                   void *context);
 
-// Declare and build a network that gives one number [1][1], in units of the squared length of its
-// first input.
+// Declare and build a network that gives one number [1][1]. The number is multiplied by the square
+// of a constant that training fixes: the root mean square of the first input over the training
+// data.
 pm_status pm_message_declare_sum(const pm_network_spec *spec, const pm_symbols *symbols,
                                  pm_params *params, const char *prefix);
 pm_node pm_message_build_sum(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,
