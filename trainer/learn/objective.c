@@ -47,7 +47,8 @@ struct pm_objective {
     pm_node *entry_gradient; // [nentry] per trained entry, PM_NO_NODE if the loss ignores it
     const pm_param_entry **entry;
     loss_lane lane[LANES];
-    double *square; // [samples->count] per-sample residuals
+    double *square;           // [samples->count] per-sample residuals
+    const double *importance; // [samples->count], borrowed; NULL: 1 for all
 };
 
 // --- the graph ---
@@ -213,9 +214,24 @@ pm_loss_context pm_objective_context(const pm_objective *o) {
     return (pm_loss_context){o->system, o->samples, &o->loss};
 }
 
+// Returns rho'(x).
+static double robust_weight(const pm_objective *o, int sample) {
+    return o->loss.robust > 0 ? 1 / (1 + o->square[sample] / o->robust_square) : 1;
+}
+
 double pm_objective_sample_weight(const pm_objective *o, int sample) {
-    return o->loss.robust > 0 ? 1 / (1 + o->square[sample % o->samples->count] / o->robust_square)
-                              : 1;
+    const int original = sample % o->samples->count;
+    const double importance = o->importance == NULL ? 1 : o->importance[original];
+    return importance * robust_weight(o, original);
+}
+
+double pm_objective_sample_share(const pm_objective *o, int sample) {
+    const int original = sample % o->samples->count;
+    return o->square[original] * robust_weight(o, original);
+}
+
+void pm_objective_set_importance(pm_objective *o, const double *importance) {
+    o->importance = importance;
 }
 
 void pm_objective_weights(const pm_objective *o, double *theta) {

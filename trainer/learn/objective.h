@@ -49,9 +49,15 @@ typedef struct pm_loss_context {
     const pm_loss *loss;
 } pm_loss_context;
 pm_loss_context pm_objective_context(const pm_objective *o);
-// Returns rho'(x) of one sample, as last evaluated: the weight of the sample in the Gauss-Newton
-// matrix.
+// Returns the weight of a sample in the Gauss-Newton matrix: rho'(x) as last evaluated, times the
+// importance of the sample.
 double pm_objective_sample_weight(const pm_objective *o, int sample);
+// Returns x rho'(x) of a sample, as last evaluated: its share in the loss as the matrix sees it.
+double pm_objective_sample_share(const pm_objective *o, int sample);
+// Sets the importance [pm_objective_samples] of the samples: a sample that a random batch contains
+// with a probability of its own counts by the inverse of this probability. NULL, the initial value:
+// 1 for all samples. The array is borrowed. Losses do not depend on it.
+void pm_objective_set_importance(pm_objective *o, const double *importance);
 
 // Computes the median and the mean, over all samples, of the mean squared scaled residual, as last
 // evaluated. PM_ENOMEM.

@@ -8,6 +8,7 @@
 
 #include "base/rng.h"
 #include "learn/damped_equations.h"
+#include "learn/importance.h"
 #include "learn/optimiser_table.h"
 #include "learn/residuals.h"
 
@@ -46,8 +47,12 @@ typedef struct solver {
     pm_damped_equations equations;
     int size, batch, checked;
     double *damping; // lives in the moment of the optimisation, so that a stage can be resumed
-    // [samples]; the first `batch` entries are the batch, the first `checked` ones judge steps
+    // [samples]; the first `checked` entries judge steps, and the batch is chosen among them
     int *index;
+    // The samples of the matrix and their number. A guarded run chooses them among the checked
+    // ones, with these chances [samples] and importances [samples] (learn/importance.h).
+    int *chosen, nchosen; // [batch + 1]
+    double *chance, *importance;
     bool *frozen;         // [size] weights that stay as they are
     double *step, *trial; // [size]
 } solver;
@@ -75,6 +80,32 @@ static void draw_batch(solver *s, int count) {
 static double loss_at(solver *s, const double *theta) {
     pm_objective_set_weights(s->o->objective, theta);
     return pm_objective_evaluate(s->o->objective, s->checked, s->index, NULL);
+}
+
+// Chooses the samples of the matrix among the checked ones, which have just been evaluated.
+static void choose_batch(solver *s) {
+    const pm_optimisation *o = s->o;
+    s->nchosen = s->batch;
+    pm_objective_set_importance(o->objective, NULL);
+    if (s->batch == s->checked) {
+        memcpy(s->chosen, s->index, (size_t)s->batch * sizeof *s->chosen);
+        return;
+    }
+    pm_rng rng;
+    pm_rng_init(&rng, o->seed + 1, (uint64_t)o->done);
+    for (int i = 0; i < s->checked; ++i) {
+        s->chance[i] = pm_objective_sample_share(o->objective, s->index[i]);
+    }
+    pm_importance_chances(s->checked, s->chance, s->batch);
+    s->nchosen =
+        pm_importance_choose(s->checked, s->chance, s->batch, pm_rng_uniform(&rng), s->chosen);
+    const int count = pm_objective_samples(o->objective);
+    for (int i = 0; i < s->nchosen; ++i) {
+        const int sample = s->index[s->chosen[i]];
+        s->importance[sample % count] = s->nchosen / (s->checked * s->chance[s->chosen[i]]);
+        s->chosen[i] = sample;
+    }
+    pm_objective_set_importance(o->objective, s->importance);
 }
 
 // Stores the loss after a step and the weights before it in the moment of the optimisation, behind
@@ -139,7 +170,8 @@ static pm_status iterate(solver *s, double *loss) {
     loss_at(s, o->theta);
     PM_TRY(pm_objective_rescale(o->objective, s->checked, s->index));
     const double before = loss_at(s, o->theta);
-    pm_damped_equations_linearise(&s->equations, s->batch, s->index,
+    choose_batch(s);
+    pm_damped_equations_linearise(&s->equations, s->nchosen, s->chosen,
                                   s->o->seed + (uint64_t)s->o->done, before);
     s->equations.near = o->schedule.guarded ? NEARNESS * before : 0;
     guess_step(s);
@@ -203,10 +235,14 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
                  : s->batch < count / CHECKED ? CHECKED * s->batch
                                               : count;
     s->index = malloc((size_t)count * sizeof *s->index);
+    s->chosen = malloc((size_t)(s->batch + 1) * sizeof *s->chosen);
+    s->chance = malloc((size_t)count * sizeof *s->chance);
+    s->importance = malloc((size_t)count * sizeof *s->importance);
     s->step = malloc(n * sizeof *s->step);
     s->trial = malloc(n * sizeof *s->trial);
     s->frozen = malloc(n * sizeof *s->frozen);
-    if (s->index == NULL || s->frozen == NULL || s->step == NULL || s->trial == NULL) {
+    if (s->index == NULL || s->chosen == NULL || s->chance == NULL || s->importance == NULL ||
+        s->frozen == NULL || s->step == NULL || s->trial == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for Gauss-Newton with %zu weights", n);
     }
     mark_frozen(s);
@@ -217,7 +253,11 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
 
 static void close_solver(solver *s) {
     pm_damped_equations_close(&s->equations);
+    pm_objective_set_importance(s->o->objective, NULL);
     free(s->index);
+    free(s->chosen);
+    free(s->chance);
+    free(s->importance);
     free(s->frozen);
     free(s->step);
     free(s->trial);
