@@ -1,5 +1,5 @@
-// States are outputs, values that follow a column are inputs, other prescribed values are
-// parameters, and energies, entropies and fluxes are outputs. Every port is a terminal.
+// States are outputs, values that follow a column or are live are inputs, other prescribed values
+// are parameters, and energies, entropies and fluxes are outputs. Every port is a terminal.
 #include "export/description.h"
 
 #include <inttypes.h>
@@ -185,11 +185,12 @@ static void write_states(xml_writer *w) {
     }
 }
 
-// A value that follows a column is an input; another one a parameter, unless it is zero, where the
-// co-energies that nobody prescribes are.
+// A value that follows a column or is live is an input; another one a parameter, unless it is zero,
+// where the co-energies that nobody prescribes are.
 static void write_inputs(xml_writer *w) {
     for (int i = 0; i < w->scene->nprescribed; ++i) {
-        const bool follows = w->setup->boundary_input.column[i] >= 0;
+        const pm_boundary_input *b = &w->setup->boundary_input;
+        const bool follows = b->column[i] >= 0 || b->live_id[i] >= 0;
         if (follows || w->first[i] != 0) {
             write_variable(w, w->names.input_name[i], w->reference.input + i,
                            follows ? "causality=\"input\" variability=\"continuous\""

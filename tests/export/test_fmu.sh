@@ -43,6 +43,12 @@ fmu double_pendulum 400 200
 fmu beam 800 200
 fmu driven_lower 200 60
 
+# What arrives live in a run is an input of the FMU.
+"$portmetd" export configs/live_double_pendulum.yaml -o "$folder/live.fmu" --quiet || fail "live"
+(mkdir "$folder/live" && cd "$folder/live" && cmake -E tar xf ../live.fmu) || fail "live.fmu is no archive"
+[ "$(grep -c 'name="pivot.dE/dp.*causality="input"' "$folder/live/modelDescription.xml")" -eq 2 ] ||
+    fail "live values are no inputs"
+
 # Without a compiler there are sources alone.
 CC=/nowhere "$portmetd" export configs/double_pendulum.yaml -o "$folder/plain.fmu" >"$folder/out" 2>&1
 grep -q "sources alone" "$folder/out" || fail "no compiler: $(cat "$folder/out")"
