@@ -4,6 +4,7 @@
 #include "model/constants.h"
 #include "model/derived.h"
 #include "model/potential.h"
+#include "model/solid/material.h"
 #include "model/unstructured_rate.h"
 
 // Returns the site of the state: its groups, and the symbols of groups and co-energies, which are
@@ -46,7 +47,20 @@ static pm_status check_free(const pm_part_spec *spec) {
     return PM_OK;
 }
 
+static pm_status check_solid(const pm_part_spec *spec) {
+    if (spec->form != PM_HARD || spec->nderived > 0 || pm_potential_exists(&spec->energy) ||
+        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
+        pm_operator_exists(&spec->irreversible)) {
+        return pm_fail(PM_ECONFIG, "a solid is hard, and has no energy, entropy, operators or "
+                                   "derived variables beside it");
+    }
+    return PM_OK;
+}
+
 static pm_status check_spec(const pm_part_spec *spec) {
+    if (spec->solid != NULL) {
+        return check_solid(spec);
+    }
     if (spec->form == PM_FREE) {
         return check_free(spec);
     }
@@ -61,6 +75,9 @@ static pm_status check_spec(const pm_part_spec *spec) {
 
 pm_status pm_part_declare(pm_part *part) {
     PM_TRY(pm_spec_locate(part->spec.at, check_spec(&part->spec)));
+    if (part->spec.solid != NULL) {
+        return pm_solid_material_declare(part->spec.solid, &part->params);
+    }
     const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
     if (part->spec.form == PM_FREE) {
         return pm_unstructured_rate_declare(&part->spec.rate, &site, &part->params, "rate");
@@ -85,7 +102,7 @@ bool pm_part_has_energy(const pm_part *part) {
 }
 
 bool pm_part_has_entropy(const pm_part *part) {
-    return pm_potential_exists(&part->spec.entropy);
+    return part->spec.solid != NULL || pm_potential_exists(&part->spec.entropy);
 }
 
 bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, const char *group) {

@@ -222,12 +222,20 @@ typedef struct pm_operator_spec {
 // and M dE = 0. In the free form the rate is a network without structure; it serves for comparison.
 typedef enum pm_form { PM_HARD, PM_SOFT, PM_FREE } pm_form;
 
+// A body of learned material on a mesh of bricks (solid/solid.h), always in balance with its load.
+typedef struct pm_solid_spec {
+    int nbranch;        // relaxing branches, 0 to PM_SOLID_MAX_BRANCHES
+    int nunit;          // hidden units of each learned function, 0 to PM_SOLID_MAX_UNITS
+    double temperature; // K, at which what the branches lose becomes entropy
+} pm_solid_spec;
+
 // A subsystem: zdot_bulk = L dE + M dS, equation (1). In the free form zdot_bulk = rate, and the
 // spec has nothing else.
 typedef struct pm_part_spec {
     pm_form form;
     const pm_constants *constants; // of all formulas; NULL: none
     const pm_mesh *mesh;           // for networks on a mesh; NULL: there is none
+    const pm_solid_spec *solid;    // a solid, and then nothing else but the form; NULL: none
     int nderived;
     const pm_derived_spec *derived; // [nderived] that energy and entropy may name
     pm_potential_spec energy, entropy;

@@ -2,10 +2,12 @@
 // other parts by the functions of model_block.h.
 #include "scene/model_reader.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "model/port.h"
+#include "model/solid/material.h"
 #include "scene/model_block.h"
 #include "scene/network_reader.h"
 
@@ -129,8 +131,36 @@ static pm_status read_law_matrix(pm_yaml value, const char *law, pm_arena *arena
     return pm_model_read_matrix(value, arena, matrix);
 }
 
+// Reads a solid. *solid becomes NULL if the block does not exist.
+static pm_status read_solid(pm_yaml block, pm_arena *arena, const pm_solid_spec **solid) {
+    static const char *const keys[] = {"branches", "units", "temperature", NULL};
+    *solid = NULL;
+    if (!pm_yaml_exists(block)) {
+        return PM_OK;
+    }
+    const pm_yaml branches = pm_yaml_get(block, "branches"), units = pm_yaml_get(block, "units"),
+                  temperature = pm_yaml_get(block, "temperature");
+    pm_solid_spec *read = pm_arena_alloc(arena, sizeof *read);
+    if (read == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    }
+    *read = (pm_solid_spec){.nbranch = 2, .temperature = PM_DEFAULT_TEMPERATURE};
+    PM_TRY(pm_yaml_allow(block, keys));
+    if (pm_yaml_exists(branches)) {
+        PM_TRY(pm_yaml_int(branches, 0, PM_SOLID_MAX_BRANCHES, &read->nbranch));
+    }
+    if (pm_yaml_exists(units)) {
+        PM_TRY(pm_yaml_int(units, 0, PM_SOLID_MAX_UNITS, &read->nunit));
+    }
+    if (pm_yaml_exists(temperature)) {
+        PM_TRY(pm_yaml_double(temperature, DBL_MIN, DBL_MAX, &read->temperature));
+    }
+    *solid = read;
+    return PM_OK;
+}
+
 pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
-    static const char *const keys[] = {MODEL_KEYS, "derived", NULL};
+    static const char *const keys[] = {MODEL_KEYS, "derived", "solid", NULL};
     pm_part_spec read;
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_model_read_at(block, arena, &read.at));
@@ -138,6 +168,7 @@ pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
                       &read.energy, &read.entropy, &read.reversible, &read.irreversible,
                       &read.rate));
     PM_TRY(pm_model_read_derived(pm_yaml_get(block, "derived"), arena, &read));
+    PM_TRY(read_solid(pm_yaml_get(block, "solid"), arena, &read.solid));
     *spec = read;
     return PM_OK;
 }

@@ -219,6 +219,12 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
     write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
                 &spec->reversible, &spec->irreversible, &spec->rate);
     write_derived(file, spec);
+    if (spec->solid != NULL) {
+        fprintf(file, "solid: {branches: %d, units: %d, temperature: ", spec->solid->nbranch,
+                spec->solid->nunit);
+        pm_model_write_number(file, spec->solid->temperature);
+        fputs("}\n", file);
+    }
     return take_text(file, &text, arena);
 }
 

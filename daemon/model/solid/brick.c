@@ -1,0 +1,66 @@
+// Shape functions of the brick, and its points: those of Gauss, two along each axis.
+#include "model/solid/brick.h"
+
+#include <math.h>
+
+#include "model/solid/tensor.h"
+
+// The nodes in the cube [-1, 1]^3. The points are these divided by sqrt(3).
+static const double corner[PM_BRICK_NODES][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
+                                                 {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
+
+// Returns the derivative along axis d, at s, of the shape function of a node.
+static double slope(int node, const double s[3], int d) {
+    double product = corner[node][d] / 8;
+    for (int e = 0; e < 3; ++e) {
+        product *= e == d ? 1 : 1 + corner[node][e] * s[e];
+    }
+    return product;
+}
+
+bool pm_brick_make(pm_brick *brick, const double *x) {
+    brick->volume = 0;
+    for (int p = 0; p < PM_BRICK_POINTS; ++p) {
+        double s[3], local[PM_BRICK_NODES][3], jacobian[9] = {0};
+        for (int d = 0; d < 3; ++d) {
+            s[d] = corner[p][d] / sqrt(3);
+        }
+        for (int n = 0; n < PM_BRICK_NODES; ++n) {
+            for (int i = 0; i < 9; ++i) {
+                local[n][i % 3] = slope(n, s, i % 3);
+                jacobian[i] += x[3 * n + i / 3] * local[n][i % 3];
+            }
+        }
+        const double det = pm_matrix_det(jacobian);
+        if (!(det > 0)) {
+            return false;
+        }
+        brick->weight[p] = det;
+        brick->volume += det;
+        for (int n = 0; n < PM_BRICK_NODES; ++n) {
+            for (int j = 0; j < 3; ++j) {
+                // The columns of the inverse are cross products of rows of the Jacobian.
+                const double *a = jacobian + 3 * ((j + 1) % 3), *b = jacobian + 3 * ((j + 2) % 3);
+                brick->gradient[p][n][j] = (local[n][0] * (a[1] * b[2] - a[2] * b[1]) +
+                                            local[n][1] * (a[2] * b[0] - a[0] * b[2]) +
+                                            local[n][2] * (a[0] * b[1] - a[1] * b[0])) /
+                                           det;
+            }
+        }
+    }
+    return true;
+}
+
+void pm_brick_deform(const pm_brick *brick, int point, const double *u, double *F) {
+    for (int i = 0; i < 9; ++i) {
+        F[i] = i % 4 == 0;
+    }
+    for (int n = 0; n < PM_BRICK_NODES; ++n) {
+        const double *g = brick->gradient[point][n];
+        for (int i = 0; i < 3; ++i) {
+            F[3 * i] += u[3 * n + i] * g[0];
+            F[3 * i + 1] += u[3 * n + i] * g[1];
+            F[3 * i + 2] += u[3 * n + i] * g[2];
+        }
+    }
+}

@@ -1,0 +1,141 @@
+// Opens a body, sets and moves its state.
+#include "model/solid/solid.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "model/solid/solid_parts.h"
+
+// --- opening ---
+
+static pm_status open_memory(pm_solid *s) {
+    const size_t nelement = (size_t)s->mesh->nelement, n = 3 * (size_t)s->mesh->nnode;
+    pm_arena *a = &s->arena;
+    s->ninner = s->mesh->nelement * PM_BRICK_POINTS * s->material->nbranch * PM_SYM;
+    s->brick = pm_arena_array(a, nelement, sizeof *s->brick);
+    s->start = pm_arena_array(a, nelement, sizeof *s->start);
+    s->volume_energy = pm_arena_array(a, nelement, sizeof *s->volume_energy);
+    double *vectors = pm_arena_array(a, 6 * n, sizeof *vectors);
+    double *inner = pm_arena_array(a, 2 * (size_t)s->ninner + 1, sizeof *inner);
+    double *pairs = pm_arena_array(a, 2 * PM_SOLID_PAIRS * n, sizeof *pairs);
+    s->free = pm_arena_array(a, n, sizeof *s->free);
+    s->number = pm_arena_array(a, n, sizeof *s->number);
+    if (s->brick == NULL || s->start == NULL || s->volume_energy == NULL || vectors == NULL ||
+        inner == NULL || pairs == NULL || s->free == NULL || s->number == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a solid");
+    }
+    s->u = vectors;
+    s->trial = vectors + n;
+    s->force = vectors + 2 * n;
+    s->residual = vectors + 3 * n;
+    s->move = vectors + 4 * n;
+    s->last = vectors + 5 * n;
+    s->inner = inner;
+    s->after = inner + s->ninner;
+    s->pair_u = pairs;
+    s->pair_f = pairs + PM_SOLID_PAIRS * n;
+    return PM_OK;
+}
+
+static pm_status open_all(pm_solid *s) {
+    PM_TRY(open_memory(s));
+    for (int e = 0; e < s->mesh->nelement; ++e) {
+        double x[3 * PM_BRICK_NODES];
+        pm_solid_gather(s, e, s->mesh->position, x);
+        if (!pm_brick_make(&s->brick[e], x)) {
+            return pm_fail(PM_ECONFIG, "element %d of a solid is turned inside out", e);
+        }
+    }
+    PM_TRY(pm_solid_number(s));
+    pm_solid_set_state(s, NULL, NULL);
+    return PM_OK;
+}
+
+pm_status pm_solid_open(pm_solid **solid, const pm_solid_mesh *mesh,
+                        const pm_solid_material *material) {
+    pm_solid *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a solid");
+    }
+    s->mesh = mesh;
+    s->material = material;
+    const pm_status status = open_all(s);
+    if (status != PM_OK) {
+        pm_solid_close(s);
+        return status;
+    }
+    *solid = s;
+    return PM_OK;
+}
+
+void pm_solid_close(pm_solid *solid) {
+    if (solid != NULL) {
+        pm_arena_free(&solid->arena);
+        free(solid);
+    }
+}
+
+// --- the state ---
+
+const double *pm_solid_displacement(const pm_solid *s) {
+    return s->u;
+}
+
+const double *pm_solid_inner(const pm_solid *s) {
+    return s->inner;
+}
+
+int pm_solid_ninner(const pm_solid *s) {
+    return s->ninner;
+}
+
+const pm_solid_books *pm_solid_books_of(const pm_solid *s) {
+    return &s->books;
+}
+
+int pm_solid_nfree(const pm_solid *s) {
+    return s->nfree;
+}
+
+const int *pm_solid_free(const pm_solid *s) {
+    return s->free;
+}
+
+static void copy_or_clear(double *to, const double *from, int n) {
+    if (from == NULL) {
+        memset(to, 0, (size_t)n * sizeof *to);
+    } else {
+        memmove(to, from, (size_t)n * sizeof *to);
+    }
+}
+
+bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
+    const int n = 3 * s->mesh->nnode;
+    copy_or_clear(s->trial, u, n);
+    // With h = 0 nothing relaxes, so that this only checks the shape of all elements.
+    if (!pm_solid_evaluate(s, 0, NULL)) {
+        return false;
+    }
+    memcpy(s->u, s->trial, (size_t)n * sizeof *s->u);
+    copy_or_clear(s->inner, inner, s->ninner);
+    s->books = (pm_solid_books){.stored = pm_solid_begin(s)};
+    return true;
+}
+
+bool pm_solid_follow(pm_solid *s, double h, const double *u, double *force) {
+    const size_t n = 3 * (size_t)s->mesh->nnode;
+    pm_solid_sums sums;
+    memmove(s->trial, u, n * sizeof *u); // u may be s->trial itself
+    if (!pm_solid_evaluate(s, h, &sums)) {
+        return false;
+    }
+    if (force != NULL) {
+        memcpy(force, s->force, n * sizeof *force);
+    }
+    memcpy(s->u, s->trial, n * sizeof *s->u);
+    memcpy(s->inner, s->after, (size_t)s->ninner * sizeof *s->inner);
+    s->books.stored = pm_solid_begin(s);
+    s->books.heat = sums.heat;
+    s->books.work = sums.work;
+    return true;
+}
