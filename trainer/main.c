@@ -16,6 +16,8 @@ static const pm_subcommand commands[] = {
     {"propose", "write a training file for a scene and its data", pm_command_propose},
     {"fit", "train weights on a dataset", pm_command_fit},
     {"evaluate", "score rollouts of a scene against a dataset", pm_command_evaluate},
+    {"solid", "learn the material of a body from its fields", pm_command_solid},
+    {"respond", "compute how a body of learned material responds to forces", pm_command_respond},
     {"picture", "draw bodies on a mesh, coloured by stress", pm_command_picture},
 };
 

@@ -104,6 +104,10 @@ static const char *weights_path(const char *path, const char *weights_dir, pm_ar
 static pm_status check_part(pm_system *system, int id) {
     const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
     const pm_layout *own = &system->part[id].layout;
+    if (system->part[id].spec.solid != NULL) {
+        return pm_fail(PM_EWEIGHTS, "%s: subsystem %s: a scene cannot serve the weights of a solid",
+                       subsystem->weights_at, subsystem->name);
+    }
     if (pm_layout_equal(&subsystem->layout, own)) {
         return PM_OK;
     }

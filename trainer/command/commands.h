@@ -20,6 +20,8 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop);
 
 #endif
