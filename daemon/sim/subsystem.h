@@ -98,8 +98,9 @@ pm_books pm_subsystem_books(const pm_subsystem *s);
 // Copies the state and the quantities of pm_books into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 
-// Puts into the record all numbers with which the subsystem continues from the end of a step, bit
-// by bit. Restoring is allowed at any time.
+// Counts, saves or restores, as `record` demands (base/record.h), all numbers that the subsystem
+// needs to continue from the end of a step with the same bits. Saving is allowed between two steps,
+// restoring at any time.
 void pm_subsystem_record(pm_subsystem *s, pm_record *record);
 
 #endif
