@@ -291,7 +291,8 @@ static void amounts_are_not_coupled_without_loss(void **state) {
         d->z[i] = 1 + exp(-0.01 * i) * (i % 3 == 0 ? 1 : -0.5);
     }
     propose(cell, d, text);
-    assert_says(text, "irreversible: {learned: {acts_on: [A, B, s]");
+    assert_says(text, "irreversible: {learned: {acts_on: [A, B, s], rank: 1, strength: "
+                      "{features: [A, \"ln|A|\", B, \"ln|B|\", s]");
     assert_null(strstr(text, "    reversible"));
     pm_dataset_free(d);
 }

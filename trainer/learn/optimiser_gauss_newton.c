@@ -35,7 +35,9 @@
 // A guarded run ends when this number of iterations has not lowered the loss by this factor.
 #define PATIENCE 10
 #define PROGRESS 0.95
-#define SETTLED 2 // where the moment holds that loss
+// Where the moment holds that loss, and the robust scale D^2 at that time.
+#define SETTLED 2
+#define SETTLED_SCALE 3
 // The most weights for which the matrix is formed and factorised, and the most residuals of a
 // sample: the matrix takes a reverse pass for each of them, and conjugate gradients take about
 // three for each of a hundred iterations.
@@ -196,16 +198,20 @@ static pm_status iterate(solver *s, double *loss) {
     return PM_OK;
 }
 
-// Whether the last PATIENCE iterations were in vain. The loss before them is stored in the moment
-// of the optimisation, behind the damping.
+// Whether the last PATIENCE iterations were in vain: neither the loss has fallen nor, with a robust
+// loss, the median of the residuals. The loss of a few samples with large residuals varies from
+// batch to batch while the others still improve. The values before these iterations are stored in
+// the moment of the optimisation, behind the damping.
 static bool is_settled(const solver *s, double loss) {
     pm_optimisation *o = s->o;
-    if (!o->schedule.guarded || s->size <= SETTLED || o->done % PATIENCE != 0) {
+    if (!o->schedule.guarded || s->size <= SETTLED_SCALE || o->done % PATIENCE != 0) {
         return false;
     }
-    const double before = o->moment[SETTLED];
+    const double before = o->moment[SETTLED], scale_before = o->moment[SETTLED_SCALE];
+    const double scale = pm_objective_robust_square(o->objective);
     o->moment[SETTLED] = loss;
-    return before > 0 && loss > PROGRESS * before;
+    o->moment[SETTLED_SCALE] = scale;
+    return before > 0 && loss > PROGRESS * before && scale >= PROGRESS * scale_before;
 }
 
 // Marks the weights that an early run leaves as they are.

@@ -7,11 +7,13 @@
 
 #include "base/linalg.h"
 
-#define MOST_STATES 6000 // the most examined states
-#define MARGIN 2         // states at either end, needed for central differences
-#define MOVES 1e-9       // relative change over one step below which a variable is constant
-#define NEAR_ZERO 0.02   // relative to the deviation
-#define SAME 2e-3        // relative to |q||p|: the change below which q x p is conserved
+#define MOST_STATES 6000   // the most examined states
+#define MARGIN 2           // states at either end, needed for central differences
+#define MOVES 1e-9         // relative change over one step below which a variable is constant
+#define NEAR_ZERO 0.02     // relative to the deviation
+#define MOST_COMPONENTS 16 // of groups whose rank is examined
+#define INDEPENDENT 1e-8   // eigenvalue of an independent process, relative to the largest
+#define SAME 2e-3          // relative to |q||p|: the change below which q x p is conserved
 
 static void take_rate(const pm_look *look, int i, int j, double *rate) {
     const pm_dataset *d = look->dataset;
@@ -222,6 +224,52 @@ double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, 
     double solution[PM_LOOK_SOURCES];
     const int most = PM_LOOK_SOURCES / degree;
     return explain(look, target, count < most ? count : most, source, degree, solution);
+}
+
+// --- rank ---
+
+// Writes the scalar products of all components over the examined states to product [n][n], each
+// component divided by its root mean square.
+static void multiply_rates(const pm_look *look, int n, const int *component, double *product) {
+    const int nz = look->scene->nz;
+    memset(product, 0, (size_t)n * (size_t)n * sizeof *product);
+    for (int k = 0; k < look->count; ++k) {
+        const double *rate = look->rate + (ptrdiff_t)k * nz;
+        for (int a = 0; a < n; ++a) {
+            for (int b = 0; b < n; ++b) {
+                product[a * n + b] += rate[component[a]] * rate[component[b]];
+            }
+        }
+    }
+    double size[MOST_COMPONENTS];
+    for (int a = 0; a < n; ++a) {
+        size[a] = product[a * n + a] > 0 ? sqrt(product[a * n + a]) : 1;
+    }
+    for (int a = 0; a < n * n; ++a) {
+        product[a] /= size[a / n] * size[a % n];
+    }
+}
+
+int pm_look_rank(const pm_look *look, int count, const pm_look_group *group) {
+    int component[MOST_COMPONENTS], n = 0, components = 0, rank = 0;
+    for (int i = 0; i < count; ++i) {
+        for (int c = 0; c < group[i].group->size; ++c, ++components) {
+            component[n < MOST_COMPONENTS ? n++ : 0] = group[i].first + c;
+        }
+    }
+    double product[MOST_COMPONENTS * MOST_COMPONENTS], value[MOST_COMPONENTS];
+    double vector[MOST_COMPONENTS * MOST_COMPONENTS];
+    if (components > MOST_COMPONENTS || n == 0) {
+        return components;
+    }
+    multiply_rates(look, n, component, product);
+    if (!pm_eigen_largest(n, product, n, value, vector)) {
+        return components;
+    }
+    for (int a = 0; a < n; ++a) {
+        rank += value[a] > INDEPENDENT * value[0];
+    }
+    return rank;
 }
 
 // --- rotation ---

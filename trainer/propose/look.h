@@ -58,6 +58,12 @@ double pm_look_explain(const pm_look *look, const pm_look_group *target, int cou
 double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, int count,
                               const pm_look_group *source, int degree);
 
+// Returns the number of independent processes that the rates of `count` groups show: the rank of
+// the matrix of all their components in all examined states, each divided by its root mean square.
+// It is smaller than the number of components if some linear combinations do not change, such as
+// the amounts of chemical elements. Returns the number of components if memory runs out.
+int pm_look_rank(const pm_look *look, int count, const pm_look_group *group);
+
 // Returns true if the angular momentum, the sum of q[i] x p[i] over `count` conjugate pairs of
 // groups of two or three components, is constant along each trajectory. This sum is taken in the
 // coordinates of the dataset's columns. The dynamics then do not depend on directions. Returns

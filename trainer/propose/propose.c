@@ -10,8 +10,10 @@
 // resolves its dynamics.
 #define FINE 0.25
 #define RESOLVED 0.5
-// The most iterations on derivatives. A stage ends sooner when it makes no more progress.
+// The most iterations on derivatives and on steps. A stage ends sooner when it makes no more
+// progress.
 #define DERIVATIVE_ITERATIONS 240
+#define STEP_ITERATIONS 60
 
 static void write_head(const pm_draft *d) {
     FILE *f = d->file;
@@ -67,8 +69,8 @@ static void write_stages(const pm_draft *d) {
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: 8192, residual: derivative}\n",
             DERIVATIVE_ITERATIONS);
     fprintf(
-        f, "  - {optimiser: gauss_newton, iterations: 15, batch: 4096, substeps: %d, robust: 20}\n",
-        substeps_for(d, FINE));
+        f, "  - {optimiser: gauss_newton, iterations: %d, batch: 4096, substeps: %d, robust: 20}\n",
+        STEP_ITERATIONS, substeps_for(d, FINE));
 }
 
 static void write_all(const pm_draft *d) {

@@ -100,31 +100,33 @@ static void add_entropies(pm_draft_list *l, const pm_part_view *v, bool changing
 }
 
 // Adds a group as a feature: the length of a vector if nothing depends on directions, the logarithm
-// of a volume as in the entropy of gases, else the group itself.
+// of a volume as in the entropy of gases, else the group itself. An amount of substance also has
+// its logarithm, so that a quadratic skip contains the entropy of mixing, n ln n.
 static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
                         const char *before, int g) {
     const pm_unit volume = pm_unit_parse("m^3");
     const bool length = d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0;
-    if (length || (v->group[g].positive && pm_unit_equal(&v->unit[g], &volume))) {
+    const bool amount = v->group[g].positive && v->group[g].group->size == 1 && v->unit[g].known &&
+                        v->unit[g].power[PM_UNIT_MOL] == 1;
+    const bool gas = v->group[g].positive && pm_unit_equal(&v->unit[g], &volume);
+    if (!length && !gas) {
+        pm_draft_add(l, before, pm_draft_name(v, g));
+    }
+    if (length || gas || amount) {
         char name[2 * PM_MAX_NAME];
         snprintf(name, sizeof name, "%s%s", before, pm_draft_name(v, g));
         add_quoted(l, length && v->group[g].zero ? "|" : "ln|", name, "|");
-    } else {
-        pm_draft_add(l, before, pm_draft_name(v, g));
     }
 }
 
-int pm_draft_add_features(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
-                          const char *before, const pm_layout *shown) {
-    int inputs = 0;
+void pm_draft_add_features(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
+                           const char *before, const pm_layout *shown) {
     for (int g = 0; g < v->count; ++g) {
         const bool seen = shown == NULL || pm_layout_find(shown, pm_draft_name(v, g)) != NULL;
         if (seen && !v->group[g].constant) {
             add_feature(d, l, v, before, g);
-            inputs += d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size;
         }
     }
-    return inputs;
 }
 
 pm_draft_list pm_draft_open_strength(const pm_draft *d) {
@@ -335,13 +337,16 @@ bool pm_draft_may_lose(const pm_part_view *v, int g) {
 }
 
 static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
+    pm_look_group lossy[PM_MAX_GROUPS] = {0};
     int n = 0, heats = 0;
     for (int g = 0; g < v->count; ++g) {
         const bool heat = v->kind[g] == PM_VIEW_ENTROPY && !v->group[g].constant;
-        n += pm_draft_may_lose(v, g) ? v->group[g].group->size : 0;
+        if (pm_draft_may_lose(v, g)) {
+            lossy[n++] = v->group[g];
+        }
         heats += heat ? v->group[g].group->size : 0;
     }
-    const int rank = n + (heats > 1 ? heats - 1 : 0);
+    const int rank = pm_look_rank(&d->look, n, lossy) + (heats > 1 ? heats - 1 : 0);
     if ((heats == 0 && !has_heat(v)) || rank == 0) {
         return;
     }
