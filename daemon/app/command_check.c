@@ -27,7 +27,7 @@ static pm_status build_all(const pm_setup *setup, int *rounds) {
             continue;
         }
         PM_TRY(pm_subsystem_open(&subsystem, setup->system, i));
-        *rounds = pm_subsystem_rounds(subsystem);
+        *rounds = pm_subsystem_most_rounds(subsystem);
         pm_subsystem_close(subsystem);
     }
     return PM_OK;
@@ -40,7 +40,8 @@ static void print_header(const pm_setup *setup, int rounds) {
     if (scene->tolerance > 0) {
         printf("substeps for a tolerance of %g, at least %d\n", scene->tolerance, scene->substeps);
     } else {
-        printf("%d substeps: %d flux exchanges per step\n", scene->substeps, rounds);
+        printf("%d substeps: %s%d flux exchanges per step\n", scene->substeps,
+               scene->integrator->discrete ? "at most " : "", rounds);
     }
     printf("  LCM        %s, window %d, patience %g s\n", scene->url, scene->window,
            scene->patience);

@@ -18,12 +18,13 @@ static const pm_wire_type hello_type = {
 
 static const pm_wire_type flux_type = {
     __portmet_flux_t_get_hash,
-    13,
+    15,
     {F(I64, flux, session), F(I64, flux, step), F(I32, flux, round), F(DOUBLE, flux, time),
      F(COUNT, flux, nend), ARRAY(DOUBLES, flux, energy_flux, nend),
      ARRAY(DOUBLES, flux, entropy_flux, nend), F(COUNT, flux, ny), ARRAY(DOUBLES, flux, y, ny),
      ARRAY(DOUBLES, flux, e, ny), ARRAY(DOUBLES, flux, eta, ny), F(COUNT, flux, nresponse),
-     ARRAY(DOUBLES, flux, response, nresponse)},
+     ARRAY(DOUBLES, flux, response, nresponse), F(COUNT, flux, nlevel),
+     ARRAY(I64S, flux, level, nlevel)},
 };
 
 static const pm_wire_type tick_type = {

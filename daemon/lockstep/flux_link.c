@@ -34,9 +34,11 @@ pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_
     measure(scene, process_id, -1, PM_END_A, &nend, &ny);
     const pm_integrator *integrator = scene->integrator;
     const int nresponse = integrator != NULL && integrator->discrete ? ny : 0;
+    const int nlevel = nresponse > 0 ? nend : 0;
     const size_t count = 2 * (size_t)nend + 3 * (size_t)ny + (size_t)nresponse;
     double *memory = pm_arena_array(arena, count, sizeof(double));
-    if (memory == NULL) {
+    int64_t *level = pm_arena_array(arena, (size_t)nlevel, sizeof *level);
+    if (memory == NULL || level == NULL) {
         return pm_fail(PM_ENOMEM, "flux of %zu numbers: out of memory", count);
     }
     *flux = (portmet_flux_t){.nend = nend,
@@ -47,14 +49,16 @@ pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_
                              .e = memory + 2 * nend + ny,
                              .eta = memory + 2 * nend + 2 * ny,
                              .nresponse = nresponse,
-                             .response = memory + 2 * nend + 3 * ny};
+                             .response = memory + 2 * nend + 3 * ny,
+                             .nlevel = nlevel,
+                             .level = level};
     return PM_OK;
 }
 
-int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end) {
+int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end, int *position) {
     const int subsystem_id = scene->port[port_id].subsystem[end];
-    int nend, ny;
-    measure(scene, scene->subsystem[subsystem_id].process, port_id, end, &nend, &ny);
+    int ny;
+    measure(scene, scene->subsystem[subsystem_id].process, port_id, end, position, &ny);
     return ny;
 }
 
@@ -78,20 +82,40 @@ static bool is_same(const portmet_flux_t *a, const portmet_flux_t *b) {
     const size_t size = (size_t)a->ny * sizeof(double);
     return memcmp(a->y, b->y, size) == 0 && memcmp(a->e, b->e, size) == 0 &&
            memcmp(a->eta, b->eta, size) == 0 &&
-           memcmp(a->response, b->response, (size_t)a->nresponse * sizeof(double)) == 0;
+           memcmp(a->response, b->response, (size_t)a->nresponse * sizeof(double)) == 0 &&
+           memcmp(a->level, b->level, (size_t)a->nlevel * sizeof *a->level) == 0;
 }
 
-pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present) {
-    const int slot = (int)(key % PM_INBOX_DEPTH);
-    if (link->inbox_key[slot] == key) {
+static int find_slot(const pm_flux_link *link, int64_t key) {
+    int slot = 0;
+    while (slot < PM_INBOX_DEPTH && link->inbox_key[slot] != key) {
+        ++slot;
+    }
+    return slot;
+}
+
+// Returns the slot for a message. One of the present round stays, and so does one that is ahead, as
+// long as it is not the same neighbour's next one that comes.
+static int choose_slot(const pm_flux_link *link, int64_t key, int64_t present, int64_t next_step) {
+    const int64_t *kept = link->inbox_key;
+    if (key != present && (kept[0] == present || kept[1] == present)) {
+        return kept[0] == present ? 1 : 0;
+    }
+    return kept[0] == present + 1 || kept[0] == next_step ? 1 : 0;
+}
+
+pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present, int64_t next_step) {
+    int slot = find_slot(link, key);
+    if (slot < PM_INBOX_DEPTH) {
         return is_same(&link->inbox[slot], &link->scratch) ? PM_DROP_REPEATED : PM_DROP_CONFLICT;
     }
     if (key < present) {
         return PM_DROP_REPEATED;
     }
-    if (key > present + 1) {
+    if (key > present + 1 && key != next_step) {
         return PM_DROP_RANGE;
     }
+    slot = choose_slot(link, key, present, next_step);
     // The inbox takes the decoded arrays and leaves its own for the next message.
     const portmet_flux_t unused = link->inbox[slot];
     link->inbox[slot] = link->scratch;
@@ -101,6 +125,6 @@ pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present) {
 }
 
 const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key) {
-    const int slot = (int)(key % PM_INBOX_DEPTH);
-    return link->inbox_key[slot] == key ? &link->inbox[slot] : NULL;
+    const int slot = find_slot(link, key);
+    return slot < PM_INBOX_DEPTH ? &link->inbox[slot] : NULL;
 }

@@ -1,6 +1,7 @@
 // A flux link keeps the fluxes of one neighbouring process until the round that needs them. This
 // file also defines the array sizes of a process's flux message. The key of a round is its number
-// counted from the start of the run: step * (most rounds of a step) + round.
+// counted from the start of the run: step * (most rounds of a step) + round. A step may have fewer
+// rounds (sim/iteration.h).
 #ifndef PM_LOCKSTEP_FLUX_LINK_H
 #define PM_LOCKSTEP_FLUX_LINK_H
 
@@ -35,12 +36,13 @@ pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene 
                             int process_id);
 
 // Stores the message decoded into link->scratch, which belongs to the round with the key `key`, in
-// the inbox. `present` is the key of the round that this process computes. PM_KEEP: the message is
-// stored, and link->scratch has other arrays for the next message. PM_DROP_REPEATED: the inbox
-// holds the same message already, or the round is over. PM_DROP_CONFLICT: the inbox holds a message
-// of this round with other bits. PM_DROP_RANGE: `key` is more than one round ahead of `present`,
-// which the neighbour cannot be. A message that is not stored stays in link->scratch.
-pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present);
+// the inbox. `present` is the key of the round that this process computes, and `next_step` that of
+// the first round of the next step, which may come next. PM_KEEP: the message is stored, and
+// link->scratch has other arrays for the next message. PM_DROP_REPEATED: the inbox holds the same
+// message already, or the round is over. PM_DROP_CONFLICT: the inbox holds a message of this round
+// with other bits. PM_DROP_RANGE: `key` is more than one round ahead of `present`, which the
+// neighbour cannot be. A message that is not stored stays in link->scratch.
+pm_drop pm_flux_link_keep(pm_flux_link *link, int64_t key, int64_t present, int64_t next_step);
 
 // Returns the neighbour's message of the round with the key `key`; NULL if it has not arrived or is
 // no longer kept. The link owns the message, which is valid until a message of a later round takes
@@ -49,16 +51,16 @@ const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
 
 // --- the shape of a process's flux message ---
 
-// Sets *flux to a message of process `process_id` with nend, ny and nresponse as its subsystems
-// need them, arrays of these lengths in the arena, and zeros elsewhere. nend counts the ends of
-// ports between two processes, ny the components that these ends expose. nresponse is ny for a
-// discrete integrator, and 0 for all others. PM_ENOMEM.
+// Sets *flux to a message of process `process_id` with nend, ny, nresponse and nlevel as its
+// subsystems need them, arrays of these lengths in the arena, and zeros elsewhere. nend counts the
+// ends of ports between two processes, ny the components that these ends expose. nresponse is ny
+// and nlevel is nend for a discrete integrator; both are 0 for all others. PM_ENOMEM.
 pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                                 int process_id);
 
 // Returns the index at which the components of one end of a port begin in the arrays y, e, eta and
-// response of the messages of the process that owns this end. The other end of the port must belong
-// to another process.
-int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end);
+// response of the messages of the process that owns this end. `position` receives the index of the
+// end itself, in the array `level`. The other end of the port must belong to another process.
+int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end, int *position);
 
 #endif

@@ -152,7 +152,8 @@ static pm_drop accept_flux(pm_flux_link *link) {
         return PM_DROP_IMPLAUSIBLE;
     }
     const pm_drop drop =
-        pm_flux_link_keep(link, flux->step * node->rounds + flux->round, pm_node_round_key(node));
+        pm_flux_link_keep(link, flux->step * node->rounds + flux->round, pm_node_round_key(node),
+                          (node->step + 1) * node->rounds);
     if (drop == PM_KEEP) {
         pm_node_note_used(node, link);
     }

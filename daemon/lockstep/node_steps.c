@@ -102,7 +102,7 @@ static pm_status finish_round(pm_lockstep_node *node) {
     pm_process_subsystems_advance(&node->subsystems);
     node->started = false;
     node->round += 1;
-    if (node->round < pm_process_subsystems_rounds(&node->subsystems)) {
+    if (!pm_process_subsystems_complete_step(&node->subsystems)) {
         return PM_OK;
     }
     PM_TRY(pm_process_subsystems_end_step(&node->subsystems));

@@ -57,7 +57,7 @@ static pm_status open_port(pm_process_subsystems *subsystems, pm_arena *arena,
         return PM_OK;
     }
     port->peer = -1;
-    port->first = pm_flux_message_offset(scene, port_id, other);
+    port->first = pm_flux_message_offset(scene, port_id, other, &port->end);
     port->ny = scene->port[port_id].layout[other].nz;
     return find_link(subsystems, arena, scene, scene->subsystem[neighbour].process, &port->link);
 }
@@ -144,6 +144,7 @@ static void fill_flux(pm_process_subsystems *subsystems) {
             memcpy(flux->eta + first, values->eta, size);
             if (values->response != NULL) {
                 memcpy(flux->response + first, values->response, size);
+                flux->level[end] = values->level;
             }
             end += 1;
             first += values->ny;
@@ -159,7 +160,7 @@ static pm_status publish_flux(pm_process_subsystems *subsystems, pm_transport *t
     flux->step = head->step;
     flux->round = head->round;
     flux->time = head->time;
-    unsigned char *data = pm_resend_buffer_data(&subsystems->sent, key);
+    unsigned char *data = pm_resend_buffer_data(&subsystems->sent);
     const size_t size = pm_flux_encode(flux, data, subsystems->sent.capacity);
     if (size == 0) {
         return pm_fail(PM_ENUMERIC, "channel %s: not finite in round %d of step %lld",
@@ -207,9 +208,15 @@ bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key
                 return false;
             }
             const int first = port->first;
-            const pm_port_values values = {port->ny, flux->y + first, flux->e + first,
-                                           flux->eta + first,
-                                           flux->nresponse > 0 ? flux->response + first : NULL};
+            const bool iterates = flux->nlevel > 0;
+            const pm_port_values values = {
+                port->ny,
+                flux->y + first,
+                flux->e + first,
+                flux->eta + first,
+                iterates ? flux->response + first : NULL,
+                iterates ? (int)flux->level[port->end] : 0,
+            };
             pm_subsystem_couple(part->subsystem, subsystems->port_id, &values);
             *used = true;
         }
@@ -246,8 +253,8 @@ void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int s
     }
 }
 
-int pm_process_subsystems_rounds(const pm_process_subsystems *subsystems) {
-    return pm_subsystem_rounds(subsystems->part[0].subsystem);
+bool pm_process_subsystems_complete_step(const pm_process_subsystems *subsystems) {
+    return pm_subsystem_completes_step(subsystems->part[0].subsystem);
 }
 
 // --- checkpoints ---

@@ -18,6 +18,7 @@ typedef struct pm_process_port {
     int link;            // if peer is -1: position of the neighbouring process in `link`
     int first, ny;       // if peer is -1: first position and number of the components of the other
                          // end in y, e and eta of the neighbour's flux message
+    int end;             // if peer is -1: position of its level in that message
 } pm_process_port;
 
 // A subsystem of the process, with its ports.
@@ -66,8 +67,8 @@ const pm_flux_link *pm_process_subsystems_missing(const pm_process_subsystems *s
 // Sets the number of substeps of the next step; to be called between two steps.
 void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int substeps);
 
-// Returns the number of rounds in the present step.
-int pm_process_subsystems_rounds(const pm_process_subsystems *subsystems);
+// Returns true after the last round of a step.
+bool pm_process_subsystems_complete_step(const pm_process_subsystems *subsystems);
 
 // Ends a round in which all ports are coupled: combines the stages of the Runge-Kutta method.
 void pm_process_subsystems_advance(pm_process_subsystems *subsystems);

@@ -197,7 +197,7 @@ pm_status pm_reporter_flush(pm_reporter *reporter) {
     m->nend = r->rows * r->nend;
     const int64_t last = m->step + r->rows - 1;
     r->rows = 0;
-    unsigned char *data = pm_resend_buffer_data(&r->sent, r->count);
+    unsigned char *data = pm_resend_buffer_data(&r->sent);
     const size_t size = pm_report_encode(m, data, r->sent.capacity);
     if (size == 0) {
         return pm_fail(PM_ENUMERIC,

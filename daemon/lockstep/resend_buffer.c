@@ -1,4 +1,4 @@
-// A ring of published messages, by key modulo the depth.
+// A ring of published messages, in the order of publishing.
 #include "lockstep/resend_buffer.h"
 
 pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int depth,
@@ -16,33 +16,38 @@ pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int d
     return PM_OK;
 }
 
-static pm_resend_buffer_slot *slot_of(const pm_resend_buffer *buffer, int64_t key) {
-    return &buffer->slot[key % buffer->depth];
+// Returns the slot of a message, or NULL if it is not kept.
+static const pm_resend_buffer_slot *find_slot(const pm_resend_buffer *buffer, int64_t key) {
+    for (int i = 0; i < buffer->depth; ++i) {
+        if (buffer->slot[i].key == key) {
+            return &buffer->slot[i];
+        }
+    }
+    return NULL;
 }
 
-unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer, int64_t key) {
-    pm_resend_buffer_slot *slot = slot_of(buffer, key);
+unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer) {
+    pm_resend_buffer_slot *slot = &buffer->slot[buffer->next];
     slot->key = -1;
     return slot->data;
 }
 
 pm_status pm_resend_buffer_publish(pm_resend_buffer *buffer, pm_transport *transport, int64_t key,
                                    size_t size) {
-    pm_resend_buffer_slot *slot = slot_of(buffer, key);
+    pm_resend_buffer_slot *slot = &buffer->slot[buffer->next];
+    buffer->next = (buffer->next + 1) % buffer->depth;
     slot->key = key;
     slot->size = size;
     return pm_transport_publish(transport, buffer->channel, slot->data, size);
 }
 
 bool pm_resend_buffer_keeps(const pm_resend_buffer *buffer, int64_t key) {
-    return key >= 0 && slot_of(buffer, key)->key == key;
+    return key >= 0 && find_slot(buffer, key) != NULL;
 }
 
 pm_status pm_resend_buffer_repeat(const pm_resend_buffer *buffer, pm_transport *transport,
                                   int64_t key) {
-    if (!pm_resend_buffer_keeps(buffer, key)) {
-        return PM_OK;
-    }
-    const pm_resend_buffer_slot *slot = slot_of(buffer, key);
-    return pm_transport_publish(transport, buffer->channel, slot->data, slot->size);
+    const pm_resend_buffer_slot *slot = key < 0 ? NULL : find_slot(buffer, key);
+    return slot == NULL ? PM_OK
+                        : pm_transport_publish(transport, buffer->channel, slot->data, slot->size);
 }

@@ -19,7 +19,7 @@ typedef struct pm_resend_buffer_slot {
 typedef struct pm_resend_buffer {
     char channel[PM_CHANNEL_SIZE];
     size_t capacity; // bytes of one message
-    int depth;       // messages kept
+    int depth, next; // messages kept; slot of the next one
     pm_resend_buffer_slot *slot;
 } pm_resend_buffer;
 
@@ -28,12 +28,12 @@ typedef struct pm_resend_buffer {
 pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int depth,
                                 size_t capacity);
 
-// Returns the memory [capacity] into which message `key` (>= 0) is to be encoded. The message
-// replaces the oldest one.
-unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer, int64_t key);
+// Returns the memory [capacity] into which the next message is to be encoded. The message replaces
+// the oldest one.
+unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer);
 
-// Publishes message `key`, of which `size` bytes were encoded in this memory, and keeps it.
-// PM_ENET, PM_ENOMEM.
+// Publishes the next message as number `key` (>= 0), of which `size` bytes were encoded in this
+// memory, and keeps it. PM_ENET, PM_ENOMEM.
 pm_status pm_resend_buffer_publish(pm_resend_buffer *buffer, pm_transport *transport, int64_t key,
                                    size_t size);
 

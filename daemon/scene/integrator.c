@@ -53,7 +53,7 @@
           {0, 0, 0, 0, 1},        \
           {0, 0, 0, 0, 0, 1},     \
           {0, 0, 0, 0, 0, 0, 1}}, \
-    .b = {0, 0, 0, 0, 0, 0, 0, 1}, .discrete = true
+    .b = {0, 0, 0, 0, 0, 0, 0, 1}, .discrete = true, .most_iterations = 50
 
 // Every method: its name, then its members.
 #define INTEGRATORS(METHOD)                                     \

@@ -1,7 +1,7 @@
 // Runge-Kutta methods as Butcher tableaux. Every stage needs one exchange of fluxes between
-// neighbours. An implicit method appears here as a fixed number of iterations, each of which is a
-// stage. The table lies in this layer so that a scene with an unknown integrator is refused when it
-// is read. Adding a method means adding one line to the table in integrator.c.
+// neighbours. An implicit method appears here as iterations, each of which is a stage. The table
+// lies in this layer so that a scene with an unknown integrator is refused when it is read. Adding
+// a method means adding one line to the table in integrator.c.
 #ifndef PM_SCENE_INTEGRATOR_H
 #define PM_SCENE_INTEGRATOR_H
 
@@ -23,8 +23,11 @@ typedef struct pm_integrator {
     int embedded;
     double error_weights[PM_MAX_STAGES];
     // The stages are iterates of the new state z'. Co-energies are discrete gradients between z and
-    // the iterate; operators and ports are evaluated at the mean of both.
+    // the iterate; operators and ports are evaluated at the mean of both. A run iterates until all
+    // subsystems have converged (sim/iteration.h), at most `most_iterations` times. Training
+    // iterates nstage times.
     bool discrete;
+    int most_iterations;
     // A stage begins an interval of length width[i] h. Within it each subsystem integrates its bulk
     // term with substeps of its own (sim/multirate.h), while its ports contribute the rate
     //     sum_j (a[i][j] + slope[i][j] x) k_j / width[i],

@@ -166,6 +166,9 @@ typedef struct pm_scene {
     // The ends of ports at each subsystem as numbers 2 * port + end, in ascending order. Those of
     // subsystem i begin at end_at[first_end[i]] and end before end_at[first_end[i + 1]].
     int *first_end, *end_at; // [nsubsystem + 1], [2 nport]
+    // An upper bound on the number of ports between any two subsystems; INT_MAX if there are two
+    // that no ports connect.
+    int diameter;
 } pm_scene;
 
 // Reads the scene file at `path` and checks keys, types, names, units, neighbours and ports. The

@@ -2,6 +2,8 @@
 // subsystem and a boundary input.
 #include "scene/scene_reader.h"
 
+#include <limits.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "model/port.h"
@@ -161,6 +163,36 @@ static pm_status list_ends(pm_scene *scene) {
     return PM_OK;
 }
 
+// Finds the subsystems that ports connect with the first one, ring by ring. Twice the number of
+// rings is a bound on the diameter, and so is the number of subsystems.
+static pm_status measure_diameter(pm_scene *scene) {
+    int *found = calloc((size_t)scene->nsubsystem + 1, sizeof *found); // in the order of finding
+    int *ring = calloc((size_t)scene->nsubsystem + 1, sizeof *ring);   // from 1; 0: not found
+    if (found == NULL || ring == NULL) {
+        free(found);
+        free(ring);
+        return pm_scene_no_memory();
+    }
+    int count = 1, last = 1;
+    ring[0] = 1;
+    for (int k = 0; k < count; ++k) {
+        last = ring[found[k]];
+        for (int n = scene->first_end[found[k]]; n < scene->first_end[found[k] + 1]; ++n) {
+            const int end = scene->end_at[n];
+            const int other = scene->port[end / 2].subsystem[1 - end % 2];
+            if (other >= 0 && ring[other] == 0) {
+                ring[other] = last + 1;
+                found[count++] = other;
+            }
+        }
+    }
+    const int twice = 2 * (last - 1), most = scene->nsubsystem - 1;
+    scene->diameter = count < scene->nsubsystem ? INT_MAX : twice < most ? twice : most;
+    free(found);
+    free(ring);
+    return PM_OK;
+}
+
 static const char *name_of(const pm_scene *scene, int id) {
     return scene->port[id].name;
 }
@@ -192,5 +224,6 @@ pm_status pm_scene_read_ports(pm_scene_reader *r) {
     if (pm_yaml_exists(ports)) {
         PM_TRY(read_all(r, ports));
     }
-    return list_ends(r->scene);
+    PM_TRY(list_ends(r->scene));
+    return measure_diameter(r->scene);
 }

@@ -153,8 +153,7 @@ static void couple_ports(pm_monolithic *m, int subsystem_id) {
 }
 
 static pm_status step_subsystems(pm_monolithic *m) {
-    const int rounds = m->count > 0 ? pm_subsystem_rounds(m->subsystem[0]) : 0;
-    for (int round = 0; round < rounds; ++round) {
+    while (!pm_subsystem_completes_step(m->subsystem[0])) {
         for (int i = 0; i < m->count; ++i) {
             pm_subsystem_expose(m->subsystem[i]);
         }

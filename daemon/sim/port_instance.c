@@ -24,7 +24,7 @@ static pm_status open_end(pm_port_instance_end *end, pm_arena *arena, const pm_s
                                   .e = memory + ny,
                                   .eta = memory + 2 * (ptrdiff_t)ny,
                                   .response = memory + 3 * (ptrdiff_t)ny};
-    end->shown = (pm_port_values){ny, end->y, end->e, end->eta, discrete ? end->response : NULL};
+    end->shown = (pm_port_values){ny, end->y, end->e, end->eta, discrete ? end->response : NULL, 0};
     return PM_OK;
 }
 

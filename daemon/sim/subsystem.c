@@ -126,14 +126,15 @@ void pm_subsystem_set_boundary_input(pm_subsystem *s, const pm_boundary_input *b
     s->boundary_input = boundary_input;
 }
 
-int pm_subsystem_rounds(const pm_subsystem *s) {
-    return s->substeps * s->integrator->nstage;
+bool pm_subsystem_completes_step(const pm_subsystem *s) {
+    return s->substep == s->substeps;
 }
 
 int pm_subsystem_most_rounds(const pm_subsystem *s) {
     const pm_scene *scene = s->system->scene;
     const int most = scene->tolerance > 0 ? PM_MOST_SUBSTEPS : scene->substeps;
-    return most * s->integrator->nstage;
+    const pm_integrator *rk = s->integrator;
+    return most * (rk->discrete ? rk->most_iterations : rk->nstage);
 }
 
 void pm_subsystem_set_substeps(pm_subsystem *s, int substeps) {

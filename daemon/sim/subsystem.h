@@ -4,7 +4,7 @@
 // neighbours.
 //
 // Life cycle: open; set_boundary_input if the scene has any; set_state; then steps; close. A step
-// consists of pm_subsystem_rounds rounds, one for each stage of each substep:
+// consists of rounds, one for each stage of each substep, until pm_subsystem_completes_step:
 //     pm_subsystem_expose   evaluates dE and dS at the stage's state, and what every port shows
 //     pm_subsystem_bulk     evaluates L dE + M dS while the neighbours' values travel
 //     pm_subsystem_couple   once per port, in the order of ports: adds the port's term to the rate
@@ -44,8 +44,9 @@ bool pm_subsystem_has_boundary_input(const pm_subsystem *s, int port);
 // before peer, and neither may step once the other is closed. PM_ENOMEM.
 pm_status pm_subsystem_share(pm_subsystem *s, int port, pm_subsystem *peer, int peer_port);
 
-// Return the number of rounds of the present step, and the largest number that a step can have.
-int pm_subsystem_rounds(const pm_subsystem *s);
+// Returns true after the last round of a step. It is the same round for all subsystems of a scene.
+bool pm_subsystem_completes_step(const pm_subsystem *s);
+// Returns the largest number of rounds that a step can have.
 int pm_subsystem_most_rounds(const pm_subsystem *s);
 // Sets the number of substeps of every step from the next one on (step_controller.h), until it is
 // called again. It may only be called between two steps.

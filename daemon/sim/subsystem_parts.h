@@ -12,6 +12,7 @@
 
 #include "model/training_range.h"
 #include "sim/invariant_projection.h"
+#include "sim/iteration.h"
 #include "sim/local_dynamics.h"
 #include "sim/multirate.h"
 #include "sim/subsystem.h"
@@ -29,10 +30,12 @@ struct pm_subsystem {
     double *stage_z; // [nz] at the present stage
     double *safe_z;  // [nz] after the last successful step
     double *at_z;    // [nz] where operators and port laws are evaluated
-    double *k;       // [nstage][nz] rates of the stages
-    double *error;   // [nz] difference to the embedded method over a substep
+    double *k;       // [nstage][nz] rates of the stages; of an iteration only the last one
+    double *error;   // [nz] difference to the embedded method over a substep; of an iterate to the
+                     // one before
     double *size;    // [ngroup] largest length that each group has had
     int stage, substep;
+    pm_iteration iteration;                  // of the substep, if the integrator is discrete
     bool exposed;                            // dE and dS belong to stage_z
     const pm_boundary_input *boundary_input; // borrowed; NULL: the scene has none
     double *prescribed; // [scene->nprescribed] values of all boundary inputs at the stage

@@ -30,23 +30,32 @@ void pm_subsystem_show(pm_subsystem *s, pm_exposure exposure) {
     }
 }
 
+// Returns the rate of a stage [nz]. Of an iteration only the last one is kept.
+static double *rate_at(const pm_subsystem *s, int stage) {
+    return s->k + (s->integrator->discrete ? 0 : (ptrdiff_t)stage * s->nz);
+}
+
 void pm_subsystem_expose(pm_subsystem *s) {
     if (!s->exposed) {
         // The rate of the previous stage is an estimate of dz/dt. The first stage of a step was
         // exposed at the end of the previous step.
         const int before = (s->stage == 0 ? s->integrator->nstage : s->stage) - 1;
-        const double *rate = s->k + (ptrdiff_t)before * s->nz;
+        const double *rate = rate_at(s, before);
         pm_subsystem_show(s, pm_local_dynamics_expose(&s->dynamics, s->stage_z, s->z, rate));
+    }
+    for (int i = 0; i < s->nport; ++i) {
+        s->port[i].own.shown.level = s->iteration.level;
     }
 }
 
 // Returns the weight of the present stage in the mean over a step.
 static double stage_weight(const pm_subsystem *s) {
-    return s->integrator->b[s->stage] / s->substeps;
+    const double weight = s->integrator->discrete ? s->iteration.last : s->integrator->b[s->stage];
+    return weight / s->substeps;
 }
 
 void pm_subsystem_bulk(pm_subsystem *s) {
-    double *k = s->k + (ptrdiff_t)s->stage * s->nz;
+    double *k = rate_at(s, s->stage);
     if (s->dynamics.bulk == NULL || s->integrator->multirate) {
         memset(k, 0, (size_t)s->nz * sizeof *k);
         s->booking.skipped += !s->integrator->multirate;
@@ -71,8 +80,11 @@ static const pm_port_values *prescribe(pm_subsystem *s, pm_port_instance *j) {
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour) {
     pm_port_instance *j = &s->port[port];
     const pm_port_values *other = j->boundary_input != NULL ? prescribe(s, j) : neighbour;
-    const bool done = pm_port_instance_couple(j, other, s->stage == 0, stage_weight(s),
-                                              s->k + (ptrdiff_t)s->stage * s->nz);
+    if (j->boundary_input == NULL) {
+        pm_iteration_hear(&s->iteration, neighbour->level);
+    }
+    const bool done =
+        pm_port_instance_couple(j, other, s->stage == 0, stage_weight(s), rate_at(s, s->stage));
     s->booking.evaluated += done;
     s->booking.skipped += !done;
 }
@@ -135,6 +147,36 @@ static void project(pm_subsystem *s) {
     }
 }
 
+// Ends a substep.
+static void end_substep(pm_subsystem *s) {
+    pm_subsystem_copy(s->z, s->stage_z, s->nz);
+    s->stage = 0;
+    ++s->substep;
+}
+
+// Computes the next iterate of the new state. Its change is that of the group that changes most,
+// relative to the group's length. Ends the substep after the last iteration.
+static void iterate(pm_subsystem *s) {
+    const pm_layout *layout = &s->scene->layout;
+    for (int c = 0; c < s->nz; ++c) {
+        const double next = s->z[c] + s->h * s->k[c];
+        s->error[c] = next - s->stage_z[c];
+        s->stage_z[c] = next;
+    }
+    s->exposed = false;
+    double change = 0;
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        const double size = fmax(length_of(group, s->z), length_of(group, s->stage_z));
+        change = fmax(change, size > 0 ? length_of(group, s->error) / size : 0);
+    }
+    const int left = s->integrator->most_iterations - ++s->stage;
+    if (pm_iteration_end_round(&s->iteration, change, s->system->scene->diameter, left)) {
+        end_substep(s);
+        pm_iteration_start(&s->iteration);
+    }
+}
+
 // Computes the state at the next stage, or after the last one the state after the substep.
 static void reach_next_stage(pm_subsystem *s) {
     const pm_integrator *rk = s->integrator;
@@ -153,6 +195,10 @@ static void reach_next_stage(pm_subsystem *s) {
 
 void pm_subsystem_advance(pm_subsystem *s) {
     const pm_integrator *rk = s->integrator;
+    if (rk->discrete) {
+        iterate(s);
+        return;
+    }
     if (rk->balanced) {
         book_projection(s);
     }
@@ -167,7 +213,5 @@ void pm_subsystem_advance(pm_subsystem *s) {
     if (rk->balanced) {
         project(s);
     }
-    pm_subsystem_copy(s->z, s->stage_z, s->nz);
-    s->stage = 0;
-    ++s->substep;
+    end_substep(s);
 }

@@ -38,6 +38,7 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     pm_subsystem_copy(s->stage_z, s->z, s->nz);
     pm_subsystem_copy(s->safe_z, s->z, s->nz);
     s->stage = s->substep = 0;
+    pm_iteration_start(&s->iteration);
     s->step = 0;
     memset(s->size, 0, PM_MAX_GROUPS * sizeof *s->size);
     pm_local_dynamics_forget(&s->dynamics);

@@ -149,7 +149,7 @@ static const pm_port_values *shown_by(pm_subsystem *const *s, int i, int port_id
 }
 
 static void step_all(pm_subsystem *const *s) {
-    for (int round = 0; round < pm_subsystem_rounds(s[0]); ++round) {
+    while (!pm_subsystem_completes_step(s[0])) {
         for (int i = 0; i < COUNT; ++i) {
             pm_subsystem_expose(s[i]);
             pm_subsystem_bulk(s[i]);
