@@ -9,7 +9,7 @@ static void print_run(FILE *file, const pm_scene *scene, const portmet_health_t 
     for (int i = 0; i < h->nprocess; ++i) {
         if (h->silent[i] < 0 && h->step < 0) {
             fprintf(file, "; %s is missing", pm_health_name(scene, i));
-        } else if (h->silent[i] > PM_HEALTH_SILENT) {
+        } else if (h->silent[i] > pm_health_silence(h->nprocess)) {
             fprintf(file, "; %s is silent", pm_health_name(scene, i));
         }
     }

@@ -23,8 +23,8 @@ static const pm_wire_type flux_type = {
      F(COUNT, flux, nend), ARRAY(DOUBLES, flux, energy_flux, nend),
      ARRAY(DOUBLES, flux, entropy_flux, nend), F(COUNT, flux, ny), ARRAY(DOUBLES, flux, y, ny),
      ARRAY(DOUBLES, flux, e, ny), ARRAY(DOUBLES, flux, eta, ny), F(COUNT, flux, nresponse),
-     ARRAY(DOUBLES, flux, response, nresponse), F(COUNT, flux, nlevel),
-     ARRAY(I64S, flux, level, nlevel)},
+     ARRAY(DOUBLES, flux, response, nresponse), F(COUNT, flux, nknown),
+     ARRAY(I64S, flux, known, nknown)},
 };
 
 static const pm_wire_type tick_type = {

@@ -34,11 +34,11 @@ pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_
     measure(scene, process_id, -1, PM_END_A, &nend, &ny);
     const pm_integrator *integrator = scene->integrator;
     const int nresponse = integrator != NULL && integrator->discrete ? ny : 0;
-    const int nlevel = nresponse > 0 ? nend : 0;
+    const int nknown = nresponse > 0 ? nend : 0;
     const size_t count = 2 * (size_t)nend + 3 * (size_t)ny + (size_t)nresponse;
     double *memory = pm_arena_array(arena, count, sizeof(double));
-    int64_t *level = pm_arena_array(arena, (size_t)nlevel, sizeof *level);
-    if (memory == NULL || level == NULL) {
+    int64_t *known = pm_arena_array(arena, (size_t)nknown, sizeof *known);
+    if (memory == NULL || known == NULL) {
         return pm_fail(PM_ENOMEM, "flux of %zu numbers: out of memory", count);
     }
     *flux = (portmet_flux_t){.nend = nend,
@@ -50,8 +50,8 @@ pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_
                              .eta = memory + 2 * nend + 2 * ny,
                              .nresponse = nresponse,
                              .response = memory + 2 * nend + 3 * ny,
-                             .nlevel = nlevel,
-                             .level = level};
+                             .nknown = nknown,
+                             .known = known};
     return PM_OK;
 }
 
@@ -83,7 +83,7 @@ static bool is_same(const portmet_flux_t *a, const portmet_flux_t *b) {
     return memcmp(a->y, b->y, size) == 0 && memcmp(a->e, b->e, size) == 0 &&
            memcmp(a->eta, b->eta, size) == 0 &&
            memcmp(a->response, b->response, (size_t)a->nresponse * sizeof(double)) == 0 &&
-           memcmp(a->level, b->level, (size_t)a->nlevel * sizeof *a->level) == 0;
+           memcmp(a->known, b->known, (size_t)a->nknown * sizeof *a->known) == 0;
 }
 
 static int find_slot(const pm_flux_link *link, int64_t key) {

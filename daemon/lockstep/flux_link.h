@@ -51,16 +51,16 @@ const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
 
 // --- the shape of a process's flux message ---
 
-// Sets *flux to a message of process `process_id` with nend, ny, nresponse and nlevel as its
+// Sets *flux to a message of process `process_id` with nend, ny, nresponse and nknown as its
 // subsystems need them, arrays of these lengths in the arena, and zeros elsewhere. nend counts the
 // ends of ports between two processes, ny the components that these ends expose. nresponse is ny
-// and nlevel is nend for a discrete integrator; both are 0 for all others. PM_ENOMEM.
+// and nknown is nend for a discrete integrator; both are 0 for all others. PM_ENOMEM.
 pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                                 int process_id);
 
 // Returns the index at which the components of one end of a port begin in the arrays y, e, eta and
 // response of the messages of the process that owns this end. `position` receives the index of the
-// end itself, in the array `level`. The other end of the port must belong to another process.
+// end itself, in the array `known`. The other end of the port must belong to another process.
 int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end, int *position);
 
 #endif

@@ -1,6 +1,7 @@
 // Differences of the sums that processes tell, and what follows from them.
 #include "lockstep/health.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -191,8 +192,13 @@ static void find_loss(pm_health *health, int to) {
     }
 }
 
+double pm_health_silence(int processes) {
+    return fmax(PM_HEALTH_SILENT, 2 * pm_vitals_interval(processes));
+}
+
 static bool is_waiting(const portmet_health_t *m, int64_t i) {
-    return m->silent[i] >= 0 && m->silent[i] < PM_HEALTH_SILENT && m->waits_part[i] > 0.5;
+    return m->silent[i] >= 0 && m->silent[i] < pm_health_silence(m->nprocess) &&
+           m->waits_part[i] > 0.5;
 }
 
 // Follows from a process to the one that it waits for, and on, to one that does not wait. Who waits
@@ -267,7 +273,7 @@ bool pm_health_warn(pm_health *health, char *text, size_t size) {
         }
     }
     // The observer learns of a silent process by another message.
-    const bool silent = m->blocker >= 0 && m->silent[m->blocker] > PM_HEALTH_SILENT;
+    const bool silent = m->blocker >= 0 && m->silent[m->blocker] > pm_health_silence(m->nprocess);
     if (m->blocker != PM_HEALTH_NOBODY && m->blocker != health->told_blocker && !silent) {
         health->told_blocker = m->blocker;
         snprintf(text, size, "%s makes all others wait for more than %.0f %% of the time",

@@ -18,7 +18,7 @@
 // be sent again, or if all others wait for one process for more than PM_HEALTH_BLOCKED of the time.
 #define PM_HEALTH_LOSS 0.05
 #define PM_HEALTH_BLOCKED 0.8
-#define PM_HEALTH_SILENT 3.0 // s after which a process counts as silent
+#define PM_HEALTH_SILENT 3.0 // s after which a process counts as silent, at least
 
 // The coordinator keeps these numbers about each process.
 typedef struct pm_health_process {
@@ -49,6 +49,9 @@ pm_status pm_health_init(pm_health *health, pm_arena *arena, const pm_scene *sce
 // Decodes the vitals of a process, `data` [size], at the time `now` (s, monotonic) and adds them to
 // the health. Returns PM_KEEP, or the reason for which the message is dropped.
 pm_drop pm_health_take(pm_health *health, const void *data, size_t size, double now);
+
+// Returns the time, in s, after which a process counts as silent in a run of `processes` processes.
+double pm_health_silence(int processes);
 
 // Returns true if a second has passed since the last message, and then completes the message for a
 // run in which `step` steps are complete. `now` is in s, monotonic.

@@ -11,11 +11,12 @@
 #include "base/rng.h"
 #include "lockstep/coordinator.h"
 #include "lockstep/lookahead.h"
+#include "lockstep/vitals.h"
 #include "transport/channel.h"
 
-#define HELLO_INTERVAL 0.1    // s
-#define PAUSE 2.0             // s of silence that the observer is told of, or half the patience
-#define MOST_IDLE 3           // times the patience without progress, though all processes show life
+#define HELLO_INTERVAL 0.1 // s
+#define PAUSE 2.0   // s of silence that the observer is told of, at least, or half the patience
+#define MOST_IDLE 3 // times the patience without progress, though all processes show life
 #define TICK_EACH 0.00004     // s between two ticks before the first step, for each process
 #define LIVE_WAIT 1.0         // s of waiting for a live input that the observer is told of
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
@@ -268,8 +269,8 @@ static pm_status await(pm_lockstep_coordinator *c) {
         tell_pause(c, false, "");
     }
     char silent[512];
-    const double patience = c->endpoint.system->scene->patience;
-    list_missing(c, patience < 2 * PAUSE ? patience / 2 : PAUSE, silent, sizeof silent);
+    const double pause = fmax(PAUSE, 2 * pm_vitals_interval(c->nremote));
+    list_missing(c, fmin(pause, c->endpoint.system->scene->patience / 2), silent, sizeof silent);
     if (silent[0] != 0) {
         tell_pause(c, true, silent);
     }

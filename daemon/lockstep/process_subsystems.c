@@ -144,7 +144,7 @@ static void fill_flux(pm_process_subsystems *subsystems) {
             memcpy(flux->eta + first, values->eta, size);
             if (values->response != NULL) {
                 memcpy(flux->response + first, values->response, size);
-                flux->level[end] = values->level;
+                flux->known[end] = (int64_t)values->known;
             }
             end += 1;
             first += values->ny;
@@ -208,14 +208,14 @@ bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key
                 return false;
             }
             const int first = port->first;
-            const bool iterates = flux->nlevel > 0;
+            const bool iterates = flux->nknown > 0;
             const pm_port_values values = {
                 port->ny,
                 flux->y + first,
                 flux->e + first,
                 flux->eta + first,
                 iterates ? flux->response + first : NULL,
-                iterates ? (int)flux->level[port->end] : 0,
+                iterates ? (uint64_t)flux->known[port->end] : 0,
             };
             pm_subsystem_couple(part->subsystem, subsystems->port_id, &values);
             *used = true;

@@ -18,7 +18,7 @@ typedef struct pm_process_port {
     int link;            // if peer is -1: position of the neighbouring process in `link`
     int first, ny;       // if peer is -1: first position and number of the components of the other
                          // end in y, e and eta of the neighbour's flux message
-    int end;             // if peer is -1: position of its level in that message
+    int end;             // if peer is -1: position of its word in `known` of that message
 } pm_process_port;
 
 // A subsystem of the process, with its ports.

@@ -2,6 +2,7 @@
 #include "lockstep/vitals.h"
 
 #include <fcntl.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -27,11 +28,16 @@ int pm_vitals_neighbours(const pm_scene *scene, int process_id, int *list) {
     return count;
 }
 
+double pm_vitals_interval(int processes) {
+    return fmax(PM_VITALS_INTERVAL, PM_VITALS_EACH * processes);
+}
+
 pm_status pm_vitals_init(pm_vitals *vitals, pm_arena *arena, const pm_scene *scene, int process_id,
                          int npeer, const int *peer) {
     portmet_vitals_t *m = &vitals->message;
     const size_t count = (size_t)npeer + 1;
     PM_TRY(pm_channel_scene(vitals->channel, scene, "VITALS"));
+    vitals->interval = pm_vitals_interval(scene->nprocess);
     *m = (portmet_vitals_t){.process = process_id, .npeer = npeer + 1, .ndrop = PM_NDROP};
     int64_t *numbers = pm_arena_array(arena, 4 * count + PM_NDROP, sizeof *numbers);
     m->waited = pm_arena_array(arena, count, sizeof *m->waited);
@@ -87,7 +93,7 @@ bool pm_vitals_are_due(pm_vitals *vitals, int64_t session, double now) {
     vitals->message.session = session;
     vitals->begun = vitals->begun > 0 ? vitals->begun : now;
     vitals->message.elapsed = now - vitals->begun;
-    vitals->next = now + PM_VITALS_INTERVAL;
+    vitals->next = now + vitals->interval;
     return true;
 }
 

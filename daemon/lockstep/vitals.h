@@ -12,7 +12,10 @@
 #include "scene/scene.h"
 #include "transport/transport.h"
 
-#define PM_VITALS_INTERVAL 1.0 // s between two messages
+// The time between two messages is PM_VITALS_INTERVAL, or PM_VITALS_EACH for each process of the
+// run if that is more, since many processes would send little else.
+#define PM_VITALS_INTERVAL 1.0 // s
+#define PM_VITALS_EACH 0.004   // s
 
 // The caller owns this storage and initialises it with zeros. Times are in s, of the clock
 // endpoint->now (endpoint.h).
@@ -21,6 +24,7 @@ typedef struct pm_vitals {
     char channel[PM_CHANNEL_SIZE];
     unsigned char *data; // [capacity] the encoded message
     size_t capacity;
+    double interval;    // s between two messages
     double begun, next; // when the process joined the run; when the next message is due
     double looked;      // when the present poll began
     double rested;      // when the last poll ended; 0: unknown
@@ -28,6 +32,9 @@ typedef struct pm_vitals {
     int64_t checkpoint; // step of the last checkpoint
     double saved;       // when that checkpoint was first published
 } pm_vitals;
+
+// Returns the time between two messages of a process, in s, in a run of `processes` processes.
+double pm_vitals_interval(int processes);
 
 // Writes the processes that exchange fluxes with process `process_id` into `list` [nprocess] (may
 // be NULL), in no particular order, and returns their number.
@@ -51,7 +58,7 @@ void pm_vitals_ask(pm_vitals *vitals, int peer);
 void pm_vitals_use(pm_vitals *vitals, int peer);
 void pm_vitals_answer(pm_vitals *vitals, int peer);
 
-// Returns true if vitals are due at `now`: once in each PM_VITALS_INTERVAL while the process takes
+// Returns true if vitals are due at `now`: once in each interval while the process takes
 // part in the run `session`; 0: it takes part in none.
 bool pm_vitals_are_due(pm_vitals *vitals, int64_t session, double now);
 

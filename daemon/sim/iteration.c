@@ -1,15 +1,16 @@
-// Levels of convergence.
+// What a subsystem knows of the convergence of all.
 #include "sim/iteration.h"
 
-#include <limits.h>
 #include <math.h>
 
+#define BITS 64
+
 void pm_iteration_start(pm_iteration *iteration) {
-    *iteration = (pm_iteration){.change = INFINITY, .heard = INT_MAX};
+    *iteration = (pm_iteration){.change = INFINITY, .heard = UINT64_MAX};
 }
 
-void pm_iteration_hear(pm_iteration *iteration, int level) {
-    iteration->heard = level < iteration->heard ? level : iteration->heard;
+void pm_iteration_hear(pm_iteration *iteration, uint64_t known) {
+    iteration->heard &= known;
 }
 
 bool pm_iteration_end_round(pm_iteration *iteration, double change, int diameter, int left) {
@@ -18,11 +19,10 @@ bool pm_iteration_end_round(pm_iteration *iteration, double change, int diameter
         return true;
     }
     const bool rounding = change <= PM_ITERATION_ROUNDING && change >= it->change;
-    it->converged = it->converged || change <= PM_ITERATION_CONVERGED || rounding;
-    const int lowest = it->heard < it->level ? it->heard : it->level;
-    it->level = it->converged ? lowest + 1 : 0;
+    const bool converged = change <= PM_ITERATION_CONVERGED || rounding;
+    it->known = (it->known & it->heard) << 1 | (converged ? 1 : 0);
     it->change = change;
-    it->heard = INT_MAX;
-    it->last = it->level > diameter || left <= 1;
+    it->heard = UINT64_MAX;
+    it->last = left <= 1 || (diameter < BITS && (it->known >> diameter & 1) != 0);
     return false;
 }

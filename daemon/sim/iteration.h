@@ -1,14 +1,16 @@
 // Decides when the iteration of an implicit step ends (scene/integrator.h, `discrete`). All
 // subsystems must end it in the same round, wherever they live, and each hears only from its
-// neighbours. Each therefore has a level, which it exposes with its values: 0 until its own iterate
-// has converged; then one more than the lowest level that it and its neighbours had a round ago. A
-// subsystem whose level has reached k knows that all subsystems at a distance of less than k ports
-// have converged. With a bound D on the distance between any two, the level D + 1 is reached by all
-// in the same round: D rounds after the last one has converged. The next round is the last.
+// neighbours. Each therefore exposes with its values what it knows of the others, as a set of bits:
+// bit k says that all subsystems at a distance of at most k ports had converged k rounds before.
+// Bit 0 is its own convergence, and bit k + 1 follows from bit k of itself and of its neighbours,
+// one round later. With a bound D on the distance between any two subsystems, bit D says of a
+// single round whether all had converged in it. It is therefore the same for all of them, and the
+// round after it was set is the last one.
 #ifndef PM_SIM_ITERATION_H
 #define PM_SIM_ITERATION_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 // The change of an iterate, relative to the length of its group, at which it has converged. Near
 // the limit of rounding the change may no longer fall; below ROUNDING that counts, too.
@@ -17,17 +19,17 @@
 
 // The caller owns this storage.
 typedef struct pm_iteration {
-    double change; // of the last round; infinite before the first
-    bool converged;
-    int level, heard; // own level; the lowest of the neighbours in this round, INT_MAX if none
-    bool last;        // the round that begins is the last one
+    double change;  // of the last round; infinite before the first
+    uint64_t known; // the bits
+    uint64_t heard; // those that all neighbours have exposed in this round
+    bool last;      // the round that begins is the last one
 } pm_iteration;
 
 // Begins the iteration of a substep.
 void pm_iteration_start(pm_iteration *iteration);
 
-// Takes in the level of a neighbour in this round.
-void pm_iteration_hear(pm_iteration *iteration, int level);
+// Takes in what a neighbour has exposed in this round.
+void pm_iteration_hear(pm_iteration *iteration, uint64_t known);
 
 // Ends a round in which the iterate has changed by `change`. `diameter` bounds the distance between
 // any two subsystems; `left` is the number of rounds that may follow. Returns true if this round

@@ -25,7 +25,7 @@ typedef struct pm_port_values {
     // Change of e per unit of rate, with which a discrete integrator predicts e at the end of the
     // step (model/prediction.h); NULL for other integrators.
     const double *response;
-    int level; // of a discrete integrator's iteration (iteration.h)
+    uint64_t known; // of the convergence of a discrete integrator's iteration (iteration.h)
 } pm_port_values;
 
 // The four arrays of pm_port_values in memory that this module owns and writes. `shown` points to

@@ -44,7 +44,7 @@ void pm_subsystem_expose(pm_subsystem *s) {
         pm_subsystem_show(s, pm_local_dynamics_expose(&s->dynamics, s->stage_z, s->z, rate));
     }
     for (int i = 0; i < s->nport; ++i) {
-        s->port[i].own.shown.level = s->iteration.level;
+        s->port[i].own.shown.known = s->iteration.known;
     }
 }
 
@@ -81,7 +81,7 @@ void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighb
     pm_port_instance *j = &s->port[port];
     const pm_port_values *other = j->boundary_input != NULL ? prescribe(s, j) : neighbour;
     if (j->boundary_input == NULL) {
-        pm_iteration_hear(&s->iteration, neighbour->level);
+        pm_iteration_hear(&s->iteration, neighbour->known);
     }
     const bool done =
         pm_port_instance_couple(j, other, s->stage == 0, stage_weight(s), rate_at(s, s->stage));

@@ -92,11 +92,9 @@ static void an_iteration_that_does_not_converge_is_counted(void **state) {
         const char *integrator;
         double dt;
         int least, most; // steps in violation
-    } c[] = {{"discrete_gradient", 0.01, 0, 0},
-             {"discrete_gradient", 0.6, 5, 40},
-             {"discrete_gradient", 1.5, 30, 40},
-             {"rk4_balanced", 0.02, 0, 0},
-             {"rk4", 0.3, 0, 0}};
+    } c[] = {{"discrete_gradient", 0.01, 0, 0}, {"discrete_gradient", 0.3, 0, 0},
+             {"discrete_gradient", 0.6, 0, 0},  {"discrete_gradient", 1.5, 1, 40},
+             {"rk4_balanced", 0.02, 0, 0},      {"rk4", 0.3, 0, 0}};
     pm_scene *scene = NULL;
     pm_system *system = NULL;
     assert_int_equal(pm_scene_load(&scene, "configs/analytic_double_pendulum.yaml"), PM_OK);

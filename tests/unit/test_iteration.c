@@ -1,0 +1,155 @@
+// The end of an iteration: all subsystems of a graph end it in the same round.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+// cmocka needs the above.
+#include <cmocka.h>
+
+#include "base/rng.h"
+#include "sim/iteration.h"
+
+#define MOST 12   // subsystems
+#define ROUNDS 80 // at most
+
+// A path through all subsystems, with some more edges at random.
+typedef struct graph {
+    int n;
+    bool joined[MOST][MOST];
+} graph;
+
+static graph random_graph(pm_rng *rng) {
+    graph g = {.n = 1 + (int)pm_rng_below(rng, MOST)};
+    for (int i = 0; i < g.n; ++i) {
+        for (int k = 0; k < i; ++k) {
+            g.joined[i][k] = g.joined[k][i] = k == i - 1 || pm_rng_below(rng, 12) == 0;
+        }
+    }
+    return g;
+}
+
+// Iterates until all have ended; subsystem i converges in round converges[i]. Returns the number of
+// rounds, and checks that all end in the last one.
+static int iterate(const graph *g, const int *converges, int diameter) {
+    pm_iteration it[MOST];
+    int rounds = 0, ended = 0;
+    for (int i = 0; i < g->n; ++i) {
+        pm_iteration_start(&it[i]);
+    }
+    while (ended == 0) {
+        uint64_t known[MOST];
+        for (int i = 0; i < g->n; ++i) {
+            known[i] = it[i].known;
+        }
+        for (int i = 0; i < g->n; ++i) {
+            for (int k = 0; k < g->n; ++k) {
+                if (g->joined[i][k]) {
+                    pm_iteration_hear(&it[i], known[k]);
+                }
+            }
+            const double change = rounds >= converges[i] ? 0 : 1;
+            ended += pm_iteration_end_round(&it[i], change, diameter, ROUNDS - 1 - rounds);
+        }
+        rounds += 1;
+    }
+    assert_int_equal(ended, g->n);
+    return rounds;
+}
+
+// D rounds after the last has converged all know it; one more round is the last.
+static void test_all_end_together(void **state) {
+    (void)state;
+    pm_rng rng;
+    pm_rng_init(&rng, 3, 0);
+    for (int i = 0; i < 2000; ++i) {
+        const graph g = random_graph(&rng);
+        int converges[MOST], last = 0;
+        for (int k = 0; k < g.n; ++k) {
+            converges[k] = (int)pm_rng_below(&rng, 20);
+            last = converges[k] > last ? converges[k] : last;
+        }
+        const int diameter = g.n - 1; // a path is that long
+        assert_int_equal(iterate(&g, converges, diameter), last + 1 + diameter + 1);
+    }
+}
+
+// What has converged may move again: all still end together, and not before all have converged in
+// the same round.
+static void test_convergence_may_be_lost(void **state) {
+    (void)state;
+    pm_rng rng;
+    pm_rng_init(&rng, 5, 0);
+    for (int i = 0; i < 2000; ++i) {
+        const graph g = random_graph(&rng);
+        const uint64_t seed = pm_rng_bits(&rng);
+        pm_iteration it[MOST];
+        bool all[ROUNDS];
+        int ended = 0, rounds = 0;
+        for (int k = 0; k < g.n; ++k) {
+            pm_iteration_start(&it[k]);
+        }
+        for (; ended == 0; ++rounds) {
+            uint64_t known[MOST];
+            all[rounds] = true;
+            for (int k = 0; k < g.n; ++k) {
+                known[k] = it[k].known;
+            }
+            for (int k = 0; k < g.n; ++k) {
+                pm_rng own;
+                pm_rng_init(&own, seed + (uint64_t)k, (uint64_t)rounds);
+                const bool converged = pm_rng_below(&own, 8) != 0;
+                for (int m = 0; m < g.n; ++m) {
+                    if (g.joined[k][m]) {
+                        pm_iteration_hear(&it[k], known[m]);
+                    }
+                }
+                all[rounds] = all[rounds] && converged;
+                ended +=
+                    pm_iteration_end_round(&it[k], converged ? 0 : 1, g.n - 1, ROUNDS - 1 - rounds);
+            }
+        }
+        assert_int_equal(ended, g.n);
+        const int seen = rounds - 2 - (g.n - 1);
+        assert_true(rounds == ROUNDS || (seen >= 0 && all[seen]));
+    }
+}
+
+// If one does not converge, all end after the largest number of rounds.
+static void test_rounds_are_bounded(void **state) {
+    (void)state;
+    pm_rng rng;
+    pm_rng_init(&rng, 4, 0);
+    for (int i = 0; i < 100; ++i) {
+        const graph g = random_graph(&rng);
+        int converges[MOST] = {0};
+        converges[pm_rng_below(&rng, (uint64_t)g.n)] = ROUNDS;
+        assert_int_equal(iterate(&g, converges, g.n - 1), ROUNDS);
+    }
+}
+
+// Changes at the limit of rounding need not fall any more; larger ones must.
+static void test_rounding_counts(void **state) {
+    (void)state;
+    pm_iteration it;
+    pm_iteration_start(&it);
+    assert_false(pm_iteration_end_round(&it, 0.9 * PM_ITERATION_ROUNDING, 0, ROUNDS));
+    assert_false(it.last);
+    assert_false(pm_iteration_end_round(&it, 0.9 * PM_ITERATION_ROUNDING, 0, ROUNDS));
+    assert_true(it.last);
+    assert_true(pm_iteration_end_round(&it, 0, 0, ROUNDS));
+    pm_iteration_start(&it);
+    for (int i = 0; i < 10; ++i) {
+        assert_false(pm_iteration_end_round(&it, 2 * PM_ITERATION_ROUNDING, 0, ROUNDS));
+        assert_false(it.last);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_all_end_together),
+        cmocka_unit_test(test_convergence_may_be_lost),
+        cmocka_unit_test(test_rounds_are_bounded),
+        cmocka_unit_test(test_rounding_counts),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
