@@ -25,7 +25,7 @@ static const pm_command command = {
         "the files in the folder when all processes have ended well.",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY | PM_OPTION_OVERWRITE |
                PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
-               PM_OPTION_GATE | PM_OPTION_QUIET,
+               PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
     .execute = execute,
 };
 

@@ -42,7 +42,8 @@ static const pm_command command = {
             "  portmetd coordinator SCENE\n\n"
             "If all of them have --checkpoint, one that was killed goes on when the same command\n"
             "starts it again within the scene's `patience`.",
-    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT,
+    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
+               PM_OPTION_LOG,
     .execute = execute,
 };
 

@@ -90,12 +90,13 @@ static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
     pm_lockstep_coordinator_options coordinator_options = pm_observer_attach(observer, setup);
     coordinator_options.session = pm_lockstep_session();
     pm_status status;
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator"));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator", &options->log));
     PM_TRY_DONE(
         pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
-    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess));
+    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess, &options->log));
     launcher nodes = {.launch = launch, .setup = setup, .options = *options};
     nodes.options.session = coordinator_options.session;
+    nodes.options.log.json = false; // this process passes their lines on
     status = conduct(coordinator, &nodes, options->stop);
     if (status == PM_OK) {
         status = pm_launch_wait(launch, END_GRACE);
@@ -103,7 +104,7 @@ static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
     status =
         pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                            pm_lockstep_coordinator_pace(coordinator), "a process each, over LCM");
-    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator), &options->log);
 done:
     pm_launch_close(launch);
     pm_lockstep_coordinator_close(coordinator);
@@ -213,7 +214,7 @@ static const pm_command command = {
         "run is interrupted, the same command continues it.",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
                PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
-               PM_OPTION_GATE | PM_OPTION_QUIET,
+               PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
     .execute = execute,
 };
 

@@ -53,7 +53,7 @@ static pm_status execute(const pm_run_options *options) {
         scene->url = options->url;
     }
     PM_TRY_DONE(pm_health_message_alloc(&l.health, &arena, scene->nprocess));
-    PM_TRY_DONE(pm_connect_open(&transport, scene, "status"));
+    PM_TRY_DONE(pm_connect_open(&transport, scene, "status", &options->log));
     PM_TRY_DONE(listen_to(&l, transport, options));
     pm_health_table_print(stdout, scene, &l.health);
 done:

@@ -26,18 +26,23 @@ pm_status pm_connect_key(const pm_scene *scene, pm_key *key) {
     return PM_OK;
 }
 
-static void warn_clock(const char *sender, double seconds) {
-    fprintf(stderr, "portmetd: warning: clock of %s differs by %.0f s\n", sender, seconds);
+static void warn_clock(const void *context, const char *sender, double seconds) {
+    const pm_journal *log = context;
+    const pm_journal_field field[] = {{.name = "sender", .text = sender},
+                                      {.name = "seconds", .number = seconds}};
+    pm_journal_write(log, PM_JOURNAL_WARNING, 2, field, "clock of %s differs by %.0f s", sender,
+                     seconds);
 }
 
-static pm_status seal(pm_transport *transport, const pm_scene *scene, const char *name) {
+static pm_status seal(pm_transport *transport, const pm_scene *scene, const char *name,
+                      const pm_journal *log) {
     pm_key key;
     char host[64] = "", sender[PM_SEAL_SENDER];
     (void)gethostname(host, sizeof host - 1);
     // A long name must not hide the host's.
     snprintf(sender, sizeof sender, "%.31s@%.31s", name, host);
     PM_TRY(pm_connect_key(scene, &key));
-    const pm_status status = pm_transport_seal(transport, &key, sender, warn_clock);
+    const pm_status status = pm_transport_seal(transport, &key, sender, warn_clock, log);
     pm_key_clear(&key);
     return status;
 }
@@ -68,10 +73,11 @@ pm_status pm_connect_check(pm_scene *scene) {
     return check_channels(scene);
 }
 
-pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name) {
+pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name,
+                          const pm_journal *log) {
     pm_transport *opened = NULL;
     PM_TRY(pm_transport_open(&opened, scene->url, NULL));
-    const pm_status status = scene->key_file == NULL ? PM_OK : seal(opened, scene, name);
+    const pm_status status = scene->key_file == NULL ? PM_OK : seal(opened, scene, name, log);
     if (status != PM_OK) {
         pm_transport_close(opened);
         return status;
@@ -81,7 +87,7 @@ pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const
     return PM_OK;
 }
 
-void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
+void pm_connect_warn(const pm_transport *transport, const pm_drops *drops, const pm_journal *log) {
     // A best-effort network, or another run of the same scene, causes other drops; they do not
     // count.
     const pm_drops *below = pm_transport_drops(transport);
@@ -99,6 +105,7 @@ void pm_connect_warn(const pm_transport *transport, const pm_drops *drops) {
         total += count;
     }
     if (total > 0) {
-        fprintf(stderr, "portmetd: warning: messages dropped: %s\n", list);
+        const pm_journal_field count = {.name = "dropped", .number = (double)total};
+        pm_journal_write(log, PM_JOURNAL_WARNING, 1, &count, "messages dropped: %s", list);
     }
 }

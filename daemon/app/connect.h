@@ -2,6 +2,7 @@
 #ifndef PM_APP_CONNECT_H
 #define PM_APP_CONNECT_H
 
+#include "base/journal.h"
 #include "scene/scene.h"
 #include "transport/transport.h"
 
@@ -15,13 +16,14 @@ pm_status pm_connect_key(const pm_scene *scene, pm_key *key);
 pm_status pm_connect_check(pm_scene *scene);
 
 // Opens the transport at the scene's URL for the process `name`; "coordinator" stands for the
-// coordinator. If the scene names a key, the transport is sealed, and warnings on standard error
-// name each sender whose clock is ahead of this host's. The caller closes the transport. Fails as
-// pm_transport_open and pm_connect_key do.
-pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name);
+// coordinator. If the scene names a key, the transport is sealed, and warnings in `log`, which must
+// outlive the transport, name each sender whose clock is ahead of this host's. The caller closes
+// the transport. Fails as pm_transport_open and pm_connect_key do.
+pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name,
+                          const pm_journal *log);
 
-// Prints one line on standard error if messages were dropped that no process of this scene sends:
+// Writes a warning to `log` if messages were dropped that no process of this scene sends:
 // their number, and the reasons. `drops` are the counts of the state machine on this transport.
-void pm_connect_warn(const pm_transport *transport, const pm_drops *drops);
+void pm_connect_warn(const pm_transport *transport, const pm_drops *drops, const pm_journal *log);
 
 #endif

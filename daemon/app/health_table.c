@@ -63,3 +63,30 @@ void pm_health_table_print(FILE *file, const pm_scene *scene, const portmet_heal
     }
     fflush(file);
 }
+
+void pm_health_table_log(const pm_journal *log, const pm_scene *scene,
+                         const portmet_health_t *health) {
+    const portmet_health_t *h = health;
+    const pm_journal_field run[] = {{.name = "step", .number = (double)h->step},
+                                    {.name = "steps", .number = (double)h->steps},
+                                    {.name = "rate", .number = h->rate},
+                                    {.name = "blocker", .text = pm_health_name(scene, h->blocker)}};
+    pm_journal_write(log, PM_JOURNAL_NOTICE, 4, run, "status of the run");
+    for (int i = 0; i < h->nprocess; ++i) {
+        const pm_journal own = {log->json, log->program, scene->process[i].name};
+        const pm_journal_field field[] = {
+            {.name = "step", .number = (double)h->process_step[i]},
+            {.name = "rate", .number = h->process_rate[i]},
+            {.name = "cpu", .number = h->cpu[i]},
+            {.name = "computing", .number = h->computing[i]},
+            {.name = "waits_for", .text = pm_health_name(scene, h->waits_for[i])},
+            {.name = "waits_part", .number = h->waits_part[i]},
+            {.name = "loses_from", .text = pm_health_name(scene, h->loses_from[i])},
+            {.name = "loss", .number = h->loss[i]},
+            {.name = "rss", .number = (double)h->rss[i]},
+            {.name = "silent", .number = h->silent[i]},
+        };
+        pm_journal_write(&own, PM_JOURNAL_NOTICE, (int)(sizeof field / sizeof field[0]), field,
+                         "status of %s", scene->process[i].name);
+    }
+}

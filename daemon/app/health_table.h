@@ -4,11 +4,16 @@
 
 #include <stdio.h>
 
+#include "base/journal.h"
 #include "lockstep/health.h"
 
 // Prints one line for the run, which names the process that all others wait for, and one line for
 // each process: its steps per second, the peer that it waits for most, its requests for lost
 // messages, the messages that it dropped, and its CPU time and memory.
 void pm_health_table_print(FILE *file, const pm_scene *scene, const portmet_health_t *health);
+
+// Writes a line for the run and one for each process, with the numbers as fields, to `log`.
+void pm_health_table_log(const pm_journal *log, const pm_scene *scene,
+                         const portmet_health_t *health);
 
 #endif

@@ -44,15 +44,17 @@ typedef struct pm_child {
 
 struct pm_launch {
     int count, capacity;
+    const pm_journal *log;
     pm_child child[];
 };
 
-pm_status pm_launch_open(pm_launch **launch, int capacity) {
+pm_status pm_launch_open(pm_launch **launch, int capacity, const pm_journal *log) {
     pm_launch *opened = calloc(1, sizeof *opened + (size_t)capacity * sizeof opened->child[0]);
     if (opened == NULL) {
         return pm_fail(PM_ENOMEM, "launch: out of memory");
     }
     opened->capacity = capacity;
+    opened->log = log;
     *launch = opened;
     return PM_OK;
 }
@@ -119,7 +121,7 @@ pm_status pm_launch_start(pm_launch *launch, const char *name, pm_launch_program
 }
 
 // Decides when a child that a signal has killed starts again.
-static void plan_restart(pm_child *child) {
+static void plan_restart(pm_child *child, const pm_journal *log) {
     struct stat file = {0};
     (void)stat(child->progress, &file);
     const bool progressed =
@@ -130,23 +132,19 @@ static void plan_restart(pm_child *child) {
         return;
     }
     child->restart_at = pm_clock() + PAUSE * (1 << child->deaths);
-    fprintf(stderr, "[%s] killed by signal %d (%s), started again\n", child->name,
-            WTERMSIG(child->wait_status), strsignal(WTERMSIG(child->wait_status)));
+    char line[LINE];
+    snprintf(line, sizeof line, "killed by signal %d (%s), started again",
+             WTERMSIG(child->wait_status), strsignal(WTERMSIG(child->wait_status)));
+    pm_journal_pass_on(log, child->name, line);
 }
 
 // Reaps the child if it has ended.
-static void reap(pm_child *child) {
+static void reap(pm_child *child, const pm_journal *log) {
     if (child->running && waitpid(child->pid, &child->wait_status, WNOHANG) != 0) {
         child->running = false;
         if (WIFSIGNALED(child->wait_status) && child->progress != NULL) {
-            plan_restart(child);
+            plan_restart(child, log);
         }
-    }
-}
-
-static void print_line(const pm_child *child, const char *line) {
-    if (line[0] != 0) {
-        fprintf(stderr, "[%s] %s\n", child->name, line);
     }
 }
 
@@ -164,7 +162,7 @@ static bool is_notice(const char *line) {
 
 // Prints what the child wrote at least HOLD ago, and its notices. Reads with pread, because parent
 // and child share the position in the file.
-static void show_output(pm_child *child) {
+static void show_output(pm_child *child, const pm_journal *log) {
     struct stat file;
     if (fstat(fileno(child->output), &file) != 0 || file.st_size == child->shown) {
         return;
@@ -187,25 +185,25 @@ static void show_output(pm_child *child) {
         }
         child->shown += (off_t)length + (line[length] == '\n');
         line[length] = 0;
-        print_line(child, line);
+        pm_journal_pass_on(log, child->name, line);
     }
 }
 
 // Prints the rest of what the child wrote, except the last line, which it copies to last [LINE].
-static void collect_output(pm_child *child, char *last) {
+static void collect_output(pm_child *child, const pm_journal *log, char *last) {
     char line[LINE];
     last[0] = 0;
     fseeko(child->output, child->shown, SEEK_SET);
     while (fgets(line, sizeof line, child->output) != NULL) {
-        print_line(child, last);
+        pm_journal_pass_on(log, child->name, last);
         line[strcspn(line, "\n")] = 0;
         memcpy(last, line, sizeof line);
     }
 }
 
-static pm_status fail_child(pm_child *child) {
+static pm_status fail_child(pm_child *child, const pm_journal *log) {
     char last[LINE];
-    collect_output(child, last);
+    collect_output(child, log, last);
     const char prefix[] = "portmetd: ";
     if (strncmp(last, prefix, sizeof prefix - 1) == 0) {
         memmove(last, last + sizeof prefix - 1, strlen(last + sizeof prefix - 1) + 1);
@@ -226,9 +224,9 @@ static pm_status fail_child(pm_child *child) {
 pm_status pm_launch_watch(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        reap(child);
+        reap(child, launch->log);
         if (child->running) {
-            show_output(child);
+            show_output(child, launch->log);
         }
         if (child->restart_at > 0 && pm_clock() >= child->restart_at) {
             PM_TRY(start(child));
@@ -237,7 +235,7 @@ pm_status pm_launch_watch(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
         if (!child->running && child->restart_at == 0 && child->wait_status != 0) {
-            return fail_child(child);
+            return fail_child(child, launch->log);
         }
     }
     return PM_OK;
@@ -258,7 +256,7 @@ void pm_launch_signal(pm_launch *launch, int id, int signal_number) {
 static bool any_running(pm_launch *launch) {
     bool running = false;
     for (int i = 0; i < launch->count; ++i) {
-        reap(&launch->child[i]);
+        reap(&launch->child[i], launch->log);
         running = running || launch->child[i].running;
     }
     return running;
@@ -321,8 +319,8 @@ void pm_launch_close(pm_launch *launch) {
         // The last line of a child that succeeded is a warning. For the others one error is enough.
         if (child->wait_status == 0) {
             char last[LINE];
-            collect_output(child, last);
-            print_line(child, last);
+            collect_output(child, launch->log, last);
+            pm_journal_pass_on(launch->log, child->name, last);
         }
         fclose(child->output);
     }

@@ -9,12 +9,14 @@
 
 #include <stdbool.h>
 
+#include "base/journal.h"
 #include "base/status.h"
 
 typedef struct pm_launch pm_launch;
 
-// Makes a list with room for `capacity` children, which the caller closes. PM_ENOMEM.
-pm_status pm_launch_open(pm_launch **launch, int capacity);
+// Makes room for `capacity` children, whose lines are passed on to `log`, which must outlive them.
+// PM_ENOMEM. The caller closes it.
+pm_status pm_launch_open(pm_launch **launch, int capacity, const pm_journal *log);
 
 // What a child does: `run` gets `context` and the name of the child, and its status is the exit
 // code of the child.

@@ -43,7 +43,8 @@ static pm_status outlive(pm_observer *observer, pm_status status) {
     if (status != PM_EFILE || !observer->scene->outlives_recording) {
         return status;
     }
-    fprintf(stderr, "portmetd: the run goes on without its recording: %s\n", pm_error());
+    pm_journal_write(&observer->options->log, PM_JOURNAL_NOTICE, 0, NULL,
+                     "the run goes on without its recording: %s", pm_error());
     (void)pm_recording_close(observer->recording);
     observer->recording = NULL;
     observer->unrecorded = true;
@@ -64,25 +65,35 @@ static void tell_pause(void *context, const char *silent) {
     if (observer->options->quiet) {
         return;
     }
+    const pm_journal *log = &observer->options->log;
+    const long step = pm_report_steps(observer->report);
+    const pm_journal_field field[] = {{.name = "step", .number = (double)step},
+                                      {.name = "silent", .text = silent}};
     if (silent[0] == 0) {
-        fprintf(stderr, "portmetd: the run goes on\n");
+        pm_journal_write(log, PM_JOURNAL_NOTICE, 1, field, "the run goes on");
     } else {
-        fprintf(stderr, "portmetd: the run pauses after step %ld: no word from %s\n",
-                pm_report_steps(observer->report), silent);
+        pm_journal_write(log, PM_JOURNAL_NOTICE, 2, field,
+                         "the run pauses after step %ld: no word from %s", step, silent);
     }
 }
 
 static void tell_hold(void *context, long step) {
     const pm_observer *observer = context;
     if (!observer->options->quiet) {
-        fprintf(stderr, "portmetd: held after step %ld by %s\n", step, observer->options->gate);
+        const pm_journal_field field = {.name = "step", .number = (double)step};
+        pm_journal_write(&observer->options->log, PM_JOURNAL_NOTICE, 1, &field,
+                         "held after step %ld by %s", step, observer->options->gate);
     }
 }
 
 static void tell_health(void *context, const portmet_health_t *health) {
     const pm_observer *observer = context;
     if (pm_status_request_take()) {
-        pm_health_table_print(stderr, observer->scene, health);
+        if (observer->options->log.json) {
+            pm_health_table_log(&observer->options->log, observer->scene, health);
+        } else {
+            pm_health_table_print(stderr, observer->scene, health);
+        }
     }
     pm_notify("WATCHDOG=1\nSTATUS=step %lld of %lld, %.3g steps/s",
               (long long)(health->step < 0 ? 0 : health->step), (long long)health->steps,
@@ -92,7 +103,7 @@ static void tell_health(void *context, const portmet_health_t *health) {
 static void warn(void *context, const char *text) {
     const pm_observer *observer = context;
     if (!observer->options->quiet) {
-        fprintf(stderr, "portmetd: warning: %s\n", text);
+        pm_journal_write(&observer->options->log, PM_JOURNAL_WARNING, 0, NULL, "%s", text);
     }
 }
 
@@ -118,7 +129,8 @@ static pm_status resume(void *context, long step) {
 
 pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const pm_setup *setup) {
     pm_progress_init(&observer->progress, setup->scene->name, setup->scene->steps);
-    observer->progress.enabled = observer->progress.enabled && !observer->options->quiet;
+    observer->progress.enabled =
+        observer->progress.enabled && !observer->options->quiet && !observer->options->log.json;
     return (pm_lockstep_coordinator_options){
         .steps = setup->scene->steps,
         .session = observer->options->session,

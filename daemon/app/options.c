@@ -9,7 +9,7 @@
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
     pm_run_options run;
-    const char *steps, *session;
+    const char *steps, *session, *log;
 } given_options;
 
 typedef struct option_row {
@@ -63,6 +63,8 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .value = "FILE",
           .text = &run->output,
           .help = "write an FMU to FILE"}},
+        {PM_OPTION_LOG, text_option("--log", "FORM", &given->log,
+                                    "form of the lines on standard error: text, or json")},
         {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
     };
     int count = 0;
@@ -91,6 +93,8 @@ static pm_status read_options(const pm_command *command, int argc, char **argv,
     PM_TRY(pm_options_read(&options, argc, argv, helped));
     given->run.scene = positional[0];
     given->run.name = positional[1];
+    given->run.log.part = positional[1] != NULL ? positional[1] : argv[0];
+    PM_TRY(pm_journal_read_form(given->log, &given->run.log.json));
     if (given->steps != NULL) {
         PM_TRY(pm_options_count("--steps", given->steps, INT_MAX, &given->run.steps));
     }
@@ -99,10 +103,18 @@ static pm_status read_options(const pm_command *command, int argc, char **argv,
                : pm_options_count("--session", given->session, INT64_MAX, &given->run.session);
 }
 
+// Writes the error as JSON. The message that is left is empty, so that nobody prints it again.
+static pm_status tell_error(const pm_journal *log, pm_status status) {
+    const pm_journal_field code = {.name = "code", .number = (double)status};
+    pm_journal_write(log, PM_JOURNAL_ERROR, 1, &code, "%s", pm_error());
+    return pm_fail(status, "%s", "");
+}
+
 pm_status pm_command_execute(const pm_command *command, int argc, char **argv,
                              const volatile sig_atomic_t *stop) {
-    given_options given = {.run = {.stop = stop}};
+    given_options given = {.run = {.stop = stop, .log = {.program = "portmetd"}}};
     bool helped = false;
     PM_TRY(read_options(command, argc, argv, &given, &helped));
-    return helped ? PM_OK : command->execute(&given.run);
+    const pm_status status = helped ? PM_OK : command->execute(&given.run);
+    return status != PM_OK && given.run.log.json ? tell_error(&given.run.log, status) : status;
 }

@@ -7,6 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "base/journal.h"
 #include "base/status.h"
 
 // The options that a subcommand was given. Text points into argv; text that was not given is NULL.
@@ -16,6 +17,7 @@ typedef struct pm_run_options {
     int64_t steps;   // number of steps of the run; 0: as the scene says
     int64_t session; // number of the session to join or to open; 0: no session was given
     bool in_process, quiet, overwrite;
+    pm_journal log;                    // of the lines on standard error
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
 } pm_run_options;
 
@@ -33,7 +35,8 @@ enum {
     PM_OPTION_C = 1 << 9,
     PM_OPTION_OUTPUT = 1 << 10,
     PM_OPTION_OVERWRITE = 1 << 11,
-    PM_OPTION_REPLAY = 1 << 12
+    PM_OPTION_REPLAY = 1 << 12,
+    PM_OPTION_LOG = 1 << 13
 };
 
 typedef struct pm_command {

@@ -27,10 +27,10 @@ pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int proc
     };
     pm_status status;
     PM_TRY_DONE(pm_prepare_checkpoint(setup, options, name, &node_options.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, name));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, name, &options->log));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, options->stop);
-    pm_connect_warn(transport, pm_lockstep_node_drops(node));
+    pm_connect_warn(transport, pm_lockstep_node_drops(node), &options->log);
 done:
     pm_lockstep_node_close(node);
     pm_transport_close(transport);
@@ -43,12 +43,12 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     pm_lockstep_coordinator_options options = pm_observer_attach(observer, setup);
     pm_status status;
     PM_TRY_DONE(pm_prepare_checkpoint(setup, observer->options, NULL, &options.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator"));
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator", &observer->options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 pm_lockstep_coordinator_pace(coordinator), "over LCM");
-    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator));
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator), &observer->options->log);
 done:
     pm_lockstep_coordinator_close(coordinator);
     pm_transport_close(transport);

@@ -54,6 +54,7 @@ static pm_status choose_session(shared *s, const char *checkpoint) {
         s->options.session = pm_lockstep_session();
     }
     s->options.overwrite = true;
+    s->options.log.json = false; // this process passes their lines on
     return PM_OK;
 }
 
@@ -121,7 +122,7 @@ pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     // This makes the folder, too.
     PM_TRY_DONE(pm_prepare_checkpoint(setup, options, NULL, &checkpoint));
     PM_TRY_DONE(lock(&folder, options->checkpoint, options->stop));
-    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1));
+    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess + 1, &options->log));
     PM_TRY_DONE(start_all(launch, &children));
     status = watch(launch, options->stop);
     // Among several failures the coordinator's says most. If it has succeeded, the run has.

@@ -42,7 +42,7 @@ int pm_subcommand_end(const char *program, pm_status status) {
     if (fflush(stdout) != 0 && status == PM_OK) {
         status = pm_fail(PM_EFILE, "standard output: %s", strerror(errno));
     }
-    if (status != PM_OK) {
+    if (status != PM_OK && pm_error()[0] != 0) {
         fprintf(stderr, "%s: %s\n", program, pm_error());
     }
     return (int)status;

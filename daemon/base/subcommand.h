@@ -30,7 +30,8 @@ int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv,
                        const volatile sig_atomic_t *stop);
 
 // Ends what `program` does with `status`: writes what is left of standard output, and prints one
-// line on standard error if that or the program failed. Returns the exit code, a pm_status.
+// line on standard error if that or the program failed, unless the message is empty because it was
+// written before (base/journal.h). Returns the exit code, a pm_status.
 int pm_subcommand_end(const char *program, pm_status status);
 
 #endif

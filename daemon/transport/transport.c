@@ -66,10 +66,10 @@ void pm_transport_close(pm_transport *transport) {
 }
 
 pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
-                            pm_clock_handler *on_clock) {
+                            pm_clock_handler *on_clock, const void *context) {
     void *state;
     PM_TRY(pm_transport_sealed_open(&state, transport->table, transport->state, key, sender,
-                                    on_clock, &transport->drops));
+                                    on_clock, context, &transport->drops));
     transport->table = &pm_transport_sealed;
     transport->state = state;
     return PM_OK;

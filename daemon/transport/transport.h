@@ -59,13 +59,13 @@ void pm_transport_close(pm_transport *transport); // NULL is allowed
 
 // Called during pm_transport_wait, once for each sender whose clock is more than PM_SEAL_AGE ahead
 // of this host's, with the difference in s.
-typedef void pm_clock_handler(const char *sender, double seconds);
+typedef void pm_clock_handler(const void *context, const char *sender, double seconds);
 
 // Makes the transport seal all messages that it publishes, as `sender` (NAME@HOST), and drop
-// received messages without a valid seal (seal.h). `on_clock` may be NULL. It must be called before
-// the first subscription; the key may be cleared afterwards. PM_ENOMEM.
+// received messages without a valid seal (seal.h). `on_clock`, which gets `context`, may be NULL.
+// It must be called before the first subscription; the key may be cleared afterwards. PM_ENOMEM.
 pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
-                            pm_clock_handler *on_clock);
+                            pm_clock_handler *on_clock, const void *context);
 
 // Passes all messages on exactly this channel to `handler`, with `context`. Messages that this
 // transport publishes are passed, too. Several handlers may subscribe to one channel. PM_ENET,

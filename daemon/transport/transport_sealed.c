@@ -24,6 +24,7 @@ typedef struct sealed {
     size_t capacity;
     sealed_subscription *subscriptions;
     pm_clock_handler *on_clock; // NULL: nobody is told
+    const void *context;        // of on_clock
     int ntold;
     char told[MOST_TOLD][PM_SEAL_SENDER]; // the senders that it was called for
 } sealed;
@@ -43,7 +44,8 @@ static void sealed_close(void *state) {
 
 pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
                                    const pm_key *key, const char *sender,
-                                   pm_clock_handler *on_clock, pm_drops *drops) {
+                                   pm_clock_handler *on_clock, const void *context,
+                                   pm_drops *drops) {
     sealed *s = calloc(1, sizeof *s);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "sealed transport: out of memory");
@@ -57,6 +59,7 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
     s->beneath = beneath;
     s->drops = drops;
     s->on_clock = on_clock;
+    s->context = context;
     *state = s;
     return PM_OK;
 }
@@ -70,7 +73,7 @@ static void tell_clock(sealed *s, const pm_seal_origin *origin) {
     }
     if (i == s->ntold && i < MOST_TOLD && s->on_clock != NULL) {
         strcpy(s->told[s->ntold++], origin->sender);
-        s->on_clock(origin->sender, 1e-9 * (double)origin->ahead);
+        s->on_clock(s->context, origin->sender, 1e-9 * (double)origin->ahead);
     }
 }
 

@@ -27,9 +27,11 @@ extern const pm_transport_table pm_transport_sealed;
 
 // Opens the state of a sealed transport in front of the transport `beneath`, whose functions are
 // `table`. The sealed transport owns and closes `beneath`. PM_ENOMEM; the caller then keeps
-// `beneath`. pm_transport_seal describes `key`, `sender` and `on_clock`.
+// `beneath`. pm_transport_seal describes `key`, `sender`, `on_clock` and
+// `context`.
 pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table, void *beneath,
                                    const pm_key *key, const char *sender,
-                                   pm_clock_handler *on_clock, pm_drops *drops);
+                                   pm_clock_handler *on_clock, const void *context,
+                                   pm_drops *drops);
 
 #endif

@@ -19,6 +19,8 @@
 
 #define SLEEP 30 // s, longer than any test takes
 
+static const pm_journal plain = {.program = "portmetd"};
+
 // --- what a child does ---
 
 typedef struct role {
@@ -75,7 +77,7 @@ static pm_status look_at_file(const role *own) {
 
 static pm_launch *start_role(const role *r) {
     pm_launch *launch = NULL;
-    assert_int_equal(pm_launch_open(&launch, 2), PM_OK);
+    assert_int_equal(pm_launch_open(&launch, 2, &plain), PM_OK);
     const pm_launch_program program = {act, (void *)(uintptr_t)r};
     assert_int_equal(pm_launch_start(launch, "lower", program, NULL), PM_OK);
     return launch;
@@ -165,7 +167,7 @@ static void test_child_closes_private_files(void **state) {
 static void test_child_that_keeps_dying_is_given_up(void **state) {
     (void)state;
     pm_launch *launch = NULL;
-    assert_int_equal(pm_launch_open(&launch, 1), PM_OK);
+    assert_int_equal(pm_launch_open(&launch, 1, &plain), PM_OK);
     role victim = {.act = be_killed};
     const pm_launch_program program = {act, &victim};
     assert_int_equal(pm_launch_start(launch, "lower", program, "/nowhere/x"), PM_OK);
