@@ -37,7 +37,7 @@ static pm_status wire_open(wire *w, size_t size, const pm_key *key) {
     PM_TRY(pm_hub_open(&w->hub, NULL));
     PM_TRY(pm_transport_open(&w->transport, "memory://", w->hub));
     if (key != NULL) {
-        PM_TRY(pm_transport_seal(w->transport, key, "sender@host", NULL));
+        PM_TRY(pm_transport_seal(w->transport, key, "sender@host", NULL, NULL));
     }
     return pm_transport_subscribe(w->transport, "scene_FLUX_sender", take, w);
 }

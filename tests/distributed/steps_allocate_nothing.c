@@ -45,7 +45,7 @@ static int check_run(const char *url, int window, const char *folder) {
     for (int i = 0; i <= COUNT; ++i) {
         require(pm_transport_open(&transport[i], url, NULL));
         if (folder != NULL) {
-            require(pm_transport_seal(transport[i], &key, "sender@host", NULL));
+            require(pm_transport_seal(transport[i], &key, "sender@host", NULL, NULL));
             snprintf(path[i], sizeof path[i], "%s/%d", folder, i);
         }
     }

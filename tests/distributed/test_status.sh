@@ -68,5 +68,20 @@ for name in coordinator left right; do
     eval "wait \$$name"
     [ $? -eq 12 ] || fail "$name: expected an interrupted run"
 done
+# As JSON.
+start told run "$folder/patient.yaml" --steps $forever --log=json
+told=$pid
+comes_to_show "^left  *[1-9][0-9]* "
+is_told() {
+    kill -USR1 $told || return
+    sleep 0.2
+    says told '"part":"left","message":"status of left","fields":{"step":[1-9]'
+}
+wait_until 30 is_told || fail "told: no status of left"
+kill -INT $told
+wait $told
+[ $? -eq 12 ] || fail "told: expected an interrupted run"
+grep -v '^{"time":".*","level":"[a-z]*","part":"[a-z]*","message":".*","fields":{.*}}$' "$folder/told.err" &&
+    fail "told: expected lines of JSON alone"
 no_orphans "at the end" ""
 finish

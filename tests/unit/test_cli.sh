@@ -37,6 +37,19 @@ succeed() {
     grep -qF -e "$text" "$folder/out" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
 }
 
+# expect_json CODE PART TEXT ARGUMENT...: the exit code, and TEXT in the only line, a JSON object about PART.
+expect_json() {
+    code=$1 part=$2 text=$3
+    shift 3
+    timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
+    found=$?
+    [ $found -eq "$code" ] || fail "portmetd $*: expected exit code $code, found $found"
+    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmetd $*: expected one line of error"
+    grep -q "^{\"time\":\"[0-9T:.-]*Z\",\"level\":\"error\",\"part\":\"$part\",.*\"fields\":{\"code\":$code}}\$" \
+        "$folder/err" || fail "portmetd $*: expected an object with its time, level, part and code"
+    grep -qF -e "$text" "$folder/err" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
+}
+
 # edit EXPRESSION: bad.yaml, the good scene changed by sed.
 edit() {
     sed "$1" "$folder/scene.yaml" >"$folder/bad.yaml"
@@ -113,6 +126,9 @@ edit 's/file: reference.h5/file: scene.yaml/'
 expect 4 "bad.yaml:22:19: $folder/scene.yaml: " run "$bad" --in-process
 expect 4 "/nowhere/run.h5" run "$scene" --in-process --record /nowhere/run.h5
 expect 4 "/nowhere/run.h5" coordinator "$scene" --record /nowhere/run.h5
+expect_json 4 run "/nowhere/run.h5" run "$scene" --in-process --record /nowhere/run.h5 --log=json
+expect_json 4 left "nowhere.yaml" node "$folder/nowhere.yaml" left --log json
+expect 2 '--log: expected text or json, found "xml"' run "$scene" --log=xml
 expect 4 "not a file" run "$scene" --in-process --record "$folder"
 
 # --- datasets: 5 ---

@@ -213,7 +213,7 @@ static pm_transport *join(pm_hub *hub, const pm_key *key, ear *e) {
     pm_transport *transport = NULL;
     assert_int_equal(pm_transport_open(&transport, "memory://", hub), PM_OK);
     if (key != NULL) {
-        assert_int_equal(pm_transport_seal(transport, key, SENDER, NULL), PM_OK);
+        assert_int_equal(pm_transport_seal(transport, key, SENDER, NULL, NULL), PM_OK);
     }
     assert_int_equal(pm_transport_subscribe(transport, "a", listen, e), PM_OK);
     return transport;
