@@ -190,7 +190,7 @@ static void write_states(xml_writer *w) {
 static void write_inputs(xml_writer *w) {
     for (int i = 0; i < w->scene->nprescribed; ++i) {
         const pm_boundary_input *b = &w->setup->boundary_input;
-        const bool follows = b->column[i] >= 0 || b->live_id[i] >= 0;
+        const bool follows = b->column[i] != PM_BOUNDARY_INPUT_CONSTANT || b->live_id[i] >= 0;
         if (follows || w->first[i] != 0) {
             write_variable(w, w->names.input_name[i], w->reference.input + i,
                            follows ? "causality=\"input\" variability=\"continuous\""

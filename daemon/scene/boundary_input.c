@@ -8,11 +8,12 @@
 #include "base/digest.h"
 #include "store/names.h"
 
-// Finds the dataset column of one prescribed value; -1 if the value is a constant, or live without
-// a column. `names` are the column names of the dataset; NULL: there is no dataset.
+// Finds the dataset column of one prescribed value, or one of the numbers in its place; a live
+// value without a column counts as a constant. `names` are the column names of the dataset; NULL:
+// there is no dataset.
 static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scene_prescribed *value,
                              bool live, const pm_names *names, int *column) {
-    *column = -1;
+    *column = PM_BOUNDARY_INPUT_CONSTANT;
     if (value->column == NULL || (live && names == NULL)) {
         return PM_OK;
     }
@@ -22,8 +23,10 @@ static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scen
             "%s: boundary input %s follows the column \"%s\", but there is no `reference`",
             value->at, owner->name, value->column);
     }
-    *column = pm_names_find(names, value->column);
-    return *column >= 0 || live
+    const int found = pm_names_find(names, value->column);
+    const bool time = found < 0 && !live && strcmp(value->column, "time") == 0;
+    *column = time ? PM_BOUNDARY_INPUT_TIME : found;
+    return *column != PM_BOUNDARY_INPUT_CONSTANT || live
                ? PM_OK
                : pm_fail(PM_EDATA, "%s: boundary input %s: column \"%s\" is not in the dataset",
                          value->at, owner->name, value->column);
@@ -52,7 +55,7 @@ static pm_status find_columns(pm_boundary_input *boundary_input, const pm_datase
 
 static bool has_columns(const pm_boundary_input *boundary_input) {
     for (int i = 0; i < boundary_input->n; ++i) {
-        if (boundary_input->column[i] >= 0) {
+        if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT) {
             return true;
         }
     }
@@ -122,6 +125,14 @@ static void interpolate(int n, int origin, double *d, double power[PM_BOUNDARY_I
     }
 }
 
+// Returns the value of input i, which follows a column or the time, in state j of a trajectory.
+static double follow(const pm_boundary_input *boundary_input, const pm_dataset *dataset,
+                     int trajectory, int i, int j) {
+    const int column = boundary_input->column[i];
+    return column == PM_BOUNDARY_INPUT_TIME ? dataset->t[j] - dataset->t[0]
+                                            : pm_dataset_state(dataset, trajectory, j)[column];
+}
+
 void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_dataset *dataset,
                               int trajectory) {
     const int ntime = boundary_input->end == LONG_MAX ? 1 : dataset->ntime;
@@ -137,10 +148,9 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
         for (int i = 0; i < boundary_input->n; ++i) {
             double state[PM_BOUNDARY_INPUT_ORDER],
                 power[PM_BOUNDARY_INPUT_ORDER] = {boundary_input->value[i]};
-            if (boundary_input->column[i] >= 0) {
+            if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT) {
                 for (int k = 0; k < n; ++k) {
-                    state[k] =
-                        pm_dataset_state(dataset, trajectory, first + k)[boundary_input->column[i]];
+                    state[k] = follow(boundary_input, dataset, trajectory, i, first + k);
                 }
                 interpolate(n, j - first, state, power);
             }
@@ -177,7 +187,8 @@ bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step
         return true;
     }
     for (int i = 0; i < boundary_input->n; ++i) {
-        if (boundary_input->column[i] >= 0 && !is_replaced(boundary_input, i)) {
+        if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT &&
+            !is_replaced(boundary_input, i)) {
             return false;
         }
     }

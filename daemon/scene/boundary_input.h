@@ -1,5 +1,6 @@
 // The values of a scene's boundary inputs over time. Each value is a constant, a dataset column, or
-// a value of a live input, which holds for a whole step.
+// the time since the first state, which has the name "time" where no column has it, or a value of a
+// live input, which holds for a whole step.
 // A column is interpolated along a trajectory by the polynomial through the eight states nearest in
 // time. For a sine of angular frequency w and states dt apart, the error is 1.1e-3 (w dt)^8 of its
 // amplitude, and twelve times as much at both ends, where all eight states lie on one side. The
@@ -17,6 +18,9 @@
 #include "store/dataset.h"
 
 #define PM_BOUNDARY_INPUT_ORDER 8 // coefficients of a polynomial
+// What stands in place of the position of a column.
+#define PM_BOUNDARY_INPUT_CONSTANT (-1)
+#define PM_BOUNDARY_INPUT_TIME (-2)
 
 typedef struct pm_boundary_input {
     int n;      // values of all boundary inputs, scene->nprescribed; 0: the scene has none
@@ -26,7 +30,7 @@ typedef struct pm_boundary_input {
     // to 1 over an interval.
     double *coefficient;
     const pm_scene *scene; // borrowed
-    int *column;           // [n] in the dataset; -1: a constant
+    int *column;           // [n] in the dataset, or one of the two above
     int *live_id;          // [n] among the values of all live inputs; -1: not live
     const double *live; // [scene->nlive] borrowed, the values that hold in the present step; NULL:
                         // a live value follows its column if the dataset has one, else it stays 0

@@ -167,6 +167,34 @@ static void numbers_need_no_dataset(void **state) {
     pm_scene_free(scene);
 }
 
+// A dataset without a column of this name gives the time since its first state; one with such a
+// column gives the column.
+static void the_time_needs_no_column(void **state) {
+    (void)state;
+    static const char *const named[] = {"time"};
+    const char *clock = "scene: clock\ntime: {dt: 0.1, steps: 1, integrator: rk4}\n"
+                        "subsystems: {a: {weights: a.h5, state: {q: {unit: m, size: 1}}}}\n"
+                        "boundary_inputs: {wind: {t: {unit: s, dE: 0, value: time}}}\n";
+    for (int i = 0; i < 2; ++i) {
+        fixture f = {0};
+        assert_int_equal(pm_scene_parse(&f.scene, clock, "t.yaml"), PM_OK);
+        assert_int_equal(
+            pm_dataset_new(&f.data, 2, NTIME, 1, 0.1 * STRIDE, i == 0 ? columns : named), PM_OK);
+        for (int j = 0; j < NTIME; ++j) {
+            f.data->t[j] += 5;
+            *pm_dataset_state(f.data, 1, j) = 7;
+        }
+        follow(&f);
+        assert_int_equal(f.boundary_input.end, STRIDE * (NTIME - 1));
+        for (long step = 0; step < f.boundary_input.end; ++step) {
+            double value[3];
+            pm_boundary_input_at(&f.boundary_input, step, 0.5, value);
+            near("time", step, value[0], i == 0 ? 0.1 * ((double)step + 0.5) : 7, ROUNDING * 100);
+        }
+        close(&f);
+    }
+}
+
 static void fails(fixture *f, const pm_dataset *data, pm_status code, const char *words) {
     const pm_status status =
         pm_boundary_input_bind(&f->boundary_input, f->scene, data, 1, &f->arena);
@@ -207,6 +235,7 @@ int main(void) {
         cmocka_unit_test(polynomials_are_exact),
         cmocka_unit_test(sines_are_off_by_the_eighth_power),
         cmocka_unit_test(numbers_need_no_dataset),
+        cmocka_unit_test(the_time_needs_no_column),
         cmocka_unit_test(what_cannot_be_followed),
         cmocka_unit_test(the_digest_tells_loads_apart),
     };

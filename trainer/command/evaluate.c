@@ -19,7 +19,7 @@
 
 typedef struct arguments {
     const char *scene, *data, *weights, *trajectories, *trained, *record, *plot, *estimate, *states,
-        *data_set;
+        *data_set, *truth;
     bool json;
 } arguments;
 
@@ -42,6 +42,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "with --estimate: write the predicted states, from which portmetd can start a run"},
         {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
          "with --estimate: the dataset in FILE, such as z_noise; default: z"},
+        {"--truth", NULL, "FILE", NULL, &a->truth, false,
+         "with --estimate: states without noise, to print the errors of all variables"},
         {"--json", NULL, NULL, &a->json, NULL, false, "print JSON instead of tables"},
     };
     const pm_options options = {
@@ -200,6 +202,7 @@ static pm_status evaluate_measured(const arguments *a, const volatile sig_atomic
                                 .trajectories = a->trajectories,
                                 .record = a->record,
                                 .states = a->states,
+                                .truth = a->truth,
                                 .json = a->json};
     pm_scene *scene = NULL;
     pm_system *system = NULL;

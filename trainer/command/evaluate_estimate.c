@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "command/evaluate_truth.h"
 #include "evaluate/evaluate.h"
 #include "evaluate/seen.h"
 #include "learn/estimate.h"
@@ -25,6 +26,7 @@ typedef struct prediction {
     pm_estimate estimate;
     int count, *which;
     double *error; // [count][ny] relative errors after the time of the estimate
+    pm_truth_errors truth;
     pm_evaluation *laws;
 } prediction;
 
@@ -183,7 +185,16 @@ static void print_json(const prediction *j) {
         }
         printf("]}");
     }
-    printf("}}\n");
+    printf("}");
+    for (int g = 0; g < j->truth.ngroup; ++g) {
+        printf("%s\"%s\": [", g == 0 ? ", \"truth\": {" : ", ", j->truth.group[g]);
+        for (int i = 0; i < j->count; ++i) {
+            const double error = j->truth.error[(ptrdiff_t)g * j->count + i];
+            printf(isfinite(error) ? "%s%.17g" : "%snull", i > 0 ? ", " : "", error);
+        }
+        printf(g + 1 < j->truth.ngroup ? "]" : "]}");
+    }
+    printf("}\n");
 }
 
 static pm_status write_content(const prediction *j, pm_hdf5 *file) {
@@ -275,10 +286,15 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
                             &how));
     PM_TRY(score(j));
     PM_TRY(check_laws(j));
+    if (j->how->truth != NULL) {
+        PM_TRY(pm_truth_errors_make(&j->truth, j->system->scene, &j->estimate, j->data, j->which,
+                                    j->how->truth));
+    }
     if (j->how->json) {
         print_json(j);
     } else {
         print_errors(j);
+        PM_TRY(j->how->truth == NULL ? PM_OK : pm_truth_errors_print(&j->truth));
         print_laws(j);
     }
     PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
@@ -291,6 +307,7 @@ pm_status pm_evaluate_from_estimate(pm_system *system, const pm_evaluate_estimat
                                     const volatile sig_atomic_t *stop) {
     prediction j = {.how = how, .system = system};
     const pm_status status = run(&j, stop);
+    pm_truth_errors_free(&j.truth);
     pm_evaluation_free(j.laws);
     pm_estimate_free(&j.estimate);
     pm_uncertainty_free(&j.uncertainty);

@@ -247,8 +247,11 @@ pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observati
                            const pm_dataset *dataset, int count, const int *which,
                            const pm_estimate_how *how) {
     start_uncertainty start = {NULL, NULL};
-    *e = (pm_estimate){
-        .count = count, .ntime = dataset->ntime, .ny = o->count, .nz = system->scene->nz};
+    *e = (pm_estimate){.count = count,
+                       .ntime = dataset->ntime,
+                       .ny = o->count,
+                       .nz = system->scene->nz,
+                       .until = how->until > 0 ? how->until : INFINITY};
     pm_status status = allocate(e, how->uncertainty != NULL);
     if (status == PM_OK) {
         status = find_starts(e, system, o, dataset, which, how, &start);
@@ -269,11 +272,13 @@ void pm_estimate_free(pm_estimate *e) {
 
 // --- scores ---
 
-// The measurement of sample k of an estimate, or NAN if there is none after the first seconds.
-static double later_sample(const pm_observation *o, const pm_dataset *d, int trajectory,
-                           double seconds, int k, int column) {
+// The measurement of sample k of an estimate, or NAN if there is none that counts after the first
+// seconds.
+static double later_sample(const pm_estimate *e, const pm_observation *o, const pm_dataset *d,
+                           int trajectory, double seconds, int k, int column) {
     const double t = pm_dataset_time(d, trajectory, k) - pm_dataset_time(d, trajectory, 0);
-    return t > seconds ? pm_dataset_state(d, trajectory, k)[o->column[column]] : NAN;
+    return t > seconds && t <= e->until ? pm_dataset_state(d, trajectory, k)[o->column[column]]
+                                        : NAN;
 }
 
 double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
@@ -281,13 +286,13 @@ double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm
     double mean = 0, square = 0, miss = 0;
     int n = 0;
     for (int k = 0; k < e->ntime; ++k) {
-        const double y = later_sample(o, dataset, which[id], seconds, k, column);
+        const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
         mean += isnan(y) ? 0 : y;
         n += !isnan(y);
     }
     mean /= n > 0 ? n : 1;
     for (int k = 0; k < e->ntime; ++k) {
-        const double y = later_sample(o, dataset, which[id], seconds, k, column);
+        const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
         const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
         miss += isnan(y) ? 0 : r * r;
         square += isnan(y) ? 0 : (y - mean) * (y - mean);
@@ -315,7 +320,7 @@ double pm_estimate_coverage(const pm_estimate *e, const pm_observation *o,
     long inside = 0, all = 0;
     for (int i = 0; i < e->count && e->deviation != NULL; ++i) {
         for (int k = 0; k < e->ntime; ++k) {
-            const double y = later_sample(o, dataset, which[i], seconds, k, column);
+            const double y = later_sample(e, o, dataset, which[i], seconds, k, column);
             const ptrdiff_t at = ((ptrdiff_t)i * e->ntime + k) * e->ny + column;
             inside += !isnan(y) && fabs(e->y[at] - y) <= width * e->deviation[at];
             all += !isnan(y);

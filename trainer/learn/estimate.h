@@ -15,12 +15,14 @@ typedef struct pm_estimate_how {
     double seconds;                    // how many seconds of each trajectory determine its start
     const pm_uncertainty *uncertainty; // of the weights, for pm_estimate.deviation; or NULL
     const volatile sig_atomic_t *stop; // ends the work when nonzero; or NULL
+    double until;                      // score nothing that is measured later, s; 0: score all
 } pm_estimate_how;
 
 // The result for some trajectories of a measured dataset.
 typedef struct pm_estimate {
     pm_arena arena;           // owns all
     int count, ntime, ny, nz; // trajectories, samples of each, measured columns, state components
+    double until;             // s after the first sample; later measurements are not scored
     double *start;            // [count][nz] states at the first samples
     double *noise; // [ny] noise estimated from the residuals of the first seconds, unit of column
     double *y;     // [count][ntime][ny] predicted columns; NaN where a trajectory has no sample

@@ -7,6 +7,8 @@
 
 #include "learn/estimate.h"
 #include "learn/shooting_schedule.h"
+#include "learn/shooting_start.h"
+#include "learn/start.h"
 #include "learn/uncertainty.h"
 #include "scene/columns.h"
 
@@ -16,6 +18,7 @@
 #define FAR_REACH 1e6         // of constants whose unit and size are not known
 #define SWING 16 // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
+#define SEARCHED 2          // first window lengths of the windows that choose initial weights
 #define EQUAL 1e-6          // relative difference of times that count as equal
 
 static pm_status no_memory(void) {
@@ -45,6 +48,15 @@ static pm_status bind_noise(const pm_training *t, struct pm_fit_measured *m) {
     return PM_OK;
 }
 
+// Whether the measurements have a column of this name; the time needs none.
+static bool has_column(const pm_dataset *data, const char *name) {
+    int c = 0;
+    while (c < data->ncolumn && strcmp(data->column[c], name) != 0) {
+        ++c;
+    }
+    return c < data->ncolumn;
+}
+
 // The columns of all states, followed by those of boundary inputs.
 static pm_status list_columns(struct pm_fit_measured *m, const pm_scene *scene,
                               const char ***column, int *count) {
@@ -66,7 +78,7 @@ static pm_status list_columns(struct pm_fit_measured *m, const pm_scene *scene,
             while (same < *count && (name == NULL || strcmp(list[same], name) != 0)) {
                 ++same;
             }
-            if (name != NULL && same == *count) {
+            if (name != NULL && same == *count && has_column(m->data, name)) {
                 list[(*count)++] = name;
             }
         }
@@ -241,12 +253,42 @@ static void set_reach(const pm_fit *f, pm_shooting *s) {
     }
 }
 
+// Whether the initial weights are random, so that draws differ.
+static bool is_random(const pm_fit *f) {
+    const size_t n = (size_t)f->size;
+    return n > 0 && memcmp(f->theta, f->measured->declared, n * sizeof *f->theta) != 0;
+}
+
+// Writes a draw to theta. Draws begin from the weights as declared.
+static void draw(void *context, int id, double *theta) {
+    pm_fit *f = context;
+    pm_fit_set_weights(f, f->measured->declared);
+    pm_start_draw_again(f->training, id, theta);
+}
+
+// Chooses the initial weights. Noise, gaps and hidden variables leave no rates to fit draws to.
+static pm_status search_start(pm_fit *f, pm_shooting *s) {
+    const pm_shooting_search search = {.tries = f->training->tries,
+                                       .iterations = f->training->try_iterations,
+                                       .length = SEARCHED * pm_shooting_first_length(s),
+                                       .draw = draw,
+                                       .context = f,
+                                       .stop = f->stop};
+    const int substeps = s->how.substeps;
+    if (f->training->tries > 1 && is_random(f)) {
+        PM_TRY(pm_shooting_search_start(s, &search));
+        s->how.substeps = substeps;
+    }
+    return PM_OK;
+}
+
 static pm_status shoot(pm_fit *f, pm_shooting *s) {
     const struct pm_fit_measured *m = f->measured;
     for (int c = 0; c < s->nz; ++c) {
         s->prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
     }
     set_reach(f, s);
+    PM_TRY(search_start(f, s));
     const pm_shooting_course course = {
         .given = m->noise, .typical = m->typical, .loud = true, .stop = f->stop};
     pm_uncertainty u;
@@ -290,7 +332,8 @@ pm_status pm_fit_measured_report(pm_fit *f) {
     const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
     const double seconds = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
     pm_estimate e;
-    const pm_estimate_how how = {.seconds = seconds, .stop = f->stop};
+    const pm_estimate_how how = {
+        .seconds = seconds, .stop = f->stop, .until = f->training->seconds};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data, count, which, &how));
     printf("Starts of the %s part estimated in the first %.3g s; errors after that, in %% of each "
            "column's deviation: median and largest\n",

@@ -74,6 +74,14 @@ static void free_windows(pm_shooting *s) {
     free(s->solved);
 }
 
+void pm_shooting_clear(pm_shooting *s) {
+    free_windows(s);
+    s->window = NULL;
+    s->z = s->end = s->own = s->border = s->end_by_start = s->end_by_weights = NULL;
+    s->factor = s->coupling = s->solved = NULL;
+    s->nwindow = 0;
+}
+
 void pm_shooting_close(pm_shooting *s) {
     free_windows(s);
     pm_shooting_close_lanes(s);

@@ -41,6 +41,7 @@ typedef struct pm_shooting {
     double *gap;                       // [nz] `gap` in the objective, unit of the component
     double *prior;                     // [nz] `deviation` in the objective; 0: no prior
     bool hold;                         // the weights stay as they are; only starts are sought
+    bool everywhere;                   // priors hold for the starts of all windows
     // [nweight] `first weight` and `reach` in the objective. A reach of 0 means no prior. Weights
     // that do not influence the data stay near their first values.
     double *first_weight, *reach, *no_reach; // no_reach holds zeros
@@ -77,6 +78,8 @@ void pm_shooting_close(pm_shooting *s); // zeroed storage is allowed
 // many samples more. A window keeps its start if one of the previous windows began at the same
 // sample. All other starts are taken from the measurements (pm_track_sample_states). PM_ENOMEM.
 pm_status pm_shooting_divide(pm_shooting *s, int length);
+// Removes all windows.
+void pm_shooting_clear(pm_shooting *s);
 
 // --- learn/shooting_evaluate.c ---
 

@@ -180,11 +180,11 @@ static void add_gap(pm_shooting_lane *l, int window, const pm_flow_item *item) {
     }
 }
 
-// Adds the prior of the first start of a track.
+// Adds the prior of the first start of a track, or of all starts.
 static void add_prior(pm_shooting_lane *l, int window) {
     const pm_shooting *s = l->shooting;
     const ptrdiff_t nz = s->nz;
-    if (s->window[window].follows) {
+    if (s->window[window].follows && !s->everywhere) {
         return;
     }
     for (ptrdiff_t c = 0; c < nz; ++c) {

@@ -17,7 +17,7 @@
 // below this many deviations of the noise.
 #define MOST_GROWN_GAP 10
 #define SHORTEST 4 // samples of the first windows, at least
-#define COARSER 2  // the factor between the steps of the integrator before the last level and in it
+#define COARSER 2  // the factor between the steps of the integrator in the first windows and later
 #define LEVEL_ITERATIONS 12
 #define LEVEL_ENOUGH 1e-2
 #define LAST_ITERATIONS 40
@@ -163,8 +163,7 @@ static void print_level(const pm_shooting *s, int length, double factor,
     fflush(stdout);
 }
 
-// Twice as many samples as one needs to find a start.
-static int first_length(const pm_shooting *s) {
+int pm_shooting_first_length(const pm_shooting *s) {
     const int length = (2 * s->nz + s->ny - 1) / s->ny;
     return length > SHORTEST ? length : SHORTEST;
 }
@@ -202,7 +201,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course, int
 }
 
 pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
-    int length = course->first > 0 ? course->first : first_length(s);
+    int length = course->first > 0 ? course->first : pm_shooting_first_length(s);
     const int longest = longest_record(s), substeps = s->how.substeps;
     double factor = FIRST_GAP, damping = 0;
     PM_TRY(pm_shooting_set_substeps(s, (substeps + COARSER - 1) / COARSER));
@@ -212,11 +211,17 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
     pm_shooting_evaluate(s, s->z, false);
     PM_TRY(update_noise(s, course, false, NULL));
     // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
-    s->hold = true;
+    // Where gaps hardly count, priors keep the starts of all windows from making up for the
+    // weights.
+    s->hold = s->everywhere = true;
     PM_TRY(run_level(s, course, length, factor, false, &damping));
     s->hold = false;
     damping = 0;
     PM_TRY(run_level(s, course, length, factor, false, &damping));
+    s->everywhere = false;
+    // Long windows multiply the errors of long steps: trajectories that were found with them would
+    // be too far from those with short steps to lead there.
+    PM_TRY(pm_shooting_set_substeps(s, substeps));
     // Once every track is one window, there is no gap left to close.
     while (length < longest) {
         const bool closed = factor <= LAST_GAP;
@@ -231,7 +236,6 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
         }
         PM_TRY(run_level(s, course, length, factor, false, &damping));
     }
-    PM_TRY(pm_shooting_set_substeps(s, substeps));
     PM_TRY(update_noise(s, course, true, NULL));
     return run_level(s, course, length, factor, true, &damping);
 }

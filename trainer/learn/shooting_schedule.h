@@ -13,6 +13,8 @@ typedef struct pm_shooting_course {
     const volatile sig_atomic_t *stop; // ends the fit when nonzero; or NULL
 } pm_shooting_course;
 
+// Returns the length of the first windows: twice as many samples as one needs to find a start.
+int pm_shooting_first_length(const pm_shooting *s);
 // Runs the whole course. PM_EINTERRUPTED, PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course);
 

@@ -53,6 +53,10 @@ void pm_start_draw(pm_training *training, double *theta) {
     draw(training, training->seed, theta);
 }
 
+void pm_start_draw_again(pm_training *training, int id, double *theta) {
+    draw(training, training->seed + SEED_STRIDE * (uint64_t)id, theta);
+}
+
 static pm_status report(void *context, const pm_optimisation *o, double loss) {
     search *s = context;
     char detail[64];

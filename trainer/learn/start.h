@@ -14,6 +14,8 @@
 // Draws random initial weights with the seed of the training. The system must hold the declared
 // weights, to which the random numbers are added. Writes all weights to theta [pm_objective_size].
 void pm_start_draw(pm_training *training, double *theta);
+// Does the same for draw number `id` of a search; number 0 is the one above.
+void pm_start_draw_again(pm_training *training, int id, double *theta);
 
 // Replaces theta [size] by the best of training->tries random draws. `seed` decides the draws; if
 // it is training->seed, `theta` must be the result of pm_start_draw and is the first of them. The

@@ -126,7 +126,7 @@ static pm_status read_models(pm_training *t, pm_yaml root) {
 }
 
 // Makes one weight of the shared numbers of all components.
-static void share_weights(pm_system *system) {
+void pm_training_share(pm_system *system) {
     for (int i = 1; i < pm_system_components(system); ++i) {
         for (int k = 0; k < i; ++k) {
             pm_params_share(pm_system_params(system, i), pm_system_params(system, k));
@@ -219,19 +219,20 @@ static pm_status read_noise(pm_training *t, pm_yaml block) {
     return PM_OK;
 }
 
-bool pm_training_hides(const pm_training *training) {
+// Whether the scene has hidden groups.
+static bool hides(const pm_training *training) {
     const pm_scene *scene = training->scene;
-    bool hides = false;
+    bool hidden = false;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         for (int k = 0; k < scene->subsystem[i].layout.ngroup; ++k) {
-            hides = hides || scene->subsystem[i].hidden[k];
+            hidden = hidden || scene->subsystem[i].hidden[k];
         }
     }
-    return hides;
+    return hidden;
 }
 
 bool pm_training_is_measured(const pm_training *training) {
-    return training->noisy || training->scene->nobservation > 0 || pm_training_hides(training);
+    return training->noisy || training->scene->nobservation > 0 || hides(training);
 }
 
 static pm_status make_digest(pm_training *t) {
@@ -299,7 +300,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     PM_TRY(read_data(t, root));
     PM_TRY(read_noise(t, pm_yaml_get(root, "noise")));
     PM_TRY(read_models(t, root));
-    share_weights(t->system);
+    pm_training_share(t->system);
     PM_TRY(pm_system_check_boundary_inputs(t->system));
     PM_TRY(pm_training_read_stages(t, root));
     PM_TRY(read_start(t, pm_yaml_get(root, "start")));

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/linalg.h"
+#include "learn/training.h"
 #include "store/hdf5_io.h"
 
 #define FILE_NAME "measured.h5"
@@ -278,7 +279,7 @@ static pm_status read_content(pm_uncertainty *u, const pm_hdf5 *file) {
     return pm_hdf5_read_number(file, "/", "samples_per_residual", &u->samples_per_residual);
 }
 
-pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, const pm_system *system,
+pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, pm_system *system,
                               const pm_observation *o, bool *found) {
     char path[4096];
     pm_hdf5 *file = NULL;
@@ -289,6 +290,7 @@ pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, const pm_sy
     if (!*found) {
         return PM_OK;
     }
+    pm_training_share(system);
     for (int i = 0; i < pm_system_components(system); ++i) {
         u->nweight += (int)pm_params_trained(pm_system_params(system, i));
     }

@@ -34,9 +34,10 @@ void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
 // Writes "measured.h5" into the folder. PM_EFILE.
 pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder);
 // Reads "measured.h5" from the folder, and sets *found to false if there is no such file. The
-// caller frees. PM_EWEIGHTS: the file has another number of weights, columns or state components
-// than the system and the observation; PM_EFILE, PM_ENOMEM.
-pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, const pm_system *system,
+// weights of the system must be those of the folder; components then share weights as in the fit
+// (pm_training_share). The caller frees. PM_EWEIGHTS: the file has another number of weights,
+// columns or state components than the system and the observation; PM_EFILE, PM_ENOMEM.
+pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, pm_system *system,
                               const pm_observation *o, bool *found);
 
 // Prints the learned constants with their standard deviations, and what the data do not fix, by the

@@ -1,0 +1,52 @@
+#!/bin/sh
+# test_noise.sh PORTMET_TRAIN: short versions of the fits to measurements of configs/train. Eight short trajectories of the
+# double pendulum get noise and gaps; a fit to six of them predicts the other two, all variables included.
+set -u
+train=$1
+configs=$PWD/configs
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0
+
+fail() {
+    failures=$((failures + 1))
+    echo "FAILED: $*"
+    sed 's/^/    /' "$folder/out"
+}
+
+# make NAME OPTION...: trajectories with what the options add.
+make() {
+    name=$1
+    shift
+    sed -e 's/^trajectories: .*/trajectories: 8/' -e 's/^states: .*/states: 60/' "$configs/truth/double_pendulum.yaml" \
+        >"$folder/truth.yaml"
+    "$train" truth "$folder/truth.yaml" -o "$folder/$name.h5" "$@" >"$folder/out" 2>&1 || fail "truth $*"
+}
+
+# score NAME TRAINING SCENE SECONDS LIMIT...: the median errors of the groups q, p, s are below the limits in %.
+score() {
+    name=$1 training=$2 scene=$3 seconds=$4
+    shift 4
+    sed -e "s|^scene: \\.\\./|scene: $configs/|" -e 's/"0:40"/"0:6"/' "$configs/train/$training.yaml" >"$folder/training.yaml"
+    timeout 300 "$train" fit "$folder/training.yaml" --data "$folder/$name.h5" -o "$folder/weights" >"$folder/out" 2>&1 ||
+        fail "fit of $training to $name"
+    timeout 100 "$train" evaluate "$configs/$scene.yaml" --weights "$folder/weights" --data "$folder/$name.h5" \
+        --trajectories 6:8 --estimate "$seconds" --truth "$folder/clean.h5" >"$folder/out" 2>&1 || fail "evaluate $name"
+    for group in q p s; do
+        [ $# -gt 0 ] || break
+        awk -v group=$group -v limit="$1" '/against the truth/ { on = 1 }
+            on && $1 == group { found = 1; bad = !($2 < limit) } END { exit bad || !found }' "$folder/out" ||
+            fail "$name: expected a median error of $group below $1 %"
+        shift
+    done
+    grep -q "steps in violation 0;" "$folder/out" || fail "$name: expected both laws"
+}
+
+make clean
+make noise --noise 0.01 --seed 1
+make gaps --noise 0.01 --missing 0.5 --seed 2
+score noise double_pendulum_noise double_pendulum 6 4 6 4
+score gaps double_pendulum_noise double_pendulum 6 4 6 4
+
+[ $failures -eq 0 ] && echo "all checks of fits to noise passed"
+exit $failures
