@@ -1,18 +1,7 @@
 #!/bin/sh
 # test_export.sh BUILD: scenes exported as C compile without a warning, need nothing but libm, and take
 # the same steps as libportmet, bit by bit. What cannot be exported is refused. Runs in the root.
-set -u
-build=$(realpath "$1")
-portmetd=$build/daemon/app/portmetd
-here=$(realpath "$(dirname "$0")")
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-}
+. "$(dirname "$0")/scenes.sh"
 
 # same SCENE STEPS: the exported scene has the bits of the scene.
 same() {
@@ -64,5 +53,4 @@ refused 3 "only BLAS" configs/beam_graph.yaml
 [ "$(wc -l <"$folder/chain_10.c")" -lt $((2 * $(wc -l <"$folder/double_pendulum.c"))) ] ||
     fail "equal subsystems are written twice"
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish

@@ -1,19 +1,8 @@
 #!/bin/sh
 # test_fmu.sh BUILD IMPORTER: FMUs of scenes are well-formed archives whose sources compile and whose
 # binaries simulate in an importer. Runs in the root.
-set -u
-build=$(realpath "$1")
+. "$(dirname "$0")/scenes.sh"
 importer=$2
-portmetd=$build/daemon/app/portmetd
-here=$(realpath "$(dirname "$0")")
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-}
 
 # fmu NAME SUBSTEPS STEPS: the FMU of configs/NAME.yaml; SUBSTEPS of the scene it is compared with.
 fmu() {
@@ -66,5 +55,4 @@ for python in python3 /usr/bin/python3; do
     break
 done
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish
