@@ -68,6 +68,35 @@ for name in coordinator left right; do
     eval "wait \$$name"
     [ $? -eq 12 ] || fail "$name: expected an interrupted run"
 done
+# A service manager, which listens on a socket.
+if command -v python3 >/dev/null; then
+    python3 -c 'import socket, sys
+manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+manager.bind(sys.argv[1])
+manager.settimeout(60)
+while True:
+    print(manager.recv(4096).decode().replace("\n", " "), flush=True)
+' "$folder/manager" >"$folder/manager.err" 2>/dev/null &
+    manager=$!
+    started="$started $manager"
+    wait_until 30 test -S "$folder/manager" || fail "no service manager"
+    export NOTIFY_SOCKET="$folder/manager"
+    start managed coordinator "$folder/patient.yaml" --steps $forever
+    managed=$pid
+    awaits manager "^READY=1$"
+    unset NOTIFY_SOCKET
+    for name in left right; do
+        start $name node "$folder/patient.yaml" $name
+        eval "$name=$pid"
+    done
+    awaits manager "^WATCHDOG=1 STATUS=step [1-9][0-9]* of $forever, [0-9.e+]* steps/s$"
+    kill -INT $managed
+    wait $managed
+    wait $left $right
+    kill $manager
+    rm "$folder/manager.err"
+fi
+
 # As JSON.
 start told run "$folder/patient.yaml" --steps $forever --log=json
 told=$pid

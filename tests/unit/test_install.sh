@@ -24,6 +24,16 @@ for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/m
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
+# The units name the program where the build was configured to install it.
+if command -v systemd-analyze >/dev/null; then
+    for unit in node coordinator; do
+        sed "s,^ExecStart=[^ ]*,ExecStart=$prefix/bin/portmetd," \
+            "$prefix/lib/systemd/system/portmet-$unit@.service" >"$folder/portmet-$unit@.service"
+        systemd-analyze verify --man=no "$folder/portmet-$unit@.service" >"$folder/unit.out" 2>&1 ||
+            fail "portmet-$unit@.service: $(cat "$folder/unit.out")"
+    done
+fi
+
 cd "$folder" || exit 1
 "$prefix/bin/portmetd" run "$share/configs/double_pendulum.yaml" --in-process --steps 3 >"$folder/run.out" 2>&1 ||
     fail "portmetd does not run an installed scene: $(cat "$folder/run.out")"
