@@ -41,9 +41,9 @@ scene double_pendulum double_pendulum 40:50 q 0.00001 p 0.00001 s 0.00001 produc
 scene double_pendulum_fast double_pendulum_fast 40:50 q 0.0001 p 0.0001 s 0.0002 production 0.001
 scene chain_10 chain_10 0:20 q 0.00001 p 0.00001 s 0.00001 production 0.00001
 scene gas_containers gas_containers 80:100 v 0.0005 p 0.0005 s 0.0005
-scene driven_upper driven_upper 80:100 q 0.0001 p 0.0001 s 0.0002
-scene driven_lower driven_lower 80:100 q 0.0001 p 0.0001 s 0.0002
-scene driven_double_pendulum double_pendulum 40:50 q 0.0005 p 0.001 s 0.0005
+scene driven_upper driven_upper 80:100 q 0.0000001 p 0.0000001 s 0.0000001
+scene driven_lower driven_lower 80:100 q 0.0000001 p 0.0000001 s 0.0000001
+scene driven_double_pendulum double_pendulum 40:50 q 0.000001 p 0.000001 s 0.000001 production 0.000001
 
 [ $failures -eq 0 ] && echo "all well"
 exit $((failures > 0))
