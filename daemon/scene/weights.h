@@ -55,11 +55,12 @@ typedef struct pm_provenance {
     uint64_t digest; // of the content; ignored by saving, checked and set by loading
 } pm_provenance;
 
-// Load spec, layouts and values of a file and declare the model; on failure model and provenance
-// are untouched. PM_EWEIGHTS: the file is missing, truncated or not a weights file, has another
-// version or kind, a value is missing, unknown or not finite, or the digest differs. PM_ENOMEM. The
-// caller frees the model (pm_part_free, pm_port_free); spec, layouts and provenance live in the
-// arena.
+// Load a model from a file: its spec and layouts, the parameters that these require
+// (pm_part_declare, pm_port_declare), and their values. On failure the model and `provenance` are
+// untouched. PM_EWEIGHTS: the file is missing, truncated or not a weights file, or has another
+// version or kind; a parameter of the model is missing, a parameter in the file is none of the
+// model's, or a value is not finite; or the digest differs. PM_ENOMEM. The caller frees the model
+// (pm_part_free, pm_port_free); spec, layouts and provenance live in the arena.
 pm_status pm_weights_load_part(const char *path, pm_arena *arena, pm_part *part,
                                pm_provenance *provenance);
 pm_status pm_weights_load_port(const char *path, pm_arena *arena, pm_port_model *port,

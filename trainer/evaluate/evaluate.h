@@ -50,9 +50,10 @@ typedef struct pm_evaluation {
 
 // How an evaluation runs.
 typedef struct pm_evaluate_how {
-    int threads;                                  // at least 1
-    const volatile sig_atomic_t *stop;            // ends the evaluation when nonzero; or NULL
-    void (*progress)(void *context, int rollout); // called by one thread at a time; or NULL
+    int threads;                       // at least 1
+    const volatile sig_atomic_t *stop; // ends the evaluation when nonzero; or NULL
+    // Called after each rollout with the number done so far, by one thread at a time; or NULL.
+    void (*progress)(void *context, int done);
     void *context;
 } pm_evaluate_how;
 

@@ -50,7 +50,8 @@ pm_node pm_message_bias(pm_message_net *n, const char *name, pm_node x);
 // Writes "<stage><pass>.<name>" to the buffer and returns it.
 const char *pm_message_join(pm_message_name buffer, const char *stage, int pass, const char *name);
 
-// Returns the number of components of a group, whose name has been checked.
+// Returns the size of the group `name` over all nodes: nnode times its components at a node. The
+// declaring functions of message.h have checked the name.
 int pm_message_field_size(const pm_symbols *symbols, const char *name);
 // Returns field number `which`, the group `name`, as a matrix [nnode][components], divided by the
 // root mean square of its components.
