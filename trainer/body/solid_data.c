@@ -7,10 +7,9 @@ pm_status pm_solid_data_open(pm_solid_data *data, const pm_field *field, pm_aren
     *data = (pm_solid_data){.field = field,
                             .position = pm_field_columns(field, "qx qy qz"),
                             .stress = pm_field_columns(field, "sxx syy szz sxy sxz syz")};
-    if (field->hexahedron == NULL || field->energy == NULL || data->position < 0 ||
-        data->stress < 0) {
-        return pm_fail(PM_EDATA, "expected fields with elements, positions qx qy qz, stresses sxx "
-                                 "syy szz sxy sxz syz, and energies");
+    if (field->hexahedron == NULL || data->position < 0 || data->stress < 0) {
+        return pm_fail(PM_EDATA, "expected fields with elements, positions qx qy qz, and stresses "
+                                 "sxx syy szz sxy sxz syz");
     }
     const size_t nnode = (size_t)field->nnode, corners = 8 * (size_t)field->nelement;
     int *brick = pm_arena_array(arena, corners, sizeof *brick);
@@ -47,8 +46,8 @@ void pm_solid_data_displacement(const pm_solid_data *data, int i, int j, double 
 
 double pm_solid_data_energy(const pm_solid_data *data, int i, int j, int which) {
     const pm_field *field = data->field;
-    return field->energy[((size_t)i * (size_t)field->ntime + (size_t)j) * PM_FIELD_ENERGIES +
-                         (size_t)which];
+    const size_t at = (size_t)i * (size_t)field->ntime + (size_t)j;
+    return field->energy == NULL ? 0 : field->energy[at * PM_FIELD_ENERGIES + (size_t)which];
 }
 
 void pm_solid_data_size(const pm_solid_data *data, int i, double *u, double size[PM_SOLID_NSCORE]) {

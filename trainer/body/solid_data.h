@@ -30,7 +30,8 @@ pm_status pm_solid_data_open(pm_solid_data *data, const pm_field *field, pm_aren
 // Computes the displacements u [nnode][3], m, of trajectory i at time j.
 void pm_solid_data_displacement(const pm_solid_data *data, int i, int j, double *u);
 
-// Returns the number `which` of PM_FIELD_ENERGIES energies of trajectory i at time j, J.
+// Returns the number `which` of PM_FIELD_ENERGIES energies of trajectory i at time j, J; 0 if the
+// field has none.
 double pm_solid_data_energy(const pm_solid_data *data, int i, int j, int which);
 
 // Computes the sums of the squares of each quantity over trajectory i: displacement and stress over

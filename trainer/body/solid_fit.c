@@ -59,8 +59,9 @@ static void fill_rows(const pm_solid_data *data, variant *v, int i, int j,
     const double energy[2] = {books->stored, v->heat};
     for (int k = 0; k < 2; ++k) {
         const int which = PM_SOLID_STORED + k;
-        *row++ = (energy[k] - pm_solid_data_energy(data, i, j, k)) /
-                 (sqrt(size[which]) * tolerance[which]);
+        *row++ = size[which] > 0 ? (energy[k] - pm_solid_data_energy(data, i, j, k)) /
+                                       (sqrt(size[which]) * tolerance[which])
+                                 : 0;
     }
 }
 

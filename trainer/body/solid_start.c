@@ -53,6 +53,17 @@ static void add_state(const pm_solid_data *data, const double *u, const double *
     sum->pressure += pressure;
 }
 
+// Returns the stored energy of trajectory i at time j, J; without energies, what a linear body
+// stores under the forces.
+static double energy_of(const pm_solid_data *data, int i, int j, const double *u) {
+    const double *f = pm_field_force(data->field, i, j);
+    double work = 0;
+    for (int k = 0; k < 3 * data->field->nnode; ++k) {
+        work += f[k] * u[k] / 2;
+    }
+    return data->field->energy == NULL ? work : pm_solid_data_energy(data, i, j, 0);
+}
+
 static pm_status find_scale(const pm_solid_data *data, data_scale *scale, double *count) {
     const pm_field *field = data->field;
     double *u = calloc(3 * (size_t)field->nnode, sizeof *u), body = 0;
@@ -71,7 +82,7 @@ static pm_status find_scale(const pm_solid_data *data, data_scale *scale, double
         const int i = data->trajectory[k / field->ntime], j = k % field->ntime;
         pm_solid_data_displacement(data, i, j, u);
         add_state(data, u, pm_field_state(field, i, j) + data->stress, scale);
-        scale->energy += pm_solid_data_energy(data, i, j, 0) / fmax(body, DBL_MIN);
+        scale->energy += energy_of(data, i, j, u) / fmax(body, DBL_MIN);
         *count += 1;
     }
     scale->step = field->dt;

@@ -42,21 +42,27 @@ static int compare(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-// Prints the lower quartile, median, upper quartile and maximum of each error.
-static void print_errors(int count, const pm_solid_response *r, double *sorted) {
+// Returns the quantile of sorted [count] below which a share of the values lies, by interpolation.
+static double quantile(int count, const double *sorted, double share) {
+    const double at = share * (count - 1);
+    const int low = (int)at, high = low + 1 < count ? low + 1 : low;
+    return sorted[low] + (at - low) * (sorted[high] - sorted[low]);
+}
+
+// Prints the lower quartile, median, upper quartile and maximum of each of the first errors.
+static void print_errors(int nscore, int count, const pm_solid_response *r, double *sorted) {
     static const char *const name[PM_SOLID_NSCORE] = {"displacement", "stress, free nodes",
                                                       "stored energy", "dissipated energy"};
     printf("Relative L2 errors over %d trajectories, %%\n"
            "                       quartile   median quartile  largest\n",
            count);
-    for (int k = 0; k < PM_SOLID_NSCORE; ++k) {
+    for (int k = 0; k < nscore; ++k) {
         for (int i = 0; i < count; ++i) {
             sorted[i] = 100 * r[i].error[k];
         }
         qsort(sorted, (size_t)count, sizeof *sorted, compare);
-        printf("  %-20s %8.3f %8.3f %8.3f %8.3f\n", name[k], sorted[(count - 1) / 4],
-               (sorted[(count - 1) / 2] + sorted[count / 2]) / 2, sorted[3 * (count - 1) / 4],
-               sorted[count - 1]);
+        printf("  %-20s %8.3f %8.3f %8.3f %8.3f\n", name[k], quantile(count, sorted, 0.25),
+               quantile(count, sorted, 0.5), quantile(count, sorted, 0.75), sorted[count - 1]);
     }
 }
 
@@ -114,7 +120,8 @@ static pm_status respond(const pm_solid_data *data, pm_solid *solid, pm_field *t
         }
     }
     if (status == PM_OK) {
-        print_errors(data->count, r, work + 9 * nnode);
+        const int nscore = data->field->energy == NULL ? PM_SOLID_STORED : PM_SOLID_NSCORE;
+        print_errors(nscore, data->count, r, work + 9 * nnode);
         print_laws(data->count, r, (double)(clock() - start) / CLOCKS_PER_SEC);
     }
     free(work);

@@ -51,10 +51,11 @@ static const double *values_of(const pm_params *params, const char *name, const 
 }
 
 static pm_learned_function read_function(const pm_params *params, const char *name, int nunit) {
+    const double *linear = values_of(params, name, "linear");
     return (pm_learned_function){.nunit = nunit,
                                  .unit = pm_params_find(params, "unit")->value[0],
                                  .scale = values_of(params, name, "scale"),
-                                 .linear = values_of(params, name, "linear"),
+                                 .linear = {exp(linear[0]), linear[1]},
                                  .quadratic = values_of(params, name, "quadratic"),
                                  .units = nunit == 0 ? NULL : values_of(params, name, "units")};
 }
@@ -64,7 +65,7 @@ static pm_learned_function read_function(const pm_params *params, const char *na
 // Returns the function's value at the inputs x [INPUTS], which become its derivatives.
 static double evaluate(const pm_learned_function *f, double *x) {
     const double y[INPUTS] = {x[0] / f->scale[0], x[1] / f->scale[1]}, *B = f->quadratic;
-    double slope[INPUTS] = {exp(f->linear[0]), f->linear[1]};
+    double slope[INPUTS] = {f->linear[0], f->linear[1]};
     double value = slope[0] * y[0] + slope[1] * y[1] + B[0] * y[0] * y[0] / 2 + B[1] * y[0] * y[1] +
                    B[2] * y[1] * y[1] / 2;
     slope[0] += B[0] * y[0] + B[1] * y[1];
@@ -100,7 +101,7 @@ void pm_solid_material_read(const pm_solid_spec *spec, const pm_params *params,
         const double *relaxation = values_of(params, name, "relaxation");
         branch->energy = read_function(params, name, spec->nunit);
         const pm_learned_function *f = &branch->energy;
-        branch->m = exp(relaxation[0] - f->linear[T2]) * f->scale[T2] / (2 * f->unit);
+        branch->m = exp(relaxation[0]) * f->scale[T2] / (2 * f->unit * f->linear[T2]);
         branch->s = 1 / (1 + exp(-relaxation[1]));
         branch->rate = fmax(2 * branch->m * stiffness_at_rest(f), 0);
     }

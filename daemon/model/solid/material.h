@@ -33,7 +33,7 @@ typedef struct pm_learned_function {
     int nunit;
     double unit;             // J/m^3
     const double *scale;     // [2]
-    const double *linear;    // [2] a, of which the first is given by its logarithm
+    double linear[2];        // a, of which the parameters hold the logarithm of the first
     const double *quadratic; // [3] B11, B12, B22
     const double *units;     // [nunit][4] w, b, v
 } pm_learned_function;

@@ -1,6 +1,7 @@
 // Opens a body, sets and moves its state.
 #include "model/solid/solid.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -119,6 +120,7 @@ bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
     memcpy(s->u, s->trial, (size_t)n * sizeof *s->u);
     copy_or_clear(s->inner, inner, s->ninner);
     s->books = (pm_solid_books){.stored = pm_solid_begin(s)};
+    s->stiff_for = NAN;
     return true;
 }
 

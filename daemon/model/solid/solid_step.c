@@ -1,6 +1,6 @@
-// Finds the balance of forces: Newton's iteration with the stiffness at the start of the step,
-// improved by what the iterations have shown of the stiffness (limited-memory BFGS; Nocedal and
-// Wright, Numerical Optimization, 2006, algorithm 7.4).
+// Finds the balance of forces: Newton's iteration with the stiffness at the start of this or an
+// earlier step, improved by what the iterations have shown of the stiffness (limited-memory BFGS;
+// Nocedal and Wright, Numerical Optimization, 2006, algorithm 7.4).
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,10 +8,13 @@
 #include "model/solid/solid_parts.h"
 
 // The iteration ends when a move is shorter than this share of the largest displacement.
-#define PRECISE 1e-7
+#define PRECISE 1e-6
 // The displacement below which a body counts as undeformed, relative to its size.
 #define UNDEFORMED 1e-9
 #define MOST_ITERATIONS 30
+// The stiffness is assembled again after a step of more iterations than this; it takes as long as
+// about five of them.
+#define FEW_ITERATIONS 8
 // The number of times that a move is halved because an element was turned inside out.
 #define MOST_SHORTER 8
 // The number of times that a step is halved because no balance was found.
@@ -100,14 +103,15 @@ static bool move(pm_solid *s, double h) {
     return false;
 }
 
-// Iterates s->trial from the state to balance with f. Returns false if that fails.
-static bool balance(pm_solid *s, double h, const double *f) {
+// Iterates s->trial from the state to balance with f, with the factor of the stiffness that there
+// is. Returns false if that fails.
+static bool iterate(pm_solid *s, double h, const double *f) {
     const int n = s->nfree;
     const double size = cbrt(s->brick[0].volume);
     double before = INFINITY;
     int count = 0;
     memcpy(s->trial, s->u, 3 * (size_t)s->mesh->nnode * sizeof *s->trial);
-    if (!pm_solid_stiffen(s, h) || !pm_solid_evaluate(s, h, NULL)) {
+    if (!pm_solid_evaluate(s, h, NULL)) {
         return false;
     }
     find_residual(s, f);
@@ -136,6 +140,13 @@ static bool balance(pm_solid *s, double h, const double *f) {
         count = keep_pair(s, count);
     }
     return false;
+}
+
+// Does the same with the stiffness of an earlier state if the last step with it took few
+// iterations, and else, or if that fails, with the stiffness of this state.
+static bool balance(pm_solid *s, double h, const double *f) {
+    const bool good = s->stiff_for == h && s->books.iterations <= FEW_ITERATIONS;
+    return (good && iterate(s, h, f)) || (pm_solid_stiffen(s, h) && iterate(s, h, f));
 }
 
 // Takes a step, or two halves of it, which adds to the books.

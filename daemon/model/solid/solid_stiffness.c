@@ -1,5 +1,6 @@
 // Numbers the free components of a body, and assembles and factorises its stiffness.
 #include <limits.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -250,7 +251,9 @@ static bool stiffen(pm_solid *s, double h, bool stressed) {
 }
 
 bool pm_solid_stiffen(pm_solid *s, double h) {
-    return stiffen(s, h, true) || stiffen(s, h, false);
+    const bool good = stiffen(s, h, true) || stiffen(s, h, false);
+    s->stiff_for = good ? h : NAN;
+    return good;
 }
 
 void pm_solid_soften(const pm_solid *s, int count, double *x) {
