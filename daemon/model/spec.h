@@ -29,10 +29,11 @@ typedef struct pm_group {
     int first;        // position of its first component in the state
 } pm_group;
 
+// A list of at most PM_MAX_GROUPS groups. A copy of a layout refers to the same groups.
 typedef struct pm_layout {
     int ngroup;
-    pm_group group[PM_MAX_GROUPS];
-    int nz; // components in all
+    pm_group *group; // [ngroup] belongs to the arena of the caller that made the layout
+    int nz;          // components in all
 } pm_layout;
 
 // Returns the group called `name`, or NULL.

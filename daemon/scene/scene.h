@@ -23,18 +23,18 @@ typedef struct pm_scene_subsystem {
     const pm_part_spec *model; // known model; NULL: it comes from weights
     const char *weights_at;    // place of the weights or of the known model
     pm_layout layout;          // groups of the state
-    const char *group_at[PM_MAX_GROUPS];
+    const char **group_at;     // [ngroup]
     const char *const *column; // [nz] dataset column of each component; NULL: none are mapped
     const char *const *column_at;
     // [ngroup] subsystem and group from which a group is measured (relative_to); -1: none. A column
     // of the group in the dataset then holds the sum of the group's value and of the value in the
     // column of the other group.
-    int relative_subsystem[PM_MAX_GROUPS];
-    int relative_group[PM_MAX_GROUPS];
+    int *relative_subsystem;
+    int *relative_group;
     // [ngroup] groups that are not measured. A fit looks for the initial value of such a group
     // around the guess, in the unit of the group, with this standard deviation (0: not given).
-    bool hidden[PM_MAX_GROUPS];
-    double guess[PM_MAX_GROUPS], deviation[PM_MAX_GROUPS];
+    bool *hidden;
+    double *guess, *deviation;
     const double *initial; // [nz] state at step 0; NULL: not given
     int substeps;          // between two exchanges, for multirate integrators
     const char *substeps_at;

@@ -104,6 +104,11 @@ static pm_status read_boundary_input(pm_scene_reader *r, pm_scene_boundary_input
         return pm_yaml_fail(groups, "%d groups, at most %d are possible", pm_yaml_count(groups),
                             PM_MAX_GROUPS);
     }
+    pm_layout *layout = &boundary_input->layout;
+    layout->group = pm_arena_array(r->arena, (size_t)pm_yaml_count(groups), sizeof *layout->group);
+    if (layout->group == NULL) {
+        return pm_scene_no_memory();
+    }
     for (int i = 0; i < pm_yaml_count(groups); ++i) {
         pm_yaml name, block;
         pm_yaml_entry(groups, i, &name, &block);

@@ -68,7 +68,9 @@ static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, 
         return pm_yaml_fail(list, "expected at least one group of %s", owner);
     }
     int *component = pm_arena_array(r->arena, (size_t)whole->nz, sizeof *component);
-    if (component == NULL) {
+    *layout = (pm_layout){
+        .group = pm_arena_array(r->arena, (size_t)whole->ngroup, sizeof *layout->group)};
+    if (component == NULL || layout->group == NULL) {
         return pm_scene_no_memory();
     }
     for (int i = 0; i < count; ++i) {
@@ -131,7 +133,6 @@ static pm_status repeat_port(pm_scene_reader *r, const pm_scene_port *first, pm_
     if (alike) {
         return PM_OK;
     }
-    port->layout[0] = port->layout[1] = (pm_layout){0};
     return read_expose(r, port, block, text);
 }
 

@@ -63,6 +63,32 @@ static pm_status join_columns(pm_scene_reader *r, pm_scene_subsystem *subsystem,
     return PM_OK;
 }
 
+// Lets no group be measured from another.
+static pm_status make_relative(pm_scene_reader *r, pm_scene_subsystem *s, size_t count) {
+    s->relative_subsystem = pm_arena_array(r->arena, count, sizeof *s->relative_subsystem);
+    s->relative_group = pm_arena_array(r->arena, count, sizeof *s->relative_group);
+    if (s->relative_subsystem == NULL || s->relative_group == NULL) {
+        return pm_scene_no_memory();
+    }
+    for (size_t i = 0; i < count; ++i) {
+        s->relative_subsystem[i] = s->relative_group[i] = -1;
+    }
+    return PM_OK;
+}
+
+// Makes room for what is known of each group of a state.
+static pm_status make_groups(pm_scene_reader *r, pm_scene_subsystem *s, size_t count) {
+    s->layout.group = pm_arena_array(r->arena, count, sizeof *s->layout.group);
+    s->group_at = pm_arena_array(r->arena, count, sizeof *s->group_at);
+    s->hidden = pm_arena_array(r->arena, count, sizeof *s->hidden);
+    s->guess = pm_arena_array(r->arena, count, sizeof *s->guess);
+    s->deviation = pm_arena_array(r->arena, count, sizeof *s->deviation);
+    return s->layout.group == NULL || s->group_at == NULL || s->hidden == NULL ||
+                   s->guess == NULL || s->deviation == NULL
+               ? pm_scene_no_memory()
+               : make_relative(r, s, count);
+}
+
 static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml state) {
     pm_scene_named *columns[PM_MAX_GROUPS] = {NULL};
     PM_TRY(pm_yaml_require_entries(state));
@@ -70,6 +96,7 @@ static pm_status read_state(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
         return pm_yaml_fail(state, "%d groups, at most %d are possible", pm_yaml_count(state),
                             PM_MAX_GROUPS);
     }
+    PM_TRY(make_groups(r, subsystem, (size_t)pm_yaml_count(state)));
     for (int i = 0; i < pm_yaml_count(state); ++i) {
         pm_yaml key, block;
         pm_yaml_entry(state, i, &key, &block);
@@ -125,9 +152,6 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsyste
     PM_TRY(pm_scene_read_part_maker(r, block, subsystem));
     PM_TRY(pm_yaml_require(block, "state", &state));
     PM_TRY(read_state(r, subsystem, state));
-    for (int i = 0; i < PM_MAX_GROUPS; ++i) {
-        subsystem->relative_subsystem[i] = subsystem->relative_group[i] = -1;
-    }
     const pm_yaml substeps = pm_yaml_get(block, "substeps");
     subsystem->substeps = 1;
     if (pm_yaml_exists(substeps)) {
@@ -138,6 +162,17 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsyste
     return pm_yaml_exists(initial) ? read_initial(r, subsystem, initial) : PM_OK;
 }
 
+// Returns true if a group of a subsystem with this block is measured from another.
+static bool is_relative(pm_yaml state) {
+    bool is = false;
+    for (int i = 0; i < pm_yaml_count(state) && !is; ++i) {
+        pm_yaml key, group;
+        pm_yaml_entry(state, i, &key, &group);
+        is = pm_yaml_exists(pm_yaml_get(group, "relative_to"));
+    }
+    return is;
+}
+
 // Makes a subsystem like the first one of its range. It has a name and columns of its own.
 static pm_status repeat_subsystem(pm_scene_reader *r, const pm_scene_subsystem *first,
                                   pm_scene_subsystem *subsystem, pm_yaml block) {
@@ -146,6 +181,9 @@ static pm_status repeat_subsystem(pm_scene_reader *r, const pm_scene_subsystem *
     *subsystem = *first;
     subsystem->name = name;
     const pm_yaml state = pm_yaml_get(block, "state");
+    if (is_relative(state)) {
+        PM_TRY(make_relative(r, subsystem, (size_t)first->layout.ngroup));
+    }
     for (int i = 0; i < first->layout.ngroup && first->column != NULL; ++i) {
         pm_yaml key, group;
         pm_yaml_entry(state, i, &key, &group);

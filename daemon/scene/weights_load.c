@@ -54,7 +54,8 @@ static pm_status read_layout(const pm_hdf5 *file, const char *path, const char *
         return pm_fail(PM_EWEIGHTS, "%s: %s has %d names, %d units and %d sizes", path, object,
                        nname, nunit, nsize);
     }
-    *layout = (pm_layout){0};
+    *layout = (pm_layout){.group = pm_arena_array(arena, (size_t)nsize, sizeof *layout->group)};
+    PM_TRY(layout->group == NULL ? pm_weights_no_memory("weights") : PM_OK);
     for (int g = 0; g < nsize; ++g) {
         if (!is_identifier(name[g]) || pm_layout_find(layout, name[g]) != NULL) {
             return pm_fail(PM_EWEIGHTS, "%s: %s: group \"%.40s\" is not a name, or there twice",

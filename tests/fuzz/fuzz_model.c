@@ -24,12 +24,12 @@ static void check(int holds) {
 }
 
 static const pm_layout layout = {
-    3, {{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
+    3, (pm_group[]){{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
 // Where there is a mesh: fields on the 8 free nodes of two bricks, and what a free rate has none
 // of.
 static const pm_layout fields = {
-    3, {{"u", "m", 24, 0}, {"m", "m", 24, 24}, {"s", "J/K", 1, 48}}, 49};
-static const pm_layout free_fields = {2, {{"u", "m", 24, 0}, {"m", "m", 24, 24}}, 48};
+    3, (pm_group[]){{"u", "m", 24, 0}, {"m", "m", 24, 24}, {"s", "J/K", 1, 48}}, 49};
+static const pm_layout free_fields = {2, (pm_group[]){{"u", "m", 24, 0}, {"m", "m", 24, 24}}, 48};
 
 static const pm_layout *layout_of(const pm_mesh *mesh, pm_form form) {
     return mesh == NULL ? &layout : form == PM_FREE ? &free_fields : &fields;

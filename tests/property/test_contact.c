@@ -21,11 +21,13 @@
 // --- the law alone ---
 
 // A port between ends of random sizes with a random matrix, in `matrix` [ny_b][ny_a].
-static void open_port(pm_port_model *port, pm_rng *rng, double *matrix) {
+// The port uses `group` while it is open.
+static void open_port(pm_port_model *port, pm_group group[2], pm_rng *rng, double *matrix) {
     *port = (pm_port_model){.spec = {.law = "contact"}};
     for (int i = 0; i < 2; ++i) {
         const int n = 1 + (int)(MOST * pm_rng_uniform(rng));
-        port->layout[i] = (pm_layout){1, {{i == 0 ? "p" : "g", "m", n, 0}}, n};
+        group[i] = (pm_group){i == 0 ? "p" : "g", "m", n, 0};
+        port->layout[i] = (pm_layout){1, &group[i], n};
     }
     const int rows = port->layout[1].nz, cols = port->layout[0].nz;
     for (int i = 0; i < rows * cols; ++i) {
@@ -68,10 +70,11 @@ static void power_passes_through(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 300; ++seed) {
         pm_rng rng;
+        pm_group group[2];
         pm_port_model port;
         double H[MOST * MOST];
         pm_rng_init(&rng, seed, 0);
-        open_port(&port, &rng, H);
+        open_port(&port, group, &rng, H);
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
         pm_port_nodes end[2];

@@ -132,7 +132,7 @@ static void what_cannot_move_stays(void **state) {
 // A tenth of the step is made good; twice the step is not, and is not asked for again.
 static void what_is_too_far_is_written_off(void **state) {
     (void)state;
-    static const pm_layout layout = {.ngroup = 1, .nz = 2, .group = {{"x", "m", 2, 0}}};
+    const pm_layout layout = {.ngroup = 1, .nz = 2, .group = (pm_group[]){{"x", "m", 2, 0}}};
     static const double start[2] = {0, 0}, dE[2] = {1, 0};
     const random_system nameless = {.seed = 0};
     double z[2] = {0.1, 0};

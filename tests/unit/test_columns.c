@@ -22,6 +22,11 @@ static const char *const mapped[3][3] = {
     {"q0x", "q0y", "s0"}, {"q1x", "q1y", "s1"}, {"q2x", "q2y", "s2"}};
 static const char *const place[3] = {"f:1:10", "f:1:20", "f:1:30"};
 
+static pm_group group[] = {{.name = "q", .unit = "m", .size = 2},
+                           {.name = "s", .unit = "J/K", .size = 1, .first = 2}};
+static const char *group_at[] = {"f:1:5", "f:1:6"};
+static int relative_subsystem[3][2], relative_group[3][2];
+
 static pm_scene_subsystem subsystem[3];
 static pm_scene scene;
 static pm_dataset dataset;
@@ -30,20 +35,20 @@ static pm_arena arena;
 static int setup(void **state) {
     (void)state;
     for (int i = 0; i < 3; ++i) {
-        subsystem[i] = (pm_scene_subsystem){
-            .name = i == 0   ? "zero"
-                    : i == 1 ? "one"
-                             : "two",
-            .at = "f:1:1",
-            .group_at = {"f:1:5", "f:1:6"},
-            .column_at = place,
-            .layout = {.ngroup = 2,
-                       .nz = 3,
-                       .group = {{.name = "q", .unit = "m", .size = 2},
-                                 {.name = "s", .unit = "J/K", .size = 1, .first = 2}}},
-            .column = mapped[i],
-            .relative_subsystem = {i < 2 ? i + 1 : -1, -1},
-            .first = 3 * i};
+        subsystem[i] = (pm_scene_subsystem){.name = i == 0   ? "zero"
+                                                    : i == 1 ? "one"
+                                                             : "two",
+                                            .at = "f:1:1",
+                                            .group_at = group_at,
+                                            .column_at = place,
+                                            .layout = {.ngroup = 2, .nz = 3, .group = group},
+                                            .column = mapped[i],
+                                            .relative_subsystem = relative_subsystem[i],
+                                            .relative_group = relative_group[i],
+                                            .first = 3 * i};
+        relative_subsystem[i][0] = i < 2 ? i + 1 : -1;
+        relative_subsystem[i][1] = -1;
+        relative_group[i][0] = relative_group[i][1] = 0;
     }
     scene = (pm_scene){.path = "scene.yaml", .nsubsystem = 3, .subsystem = subsystem, .nz = NZ};
     dataset = (pm_dataset){.ncolumn = NCOLUMN, .column = names};

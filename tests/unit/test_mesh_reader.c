@@ -147,7 +147,8 @@ static const yaml_case bad_grip[] = {
 
 static pm_status declare_part(pm_yaml root, pm_arena *arena) {
     pm_part part = {
-        .layout = {3, {{"u", "m", 72, 0}, {"m", "m", 72, 72}, {"s", "J/K", 1, 144}}, 145}};
+        .layout = {3, (pm_group[]){{"u", "m", 72, 0}, {"m", "m", 72, 72}, {"s", "J/K", 1, 144}},
+                   145}};
     PM_TRY(pm_part_spec_read(root, (pm_yaml){0}, arena, &part.spec));
     const pm_status status = pm_part_declare(&part);
     pm_part_free(&part);
@@ -156,8 +157,9 @@ static pm_status declare_part(pm_yaml root, pm_arena *arena) {
 
 static pm_status declare_grip(pm_yaml root, pm_arena *arena) {
     pm_port_model port = {
-        .layout = {{2, {{"u", "m", 72, 0}, {"m", "m", 72, 72}}, 144},
-                   {3, {{"f", "m", 72, 0}, {"g", "m", 2, 72}, {"t", "K", 24, 74}}, 98}}};
+        .layout = {
+            {2, (pm_group[]){{"u", "m", 72, 0}, {"m", "m", 72, 72}}, 144},
+            {3, (pm_group[]){{"f", "m", 72, 0}, {"g", "m", 2, 72}, {"t", "K", 24, 74}}, 98}}};
     PM_TRY(pm_port_spec_read(root, (pm_yaml){0}, arena, &port.spec));
     const pm_status status = pm_port_declare(&port);
     pm_port_free(&port);
@@ -208,8 +210,10 @@ static void networks_on_a_mesh_come_back(void **state) {
         "law: exchange\nform: free\nmesh: {size: [3, 1, 1], elements: [2, 1, 1]}\n"
         "rate: {nodes: [own.u], driven_by: other.dE.f, width: 3, passes: 1, patterns: 2, "
         "within: 0.1}\n";
-    pm_part body = {.layout = {2, {{"u", "m", 24, 0}, {"s", "J/K", 1, 24}}, 25}}, part2 = {0};
-    pm_port_model grip = {.layout = {{1, {{"u", "m", 24, 0}}, 24}, {1, {{"f", "m", 24, 0}}, 24}}};
+    pm_part body = {.layout = {2, (pm_group[]){{"u", "m", 24, 0}, {"s", "J/K", 1, 24}}, 25}},
+            part2 = {0};
+    pm_port_model grip = {.layout = {{1, (pm_group[]){{"u", "m", 24, 0}}, 24},
+                                     {1, (pm_group[]){{"f", "m", 24, 0}}, 24}}};
     pm_port_model port2 = {0};
     pm_provenance found;
     pm_yaml_document *document[2];

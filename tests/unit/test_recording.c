@@ -24,10 +24,12 @@ static pm_scene_subsystem subsystem[2] = {
     {.name = "left",
      .layout = {.ngroup = 2,
                 .nz = 3,
-                .group = {{.name = "q", .unit = "m", .size = 2},
-                          {.name = "s", .unit = "J/K", .size = 1, .first = 2}}}},
+                .group = (pm_group[]){{.name = "q", .unit = "m", .size = 2},
+                                      {.name = "s", .unit = "J/K", .size = 1, .first = 2}}}},
     {.name = "right",
-     .layout = {.ngroup = 1, .nz = 1, .group = {{.name = "p", .unit = "kg m/s", .size = 1}}},
+     .layout = {.ngroup = 1,
+                .nz = 1,
+                .group = (pm_group[]){{.name = "p", .unit = "kg m/s", .size = 1}}},
      .first = 3},
 };
 static pm_scene_port port[1] = {{.name = "joint", .subsystem = {1, 0}}};
@@ -264,7 +266,8 @@ static void components_of_large_states_are_named_by_group(void **state) {
         .name = "body",
         .layout = {.ngroup = 2,
                    .nz = 10001,
-                   .group = {{.name = "q", .unit = "m", .size = 10000}, {"s", "J/K", 1, 10000}}}};
+                   .group = (pm_group[]){{.name = "q", .unit = "m", .size = 10000},
+                                         {"s", "J/K", 1, 10000}}}};
     pm_scene large = {
         .name = "large", .integrator = &method, .nsubsystem = 1, .subsystem = &body, .nz = 10001};
     pm_recording *recording = NULL;

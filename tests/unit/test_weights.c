@@ -21,8 +21,10 @@ static const char port_text[] = "law: bracket\n"
                                 "hidden: [3], activation: softplus}\n";
 
 static const pm_layout layout = {
-    .ngroup = 3, .nz = 5, .group = {{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}};
-static const pm_layout exposed = {.ngroup = 1, .nz = 1, .group = {{"s", "J/K", 1, 0}}};
+    .ngroup = 3,
+    .nz = 5,
+    .group = (pm_group[]){{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}};
+static const pm_layout exposed = {.ngroup = 1, .nz = 1, .group = (pm_group[]){{"s", "J/K", 1, 0}}};
 
 static const pm_provenance provenance = {.command = "portmet-train fit train.yaml",
                                          .data = "data.h5 0123456789abcdef",
@@ -172,8 +174,12 @@ static void the_digest_depends_on_content_only(void **state) {
     part.params.entry[1].value[0] = nextafter(part.params.entry[1].value[0], INFINITY);
     const uint64_t nudged = saved_digest();
     assert_true(nudged != digest);
-    part.layout.group[1].unit = "N s";
+    pm_group group[3];
+    memcpy(group, part.layout.group, sizeof group);
+    group[1].unit = "N s";
+    part.layout.group = group;
     assert_true(saved_digest() != nudged);
+    part.layout = layout;
 }
 
 static void files_that_are_not_weights_are_refused(void **state) {

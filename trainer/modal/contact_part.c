@@ -25,7 +25,7 @@ static bool is_taken(const char *name) {
 }
 
 static pm_status fill_layout(const pm_body_assembly *a, const pm_contact_interface *m,
-                             pm_layout *layout) {
+                             pm_group *group, pm_layout *layout) {
     const char *const body[2] = {a->body[m->body[0]].name, a->body[m->body[1]].name};
     for (int i = 0; i < 2; ++i) {
         if (is_taken(body[i])) {
@@ -36,7 +36,7 @@ static pm_status fill_layout(const pm_body_assembly *a, const pm_contact_interfa
     const int size[NGROUP] = {a->basis->nstate, a->basis->nstate, m->pairs.npair, 1};
     const char *const name[NGROUP] = {body[0], body[1], "creep", "s"};
     const char *const unit[NGROUP] = {"J^0.5", "J^0.5", "m", "J/K"};
-    *layout = (pm_layout){0};
+    *layout = (pm_layout){.group = group};
     for (int i = 0; i < NGROUP; ++i) {
         layout->group[i] = (pm_group){name[i], unit[i], size[i], layout->nz};
         layout->nz += size[i];
@@ -124,7 +124,8 @@ static pm_status fill_derived(const pm_body_assembly *a, const pm_contact_interf
 pm_status pm_contact_part_make(const pm_body_assembly *a, const pm_contact_interface *m,
                                const pm_contact_constants *c, pm_arena *arena, pm_part *part) {
     *part = (pm_part){0};
-    PM_TRY(fill_layout(a, m, &part->layout));
+    pm_group *group = pm_arena_array(arena, NGROUP, sizeof *group);
+    PM_TRY(group == NULL ? no_memory() : fill_layout(a, m, group, &part->layout));
     PM_TRY(fill_spec(a, m, c, part, arena));
     PM_TRY(pm_part_declare(part));
     return fill_derived(a, m, part, arena);
@@ -144,7 +145,8 @@ static pm_status find_stiffness(const pm_body_assembly *a, const pm_contact_inte
     const pm_potential_spec *energy = &part->spec.energy;
     const pm_constants *constants = part->spec.constants;
     pm_layout expected;
-    PM_TRY(fill_layout(a, m, &expected));
+    pm_group group[NGROUP];
+    PM_TRY(fill_layout(a, m, group, &expected));
     const bool same = pm_layout_equal(&part->layout, &expected) && energy->nformula == 1 &&
                       strcmp(energy->formula[0].text, FORMULA) == 0;
     for (int i = 0; same && constants != NULL && i < constants->count; ++i) {
