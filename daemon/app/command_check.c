@@ -118,7 +118,7 @@ static void print_group(const pm_scene *scene, const pm_scene_subsystem *subsyst
 
 static void print_subsystem(const pm_setup *setup, int i) {
     const pm_scene_subsystem *subsystem = &setup->scene->subsystem[i];
-    const pm_part *part = &setup->system->part[i];
+    const pm_part *part = setup->system->part[i];
     printf("\nsubsystem %s (%s): %d variables\n", subsystem->name, form_name(part->spec.form),
            subsystem->layout.nz);
     if (subsystem->substeps > 1) {
@@ -127,7 +127,7 @@ static void print_subsystem(const pm_setup *setup, int i) {
     for (int group = 0; group < subsystem->layout.ngroup; ++group) {
         print_group(setup->scene, subsystem, group);
     }
-    const pm_provenance *provenance = &setup->system->part_provenance[i];
+    const pm_provenance *provenance = setup->system->part_provenance[i];
     if (subsystem->model == NULL) {
         print_weights(&part->params, provenance);
         return;
@@ -219,7 +219,7 @@ static void print_live_input(const pm_scene_live_input *input) {
 
 static void print_port(const pm_setup *setup, int i) {
     const pm_scene_port *port = &setup->scene->port[i];
-    const pm_port_model *model = &setup->system->port[i];
+    const pm_port_model *model = setup->system->port[i];
     printf("\nport %s (%s, %s)\n", port->name, port->law, form_name(model->spec.form));
     for (int end = 0; end < 2; ++end) {
         printf("  end %c      %s exposes", 'a' + end, pm_scene_end_name(setup->scene, port, end));
@@ -228,7 +228,7 @@ static void print_port(const pm_setup *setup, int i) {
         }
         printf("\n");
     }
-    const pm_provenance *provenance = &setup->system->port_provenance[i];
+    const pm_provenance *provenance = setup->system->port_provenance[i];
     if (port->model == NULL) {
         print_weights(&model->params, provenance);
         return;

@@ -151,12 +151,12 @@ static void print_flux(const pm_report *report, int subsystem, const char *throu
     const pm_setup *setup = report->setup;
     const double steps = report->steps > 0 ? (double)report->steps : 1;
     printf("  %-16s %-16s", setup->scene->subsystem[subsystem].name, through);
-    if (pm_part_has_energy(&setup->system->part[subsystem])) {
+    if (pm_part_has_energy(setup->system->part[subsystem])) {
         printf(" %+15.6e", sum.energy / steps);
     } else {
         printf(" %15s", "no energy");
     }
-    if (pm_part_has_entropy(&setup->system->part[subsystem])) {
+    if (pm_part_has_entropy(setup->system->part[subsystem])) {
         printf(" %+15.6e\n", sum.entropy / steps);
     } else {
         printf(" %15s\n", "no entropy");

@@ -112,7 +112,7 @@ static void print_part(const char *name, const pm_part *part) {
 }
 
 static const pm_part *part_at(const pm_system *system, int subsystem_id) {
-    return subsystem_id < 0 ? NULL : &system->part[subsystem_id];
+    return subsystem_id < 0 ? NULL : system->part[subsystem_id];
 }
 
 static void print_port(const pm_scene_port *port, const pm_system *system,
@@ -136,12 +136,12 @@ void pm_skipped_print(const pm_setup *setup) {
     printf("\nskipped\n");
     for (int i = 0; i < scene->nsubsystem; ++i) {
         if (pm_stands_in_list(scene->nsubsystem, setup->system->part_owner, i)) {
-            print_part(scene->subsystem[i].name, &setup->system->part[i]);
+            print_part(scene->subsystem[i].name, setup->system->part[i]);
         }
     }
     for (int i = 0; i < scene->nport; ++i) {
         if (pm_stands_in_list(scene->nport, setup->system->port_owner, i)) {
-            print_port(&scene->port[i], setup->system, &setup->system->port[i]);
+            print_port(&scene->port[i], setup->system, setup->system->port[i]);
         }
     }
     if (setup->reference == NULL) {

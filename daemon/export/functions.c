@@ -174,7 +174,7 @@ static pm_status write_bulk(pm_export_functions *f, FILE *file, const pm_part *p
 }
 
 static pm_status write_part(pm_export_functions *f, FILE *file, int id) {
-    const pm_part *part = &f->system->part[id];
+    const pm_part *part = f->system->part[id];
     const char *owner = pm_arena_printf(f->arena, "part_%s", f->system->scene->subsystem[id].name);
     bool has_dS = false;
     PM_TRY(write_potentials(f, file, part, owner, &f->part[id]));
@@ -186,7 +186,7 @@ static pm_status write_part(pm_export_functions *f, FILE *file, int id) {
 
 static pm_status write_port(pm_export_functions *f, FILE *file, int id) {
     static const char *const names[2][3] = {{"y_a", "e_a", "eta_a"}, {"y_b", "e_b", "eta_b"}};
-    const pm_port_model *model = &f->system->port[id];
+    const pm_port_model *model = f->system->port[id];
     blueprint b = {0};
     PM_TRY(pm_graph_open(&b.g));
     pm_port_nodes end[2];

@@ -139,8 +139,8 @@ const char *pm_setup_input(const pm_setup *setup, const char *path) {
     }
     for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
         const pm_provenance *weights = i < scene->nsubsystem
-                                           ? &setup->system->part_provenance[i]
-                                           : &setup->system->port_provenance[i - scene->nsubsystem];
+                                           ? setup->system->part_provenance[i]
+                                           : setup->system->port_provenance[i - scene->nsubsystem];
         if (is_same_file(weights->path, &file)) {
             return weights->path;
         }

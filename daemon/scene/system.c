@@ -49,6 +49,34 @@ static pm_status load_failed(pm_status status, const char *at, const char *what,
     return pm_fail(status, "%s: %s %s: %s", at, what, name, pm_error());
 }
 
+// --- models ---
+
+// Makes an empty model of its own for a component, with the scene's layouts.
+static pm_status make_part(pm_system *system, int id) {
+    pm_part *part = pm_arena_array(&system->arena, 1, sizeof *part);
+    pm_provenance *provenance = pm_arena_array(&system->arena, 1, sizeof *provenance);
+    if (part == NULL || provenance == NULL) {
+        return no_memory();
+    }
+    part->layout = system->scene->subsystem[id].layout;
+    system->part[id] = part;
+    system->part_provenance[id] = provenance;
+    return PM_OK;
+}
+
+static pm_status make_port(pm_system *system, int id) {
+    pm_port_model *port = pm_arena_array(&system->arena, 1, sizeof *port);
+    pm_provenance *provenance = pm_arena_array(&system->arena, 1, sizeof *provenance);
+    if (port == NULL || provenance == NULL) {
+        return no_memory();
+    }
+    port->layout[0] = system->scene->port[id].layout[0];
+    port->layout[1] = system->scene->port[id].layout[1];
+    system->port[id] = port;
+    system->port_provenance[id] = provenance;
+    return PM_OK;
+}
+
 // --- known models ---
 
 // Adds the component's name to an error, since several components may use one model.
@@ -68,16 +96,16 @@ static pm_status check_known(const pm_params *params, const char *at, const char
 
 pm_status pm_system_declare_part(pm_system *system, int id) {
     const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
-    pm_part *part = &system->part[id];
+    pm_part *part = system->part[id];
     part->spec = *subsystem->model;
     PM_TRY(name_component(pm_part_declare(part), subsystem->name));
     PM_TRY(check_known(&part->params, subsystem->weights_at, subsystem->name));
-    return pm_weights_digest_part(part, &system->part_provenance[id].digest);
+    return pm_weights_digest_part(part, &system->part_provenance[id]->digest);
 }
 
 pm_status pm_system_declare_port(pm_system *system, int id) {
     const pm_scene_port *port = &system->scene->port[id];
-    pm_port_model *model = &system->port[id];
+    pm_port_model *model = system->port[id];
     model->spec = *port->model;
     if (strcmp(model->spec.law, port->law) != 0) {
         return pm_fail(PM_ECONFIG, "%s: the model of port %s is one of the law %s", port->law_at,
@@ -85,7 +113,7 @@ pm_status pm_system_declare_port(pm_system *system, int id) {
     }
     PM_TRY(name_component(pm_port_declare(model), port->name));
     PM_TRY(check_known(&model->params, port->weights_at, port->name));
-    return pm_weights_digest_port(model, &system->port_provenance[id].digest);
+    return pm_weights_digest_port(model, &system->port_provenance[id]->digest);
 }
 
 // --- weights ---
@@ -103,8 +131,8 @@ static const char *weights_path(const char *path, const char *weights_dir, pm_ar
 // Checks that weights fit the subsystem that names them.
 static pm_status check_part(pm_system *system, int id) {
     const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
-    const pm_layout *own = &system->part[id].layout;
-    if (system->part[id].spec.solid != NULL) {
+    const pm_layout *own = &system->part[id]->layout;
+    if (system->part[id]->spec.solid != NULL) {
         return pm_fail(PM_EWEIGHTS, "%s: subsystem %s: a scene cannot serve the weights of a solid",
                        subsystem->weights_at, subsystem->name);
     }
@@ -114,7 +142,7 @@ static pm_status check_part(pm_system *system, int id) {
     const char *who = pm_arena_printf(&system->arena, "subsystem %s", subsystem->name);
     return who == NULL ? no_memory()
                        : check_layout(&subsystem->layout, own, differing_group(subsystem, own), who,
-                                      system->part_provenance[id].path, system);
+                                      system->part_provenance[id]->path, system);
 }
 
 static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
@@ -124,7 +152,7 @@ static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
         return no_memory();
     }
     const pm_status status =
-        pm_weights_load_part(path, &system->arena, &system->part[id], &system->part_provenance[id]);
+        pm_weights_load_part(path, &system->arena, system->part[id], system->part_provenance[id]);
     return status == PM_OK
                ? check_part(system, id)
                : load_failed(status, subsystem->weights_at, "subsystem", subsystem->name);
@@ -134,8 +162,8 @@ static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
 static pm_status check_port(pm_system *system, int id) {
     const pm_scene *scene = system->scene;
     const pm_scene_port *port = &scene->port[id];
-    const pm_port_model *model = &system->port[id];
-    const char *path = system->port_provenance[id].path;
+    const pm_port_model *model = system->port[id];
+    const char *path = system->port_provenance[id]->path;
     if (strcmp(model->spec.law, port->law) != 0) {
         return pm_fail(PM_EWEIGHTS,
                        "%s: port %s: the weights %s are made for the law %s; the scene says %s",
@@ -163,7 +191,7 @@ static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
         return no_memory();
     }
     const pm_status status =
-        pm_weights_load_port(path, &system->arena, &system->port[id], &system->port_provenance[id]);
+        pm_weights_load_port(path, &system->arena, system->port[id], system->port_provenance[id]);
     return status == PM_OK ? check_port(system, id)
                            : load_failed(status, port->weights_at, "port", port->name);
 }
@@ -225,6 +253,7 @@ static pm_status load_parts(pm_system *system, const char *weights_dir) {
             continue;
         }
         owner[nowner++] = i;
+        PM_TRY(make_part(system, i));
         PM_TRY(scene->subsystem[i].model != NULL ? pm_system_declare_part(system, i)
                                                  : load_part(system, i, weights_dir));
     }
@@ -244,6 +273,7 @@ static pm_status load_ports(pm_system *system, const char *weights_dir) {
             continue;
         }
         owner[nowner++] = i;
+        PM_TRY(make_port(system, i));
         PM_TRY(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
                                             : load_port(system, i, weights_dir));
     }
@@ -279,7 +309,7 @@ static uint64_t digest_system(const pm_system *system) {
         digest = pm_digest_integer(digest, scene->subsystem[i].process);
         digest = pm_digest_integer(digest, scene->subsystem[i].substeps);
         digest = digest_layout(digest, &scene->subsystem[i].layout);
-        digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i].digest);
+        digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i]->digest);
     }
     digest = pm_digest_integer(digest, scene->nport);
     for (int i = 0; i < scene->nport; ++i) {
@@ -290,12 +320,13 @@ static uint64_t digest_system(const pm_system *system) {
             digest = pm_digest_text(digest, pm_scene_end_name(scene, port, end));
             digest = digest_layout(digest, &port->layout[end]);
         }
-        digest = pm_digest_integer(digest, (int64_t)system->port_provenance[i].digest);
+        digest = pm_digest_integer(digest, (int64_t)system->port_provenance[i]->digest);
     }
     return digest;
 }
 
-pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
+// Makes a system whose components have no models yet.
+static pm_status new_system(pm_system **result, const pm_scene *scene) {
     pm_system *system = calloc(1, sizeof *system);
     if (system == NULL) {
         return no_memory();
@@ -317,16 +348,30 @@ pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
         return no_memory();
     }
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        system->part[i].layout = scene->subsystem[i].layout;
         system->part_owner[i] = i;
     }
     for (int i = 0; i < scene->nport; ++i) {
-        system->port[i].layout[0] = scene->port[i].layout[0];
-        system->port[i].layout[1] = scene->port[i].layout[1];
         system->port_owner[i] = i;
     }
     *result = system;
     return PM_OK;
+}
+
+pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
+    pm_status status;
+    pm_system *system = NULL;
+    PM_TRY_DONE(new_system(&system, scene));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        PM_TRY_DONE(make_part(system, i));
+    }
+    for (int i = 0; i < scene->nport; ++i) {
+        PM_TRY_DONE(make_port(system, i));
+    }
+    *result = system;
+    system = NULL;
+done:
+    pm_system_free(system);
+    return status;
 }
 
 static pm_status check_boundary_input(const pm_scene *scene, const pm_port_model *model,
@@ -355,7 +400,7 @@ pm_status pm_system_check_boundary_inputs(const pm_system *system) {
     for (int i = 0; i < 2 * scene->nport; ++i) {
         const pm_scene_port *port = &scene->port[i / 2];
         if (port->boundary_input[i % 2] >= 0) {
-            PM_TRY(check_boundary_input(scene, &system->port[i / 2], port, i % 2));
+            PM_TRY(check_boundary_input(scene, system->port[i / 2], port, i % 2));
         }
     }
     return PM_OK;
@@ -364,7 +409,7 @@ pm_status pm_system_check_boundary_inputs(const pm_system *system) {
 pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *weights_dir) {
     pm_status status;
     pm_system *system = NULL;
-    PM_TRY_DONE(pm_system_new(&system, scene));
+    PM_TRY_DONE(new_system(&system, scene));
     PM_TRY_DONE(load_parts(system, weights_dir));
     PM_TRY_DONE(load_ports(system, weights_dir));
     PM_TRY_DONE(pm_system_check_boundary_inputs(system));
@@ -384,13 +429,13 @@ void pm_system_free(pm_system *system) {
         return;
     }
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        if (system->part_owner[i] == i) {
-            pm_part_free(&system->part[i]);
+        if (system->part_owner[i] == i && system->part[i] != NULL) {
+            pm_part_free(system->part[i]);
         }
     }
     for (int i = 0; i < system->scene->nport; ++i) {
-        if (system->port_owner[i] == i) {
-            pm_port_free(&system->port[i]);
+        if (system->port_owner[i] == i && system->port[i] != NULL) {
+            pm_port_free(system->port[i]);
         }
     }
     pm_arena_free(&system->arena);
@@ -403,20 +448,20 @@ int pm_system_components(const pm_system *system) {
 
 pm_params *pm_system_params(const pm_system *system, int component) {
     const int nsubsystem = system->scene->nsubsystem;
-    return component < nsubsystem ? &system->part[component].params
-                                  : &system->port[component - nsubsystem].params;
+    return component < nsubsystem ? &system->part[component]->params
+                                  : &system->port[component - nsubsystem]->params;
 }
 
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end) {
     const pm_scene_port *scene = &system->scene->port[port];
     return scene->subsystem[end] >= 0
-               ? pm_part_has_entropy(&system->part[scene->subsystem[end]])
+               ? pm_part_has_entropy(system->part[scene->subsystem[end]])
                : system->scene->boundary_input[scene->boundary_input[end]].entropy;
 }
 
 int pm_system_without_energy(const pm_system *system) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        if (!pm_part_has_energy(&system->part[i])) {
+        if (!pm_part_has_energy(system->part[i])) {
             return i;
         }
     }
@@ -435,7 +480,7 @@ void pm_system_responding(const pm_system *system, int subsystem, bool *componen
             const pm_group *group = &layout->group[k];
             for (int c = 0; c < group->size; ++c) {
                 component[port->component[end][group->first + c]] |=
-                    pm_port_responds(&system->port[i / 2], end, group->name);
+                    pm_port_responds(system->port[i / 2], end, group->name);
             }
         }
     }

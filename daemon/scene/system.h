@@ -18,14 +18,15 @@
 typedef struct pm_system {
     const pm_scene *scene; // borrowed
     pm_arena arena;
-    pm_part *part;                  // [scene->nsubsystem]
-    pm_port_model *port;            // [scene->nport]
-    pm_provenance *part_provenance; // [nsubsystem] of the weights; path NULL: there are none
-    pm_provenance *port_provenance; // [nport] of the weights; path NULL: there are none
-    // The owner of the parameters of each subsystem and port. Components with the same model share
-    // the parameters of the first of them, which is their owner. A component owns its own
-    // parameters where no other has the same model, and in a system that pm_system_load did not
-    // make.
+    // The models of all components and what is known of their weights (path NULL: there are none).
+    // Components with the same model share one that belongs to the first of them, their owner. A
+    // component has a model of its own where no other has the same, and in a system that
+    // pm_system_load did not make.
+    pm_part **part;                  // [scene->nsubsystem]
+    pm_port_model **port;            // [scene->nport]
+    pm_provenance **part_provenance; // [nsubsystem]
+    pm_provenance **port_provenance; // [nport]
+    // The owner of the model of each subsystem and port.
     int *part_owner; // [nsubsystem]
     int *port_owner; // [nport]
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.

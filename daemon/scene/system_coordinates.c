@@ -10,10 +10,10 @@ static bool differ(const char *a, const char *b) {
 
 static pm_status check_port(const pm_system *system, int port_id) {
     const pm_scene_port *port = &system->scene->port[port_id];
-    const pm_provenance *own = &system->port_provenance[port_id];
+    const pm_provenance *own = system->port_provenance[port_id];
     for (int end = 0; end < 2; ++end) {
         const int id = port->subsystem[end];
-        const pm_provenance *other = id < 0 ? NULL : &system->part_provenance[id];
+        const pm_provenance *other = id < 0 ? NULL : system->part_provenance[id];
         if (other != NULL && differ(own->coordinates, other->coordinates)) {
             return pm_fail(PM_EWEIGHTS,
                            "%s: port %s: the weights %s are made for %.64s, those of %s, %s, for "
@@ -37,7 +37,7 @@ pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dat
                                   const char *path) {
     const char *own = pm_dataset_find_note(dataset, "coordinates");
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        const pm_provenance *other = &system->part_provenance[i];
+        const pm_provenance *other = system->part_provenance[i];
         if (differ(own, other->coordinates)) {
             return pm_fail(
                 PM_EDATA, "%s: made with %.64s; the weights %s of subsystem %s are for %.64s", path,

@@ -48,9 +48,9 @@ static pm_status check_relative(const pm_scene_subsystem *subsystem, const pm_pr
 // columns. Otherwise weights may serve in many places.
 static pm_status check_swapped(const pm_system *system, int id) {
     const pm_scene *scene = system->scene;
-    const pm_provenance *own = &system->part_provenance[id];
+    const pm_provenance *own = system->part_provenance[id];
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_provenance *other = &system->part_provenance[i];
+        const pm_provenance *other = system->part_provenance[i];
         if (i != id && other->columns != 0 && other->columns != own->columns &&
             pm_system_columns_digest(&scene->subsystem[i]) == own->columns) {
             return pm_fail(PM_EWEIGHTS,
@@ -72,7 +72,7 @@ pm_status pm_system_check_origin(pm_system *system) {
     }
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         const pm_scene_subsystem *subsystem = &system->scene->subsystem[i];
-        const pm_provenance *own = &system->part_provenance[i];
+        const pm_provenance *own = system->part_provenance[i];
         const uint64_t columns = pm_system_columns_digest(subsystem);
         if (own->columns == 0 || columns == 0) {
             continue; // not known

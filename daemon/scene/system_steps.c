@@ -32,12 +32,12 @@ pm_status pm_system_check_steps(const pm_system *system) {
     const pm_scene *scene = system->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_scene_subsystem *part = &scene->subsystem[i];
-        PM_TRY(check_rate(scene, &system->part[i].spec.rate, &system->part_provenance[i],
+        PM_TRY(check_rate(scene, &system->part[i]->spec.rate, system->part_provenance[i],
                           part->weights_at, part->name));
     }
     for (int i = 0; i < scene->nport; ++i) {
         const pm_scene_port *port = &scene->port[i];
-        PM_TRY(check_rate(scene, &system->port[i].spec.rate, &system->port_provenance[i],
+        PM_TRY(check_rate(scene, &system->port[i]->spec.rate, system->port_provenance[i],
                           port->weights_at, port->name));
     }
     return PM_OK;

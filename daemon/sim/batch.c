@@ -17,7 +17,7 @@ static pm_status no_memory(void) {
 static bool has_contact(const pm_system *system, int id) {
     pm_arena arena = {0};
     pm_contact_broadphase b = {0};
-    const bool has = pm_contact_broadphase_open(&b, &arena, &system->part[id]) != PM_OK ||
+    const bool has = pm_contact_broadphase_open(&b, &arena, system->part[id]) != PM_OK ||
                      b.unconstrained != NULL;
     pm_contact_broadphase_close(&b);
     pm_arena_free(&arena);
@@ -32,10 +32,10 @@ static bool can_serve(const pm_system *system) {
     for (int i = 0; i < scene->nsubsystem && can; ++i) {
         can = scene->subsystem[i].substeps == 1 &&
               (system->part_owner[i] != i ||
-               (pm_part_has_energy(&system->part[i]) && !has_contact(system, i)));
+               (pm_part_has_energy(system->part[i]) && !has_contact(system, i)));
     }
     for (int i = 0; i < scene->nport && can; ++i) {
-        can = !system->port[i].law->separate;
+        can = !system->port[i]->law->separate;
     }
     return can;
 }

@@ -61,7 +61,7 @@ static pm_status open_bulk(pm_batch_part *p, const pm_part *part, bool *served) 
 }
 
 pm_status pm_batch_part_open(pm_batch_part *p, pm_arena *arena, const pm_system *system) {
-    const pm_part *part = &system->part[p->id[0]];
+    const pm_part *part = system->part[p->id[0]];
     const int lanes = p->nblock * p->width;
     bool served = true;
     p->layout = part->layout;

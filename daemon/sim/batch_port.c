@@ -6,7 +6,7 @@
 #include "sim/program_input.h"
 
 static pm_status open_law(pm_batch_port *p, const pm_system *system) {
-    const pm_port_model *model = &system->port[p->id[0]];
+    const pm_port_model *model = system->port[p->id[0]];
     pm_graph *g = NULL;
     PM_TRY(pm_graph_open(&g));
     pm_port_nodes input[2];
@@ -58,7 +58,7 @@ pm_status pm_batch_port_open(pm_batch_port *p, pm_arena *arena, const pm_system 
     }
     PM_TRY(open_end(&p->end[0], arena, lanes));
     PM_TRY(open_end(&p->end[1], arena, lanes));
-    return system->port[p->id[0]].law->separate ? PM_OK : open_law(p, system);
+    return system->port[p->id[0]]->law->separate ? PM_OK : open_law(p, system);
 }
 
 void pm_batch_port_close(pm_batch_port *p) {

@@ -50,7 +50,7 @@ static double relative(double value, double gross, double largest) {
 static residual residual_of_port(const pm_ledger *ledger, const pm_sample *sample, turnover t,
                                  int i) {
     const pm_flux *a = &sample->flux[i][0], *b = &sample->flux[i][1];
-    const pm_port_model *model = &ledger->system->port[i];
+    const pm_port_model *model = ledger->system->port[i];
     return (residual){
         relative(fabs(a->energy + b->energy), fmax(a->energy_gross, b->energy_gross), t.energy),
         relative(a->entropy + b->entropy, fmax(a->entropy_gross, b->entropy_gross), t.entropy),
@@ -65,7 +65,7 @@ static residual residual_of_bulk(const pm_ledger *ledger, const pm_sample *sampl
     return (residual){
         relative(fabs(sample->bulk_energy[i]), gross[0], t.energy),
         relative(sample->bulk_entropy[i], gross[1], t.entropy),
-        ledger->system->part[i].spec.form == PM_HARD,
+        ledger->system->part[i]->spec.form == PM_HARD,
         ledger->system->scene->subsystem[i].name,
     };
 }

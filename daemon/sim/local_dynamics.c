@@ -7,7 +7,7 @@
 // prediction needs.
 static pm_status build_response(pm_graph *g, pm_arena *arena, const pm_system *system, int id,
                                 double h, pm_node dE, pm_node z, pm_node *result) {
-    const pm_part *part = &system->part[id];
+    const pm_part *part = system->part[id];
     bool *wanted = pm_arena_array(arena, (size_t)part->layout.nz, sizeof *wanted);
     if (wanted == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the graphs of a subsystem");
@@ -45,7 +45,7 @@ static pm_status open_exposure(pm_local_dynamics *t, pm_graph *g, pm_node z, pm_
 
 static pm_status build_exposure(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
                                 int id, const pm_integrator *integrator, double h) {
-    const pm_part *part = &system->part[id];
+    const pm_part *part = system->part[id];
     pm_graph *g = NULL;
     pm_status status;
     PM_TRY(pm_graph_open(&g));
@@ -86,7 +86,7 @@ static pm_status open_bulk(pm_local_dynamics *t, const pm_part *part) {
 
 pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
                                  int subsystem_id, const pm_integrator *integrator, double h) {
-    const pm_part *part = &system->part[subsystem_id];
+    const pm_part *part = system->part[subsystem_id];
     t->nz = part->layout.nz;
     PM_TRY(build_exposure(t, arena, system, subsystem_id, integrator, h));
     PM_TRY(pm_contact_broadphase_open(&t->broadphase, arena, part));

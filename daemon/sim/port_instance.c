@@ -51,7 +51,7 @@ static void build_rate(pm_graph *g, const pm_port_model *model, law_graph *law, 
 
 static void build_law(pm_graph *g, const pm_system *system, const pm_port_instance *j,
                       bool discrete, law_graph *law) {
-    const pm_port_model *model = &system->port[j->port_id];
+    const pm_port_model *model = system->port[j->port_id];
     for (int i = 0; i < 2; ++i) {
         const int ny = model->layout[i].nz;
         const bool entropy = pm_system_end_has_entropy(system, j->port_id, i);
@@ -123,7 +123,7 @@ pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_s
 
 pm_status pm_port_instance_share(pm_port_instance *here, pm_port_instance *there,
                                  const pm_system *system, const pm_integrator *integrator) {
-    if (system->port[here->port_id].law->separate || here->program == NULL ||
+    if (system->port[here->port_id]->law->separate || here->program == NULL ||
         there->program == NULL) {
         return PM_OK;
     }

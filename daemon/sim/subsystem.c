@@ -47,7 +47,7 @@ static pm_status open_all(pm_subsystem *s) {
     s->integrator = scene->integrator;
     s->substeps = scene->substeps;
     s->h = scene->dt / scene->substeps;
-    const pm_part *part = &s->system->part[s->id];
+    const pm_part *part = s->system->part[s->id];
     if (s->integrator->discrete && !pm_part_is_discrete(part)) {
         return pm_fail(PM_ECONFIG,
                        "%s: integrator %s needs energies and entropies of the features x, |x|, "

@@ -155,13 +155,13 @@ static pm_status declare_part(pm_system *system) {
     pm_yaml block;
     PM_TRY(pm_yaml_parse(&document, part_text, "part", &block));
     const pm_status status =
-        pm_part_spec_read(block, (pm_yaml){0}, &system->arena, &system->part[0].spec);
+        pm_part_spec_read(block, (pm_yaml){0}, &system->arena, &system->part[0]->spec);
     pm_yaml_close(document);
     PM_TRY(status);
-    PM_TRY(pm_part_declare(&system->part[0]));
+    PM_TRY(pm_part_declare(system->part[0]));
     pm_rng rng;
     pm_rng_init(&rng, 1, 1);
-    pm_params_randomise(&system->part[0].params, &rng);
+    pm_params_randomise(&system->part[0]->params, &rng);
     return PM_OK;
 }
 

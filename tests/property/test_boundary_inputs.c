@@ -243,8 +243,8 @@ static void a_part_cannot_tell_a_boundary_input_from_a_neighbour(void **state) {
                               random_system_port);
         random_system_of_text(&one, seed, alone, random_system_part, random_system_port);
         pair.scene->integrator = pm_integrator_find("euler");
-        copy_params(&pair.system->part[1].params, &one.system->part[0].params);
-        copy_params(&pair.system->port[0].params, &one.system->port[0].params);
+        copy_params(&pair.system->part[1]->params, &one.system->part[0]->params);
+        copy_params(&pair.system->port[0]->params, &one.system->port[0]->params);
         pm_dataset *data = show(&pair);
         assert_int_equal(pm_boundary_input_bind(&boundary_input, one.scene, data, 1, &arena),
                          PM_OK);

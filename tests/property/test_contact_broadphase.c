@@ -142,7 +142,7 @@ static void boxes_are_open(void **state) {
     (void)state;
     run r;
     boundary_input(&r, bounded, "rk4");
-    const pm_part *part = &r.system->part[1];
+    const pm_part *part = r.system->part[1];
     pm_arena arena = {0};
     pm_contact_broadphase b = {0};
     require(pm_contact_broadphase_open(&b, &arena, part));
@@ -230,7 +230,7 @@ static void only_sums_are_bounded(void **state) {
         boundary_input(&r, text, "rk4");
         pm_arena arena = {0};
         pm_contact_broadphase b = {0};
-        require(pm_contact_broadphase_open(&b, &arena, &r.system->part[0]));
+        require(pm_contact_broadphase_open(&b, &arena, r.system->part[0]));
         const int count = b.unconstrained == NULL ? 0 : b.n;
         if (count != cases[i].count) {
             fail_msg("energy [%s], entropy %s: %d x, expected %d", cases[i].energy,
@@ -263,7 +263,7 @@ static void rounding_is_in_the_bound(void **state) {
         pm_arena arena = {0};
         pm_contact_broadphase b = {0};
         const double z = 4, flat = 0;
-        require(pm_contact_broadphase_open(&b, &arena, &r.system->part[0]));
+        require(pm_contact_broadphase_open(&b, &arena, r.system->part[0]));
         assert_non_null(b.unconstrained);
         pm_contact_broadphase_forget(&b);
         pm_contact_broadphase_enclose(&b, &z, &flat, NULL);

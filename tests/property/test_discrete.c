@@ -79,7 +79,7 @@ static void slopes_are_exact(void **state) {
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         random_system_of_text(&w, seed, random_system_scene, every_feature, springs);
-        const pm_part *part = &w.system->part[0];
+        const pm_part *part = w.system->part[0];
         double to[NZ];
         for (int i = 0; i < NZ; ++i) {
             const double size = seed % 3 == 0 ? 1e-3 : 1;
@@ -97,7 +97,7 @@ static void slopes_of_no_change_are_derivatives(void **state) {
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         random_system_of_text(&w, seed, random_system_scene, every_feature, springs);
-        const pm_part *part = &w.system->part[0];
+        const pm_part *part = w.system->part[0];
         const values slope = slopes(part, w.z, w.z), derivative = slopes(part, NULL, w.z);
         for (int i = 0; i < NZ; ++i) {
             random_system_check(&w, "dE", slope.dE[i], derivative.dE[i],
@@ -192,17 +192,17 @@ static void set(pm_params *params, const char *name, int count, const double *va
 // Two bodies of 300 + 10 s kelvin; conduction relaxes their temperatures `rate` times per second.
 static void two_bodies(random_system *w, double rate) {
     random_system_of_text(w, 1, bodies, body, contact);
-    set(&w->system->port[0].params, "irreversible.scale", 2, (const double[]){1, 1});
+    set(&w->system->port[0]->params, "irreversible.scale", 2, (const double[]){1, 1});
     for (int i = 0; i < 2; ++i) {
-        set(&w->system->part[i].params, "energy.0.mean", 1, (const double[]){0});
-        set(&w->system->part[i].params, "energy.0.deviation", 1, (const double[]){1});
-        set(&w->system->part[i].params, "energy.0.linear", 1, (const double[]){0});
-        set(&w->system->part[i].params, "energy.0.quadratic", 1, (const double[]){5});
+        set(&w->system->part[i]->params, "energy.0.mean", 1, (const double[]){0});
+        set(&w->system->part[i]->params, "energy.0.deviation", 1, (const double[]){1});
+        set(&w->system->part[i]->params, "energy.0.linear", 1, (const double[]){0});
+        set(&w->system->part[i]->params, "energy.0.quadratic", 1, (const double[]){5});
     }
     // The law is K (T_b - T_a)/T into a, K the square of the factor: the difference of the
     // temperatures decays by 2 K 10/300 per second.
     const double factor = sqrt(rate * 300 / (2 * 10));
-    set(&w->system->port[0].params, "irreversible.matrix.constant", 2,
+    set(&w->system->port[0]->params, "irreversible.matrix.constant", 2,
         (const double[]){factor, -factor});
     w->z[0] = 1;
     w->z[1] = -1;

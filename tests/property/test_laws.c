@@ -113,7 +113,7 @@ static void operators_are_skew_or_positive_and_degenerate(void **state) {
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         random_system_random(&w, seed, PM_HARD);
-        test_bench b = {.w = &w, .part = &w.system->part[0]};
+        test_bench b = {.w = &w, .part = w.system->part[0]};
         assert_int_equal(pm_graph_open(&b.g), PM_OK);
         pm_node *const input[] = {&b.z, &b.x, &b.y, &b.n};
         for (int i = 0; i < 4; ++i) {
@@ -185,8 +185,8 @@ static void bulk_keeps_both_laws(void **state) {
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         random_system_random(&w, seed, PM_HARD);
-        check_bulk(&w, &w.system->part[0]);
-        check_bulk(&w, &w.system->part[1]);
+        check_bulk(&w, w.system->part[0]);
+        check_bulk(&w, w.system->part[1]);
         random_system_close(&w);
     }
 }
@@ -198,7 +198,7 @@ static void bracket_keeps_both_laws(void **state) {
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         random_system_random(&w, seed, PM_HARD);
-        const pm_port_model *port = &w.system->port[0];
+        const pm_port_model *port = w.system->port[0];
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
         pm_port_nodes end[2];
@@ -342,7 +342,7 @@ static void shipped_weights_keep_both_laws(void **state) {
         shipped s = {.z = NULL};
         if (!load_shipped(&s, found.gl_pathv[i])) {
             print_message("    %s has no weights\n", found.gl_pathv[i]);
-        } else if (s.system->port[0].spec.form != PM_HARD) {
+        } else if (s.system->port[0]->spec.form != PM_HARD) {
             print_message("    %s keeps none\n", found.gl_pathv[i]);
             take_steps(&s, 10);
         } else {
@@ -362,7 +362,7 @@ static void shipped_weights_keep_both_laws(void **state) {
 static double penalty(random_system *w) {
     pm_graph *g = NULL;
     assert_int_equal(pm_graph_open(&g), PM_OK);
-    const part_nodes n = build_part(g, &w->system->part[0]);
+    const part_nodes n = build_part(g, w->system->part[0]);
     assert_int_not_equal(n.degeneracy, PM_NO_NODE);
     pm_program *p = run(w, g, 1, &n.degeneracy, 1, &n.z);
     double sum = 0;

@@ -44,7 +44,7 @@ typedef struct part_nodes {
 } part_nodes;
 
 static part_nodes build_part(const random_system *w) {
-    part_nodes n = {.part = &w->system->part[0], .degeneracy = PM_NO_NODE};
+    part_nodes n = {.part = w->system->part[0], .degeneracy = PM_NO_NODE};
     assert_int_equal(pm_graph_open(&n.g), PM_OK);
     n.z = pm_input(n.g, true, 1, n.part->layout.nz);
     n.E = pm_part_energy(n.g, n.part, n.z);
@@ -249,13 +249,13 @@ static void messages_reach_as_far_as_they_are_passed(void **state) {
         snprintf(text, sizeof text,
                  MESH_TEXT "form: free\nrate: {nodes: [u, sigma], width: 6, passes: %d}\n", passes);
         random_system_of_text(&w, 1 + (uint64_t)passes, FREE_SCENE, text, NULL);
-        assert_false(pm_part_has_energy(&w.system->part[0]));
+        assert_false(pm_part_has_energy(w.system->part[0]));
         pm_graph *g = NULL;
         assert_int_equal(pm_graph_open(&g), PM_OK);
         const int nz = w.scene->nz;
         pm_node z = pm_input(g, true, 1, nz), degeneracy = PM_NO_NODE;
         const pm_node rate =
-            pm_part_bulk(g, &w.system->part[0], z, PM_NO_NODE, PM_NO_NODE, &degeneracy);
+            pm_part_bulk(g, w.system->part[0], z, PM_NO_NODE, PM_NO_NODE, &degeneracy);
         pm_program *p = NULL;
         assert_int_equal(pm_program_open(&p, g, 1, &rate, 1), PM_OK);
         double *before = pm_arena_array(&w.scene->arena, (size_t)nz, sizeof *before);

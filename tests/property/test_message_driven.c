@@ -49,7 +49,7 @@ typedef struct driven {
 static void open_driven(driven *d, uint64_t seed) {
     *d = (driven){0};
     random_system_of_text(&d->w, seed, driven_scene, mesh_part[0], grip[seed % 2]);
-    const pm_port_model *port = &d->w.system->port[0];
+    const pm_port_model *port = d->w.system->port[0];
     assert_int_equal(pm_graph_open(&d->g), PM_OK);
     d->own = pm_input(d->g, true, 1, NY);
     d->force = pm_input(d->g, true, 1, 3 * MESH_NODES);

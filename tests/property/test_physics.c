@@ -299,20 +299,20 @@ static void couplings_agree_with_each_other(void **state) {
     for (int i = 0; i < 3; ++i) {
         random_system w;
         random_system_of_text(&w, 5, two, i == 1 ? components : cross, port[i]);
-        pm_param_entry *scale = pm_params_find(&w.system->port[0].params, "irreversible.scale");
+        pm_param_entry *scale = pm_params_find(&w.system->port[0]->params, "irreversible.scale");
         for (int c = 0; c < 8 && scale != NULL; ++c) {
             scale->value[c] = 1;
         }
         pm_param_entry *G =
-            pm_params_find(&w.system->port[0].params, "irreversible.matrix.constant");
-        pm_param_entry *split = pm_params_find(&w.system->port[0].params, "irreversible.split");
-        pm_param_entry *power = pm_params_find(&w.system->port[0].params, "irreversible.power");
-        pm_param_entry *warmth = pm_params_find(&w.system->port[0].params, PM_WARMTH);
+            pm_params_find(&w.system->port[0]->params, "irreversible.matrix.constant");
+        pm_param_entry *split = pm_params_find(&w.system->port[0]->params, "irreversible.split");
+        pm_param_entry *power = pm_params_find(&w.system->port[0]->params, "irreversible.power");
+        pm_param_entry *warmth = pm_params_find(&w.system->port[0]->params, PM_WARMTH);
         if (warmth != NULL) {
             *warmth->value = 0;
         }
         pm_param_entry *ratio =
-            pm_params_find(&w.system->port[0].params, "irreversible.ratio_power");
+            pm_params_find(&w.system->port[0]->params, "irreversible.ratio_power");
         for (int c = 0; c < 8 && i == 2; ++c) {
             for (int j = 0; j < 4; ++j) {
                 const bool own = c % 4 == j;

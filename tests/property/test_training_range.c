@@ -22,7 +22,7 @@ static void widened_states_are_inside_whichever_way_they_are_turned(void **state
         random_system w;
         random_system_of_text(&w, seed, random_system_scene, random_system_part,
                               random_system_port);
-        pm_part *part = &w.system->part[0];
+        pm_part *part = w.system->part[0];
         const int nz = part->layout.nz; // q[2] p[2] s
         assert_null(pm_training_range_departure(pm_training_range_of(part), w.z).group);
         assert_int_equal(pm_training_range_declare(part), PM_OK);
@@ -48,8 +48,8 @@ static void a_run_counts_departures_and_ends_where_the_scene_says(void **state) 
     random_system w;
     random_system_of_text(&w, 1, random_system_scene, random_system_part, random_system_port);
     for (int i = 0; i < 2; ++i) {
-        assert_int_equal(pm_training_range_declare(&w.system->part[i]), PM_OK);
-        pm_training_range_widen(&w.system->part[i], w.z + w.scene->subsystem[i].first);
+        assert_int_equal(pm_training_range_declare(w.system->part[i]), PM_OK);
+        pm_training_range_widen(w.system->part[i], w.z + w.scene->subsystem[i].first);
     }
     w.scene->dt = 1e-4;
     pm_monolithic *assembly = NULL;

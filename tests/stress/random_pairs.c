@@ -87,10 +87,10 @@ static pm_status make_weights(const char *folder, pm_system *system, double *con
     }
     for (int end = 0; end < 2; ++end) {
         snprintf(path, sizeof path, "%s/%s%d.h5", folder, parts[end], i);
-        PM_TRY(pm_weights_save_part(path, &system->part[end], &provenance));
+        PM_TRY(pm_weights_save_part(path, system->part[end], &provenance));
     }
     snprintf(path, sizeof path, "%s/joint%d.h5", folder, i);
-    return pm_weights_save_port(path, &system->port[0], &provenance);
+    return pm_weights_save_port(path, system->port[0], &provenance);
 }
 
 static pm_status make_all(const char *folder, pm_system *system, int first, int count) {

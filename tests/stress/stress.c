@@ -162,7 +162,7 @@ static pm_status stress_states(stress *t, const subject *s, const char *name) {
 static pm_status stress_conduction(stress *t, const subject *s) {
     static const double K[] = {0.5, 5, 50, 300, 3000};
     pm_param_entry *factor =
-        pm_params_find(&s->system->port[0].params, "irreversible.matrix.constant");
+        pm_params_find(&s->system->port[0]->params, "irreversible.matrix.constant");
     const int size = factor->rows * factor->cols;
     const int substeps = s->scene->substeps;
     double before = 0.5;

@@ -82,13 +82,13 @@ static void make_models(pm_system *system, pm_rng *rng) {
     const pm_yaml part_block = parse(part_text, &part_document);
     const pm_yaml port_block = parse(port_text, &port_document);
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        pm_part *part = &system->part[i];
+        pm_part *part = system->part[i];
         require(pm_part_spec_read(part_block, (pm_yaml){0}, &system->arena, &part->spec));
         require(pm_part_declare(part));
         pm_params_randomise(&part->params, rng);
     }
     for (int i = 0; i < system->scene->nport; ++i) {
-        pm_port_model *port = &system->port[i];
+        pm_port_model *port = system->port[i];
         require(pm_port_spec_read(port_block, (pm_yaml){0}, &system->arena, &port->spec));
         require(pm_port_declare(port));
         pm_params_randomise(&port->params, rng);

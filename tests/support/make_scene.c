@@ -58,10 +58,9 @@ static const char idle_text[] =
     "irreversible: {learned: {acts_on: [s], features: [q], hidden: [4], rank: 1}}\n";
 
 // Networks that take milliseconds a step.
-static const char slow_text[] =
-    "energy: {features: [q, p, s], hidden: [600, 600], skip: linear}\n"
-    "entropy: {given: s}\n"
-    "reversible: {given: [[q, p, 1.0]]}\n";
+static const char slow_text[] = "energy: {features: [q, p, s], hidden: [600, 600], skip: linear}\n"
+                                "entropy: {given: s}\n"
+                                "reversible: {given: [[q, p, 1.0]]}\n";
 
 static const char port_text[] =
     "law: bracket\n"
@@ -88,14 +87,14 @@ static pm_status make_part(pm_system *system, pm_part *part, const char *text, u
 // Writes weights of another part with the state of `right`.
 static pm_status make_another(pm_system *system, const char *text, uint64_t stream,
                               const char *path) {
-    pm_part part = {.layout = system->part[1].layout};
+    pm_part part = {.layout = system->part[1]->layout};
     const pm_status status = make_part(system, &part, text, stream, path);
     pm_part_free(&part);
     return status;
 }
 
 static pm_status make_port(pm_system *system, const char *path) {
-    pm_port_model *port = &system->port[0];
+    pm_port_model *port = system->port[0];
     pm_yaml_document *document;
     pm_yaml block;
     pm_rng rng;
@@ -168,8 +167,8 @@ static pm_status make_scene(void) {
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, "scene.yaml"));
     PM_TRY_DONE(pm_system_new(&system, scene));
-    PM_TRY_DONE(make_part(system, &system->part[0], part_text[0], 0, "left.h5"));
-    PM_TRY_DONE(make_part(system, &system->part[1], part_text[1], 1, "right.h5"));
+    PM_TRY_DONE(make_part(system, system->part[0], part_text[0], 0, "left.h5"));
+    PM_TRY_DONE(make_part(system, system->part[1], part_text[1], 1, "right.h5"));
     PM_TRY_DONE(make_another(system, idle_text, 3, "idle.h5"));
     PM_TRY_DONE(make_another(system, slow_text, 4, "slow.h5"));
     PM_TRY_DONE(make_port(system, "joint.h5"));

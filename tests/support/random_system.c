@@ -242,7 +242,7 @@ static void draw_params(pm_params *params, pm_rng *rng) {
 }
 
 static void make_part(random_system *w, int i) {
-    pm_part *part = &w->system->part[i];
+    pm_part *part = w->system->part[i];
     pm_yaml_document *document = NULL;
     pm_yaml block;
     require(w, pm_yaml_parse(&document, w->part_text[i % 2], "part", &block));
@@ -253,7 +253,7 @@ static void make_part(random_system *w, int i) {
 }
 
 static void make_port(random_system *w, int i) {
-    pm_port_model *port = &w->system->port[i];
+    pm_port_model *port = w->system->port[i];
     pm_yaml_document *document = NULL;
     pm_yaml block;
     require(w, pm_yaml_parse(&document, w->port_text, "port", &block));

@@ -182,7 +182,7 @@ static void steps_outside_the_training_range_are_counted(void **state) {
     (void)state;
     bench b = {.data = NULL};
     bench_open(&b, 1);
-    pm_part *part = &b.f.system->part[0];
+    pm_part *part = b.f.system->part[0];
     assert_int_equal(pm_training_range_declare(part), PM_OK);
     pm_training_range_widen(part, b.f.z);
     pm_evaluation *e = evaluate(&b, 0, 2, 1);

@@ -112,7 +112,7 @@ static void run_fit(scratch *folder, pm_fit *fit, pm_fit_arguments *arguments) {
 }
 
 static double constant(const pm_fit *fit, const char *name) {
-    return *pm_params_find(&fit->training->system->part[0].params, name)->value;
+    return *pm_params_find(&fit->training->system->part[0]->params, name)->value;
 }
 
 static void check_constant(const char *what, double value, double expected, double deviation) {

@@ -193,7 +193,7 @@ static void without_entropy_none_is_evaluated(void **state) {
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node z = pm_input(g, true, 1, 5);
     const int size = pm_graph_size(g);
-    assert_int_equal(pm_part_entropy(g, &w.system->part[0], z), PM_NO_NODE);
+    assert_int_equal(pm_part_entropy(g, w.system->part[0], z), PM_NO_NODE);
     assert_in_range(pm_graph_size(g), size, size + 3); // slices of z at most
     pm_graph_close(g);
     pm_monolithic *assembly = open(&w);

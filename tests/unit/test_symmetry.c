@@ -314,7 +314,7 @@ static void patterns_span_the_data(void **state) {
                                 .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = z};
     assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_OK);
-    const pm_params *params = &b.w.system->part[0].params;
+    const pm_params *params = &b.w.system->part[0]->params;
     const pm_param_entry *found = pm_params_find(params, "energy.0.field0.patterns");
     assert_true(found != NULL && found->rows == 3 * NNODE && found->cols == RANK);
     assert_false(found->trained);
@@ -351,7 +351,7 @@ static void small_states_count_as_large_ones_do(void **state) {
                                 .input_order = PM_BOUNDARY_INPUT_ORDER,
                                 .z = z};
     assert_int_equal(pm_normalization_of_system(b.w.system, &samples, true), PM_OK);
-    const pm_params *params = &b.w.system->part[0].params;
+    const pm_params *params = &b.w.system->part[0]->params;
     const double *pattern = pm_params_find(params, "energy.0.field0.patterns")->value;
     assert_true(remainder_of(basis[1], pattern, 1) < 0.5 * remainder_of(basis[0], pattern, 1));
     random_system_close(&b.w);

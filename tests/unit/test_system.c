@@ -96,8 +96,8 @@ static void save_weights(scratch *folder) {
     pm_scene *scene = edited(folder, "pair", "pair");
     pm_system *system = NULL;
     assert_int_equal(pm_system_new(&system, scene), PM_OK);
-    save_part(&system->part[0], &system->arena, scene->subsystem[0].weights);
-    save_port(&system->port[0], &system->arena, scene->port[0].weights);
+    save_part(system->part[0], &system->arena, scene->subsystem[0].weights);
+    save_port(system->port[0], &system->arena, scene->port[0].weights);
     pm_system_free(system);
     pm_scene_free(scene);
 }
@@ -188,7 +188,7 @@ static void test_matrix(void **state) {
     pm_scene *scene = edited_from(touching, folder, "pair", "pair");
     pm_system *system = boundary_input(scene);
     static const double expected[] = {1, 0, 0, -1, 2, 3};
-    pm_port_model *port = &system->port[0];
+    pm_port_model *port = system->port[0];
     assert_memory_equal(pm_params_find(&port->params, "matrix")->value, expected, sizeof expected);
     port->spec.matrix = (pm_matrix_spec){0};
     const pm_provenance provenance = {.command = "test", .data = ""};
@@ -199,7 +199,7 @@ static void test_matrix(void **state) {
 
     scene = edited_from(touching, folder, "model: touch", "weights: skin.h5");
     system = boundary_input(scene);
-    port = &system->port[0];
+    port = system->port[0];
     assert_memory_equal(pm_params_find(&port->params, "matrix")->value, expected, sizeof expected);
     pm_system_free(system);
     pm_scene_free(scene);
@@ -299,7 +299,7 @@ static void save_grip(scratch *folder, const char *integrator, double step) {
     const pm_provenance provenance = {
         .command = "test", .data = "", .integrator = integrator, .step = step};
     assert_int_equal(pm_system_new(&system, scene), PM_OK);
-    pm_port_model *port = &system->port[0];
+    pm_port_model *port = system->port[0];
     assert_int_equal(pm_yaml_parse(&document, text, "model", &root), PM_OK);
     assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, &system->arena, &port->spec), PM_OK);
     pm_yaml_close(document);
@@ -350,8 +350,8 @@ static void rates_hold_for_all_steps(void **state) {
     save_weights(*state);
     pm_scene *scene = edited(*state, "rk4, substeps: 8", "heun, substeps: 3");
     pm_system *system = boundary_input(scene);
-    assert_string_equal(system->part_provenance[0].integrator, "rk4");
-    assert_true(system->part_provenance[0].step == 0.0375);
+    assert_string_equal(system->part_provenance[0]->integrator, "rk4");
+    assert_true(system->part_provenance[0]->step == 0.0375);
     pm_system_free(system);
     pm_scene_free(scene);
 }
@@ -389,7 +389,7 @@ static void coordinates_must_agree_where_they_are_known(void **state) {
             assert_non_null(strstr(pm_error(), "t.yaml:8:20: port joint: the weights "));
             assert_non_null(strstr(pm_error(), "joint.h5 are made for basis 2, those of upper, "));
         } else {
-            assert_string_equal(system->part_provenance[0].coordinates,
+            assert_string_equal(system->part_provenance[0]->coordinates,
                                 cases[i].part == NULL ? "" : cases[i].part);
             assert_int_equal(pm_system_check_dataset(system, data, "data.h5"), cases[i].fits);
             if (cases[i].fits != PM_OK) {
@@ -412,7 +412,7 @@ static void test_weights_folder(void **state) {
     assert_non_null(strstr(pm_error(), "elsewhere/joint.h5: "));
     assert_null(system);
     assert_int_equal(pm_system_load(&system, scene, folder->folder), PM_OK);
-    assert_string_equal(system->port[0].spec.law, "bracket");
+    assert_string_equal(system->port[0]->spec.law, "bracket");
     pm_system_free(system);
     pm_scene_free(scene);
 }

@@ -213,7 +213,7 @@ static void too_short_is_an_error(void **state) {
 // --- constants ---
 
 static const double *constant(const bench *b, const char *name) {
-    const pm_param_entry *entry = pm_params_find(&b->w.system->part[0].params, name);
+    const pm_param_entry *entry = pm_params_find(&b->w.system->part[0]->params, name);
     assert_non_null(entry);
     assert_false(entry->trained);
     return entry->value;
@@ -330,7 +330,7 @@ static void boundary_inputs_scale_like_the_subsystem(void **state) {
         s2 += z[2] * z[2];
         temperature += z[0] / samples.count; // the bath follows column x
     }
-    const pm_params *params = &b.w.system->port[0].params;
+    const pm_params *params = &b.w.system->port[0]->params;
     const double *scale = pm_params_find(params, "irreversible.scale")->value;
     random_system_check(&b.w, "scale a.s / scale b.s", scale[0] / scale[1], 1, 0);
     random_system_check(&b.w, "scale b.q / scale b.s", scale[2] / scale[1], sqrt(q2 / s2), 1e-12);
@@ -370,7 +370,7 @@ static void settled_networks_are_the_same(void **state) {
     random_system w;
     pm_arena arena = {0};
     random_system_of_text(&w, 3, scene, resting, NULL);
-    pm_part *p = &w.system->part[0];
+    pm_part *p = w.system->part[0];
     for (int i = 0; i < p->params.count; ++i) {
         pm_param_entry *e = &p->params.entry[i];
         for (int k = 0; k < e->rows * e->cols; ++k) {

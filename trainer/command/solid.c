@@ -63,9 +63,13 @@ static void print_score(void *context, int iteration, const double score[PM_SOLI
     fflush(stdout);
 }
 
-// The layout of a node, a point and a body; a scene has as many of each as the mesh has.
-static pm_layout layout_of(int nbranch) {
-    pm_layout layout = {.ngroup = 2, .group = {{"u", "m", 3, 0}}};
+#define MOST_GROUPS 3
+
+// The layout of a node, a point and a body; a scene has as many of each as the mesh has. It refers
+// to `group`, which the function fills in.
+static pm_layout layout_of(int nbranch, pm_group group[MOST_GROUPS]) {
+    pm_layout layout = {.ngroup = 2, .group = group};
+    group[0] = (pm_group){"u", "m", 3, 0};
     if (nbranch > 0) {
         layout.group[1] = (pm_group){"inner", "1", PM_SYM * nbranch, 3};
         layout.ngroup = 3;
@@ -76,11 +80,11 @@ static pm_layout layout_of(int nbranch) {
 }
 
 static pm_status learn(const solid_arguments *a, pm_solid_fit_settings *settings, pm_part *part,
-                       const char *command) {
+                       pm_group group[MOST_GROUPS], const char *command) {
     double score[PM_SOLID_NSCORE], loss = 0;
     const clock_t start = clock();
     part->spec = (pm_part_spec){.form = PM_HARD, .solid = &settings->spec};
-    part->layout = layout_of(settings->spec.nbranch);
+    part->layout = layout_of(settings->spec.nbranch, group);
     PM_TRY(pm_part_declare(part));
     pm_rng rng;
     pm_rng_init(&rng, 1, 0);
@@ -118,6 +122,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
     pm_solid_data data[MOST_FIELDS];
     pm_field *field[MOST_FIELDS] = {NULL};
     pm_arena arena = {0};
+    pm_group group[MOST_GROUPS]; // of the part's layout
     pm_part part = {0};
     pm_status status;
     pm_solid_fit_settings settings = {.spec = {2, 0, PM_DEFAULT_TEMPERATURE},
@@ -136,7 +141,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
                                     &data[i].count));
         settings.ndata = i + 1;
     }
-    status = learn(&a, &settings, &part, command);
+    status = learn(&a, &settings, &part, group, command);
 done:
     pm_part_free(&part);
     pm_arena_free(&arena);

@@ -20,8 +20,8 @@ int pm_seen_mark(const pm_system *system, const pm_dataset *dataset, bool *seen)
         seen[i] = false;
         for (int k = 0; k < scene->nsubsystem + scene->nport; ++k) {
             const pm_provenance *p = k < scene->nsubsystem
-                                         ? &system->part_provenance[k]
-                                         : &system->port_provenance[k - scene->nsubsystem];
+                                         ? system->part_provenance[k]
+                                         : system->port_provenance[k - scene->nsubsystem];
             known = known || p->nseen > 0;
             seen[i] = seen[i] || has_seen(p, digest);
         }

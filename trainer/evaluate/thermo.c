@@ -169,7 +169,7 @@ static void add_port(pm_thermo *t, const series *s, int port, bool *side) {
 static bool has_entropy(const pm_system *system) {
     bool has = false;
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        has = has || pm_part_has_entropy(&system->part[i]);
+        has = has || pm_part_has_entropy(system->part[i]);
     }
     return has;
 }
@@ -202,7 +202,7 @@ static void find_temperatures(pm_thermo *t, const pm_evaluation *e) {
     }
     t->given = true;
     for (int i = 0; i < e->system->scene->nsubsystem; ++i) {
-        t->given = t->given && e->system->part[i].spec.entropy.nterm == 0;
+        t->given = t->given && e->system->part[i]->spec.entropy.nterm == 0;
     }
 }
 

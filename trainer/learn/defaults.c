@@ -194,7 +194,7 @@ pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena 
 static bool shows_entropy(const pm_system *system, int port, int end, const char *group) {
     const pm_scene_port *scene = &system->scene->port[port];
     if (scene->subsystem[end] >= 0) {
-        return is_entropy(&system->part[scene->subsystem[end]].spec.entropy, group);
+        return is_entropy(&system->part[scene->subsystem[end]]->spec.entropy, group);
     }
     const pm_scene_boundary_input *input =
         &system->scene->boundary_input[scene->boundary_input[end]];

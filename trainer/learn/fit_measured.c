@@ -215,8 +215,8 @@ static bool is_positive(const pm_fit *f, int component, const char *name) {
     const pm_system *system = f->training->system;
     const int nsubsystem = system->scene->nsubsystem;
     const pm_constants *c = component < nsubsystem
-                                ? system->part[component].spec.constants
-                                : system->port[component - nsubsystem].spec.constants;
+                                ? system->part[component]->spec.constants
+                                : system->port[component - nsubsystem]->spec.constants;
     for (int i = 0; c != NULL && c->learned != NULL && i < c->count; ++i) {
         if (strcmp(c->name[i], name) == 0) {
             return c->learned[i] == PM_CONSTANT_POSITIVE;
@@ -341,7 +341,8 @@ pm_status pm_fit_measured_report(pm_fit *f) {
     bool finite = true;
     for (int c = 0; c < m->observation.count; ++c) {
         const pm_box box = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
-        printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median, 100 * box.largest);
+        printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median,
+               100 * box.largest);
         finite = finite && isfinite(box.median);
     }
     pm_estimate_free(&e);

@@ -74,7 +74,7 @@ static pm_provenance provenance_of(const pm_fit *f) {
 // Writes the weights with their tangents folded in (learn/fold_tangent.h). The training continues
 // with the original ones.
 static pm_status save_part(pm_fit *f, int id, const char *path, pm_provenance *p) {
-    pm_part *part = &f->training->system->part[id];
+    pm_part *part = f->training->system->part[id];
     const pm_scene_subsystem *scene = &f->training->scene->subsystem[id];
     pm_arena arena = {0};
     const pm_part_spec spec = part->spec;
@@ -100,9 +100,8 @@ static pm_status save_component(pm_fit *f, int id, pm_provenance *p, bool loud) 
         return PM_OK;
     }
     snprintf(path, sizeof path, "%s/%s", f->arguments->output, base_name(weights_of(scene, id)));
-    PM_TRY(part
-               ? save_part(f, id, path, p)
-               : pm_weights_save_port(path, &f->training->system->port[id - scene->nsubsystem], p));
+    PM_TRY(part ? save_part(f, id, path, p)
+                : pm_weights_save_port(path, f->training->system->port[id - scene->nsubsystem], p));
     if (loud) {
         printf("wrote %s\n", path);
     }

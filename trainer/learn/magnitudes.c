@@ -84,7 +84,7 @@ static void add_estimate(estimate *e, const pm_group_magnitude *driven,
 }
 
 static void estimate_part(const pm_magnitudes *m, const pm_system *system, int part, estimate *e) {
-    const pm_operator_spec *L = &system->part[part].spec.reversible;
+    const pm_operator_spec *L = &system->part[part]->spec.reversible;
     for (int k = 0; k < L->ngiven; ++k) {
         pm_group_magnitude row, col;
         if (L->given[k].formula.text == NULL &&
@@ -97,7 +97,7 @@ static void estimate_part(const pm_magnitudes *m, const pm_system *system, int p
 }
 
 static void estimate_port(const pm_magnitudes *m, const pm_system *system, int port, estimate *e) {
-    const pm_operator_spec *L = &system->port[port].spec.reversible;
+    const pm_operator_spec *L = &system->port[port]->spec.reversible;
     const pm_scene_port *scene = &m->scene->port[port];
     for (int k = 0; k < L->ngiven; ++k) {
         pm_group_magnitude row, col;
@@ -116,7 +116,7 @@ static void estimate_port(const pm_magnitudes *m, const pm_system *system, int p
 // Returns the typical heat content of a subsystem: the temperature times the deviation of its
 // entropies.
 static double heat_content(const pm_magnitudes *m, const pm_system *system, int part) {
-    const pm_potential_spec *energy = &system->part[part].spec.energy;
+    const pm_potential_spec *energy = &system->part[part]->spec.energy;
     double content = 0;
     for (int i = 0; i < energy->nterm; ++i) {
         const pm_network_spec *term = &energy->term[i];
@@ -131,7 +131,7 @@ static double heat_content(const pm_magnitudes *m, const pm_system *system, int 
 }
 
 static double dS_of(const pm_system *system, int part) {
-    const pm_potential_spec *entropy = &system->part[part].spec.entropy;
+    const pm_potential_spec *entropy = &system->part[part]->spec.entropy;
     return entropy->ngiven > 0 && entropy->given_coefficient != NULL &&
                    entropy->given_coefficient[0] > 0
                ? entropy->given_coefficient[0]
@@ -139,7 +139,7 @@ static double dS_of(const pm_system *system, int part) {
 }
 
 static double temperature_of(const pm_system *system, int part) {
-    const pm_potential_spec *energy = &system->part[part].spec.energy;
+    const pm_potential_spec *energy = &system->part[part]->spec.energy;
     double slope = 0; // dE/ds
     for (int i = 0; i < energy->nterm; ++i) {
         slope += energy->term[i].nthermal > 0 ? energy->term[i].temperature : 0;

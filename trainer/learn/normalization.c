@@ -314,25 +314,25 @@ static pm_status visit_all(collection *c, pm_system *system, const pm_state_node
                            pm_node prescribed) {
     const pm_scene *scene = system->scene;
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        c->params = &system->part[i].params;
+        c->params = &system->part[i]->params;
         c->part = i;
         c->port = -1;
         if (system->scene->subsystem[i].model != NULL) {
             continue; // the scene defines this model
         }
-        PM_TRY(pm_part_visit(&system->part[i], c->g, state[i].z, state[i].dE, state[i].dS, collect,
-                             c));
+        PM_TRY(
+            pm_part_visit(system->part[i], c->g, state[i].z, state[i].dE, state[i].dS, collect, c));
     }
     for (int i = 0; i < scene->nport; ++i) {
         pm_port_nodes end[2];
         pm_build_port_nodes(c->g, system, i, state, prescribed, end);
-        c->params = &system->port[i].params;
+        c->params = &system->port[i]->params;
         c->part = -1;
         c->port = i;
         if (system->scene->port[i].model != NULL) {
             continue;
         }
-        PM_TRY(system->port[i].law->visit(&system->port[i], c->g, end, collect, c));
+        PM_TRY(system->port[i]->law->visit(system->port[i], c->g, end, collect, c));
     }
     return PM_OK;
 }
@@ -412,10 +412,10 @@ done:
 
 static pm_status find_training_ranges(pm_system *system, const pm_samples *samples) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        PM_TRY(pm_training_range_declare(&system->part[i]));
+        PM_TRY(pm_training_range_declare(system->part[i]));
         for (int k = 0; k < samples->count; ++k) {
             const double *z = samples->z + (ptrdiff_t)k * pm_samples_width(samples);
-            pm_training_range_widen(&system->part[i], z + system->scene->subsystem[i].first);
+            pm_training_range_widen(system->part[i], z + system->scene->subsystem[i].first);
         }
     }
     return PM_OK;

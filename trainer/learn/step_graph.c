@@ -4,7 +4,7 @@
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         pm_state_nodes *s = &state[i];
-        pm_part_coenergies(g, &system->part[i], s->from, s->to, &s->dE, &s->dS);
+        pm_part_coenergies(g, system->part[i], s->from, s->to, &s->dE, &s->dS);
     }
 }
 
@@ -79,7 +79,7 @@ void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
 static void add_port(pm_graph *g, const pm_system *system, int port, pm_state_nodes *state,
                      pm_node prescribed, pm_node *last, pm_node *degeneracy) {
     const pm_scene_port *scene = &system->scene->port[port];
-    const pm_port_model *model = &system->port[port];
+    const pm_port_model *model = system->port[port];
     pm_node next = PM_NO_NODE;
     for (int own = 0; own < 2; ++own) {
         const int id = scene->subsystem[own];
@@ -102,7 +102,7 @@ void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
                     pm_node *last, pm_node *degeneracy) {
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         pm_state_nodes *s = &state[i];
-        s->zdot = pm_part_bulk(g, &system->part[i], s->z, s->dE, s->dS, degeneracy);
+        s->zdot = pm_part_bulk(g, system->part[i], s->z, s->dE, s->dS, degeneracy);
     }
     for (int i = 0; i < system->scene->nport; ++i) {
         add_port(g, system, i, state, prescribed, last, degeneracy);
@@ -120,7 +120,7 @@ static void build_responses(pm_graph *g, const pm_system *system, pm_state_nodes
     for (int i = 0; i < system->scene->nsubsystem; ++i) {
         pm_state_nodes *s = &state[i];
         pm_system_responding(system, i, work->responding);
-        s->response = pm_part_response(g, &system->part[i], s->dE, s->to, work->responding);
+        s->response = pm_part_response(g, system->part[i], s->dE, s->to, work->responding);
         s->response = s->response == PM_NO_NODE ? PM_NO_NODE : pm_scale(g, s->response, h);
         s->response = stretched(g, s->response, work->stretch);
     }

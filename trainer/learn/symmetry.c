@@ -25,10 +25,10 @@ static pm_status find_mesh(const pm_system *system, const pm_mesh **mesh) {
     const pm_scene *scene = system->scene;
     *mesh = NULL;
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY(take_mesh(system->part[i].spec.mesh, scene->subsystem[i].name, mesh));
+        PM_TRY(take_mesh(system->part[i]->spec.mesh, scene->subsystem[i].name, mesh));
     }
     for (int i = 0; i < scene->nport; ++i) {
-        PM_TRY(take_mesh(system->port[i].spec.mesh, scene->port[i].name, mesh));
+        PM_TRY(take_mesh(system->port[i]->spec.mesh, scene->port[i].name, mesh));
     }
     if (*mesh == NULL) {
         return pm_fail(PM_ECONFIG, "symmetry: no model has a mesh");

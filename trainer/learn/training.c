@@ -75,7 +75,7 @@ static pm_status check_unnamed(pm_yaml mapping, const char *name) {
 
 static pm_status read_part(pm_training *t, pm_yaml root, pm_yaml mapping, int id) {
     const pm_scene_subsystem *scene = &t->scene->subsystem[id];
-    pm_part *part = &t->system->part[id];
+    pm_part *part = t->system->part[id];
     pm_yaml model;
     if (scene->model != NULL) {
         PM_TRY(check_unnamed(mapping, scene->name));
@@ -91,7 +91,7 @@ static pm_status read_part(pm_training *t, pm_yaml root, pm_yaml mapping, int id
 
 static pm_status read_port(pm_training *t, pm_yaml root, pm_yaml mapping, int id) {
     const pm_scene_port *scene = &t->scene->port[id];
-    pm_port_model *port = &t->system->port[id];
+    pm_port_model *port = t->system->port[id];
     pm_yaml model;
     if (scene->model != NULL) {
         PM_TRY(check_unnamed(mapping, scene->name));
@@ -242,11 +242,11 @@ static pm_status make_digest(pm_training *t) {
     digest = pm_digest_integer(digest, t->tries);
     digest = pm_digest_integer(digest, t->try_iterations);
     for (int i = 0; i < t->scene->nsubsystem; ++i) {
-        const char *text = pm_part_spec_write(&t->system->part[i].spec, &t->arena);
+        const char *text = pm_part_spec_write(&t->system->part[i]->spec, &t->arena);
         digest = pm_digest_text(digest, text == NULL ? "" : text);
     }
     for (int i = 0; i < t->scene->nport; ++i) {
-        const char *text = pm_port_spec_write(&t->system->port[i].spec, &t->arena);
+        const char *text = pm_port_spec_write(&t->system->port[i]->spec, &t->arena);
         digest = pm_digest_text(digest, text == NULL ? "" : text);
     }
     pm_training_digest_stages(t);
