@@ -137,6 +137,10 @@ static void many_parts_are_read(void **state) {
     assert_int_equal(scene->nport, 99999);
     assert_string_equal(scene->subsystem[99999].name, "link99999");
     assert_int_equal(scene->subsystem[99999].relative_subsystem[0], 99998);
+    // What all members of a range have in common is stored once.
+    assert_ptr_equal(scene->subsystem[99999].layout.group, scene->subsystem[1].layout.group);
+    assert_ptr_equal(scene->port[99998].layout[1].group, scene->port[1].layout[1].group);
+    assert_ptr_not_equal(scene->subsystem[0].layout.group, scene->subsystem[1].layout.group);
     pm_scene_free(scene);
 }
 
