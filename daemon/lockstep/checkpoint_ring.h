@@ -32,7 +32,8 @@ pm_status pm_checkpoint_ring_init(pm_checkpoint_ring *ring, pm_arena *arena, con
 // Returns the step of the newest checkpoint in memory; -1 if none is kept.
 int64_t pm_checkpoint_ring_newest(const pm_checkpoint_ring *ring);
 
-// Sets `known` to true if the file holds checkpoints of this session. PM_EFILE.
+// Sets `known` to true if the file holds checkpoints of the run with the number `session`.
+// PM_EFILE.
 pm_status pm_checkpoint_ring_has_session(const pm_checkpoint_ring *ring, int64_t session,
                                          bool *known);
 

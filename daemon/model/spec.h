@@ -170,13 +170,15 @@ typedef struct pm_potential_spec {
 // rotations do: a rigid body is [m, m, cross], a top has also [m, g, cross]:
 //     rate_row += z_col x e_col  and, if row and col differ,  rate_col += z_col x e_row
 // An irreversible pair, c >= 0, couples `row` to an entropy `col` of one component. The entropy
-// takes up the energy that `row` loses. With S the sum of the entropies, a momentum `row` has the
-// coefficient of friction c/e_col, and an entropy `row` the conductance c e_row/e_col:
-//     rate_row += c (eta_row - eta_col e_row/e_col),  rate_col -= rate_row . e_row/e_col
+// takes up the energy that `row` loses:
+//     r = c (eta_row - eta_col e_row/e_col),  rate_row += r,  rate_col -= r . e_row/e_col
+// If S is the sum of the entropies and `row` is a momentum, this is friction with the coefficient
+// c/e_col. If `row` is an entropy, it is the conduction of heat with the conductance c e_row/e_col.
 // An irreversible pair of two groups of equal size, neither of which takes up heat, is friction by
-// the difference of their flows. The groups in the operator's `heats`, or all groups in J/K where
-// it names none, take up the heat in equal parts:
+// the difference of their co-energies, which are velocities if the groups are momenta:
 //     rate_row -= c (e_row - e_col),  rate_col += c (e_row - e_col)
+// The groups in the operator's `heats`, or all groups in J/K where it names none, take up the heat
+// in equal parts.
 typedef struct pm_given_pair {
     const char *row, *col;
     bool cross;

@@ -7,7 +7,7 @@
 #include "store/dataset.h"
 #include "store/field.h"
 
-// Fits a basis to the trajectories of the field whose numbers are `trajectory` [count]. Forces of
+// Fits a basis to some trajectories of the field; `trajectory` [count] has their numbers. Forces of
 // contact count as loads. PM_EDATA, PM_ENUMERIC, PM_ENOMEM. The caller frees the basis.
 pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, const int *trajectory,
                         const pm_reduce_settings *settings);

@@ -29,8 +29,9 @@ pm_status pm_propose_scene(const char *from, const char *path);
 bool pm_propose_fits_one(const pm_scene *scene);
 // Writes a scene to `path` that has the columns and the steps of `scene`, but a single subsystem
 // without ports. Its groups are those of all subsystems in their order, called
-// "<subsystem>_<group>". The rates of a model of the form free may then depend on all variables,
-// while ports would let each subsystem see its own and a few of its neighbours. PM_EFILE.
+// "<subsystem>_<group>". The rates of a model of the form free may then depend on all variables of
+// the scene. With ports, the rates of a subsystem could depend only on its own variables and on
+// those that its neighbours expose. PM_EFILE.
 pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path);
 
 #endif
