@@ -45,6 +45,12 @@ succeed respond "$folder/learned.h5" --weights "$folder/material.h5"
 below 0.001 "displacement"
 below 0.001 "dissipated energy"
 
+# The shipped weights, on a body that they have not seen.
+succeed respond "$folder/other.h5" --weights configs/weights/solid_beam/material.h5
+below 0.5 "displacement"
+below 0.5 "stress, free nodes"
+below 1 "dissipated energy"
+
 timeout 100 "$train" respond "$folder/other.h5" --weights configs/weights/beam/body.h5 >"$folder/out" 2>&1
 [ $? -eq 6 ] && grep -qF "expected weights of a solid" "$folder/out" || fail "weights of another kind: expected code 6"
 timeout 100 "$train" solid "$folder/small.h5" --branches 9 -o "$folder/none.h5" >"$folder/out" 2>&1
