@@ -100,22 +100,17 @@ static void add_entropies(pm_draft_list *l, const pm_part_view *v, bool changing
 }
 
 // Adds a group as a feature: the length of a vector if nothing depends on directions, the logarithm
-// of a volume as in the entropy of gases, else the group itself. An amount of substance also has
-// its logarithm, so that a quadratic skip contains the entropy of mixing, n ln n.
+// of a volume as in the entropy of gases, else the group itself.
 static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
                         const char *before, int g) {
     const pm_unit volume = pm_unit_parse("m^3");
     const bool length = d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0;
-    const bool amount = v->group[g].positive && v->group[g].group->size == 1 && v->unit[g].known &&
-                        v->unit[g].power[PM_UNIT_MOL] == 1;
-    const bool gas = v->group[g].positive && pm_unit_equal(&v->unit[g], &volume);
-    if (!length && !gas) {
-        pm_draft_add(l, before, pm_draft_name(v, g));
-    }
-    if (length || gas || amount) {
+    if (length || (v->group[g].positive && pm_unit_equal(&v->unit[g], &volume))) {
         char name[2 * PM_MAX_NAME];
         snprintf(name, sizeof name, "%s%s", before, pm_draft_name(v, g));
         add_quoted(l, length && v->group[g].zero ? "|" : "ln|", name, "|");
+    } else {
+        pm_draft_add(l, before, pm_draft_name(v, g));
     }
 }
 

@@ -16,9 +16,8 @@ mkdir -p "$folder"
 for seed in "$@"; do
     out=$folder/$seed
     mkdir -p "$out"
-    sed "s/^seed: .*/seed: $seed/" "$folder/proposed.yaml" >"$out/training.yaml"
     code=0
-    "$train" fit "$out/training.yaml" --data "$data" -o "$out" >"$out/fit.log" 2>&1 || code=$?
+    "$train" fit "$folder/proposed.yaml" --data "$data" -o "$out" --seed "$seed" >"$out/fit.log" 2>&1 || code=$?
     "$train" evaluate "$scene" --weights "$out" --data "$test" >"$out/evaluate.log" 2>&1 || true
     awk -v seed="$seed" -v code="$code" '
         $2 == "trajectory" { line = line sprintf("  %s %s (%s)", $1, $5, $8) }
