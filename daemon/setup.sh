@@ -3,7 +3,7 @@
 
 build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libglib2.0-dev libhdf5-dev
     libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev libsuitesparse-dev liblbfgs-dev
-    gnuplot-nox iproute2 nftables hdf5-tools"
+    libwebsockets-dev gnuplot-nox iproute2 nftables hdf5-tools"
 
 # The folder for logs of what is installed.
 logs=build

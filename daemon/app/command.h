@@ -13,6 +13,7 @@ pm_status pm_command_node(int argc, char **argv, const volatile sig_atomic_t *st
 pm_status pm_command_coordinator(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_export(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_status(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_view(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_check(int argc, char **argv, const volatile sig_atomic_t *stop);
 
 #endif

@@ -10,6 +10,7 @@ static const pm_subcommand commands[] = {
     {"node", "serve one process of a scene", pm_command_node},
     {"coordinator", "step the nodes of a scene that run elsewhere", pm_command_coordinator},
     {"status", "print how a run is doing", pm_command_status},
+    {"view", "show a run or a recording in a browser", pm_command_view},
     {"export", "write a scene as C source or as an FMU", pm_command_export},
     {"check", "validate a scene and describe it", pm_command_check},
 };

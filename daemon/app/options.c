@@ -9,7 +9,7 @@
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
     pm_run_options run;
-    const char *steps, *session, *log;
+    const char *steps, *session, *log, *port, *udp;
 } given_options;
 
 typedef struct option_row {
@@ -17,11 +17,22 @@ typedef struct option_row {
     pm_option option;
 } option_row;
 
-enum { MOST_OPTIONS = 16 };
+enum { MOST_OPTIONS = 16, MOST_PORT = 65535 };
 
 static pm_option text_option(const char *name, const char *value, const char **text,
                              const char *help) {
     return (pm_option){.name = name, .value = value, .text = text, .help = help};
+}
+
+// Fills table [count] with the accepted options of row [count]; returns their number.
+static int choose(unsigned accepts, const option_row *row, size_t count, pm_option *table) {
+    int chosen = 0;
+    for (size_t i = 0; i < count; ++i) {
+        if ((accepts & row[i].bit) != 0) {
+            table[chosen++] = row[i].option;
+        }
+    }
+    return chosen;
 }
 
 // Fills table [MOST_OPTIONS] with the accepted options; returns their number.
@@ -67,18 +78,47 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
                                     "form of the lines on standard error: text, or json")},
         {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
     };
-    int count = 0;
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
-        if ((accepts & rows[i].bit) != 0) {
-            table[count++] = rows[i].option;
+    return choose(accepts, rows, sizeof rows / sizeof rows[0], table);
+}
+
+// Does the same with the options of views.
+static int list_view_options(unsigned accepts, given_options *given, pm_option *table) {
+    const option_row rows[] = {
+        {PM_OPTION_PORT, text_option("--port", "PORT", &given->port,
+                                     "serve the page on this port instead of 8080")},
+        {PM_OPTION_BIND, text_option("--bind", "ADDRESS", &given->run.bind,
+                                     "serve the page on this address instead of 127.0.0.1")},
+        {PM_OPTION_UDP, text_option("--udp", "PORT", &given->udp,
+                                    "send all values as JSON to this UDP port of 127.0.0.1")},
+        {PM_OPTION_RECORDING, text_option("--recording", "FILE", &given->run.recording,
+                                          "show this recording instead of a run")},
+    };
+    return choose(accepts, rows, sizeof rows / sizeof rows[0], table);
+}
+
+// Turns the options whose values are whole numbers from text into numbers.
+static pm_status read_counts(given_options *given) {
+    pm_run_options *run = &given->run;
+    const struct {
+        const char *name, *text;
+        int64_t most, *result;
+    } counts[] = {{"--steps", given->steps, INT_MAX, &run->steps},
+                  {"--session", given->session, INT64_MAX, &run->session},
+                  {"--port", given->port, MOST_PORT, &run->port},
+                  {"--udp", given->udp, MOST_PORT, &run->udp}};
+    for (size_t i = 0; i < sizeof counts / sizeof counts[0]; ++i) {
+        if (counts[i].text != NULL) {
+            PM_TRY(
+                pm_options_count(counts[i].name, counts[i].text, counts[i].most, counts[i].result));
         }
     }
-    return count;
+    return PM_OK;
 }
 
 static pm_status read_options(const pm_command *command, int argc, char **argv,
                               given_options *given, bool *helped) {
     pm_option table[MOST_OPTIONS];
+    const int common = list_options(command->accepts, given, table);
     const char *positional[2] = {NULL, NULL};
     char usage[64];
     snprintf(usage, sizeof usage, "portmetd %s %s [options]", argv[0], command->arguments);
@@ -87,7 +127,7 @@ static pm_status read_options(const pm_command *command, int argc, char **argv,
         .summary = command->help,
         .positional_name = command->arguments,
         .positional = positional,
-        .count = list_options(command->accepts, given, table),
+        .count = common + list_view_options(command->accepts, given, table + common),
         .option = table,
     };
     PM_TRY(pm_options_read(&options, argc, argv, helped));
@@ -95,12 +135,7 @@ static pm_status read_options(const pm_command *command, int argc, char **argv,
     given->run.name = positional[1];
     given->run.log.part = positional[1] != NULL ? positional[1] : argv[0];
     PM_TRY(pm_journal_read_form(given->log, &given->run.log.json));
-    if (given->steps != NULL) {
-        PM_TRY(pm_options_count("--steps", given->steps, INT_MAX, &given->run.steps));
-    }
-    return given->session == NULL
-               ? PM_OK
-               : pm_options_count("--session", given->session, INT64_MAX, &given->run.session);
+    return read_counts(given);
 }
 
 // Writes the error as JSON. The message that is left is empty, so that nobody prints it again.

@@ -58,6 +58,7 @@ door 'lcm/|portmet_' 'daemon/(transport|lockstep|examples)/'
 # Below the transport nobody knows how messages travel.
 found=$(grep -rniE 'lcm|multicast' --include='*.[ch]' daemon/base daemon/store daemon/graph daemon/model daemon/scene daemon/sim daemon/library daemon/export)
 [ -z "$found" ] || fail "LCM is named below the transport: $found"
+door 'libwebsockets' 'daemon/app/view_server\.c'
 door 'cvode|nvector|sun' 'trainer/truth/'
 door '(suitesparse/)?cholmod' 'trainer/truth/beam_matrix'
 

@@ -1,0 +1,49 @@
+// Serves the page of a view over HTTP, and its messages over a websocket, on one port. Nothing that
+// a client sends can change anything: the server answers GET requests for the three files of the
+// page, refuses every other request, and ignores what arrives on a websocket.
+//
+// A browser may hold pages of other origins, which must not read a run. The server therefore
+// refuses a request whose Host is neither an address nor "localhost" (a name that somebody has
+// pointed at this host), and a websocket whose Origin is another one than that of the page.
+//
+// This is the only file that uses libwebsockets. A program that was built without it has the same
+// functions, and pm_view_server_open says that it has no server.
+#ifndef PM_APP_VIEW_SERVER_H
+#define PM_APP_VIEW_SERVER_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "base/status.h"
+
+#define PM_VIEW_PORT 8080  // unless the user gives another one
+#define PM_VIEW_CLIENTS 32 // websockets at a time
+
+// What one client has received so far; zeros at the start.
+typedef struct pm_view_progress {
+    int64_t scene, frame, health;
+} pm_view_progress;
+
+// Writes the next message for a client to `file` and updates its progress. Returns false, and
+// writes nothing, if the client has received everything.
+typedef bool pm_view_next(void *context, pm_view_progress *progress, FILE *file);
+
+typedef struct pm_view_server pm_view_server;
+
+// Opens a server on `port` of `address`, an IPv4 address of this host. `next`, called with
+// `context`, gives the messages. The caller closes the server. PM_ENET: the address or the port
+// cannot be used, or the program was built without libwebsockets. PM_ENOMEM.
+pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
+                              pm_view_next *next, void *context);
+void pm_view_server_close(pm_view_server *server); // NULL is allowed
+
+// Serves for `seconds`, or until a signal arrives. PM_ENET.
+pm_status pm_view_server_serve(pm_view_server *server, double seconds,
+                               const volatile sig_atomic_t *stop);
+
+// Offers new messages to all clients.
+void pm_view_server_wake(pm_view_server *server);
+
+#endif

@@ -1,0 +1,251 @@
+// Subscribes to what a run publishes and assembles samples from it. Reports of different processes
+// on one step arrive in any order, so that samples of several steps are incomplete at a time. They
+// stand in a ring, by step modulo its depth.
+#include "lockstep/listener.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/progress.h"
+#include "lockstep/health.h"
+#include "lockstep/lookahead.h"
+#include "lockstep/remote_process.h"
+
+#define MOST_READS 8 // of pm_transport_wait in one pm_listener_read, so that it always returns
+
+typedef struct listener_slot {
+    int64_t step; // -1: none
+    int missing;  // number of processes whose report on the step has not arrived
+    bool *has;    // [nprocess]
+    pm_sample *sample;
+} listener_slot;
+
+typedef struct listened_process {
+    struct pm_listener *listener;
+    pm_remote_process remote;
+} listened_process;
+
+struct pm_listener {
+    pm_arena arena;
+    pm_transport *transport;
+    const pm_scene *scene;
+    int64_t wanted, session; // wanted 0: any
+    double heard;            // s, when a message of the run last arrived
+    bool over, with_state, has_ledger, has_health;
+    listened_process *process; // [nprocess]
+    int depth;
+    listener_slot *slot; // [depth]
+    const listener_slot *newest;
+    portmet_ledger_t ledger, next_ledger;
+    portmet_health_t health, next_health;
+    int64_t health_count;
+};
+
+// --- which run ---
+
+static void forget(pm_listener *l) {
+    for (int i = 0; i < l->depth; ++i) {
+        l->slot[i].step = -1;
+    }
+    l->newest = NULL;
+    l->over = l->has_ledger = l->has_health = false;
+}
+
+// Returns true if a message of this session belongs to the run that the listener follows.
+static bool follows(pm_listener *l, int64_t session) {
+    const double now = pm_clock();
+    if (l->wanted != 0 && session != l->wanted) {
+        return false;
+    }
+    if (session != l->session) {
+        if (l->session != 0 && !l->over && now - l->heard < PM_LISTENER_SILENT) {
+            return false;
+        }
+        forget(l);
+        l->session = session;
+    }
+    l->heard = now;
+    return true;
+}
+
+// --- messages ---
+
+static void add_row(pm_listener *l, const pm_remote_process *remote, int row) {
+    const int64_t step = remote->report.step + row;
+    listener_slot *slot = &l->slot[step % l->depth];
+    if (slot->step < step) {
+        slot->step = step;
+        slot->missing = l->scene->nprocess;
+        memset(slot->has, 0, (size_t)l->scene->nprocess * sizeof *slot->has);
+        slot->sample->step = (long)step;
+        slot->sample->time = pm_scene_time(l->scene, 0, (long)step);
+        l->newest = l->newest == slot ? NULL : l->newest;
+    }
+    if (slot->step != step || slot->has[remote->id]) {
+        return;
+    }
+    pm_remote_process_fill(remote, row, slot->sample);
+    slot->has[remote->id] = true;
+    slot->missing -= 1;
+    if (slot->missing == 0 && (l->newest == NULL || l->newest->step < step)) {
+        l->newest = slot;
+    }
+}
+
+// Reports have the state only if somebody records the run, which a listener cannot know.
+static void on_report(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    listened_process *process = context;
+    pm_listener *l = process->listener;
+    pm_remote_process *remote = &process->remote;
+    pm_drop drop = pm_remote_process_decode(remote, data, size, l->with_state);
+    if (drop == PM_DROP_COUNT) {
+        l->with_state = !l->with_state;
+        drop = pm_remote_process_decode(remote, data, size, l->with_state);
+    }
+    const portmet_report_t *report = &remote->report;
+    if (drop != PM_KEEP || report->kind != PORTMET_REPORT_T_DONE || report->step < 0 ||
+        report->step > PM_STEPS_MAX || !follows(l, report->session)) {
+        return;
+    }
+    for (int row = 0; row < pm_remote_process_rows(remote); ++row) {
+        add_row(l, remote, row);
+    }
+}
+
+static void on_ledger(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_listener *l = context;
+    if (pm_ledger_decode(&l->next_ledger, data, size) == PM_KEEP &&
+        follows(l, l->next_ledger.session)) {
+        l->ledger = l->next_ledger;
+        l->has_ledger = true;
+    }
+}
+
+// The two health messages trade places, arrays included.
+static void on_health(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_listener *l = context;
+    if (pm_health_decode(&l->next_health, data, size) == PM_KEEP &&
+        follows(l, l->next_health.session)) {
+        const portmet_health_t before = l->health;
+        l->health = l->next_health;
+        l->next_health = before;
+        l->has_health = true;
+        l->health_count += 1;
+    }
+}
+
+static void on_command(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    pm_listener *l = context;
+    portmet_command_t command;
+    if (pm_command_decode(&command, data, size) == PM_KEEP &&
+        command.kind != PORTMET_COMMAND_T_REFUSE && command.session == l->session) {
+        l->over = true;
+    }
+}
+
+// --- opening ---
+
+static pm_status allocate(pm_listener *l) {
+    const size_t n = (size_t)l->scene->nprocess;
+    l->process = pm_arena_array(&l->arena, n, sizeof *l->process);
+    const int depth = 2 * (pm_lookahead(l->scene) + 1);
+    l->slot = pm_arena_array(&l->arena, (size_t)depth, sizeof *l->slot);
+    bool *has = pm_arena_array(&l->arena, (size_t)depth * n, sizeof *has);
+    if (l->process == NULL || l->slot == NULL || has == NULL) {
+        return pm_fail(PM_ENOMEM, "listener: out of memory");
+    }
+    for (int i = 0; i < depth; ++i) {
+        l->slot[i] = (listener_slot){.step = -1, .has = has + (size_t)i * n};
+        PM_TRY(pm_sample_new(&l->slot[i].sample, l->scene));
+        l->depth = i + 1;
+    }
+    PM_TRY(pm_health_message_alloc(&l->health, &l->arena, l->scene->nprocess));
+    return pm_health_message_alloc(&l->next_health, &l->arena, l->scene->nprocess);
+}
+
+static pm_status subscribe(pm_listener *l) {
+    static const struct {
+        const char *word;
+        pm_message_handler *handler;
+    } words[] = {{"LEDGER", on_ledger}, {"HEALTH", on_health}, {"COMMAND", on_command}};
+    char channel[PM_CHANNEL_SIZE];
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
+        PM_TRY(pm_channel_scene(channel, l->scene, words[i].word));
+        PM_TRY(pm_transport_subscribe(l->transport, channel, words[i].handler, l));
+    }
+    for (int i = 0; i < l->scene->nprocess; ++i) {
+        l->process[i].listener = l;
+        PM_TRY(pm_remote_process_init(&l->process[i].remote, &l->arena, l->scene, i));
+        PM_TRY(pm_transport_subscribe(l->transport, l->process[i].remote.channel, on_report,
+                                      &l->process[i]));
+    }
+    return PM_OK;
+}
+
+pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, const pm_scene *scene,
+                           int64_t session) {
+    pm_listener *l = calloc(1, sizeof *l);
+    if (l == NULL) {
+        return pm_fail(PM_ENOMEM, "listener: out of memory");
+    }
+    pm_status status;
+    l->transport = transport;
+    l->scene = scene;
+    l->wanted = session;
+    PM_TRY_DONE(allocate(l));
+    PM_TRY_DONE(subscribe(l));
+    *listener = l;
+    return PM_OK;
+done:
+    pm_listener_close(l);
+    return status;
+}
+
+void pm_listener_close(pm_listener *listener) {
+    if (listener == NULL) {
+        return;
+    }
+    for (int i = 0; i < listener->depth; ++i) {
+        pm_sample_free(listener->slot[i].sample);
+    }
+    pm_arena_free(&listener->arena);
+    free(listener);
+}
+
+// --- reading ---
+
+pm_status pm_listener_read(pm_listener *listener) {
+    int handled = 1;
+    for (int i = 0; i < MOST_READS && handled > 0; ++i) {
+        PM_TRY(pm_transport_wait(listener->transport, 0, &handled));
+    }
+    return PM_OK;
+}
+
+int64_t pm_listener_session(const pm_listener *listener) {
+    return listener->session;
+}
+
+bool pm_listener_is_over(const pm_listener *listener) {
+    return listener->over;
+}
+
+const pm_sample *pm_listener_sample(const pm_listener *listener) {
+    return listener->newest == NULL ? NULL : listener->newest->sample;
+}
+
+const portmet_ledger_t *pm_listener_ledger(const pm_listener *listener) {
+    return listener->has_ledger ? &listener->ledger : NULL;
+}
+
+const portmet_health_t *pm_listener_health(const pm_listener *listener) {
+    return listener->has_health ? &listener->health : NULL;
+}
+
+int64_t pm_listener_health_count(const pm_listener *listener) {
+    return listener->health_count;
+}

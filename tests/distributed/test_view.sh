@@ -1,0 +1,148 @@
+#!/bin/sh
+# test_view.sh PORTMETD MAKE_SCENE SAME_RECORDING VIEW_CLIENT: `portmetd view` shows a run that does not know
+# of it, and a recording; serves its page to nobody but this host's browsers; and changes nothing.
+. "$(dirname "$0")/network.sh"
+command -v python3 >/dev/null || { echo "skipped: no python3"; exit 77; }
+client=$4
+port=8080
+
+# client ARGUMENT...: what the client of the view prints, in $folder/client.out.
+client() {
+    python3 "$client" $port "$@" >"$folder/client.out" 2>"$folder/client.err"
+}
+
+# field EXPRESSION: whether it holds of the message m that the client printed.
+field() {
+    python3 -c 'import json, sys
+m = json.load(open(sys.argv[1]))
+sys.exit(0 if eval(sys.argv[2]) else 1)' "$folder/client.out" "$1" 2>"$folder/field.err"
+}
+
+# expect EXPRESSION
+expect() {
+    field "$1" || fail "expected $1, found $(head -c 700 "$folder/client.out")"
+}
+
+# answers CODE ARGUMENT...: the status with which the view answers a client.
+answers() {
+    code=$1
+    shift
+    client "$@"
+    [ "$(head -n 1 "$folder/client.out")" = "$code" ] || fail "$*: expected $code, found $(cat "$folder/client.out")"
+}
+
+serves() {
+    grep -q "http://" "$folder/$1.out" 2>"$folder/grep.log"
+}
+
+# The newest frame and health of a run are there.
+shows_step() {
+    client last && field "m['step'] == $1"
+}
+
+# --- without libwebsockets there is no page, and a line says so ---
+start first view "$scene"
+first=$pid
+wait_until 5 serves first || {
+    if says first "built without libwebsockets"; then
+        echo "skipped: portmetd was built without libwebsockets"
+        exit 77
+    fi
+    fail "first: no page"
+}
+
+# --- a run ---
+client listen scene
+expect "m['name'] == 'pair' and [n['name'] for n in m['nodes']][:2] == ['left', 'right']"
+expect "m['edges'][0] == {'name': 'joint', 'a': 0, 'b': 1, 'count': 1} and m['recording'] is None"
+"$portmetd" run "$scene" --in-process --quiet --steps 30 --record "$folder/plain.h5" || fail "plain run"
+echo 20 >"$folder/run.gate"
+start run run "$scene" --steps 30 --gate "$folder/run.gate" --record "$folder/run.h5"
+run=$pid
+held run 20
+wait_until 30 shows_step 20 || fail "the frame of step 20 never came: $(head -c 500 "$folder/client.out")"
+expect "abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
+expect "len(m['parts'][1]) == 2 and m['violations'] == 0 and abs(m['energy_residual']) < 1e-12"
+expect "abs(m['edges'][0][0] + m['edges'][1][0]) <= 1e-12 * abs(m['edges'][0][0]) != 0"
+expect "m['edges'][2][0] + m['edges'][3][0] >= 0"
+client listen health
+expect "m['steps'] == 30 and [r['name'] for r in m['rows']] == ['left', 'right']"
+expect "all(k in m['rows'][0] for k in ('waits_for', 'waits', 'busy', 'drops', 'loss', 'rate'))"
+
+# What a client sends changes nothing.
+client talk
+expect "m['step'] <= 20"
+start second view "$scene" --udp 9870
+second=$pid
+wait_until 5 grep -q udp: "$folder/second.out" || fail "second: never ready"
+port=9870
+client datagram power &
+listening=$!
+wait_until 5 grep -q '^ *[0-9]*: 0100007F:268E ' /proc/net/udp || fail "nobody listens at port 9870"
+open_gate run 30
+wait $listening || fail "no datagram"
+expect "m['pair']['power']['joint'] != 0 and m['timestamp'] > 0 and set(m['pair']['energy']) == {'left', 'right'}"
+port=8080
+kill -TERM $second
+ends second $second 12 "interrupted"
+ends run $run 0 ""
+"$same_recording" "$folder/plain.h5" "$folder/run.h5" || fail "a view has changed the run"
+wait_until 30 shows_step 30 || fail "the last frame never came"
+client listen health
+expect "m['over']"
+
+# --- who may ask ---
+answers 200 get /
+grep -q '<title>portmet</title>' "$folder/client.out" || fail "the page is not there"
+answers 200 get /view.js
+cmp -s "$(dirname "$0")/../../daemon/view/view.js" - <<END || fail "another script is served"
+$(sed 1d "$folder/client.out")
+END
+answers 200 get /view.css
+answers 200 get / "Host: localhost:$port"
+answers 404 get /../etc/passwd
+answers 403 get / "Host: elsewhere.example:$port"
+for method in POST PUT DELETE HEAD OPTIONS; do
+    answers 405 send $method /
+done
+answers 403 listen scene "Origin: http://elsewhere.example"
+answers 403 listen scene "Origin: null"
+answers 403 listen scene "Origin: https://127.0.0.1:$port"
+answers 403 listen scene "Host: elsewhere.example:$port" "Origin: http://elsewhere.example:$port"
+client listen scene "Origin: http://127.0.0.1:$port"
+expect "m['name'] == 'pair'"
+[ -z "$(awk '$2 ~ /:1F90$/ && $2 !~ /^0100007F:/' /proc/net/tcp)" ] || fail "port 8080 is open beyond 127.0.0.1"
+timeout 30 "$portmetd" view "$scene" >/dev/null 2>"$folder/taken.err"
+[ $? -eq 7 ] && says taken "cannot listen on port 8080 of 127.0.0.1" || fail "a taken port"
+kill -INT $first
+ends first $first 12 "interrupted"
+
+# --- a recording ---
+start recording view "$scene" --recording "$folder/plain.h5" --port 8081
+recording=$pid
+port=8081
+wait_until 5 serves recording || fail "recording: no page"
+client listen frame
+expect "m['step'] == 0 and m['violations'] is None"
+client last
+expect "m['step'] == 30 and abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
+
+# --- a browser ---
+# The browser's own clock may run ahead of a slow machine: then it draws again, for longer.
+draws() {
+    budget=$((${budget:-2500} * 2))
+    timeout 60 chromium --headless=new --no-sandbox --disable-gpu --user-data-dir="$folder/browser" \
+        --virtual-time-budget=$budget --dump-dom "http://127.0.0.1:$port/" >"$folder/page" 2>"$folder/browser.log"
+    grep -q '<dd id="step">[0-9]* of' "$folder/page"
+}
+if command -v chromium >/dev/null; then
+    wait_until 90 draws || fail "the browser shows no step: $(tail -n 3 "$folder/browser.log")"
+    grep -q '<h1 id="name">pair</h1>' "$folder/page" || fail "the browser shows no name"
+    grep -q '<text [^>]*>left</text>' "$folder/page" || fail "the browser shows no graph"
+    grep -q 'class="value">[0-9.]* [a-zµ]*W</text>' "$folder/page" || fail "the browser shows no power"
+else
+    echo "no chromium here: the page is not drawn"
+fi
+kill -TERM $recording
+ends recording $recording 12 "interrupted"
+finish
