@@ -74,6 +74,25 @@ void pm_dataset_free(pm_dataset *dataset) {
     }
 }
 
+// Moves the first `ntime` rows of each trajectory in x [trajectories][times][columns] to the front.
+static void shorten(const pm_dataset *d, double *x, int ntime) {
+    const size_t kept = (size_t)ntime * (size_t)d->ncolumn;
+    const size_t length = (size_t)d->ntime * (size_t)d->ncolumn;
+    for (size_t i = 1; x != NULL && i < (size_t)d->ntrajectory; ++i) {
+        memmove(x + i * kept, x + i * length, kept * sizeof *x);
+    }
+}
+
+void pm_dataset_shorten(pm_dataset *dataset, int ntime) {
+    shorten(dataset, dataset->z, ntime);
+    shorten(dataset, dataset->zdot, ntime);
+    for (size_t i = 1; dataset->times != NULL && i < (size_t)dataset->ntrajectory; ++i) {
+        memmove(dataset->times + i * (size_t)ntime, dataset->times + i * (size_t)dataset->ntime,
+                (size_t)ntime * sizeof *dataset->times);
+    }
+    dataset->ntime = ntime;
+}
+
 pm_status pm_dataset_with_rates(pm_dataset *dataset) {
     const size_t count = (size_t)dataset->ntrajectory * (size_t)dataset->ntime;
     dataset->zdot =

@@ -71,6 +71,10 @@ pm_status pm_dataset_with_rates(pm_dataset *dataset);
 pm_status pm_dataset_save(const pm_dataset *dataset, const char *path);
 void pm_dataset_free(pm_dataset *dataset); // NULL is allowed
 
+// Leaves out all states of each trajectory after the first `ntime` ones, which is at least 1 and at
+// most the number of states.
+void pm_dataset_shorten(pm_dataset *dataset, int ntime);
+
 // Returns the state [ncolumn] of trajectory i at time j.
 static inline double *pm_dataset_state(const pm_dataset *d, int i, int j) {
     return d->z + ((size_t)i * (size_t)d->ntime + (size_t)j) * (size_t)d->ncolumn;

@@ -51,6 +51,28 @@ static void assert_load_fails(const char *path, pm_status code, const char *word
     assert_null(strchr(pm_error(), '\n'));
 }
 
+static void the_first_states_of_each_trajectory_remain(void **state) {
+    (void)state;
+    pm_dataset *d = sample_dataset(), *whole = sample_dataset();
+    assert_int_equal(pm_dataset_with_rates(d), PM_OK);
+    for (int i = 0; i < 2 * 4 * 3; ++i) {
+        d->zdot[i] = -d->z[i];
+    }
+    pm_dataset_shorten(d, 3);
+    assert_int_equal(d->ntime, 3);
+    for (int i = 0; i < 2; ++i) {
+        for (int j = 0; j < 3; ++j) {
+            for (int k = 0; k < 3; ++k) {
+                const double expected = pm_dataset_state(whole, i, j)[k];
+                assert_true(pm_dataset_state(d, i, j)[k] == expected);
+                assert_true(pm_dataset_rate(d, i, j)[k] == -expected);
+            }
+        }
+    }
+    pm_dataset_free(d);
+    pm_dataset_free(whole);
+}
+
 static void save_and_load_return_the_same(void **state) {
     const char *path = saved(*state);
     pm_dataset *d = NULL, *expected = sample_dataset();
@@ -344,6 +366,7 @@ static void a_layout_may_hold_ranges(void **state) {
 int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_first_states_of_each_trajectory_remain),
         cmocka_unit_test_setup_teardown(save_and_load_return_the_same, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(rates_come_back, scratch_setup, scratch_teardown),

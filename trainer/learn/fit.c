@@ -252,6 +252,20 @@ static pm_status split_data(pm_fit *f) {
                                              : pm_fail(PM_ECONFIG, "%s: %s", at, pm_error());
 }
 
+// Leaves out the states after the first seconds of each trajectory. Measurements do this by
+// themselves.
+static pm_status keep_first_seconds(pm_fit *f) {
+    const double steps = f->training->seconds / f->dataset->dt * (1 + 1e-9);
+    if (steps < 1) {
+        return pm_fail(PM_EDATA, "%s: seconds: %g s are shorter than a step of %g s",
+                       f->arguments->config, f->training->seconds, f->dataset->dt);
+    }
+    if (steps < f->dataset->ntime - 1) {
+        pm_dataset_shorten(f->dataset, (int)steps + 1);
+    }
+    return PM_OK;
+}
+
 static pm_status load_data(pm_fit *f) {
     if (f->arguments->data != NULL) {
         PM_TRY(load_dataset(f, f->arguments->data));
@@ -278,7 +292,8 @@ static pm_status load_data(pm_fit *f) {
         f->digest = pm_digest_integer(f->digest, (int64_t)f->seen[i]);
     }
     f->digest = pm_digest_integer(f->digest, f->split.ntraining);
-    return PM_OK;
+    // After the digests, which are those of whole trajectories.
+    return f->measured == NULL ? keep_first_seconds(f) : PM_OK;
 }
 
 // --- start ---
