@@ -159,18 +159,35 @@ static pm_node apply(const construction *c, pm_node d) {
     return rate;
 }
 
-// Returns P^T K P d, which is orthogonal to the normal.
+// Returns x minus its component along `direction`: the share (x . measure) / square of it.
+static pm_node remove_along(pm_graph *g, pm_node x, pm_node measure, pm_node direction,
+                            pm_node square) {
+    const pm_node share = pm_div(g, pm_dot(g, x, measure), square);
+    return pm_sub(g, x, pm_mul(g, share, direction));
+}
+
+// Returns P^T K P d, which is orthogonal to the normal. Each second pass removes the rounding error
+// of the first one, which is proportional to the part that the first pass removed. A learned skew
+// matrix may be much larger than what is left of its effect; the rate therefore loses its component
+// along P d, too, which is nothing but rounding.
 static pm_node apply_projected(const construction *c, pm_node d, pm_node normal) {
     pm_graph *g = c->g;
-    const pm_node weighted = pm_mul(g, normal, pm_square(g, c->scale)); // W n
+    const pm_node metric = pm_square(g, c->scale);
+    const pm_node weighted = pm_mul(g, normal, metric); // W n
     const pm_node square = pm_offset(g, pm_dot(g, normal, weighted), SMALLEST_NORMAL);
-    const pm_node along = pm_div(g, pm_dot(g, d, weighted), square);
-    pm_node rate = apply(c, pm_sub(g, d, pm_mul(g, along, normal)));
-    // The second pass removes the rounding error of the first one, which is proportional to the
-    // part that the first pass removed.
+    const bool learned = c->matrix != PM_NO_NODE;
+    pm_node projected = d;
+    for (int i = 0; i < (learned ? 2 : 1); ++i) {
+        projected = remove_along(g, projected, weighted, normal, square);
+    }
+    pm_node rate = apply(c, projected);
     for (int i = 0; i < 2; ++i) {
-        const pm_node excess = pm_div(g, pm_dot(g, rate, normal), square);
-        rate = pm_sub(g, rate, pm_mul(g, excess, weighted));
+        rate = remove_along(g, rate, normal, weighted, square);
+    }
+    if (learned && c->op->kind == PM_REVERSIBLE) {
+        const pm_node own = pm_mul(g, projected, metric);
+        const pm_node size = pm_offset(g, pm_dot(g, projected, own), SMALLEST_NORMAL);
+        rate = remove_along(g, rate, projected, own, size);
     }
     return rate;
 }
