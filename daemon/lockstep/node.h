@@ -52,7 +52,7 @@
 // LEAVING  nothing            END or ABORT again                 LEAVING   BYE
 //                             request for a buffered message     LEAVING   flux or report again
 //                             0.15 s passed                      FINISHED
-// RUNNING                     1 s passed                         RUNNING   vitals
+// RUNNING                     pm_vitals_interval passed          RUNNING   vitals
 // HELLO or                    hello of a later node of its name  the same  REFUSE to the sender
 // RUNNING                     own failure, interrupt             FAILING
 // HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
