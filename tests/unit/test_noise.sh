@@ -45,8 +45,11 @@ score() {
 make clean
 make noise --noise 0.01 --seed 1
 make gaps --noise 0.01 --missing 0.5 --seed 2
+make camera --noise 0.001 --seed 3
 score noise double_pendulum_noise double_pendulum 6 4 6 4
 score gaps double_pendulum_noise double_pendulum 6 4 6 4
+score clean double_pendulum_hidden double_pendulum_hidden 3 0.2 0.4
+score camera double_pendulum_positions double_pendulum_positions 6 2 4
 
 [ $failures -eq 0 ] && echo "all checks of fits to noise passed"
 exit $failures

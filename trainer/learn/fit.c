@@ -135,7 +135,7 @@ static pm_status make_samples(pm_fit *f, pm_residual residual, int unroll, int i
 // Chooses initial weights by the seed of the training and the number of the attempt.
 static pm_status search_start(pm_fit *f) {
     pm_samples samples;
-    if (f->training->tries <= 1 || f->measured != NULL) {
+    if (f->training->tries <= 1 || (f->measured != NULL && pm_fit_measured_searches(f))) {
         return PM_OK;
     }
     pm_status status = make_samples(f, PM_RESIDUAL_DERIVATIVE, 1, 1, &samples);

@@ -18,6 +18,7 @@
 #define FAR_REACH 1e6         // of constants whose unit and size are not known
 #define SWING 16 // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
+#define MOST_SEARCHED 400   // weights; with more, short fits to windows take too long
 #define SEARCHED 2          // first window lengths of the windows that choose initial weights
 #define EQUAL 1e-6          // relative difference of times that count as equal
 
@@ -266,7 +267,11 @@ static void draw(void *context, int id, double *theta) {
     pm_start_draw_again(f->training, id, theta);
 }
 
-// Chooses the initial weights. Noise, gaps and hidden variables leave no rates to fit draws to.
+bool pm_fit_measured_searches(const pm_fit *f) {
+    return f->training->tries > 1 && (f->size <= MOST_SEARCHED || pm_training_hides(f->training));
+}
+
+// Chooses the initial weights.
 static pm_status search_start(pm_fit *f, pm_shooting *s) {
     const pm_shooting_search search = {.tries = f->training->tries,
                                        .iterations = f->training->try_iterations,
@@ -275,7 +280,7 @@ static pm_status search_start(pm_fit *f, pm_shooting *s) {
                                        .context = f,
                                        .stop = f->stop};
     const int substeps = s->how.substeps;
-    if (f->training->tries > 1 && is_random(f)) {
+    if (pm_fit_measured_searches(f) && is_random(f)) {
         PM_TRY(pm_shooting_search_start(s, &search));
         s->how.substeps = substeps;
     }

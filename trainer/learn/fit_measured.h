@@ -20,6 +20,10 @@ struct pm_fit_measured {
 // the models (learn/normalization.h). PM_EDATA, PM_ECONFIG, PM_EFILE, PM_ENOMEM.
 pm_status pm_fit_measured_load(pm_fit *f, const char *path);
 void pm_fit_measured_close(struct pm_fit_measured *m); // NULL is allowed
+// Returns true if pm_fit_measured_run chooses the initial weights by short fits to windows
+// (learn/shooting_start.h), false if they are chosen by fits to rates (learn/start.h) or drawn
+// once.
+bool pm_fit_measured_searches(const pm_fit *f);
 // Runs multiple shooting on the training part. f->theta holds the result.
 pm_status pm_fit_measured_run(pm_fit *f);
 // Estimates the starts of the validation part from the first quarter of each trajectory, and prints

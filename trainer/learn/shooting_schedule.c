@@ -29,6 +29,9 @@
 #define LAST_SETTLED 0.02
 // Noise below this fraction of the deviation of a column is rounding of the data.
 #define LEAST_NOISE 1e-7
+// Before the last level residuals count as noise of at least this fraction of a deviation. Clean
+// data would otherwise demand of short windows what the weights cannot fulfil yet.
+#define LEAST_EARLY_NOISE 3e-3
 // Hidden components count as known to this fraction of their typical size, in relation to the mean
 // relative noise of the measured ones.
 #define NORMAL_MEDIAN 1.4826022185056018
@@ -65,11 +68,10 @@ static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, 
             }
         }
         qsort(size, n, sizeof *size, compare);
-        const double least = LEAST_NOISE * s->tracks->deviation[c];
+        const double least = (last ? LEAST_NOISE : LEAST_EARLY_NOISE) * s->tracks->deviation[c];
         const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
         const double given = course->given[c];
-        const double noise =
-            given > 0 ? (last ? given : fmax(given, estimate)) : fmax(estimate, least);
+        const double noise = given > 0 && last ? given : fmax(fmax(estimate, least), given);
         if (change != NULL) {
             *change = fmax(*change, fabs(noise / s->noise[c] - 1));
         }

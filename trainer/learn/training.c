@@ -219,8 +219,7 @@ static pm_status read_noise(pm_training *t, pm_yaml block) {
     return PM_OK;
 }
 
-// Whether the scene has hidden groups.
-static bool hides(const pm_training *training) {
+bool pm_training_hides(const pm_training *training) {
     const pm_scene *scene = training->scene;
     bool hidden = false;
     for (int i = 0; i < scene->nsubsystem; ++i) {
@@ -232,7 +231,7 @@ static bool hides(const pm_training *training) {
 }
 
 bool pm_training_is_measured(const pm_training *training) {
-    return training->noisy || training->scene->nobservation > 0 || hides(training);
+    return training->noisy || training->scene->nobservation > 0 || pm_training_hides(training);
 }
 
 static pm_status make_digest(pm_training *t) {

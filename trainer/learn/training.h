@@ -55,6 +55,8 @@ pm_status pm_training_load(pm_training **training, const char *path);
 // Returns true if the data are measurements, which are fitted by multiple shooting: the file gives
 // `noise`, or the scene has hidden groups or observations.
 bool pm_training_is_measured(const pm_training *training);
+// Whether the scene has hidden groups.
+bool pm_training_hides(const pm_training *training);
 // Lets all components of a system that name a shared weight use that of the first one; the weights
 // of the others are then no longer trained. A system whose files come from one fit keeps its
 // values.
