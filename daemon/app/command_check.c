@@ -1,4 +1,5 @@
 // portmetd check: loads everything that a run would load, and describes it.
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -337,10 +338,30 @@ static pm_status describe(const pm_setup *setup) {
     return print_channels(setup->scene);
 }
 
+// Writes the section `processes` with one list for each process.
+static pm_status write_processes(const pm_scene *scene, const char *path) {
+    FILE *file = fopen(path, "w");
+    if (file == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    fprintf(file, "processes:\n");
+    for (int i = 0; i < scene->nprocess; ++i) {
+        const pm_scene_process *process = &scene->process[i];
+        fprintf(file, "  %s:\n", process->name);
+        for (int k = 0; k < process->count; ++k) {
+            fprintf(file, "    - %s\n", scene->subsystem[process->subsystem[k]].name);
+        }
+    }
+    const bool failed = ferror(file) != 0;
+    return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: %s", path, strerror(errno)) : PM_OK;
+}
+
 static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_DESCRIBE));
+    PM_TRY_DONE(options->processes == NULL ? PM_OK
+                                           : write_processes(setup.scene, options->processes));
     status = describe(&setup);
 done:
     pm_setup_free(&setup);
@@ -356,7 +377,7 @@ static const pm_command command = {
         "the LCM channels. A scene without an initial state is described too, though it cannot "
         "run.\n"
         "The first mistake ends it with one line and the exit code of its class.",
-    .accepts = PM_OPTION_WEIGHTS,
+    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_PROCESSES,
     .execute = execute,
 };
 

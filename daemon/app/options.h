@@ -15,9 +15,10 @@ typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
     const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
     const char *bind, *recording;
-    int64_t steps;     // number of steps of the run; 0: as the scene says
-    int64_t session;   // number of the session to join or to open; 0: no session was given
-    int64_t port, udp; // numbers of ports; 0: not given
+    const char *processes; // file to which `check` writes the processes
+    int64_t steps;         // number of steps of the run; 0: as the scene says
+    int64_t session;       // number of the session to join or to open; 0: no session was given
+    int64_t port, udp;     // numbers of ports; 0: not given
     bool in_process, quiet, overwrite;
     pm_journal log;                    // of the lines on standard error
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
@@ -42,7 +43,8 @@ enum {
     PM_OPTION_PORT = 1 << 14,
     PM_OPTION_BIND = 1 << 15,
     PM_OPTION_UDP = 1 << 16,
-    PM_OPTION_RECORDING = 1 << 17
+    PM_OPTION_RECORDING = 1 << 17,
+    PM_OPTION_PROCESSES = 1 << 18
 };
 
 typedef struct pm_command {

@@ -1,5 +1,6 @@
 // Reads the section `processes: {NAME: [SUBSYSTEM, ...]}`, which says which subsystems share a
-// process. Each of the others has a process of its own.
+// process. Each of the others has a process of its own. `processes: {auto: N}` lets scene_cut.c
+// divide the subsystems among N processes.
 #include "scene/scene_reader.h"
 
 #include <string.h>
@@ -79,6 +80,45 @@ static pm_status read_section(pm_scene_reader *r, pm_yaml section, const char **
     return PM_OK;
 }
 
+// --- an automatic cut ---
+
+// Reads the number N of a section {auto: N}; 0 for other sections. Names of subsystems do not begin
+// with a digit, so that `auto` may be the name of a process, too.
+static pm_status read_count(pm_scene_reader *r, pm_yaml section, int *count) {
+    const pm_yaml number = pm_yaml_get(section, "auto");
+    const char *text = "";
+    *count = 0;
+    if (pm_yaml_exists(number) && !pm_yaml_is_list(number) && !pm_yaml_is_map(number)) {
+        PM_TRY(pm_yaml_text(number, r->arena, &text));
+    }
+    if (strchr("+-.0123456789", text[0]) == NULL || text[0] == '\0') {
+        return PM_OK;
+    }
+    if (pm_yaml_count(section) > 1) {
+        return pm_yaml_fail(number, "expected no other process beside a number of processes");
+    }
+    return pm_yaml_int(number, 1, r->scene->nsubsystem, count);
+}
+
+// Marks all subsystems, and names the processes auto0, auto1, ... `name` [N] receives the names.
+static pm_status cut(pm_scene_reader *r, pm_yaml section, int count, const char **name) {
+    pm_scene *scene = r->scene;
+    int *mark = pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *mark);
+    if (mark == NULL) {
+        return pm_scene_no_memory();
+    }
+    PM_TRY(pm_scene_cut(scene, count, pm_yaml_get(section, "auto"), mark));
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        scene->subsystem[i].process = mark[i];
+    }
+    for (int i = 0; i < count; ++i) {
+        name[i] = pm_arena_printf(r->arena, "auto%d", i);
+        PM_TRY(name[i] == NULL ? pm_scene_no_memory()
+                               : check_owner(r, pm_yaml_get(section, "auto"), name[i], i));
+    }
+    return PM_OK;
+}
+
 // --- the processes ---
 
 // Makes the processes in the order of their first subsystems. `made` [entries of the section]
@@ -110,7 +150,9 @@ pm_status pm_scene_read_processes(pm_scene_reader *r) {
     if (pm_yaml_exists(section)) {
         PM_TRY(pm_yaml_require_entries(section));
     }
-    const size_t nmark = (size_t)pm_yaml_count(section);
+    int automatic;
+    PM_TRY(read_count(r, section, &automatic));
+    const size_t nmark = automatic > 0 ? (size_t)automatic : (size_t)pm_yaml_count(section);
     const char **name = pm_arena_array(r->arena, nmark, sizeof *name);
     int *made = pm_arena_array(r->arena, nmark, sizeof *made);
     scene->process = pm_arena_array(r->arena, (size_t)scene->nsubsystem, sizeof *scene->process);
@@ -124,7 +166,7 @@ pm_status pm_scene_read_processes(pm_scene_reader *r) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
         scene->subsystem[i].process = UNASSIGNED;
     }
-    PM_TRY(read_section(r, section, name));
+    PM_TRY(automatic > 0 ? cut(r, section, automatic, name) : read_section(r, section, name));
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const int mark = scene->subsystem[i].process;
         if (mark != UNASSIGNED) {

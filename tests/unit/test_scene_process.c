@@ -48,12 +48,65 @@ static void test_processes(void **state) {
     pm_scene_free(scene);
 }
 
+// A chain of 24 links.
+#define CHAIN                                                                    \
+    "scene: x\n"                                                                 \
+    "time: {dt: 1, steps: 1, integrator: euler}\n"                               \
+    "subsystems:\n"                                                              \
+    "  \"link[0:24]\": {weights: a.h5, state: {x: {unit: m, size: 3}}}\n"        \
+    "ports:\n"                                                                   \
+    "  \"joint[0:23]\": {law: bracket, between: [\"link[i]\", \"link[i+1]\"],\n" \
+    "    weights: b.h5, expose: {\"link[i]\": x, \"link[i+1]\": x}}\n"
+
+// The number of ports between two processes.
+static int joins(const pm_scene *scene) {
+    int count = 0;
+    for (int i = 0; i < scene->nport; ++i) {
+        count += pm_scene_joins_processes(scene, &scene->port[i]);
+    }
+    return count;
+}
+
+// METIS cuts a chain into four nearly equal pieces, and each time alike. A program that was built
+// without it says so.
+static void a_chain_is_cut(void **state) {
+    (void)state;
+    pm_scene *scene = NULL, *again = NULL;
+    const pm_status status = pm_scene_parse(&scene, CHAIN "processes: {auto: 4}\n", "t.yaml");
+    if (status != PM_OK) {
+        assert_int_equal(status, PM_ECONFIG);
+        assert_non_null(strstr(pm_error(), "t.yaml:8:19: auto: this program was built without"));
+        return;
+    }
+    assert_int_equal(scene->nprocess, 4);
+    assert_int_equal(joins(scene), 3);
+    for (int i = 0; i < 4; ++i) {
+        assert_in_range(scene->process[i].count, 5, 7);
+        assert_memory_equal(scene->process[i].name, "auto", 4);
+    }
+    assert_int_equal(pm_scene_parse(&again, CHAIN "processes: {auto: 4}\n", "t.yaml"), PM_OK);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        assert_int_equal(again->subsystem[i].process, scene->subsystem[i].process);
+    }
+    pm_scene_free(again);
+    pm_scene_free(scene);
+    assert_int_equal(pm_scene_parse(&scene, CHAIN "processes: {auto: 1}\n", "t.yaml"), PM_OK);
+    assert_int_equal(scene->nprocess, 1);
+    pm_scene_free(scene);
+    assert_int_equal(pm_scene_parse(&scene, FIVE "processes: {auto: [a, b]}\n", "t.yaml"), PM_OK);
+    assert_int_equal(scene->nprocess, 4);
+    pm_scene_free(scene);
+}
+
 static void test_bad_processes(void **state) {
     (void)state;
     static const struct {
         const char *section, *error;
     } cases[] = {
         {"[a, b]\n", "t.yaml:9:12: processes: expected a mapping"},
+        {"{auto: 6}\n", "t.yaml:9:19: auto: "},
+        {"{auto: 0}\n", "t.yaml:9:19: auto: "},
+        {"{auto: 2, p: [a]}\n", "expected no other process beside a number of processes"},
         {"{p: []}\n", "expected at least one subsystem"},
         {"{p: [a, f]}\n", "there is no subsystem \"f\"; subsystems: a, b, c, d, e"},
         {"{p: [a, b], r: [c, b]}\n", "subsystem \"b\" has a process already"},
@@ -76,6 +129,7 @@ static void test_bad_processes(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_processes),
+        cmocka_unit_test(a_chain_is_cut),
         cmocka_unit_test(test_bad_processes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

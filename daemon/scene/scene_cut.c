@@ -1,0 +1,94 @@
+// Divides the subsystems of a scene among processes with METIS (G. Karypis and V. Kumar, SIAM J.
+// Sci. Comput. 20, 1998), which cuts the graph of subsystems and ports: `processes: {auto: N}`.
+#include "scene/scene_reader.h"
+
+#ifdef PM_HAVE_METIS
+#include <metis.h>
+
+#define SEED 1 // of METIS, so that every reading of a scene cuts alike
+
+// The graph in compressed rows: the neighbours of subsystem i are neighbour[first[i]] to
+// neighbour[first[i + 1] - 1].
+typedef struct cut_graph {
+    idx_t *first;     // [nsubsystem + 1]
+    idx_t *neighbour; // [at most 2 nport] subsystems
+    idx_t *traffic;   // of each neighbour: numbers that one round sends both ways
+    idx_t *cost;      // [nsubsystem] estimated cost of a stage
+} cut_graph;
+
+// Adds the port at one end of a subsystem. Ports with the same neighbour are added up.
+static void add_end(const pm_scene *scene, cut_graph *g, int subsystem, int end_at) {
+    const pm_scene_port *port = &scene->port[end_at / 2];
+    const int neighbour = port->subsystem[1 - end_at % 2];
+    const idx_t shown = (idx_t)(port->layout[0].nz + port->layout[1].nz);
+    g->cost[subsystem] += shown;
+    if (neighbour < 0) {
+        return;
+    }
+    idx_t k = g->first[subsystem];
+    while (k < g->first[subsystem + 1] && g->neighbour[k] != neighbour) {
+        ++k;
+    }
+    g->neighbour[k] = neighbour;
+    g->traffic[k] += 3 * shown; // y, e and eta
+    g->first[subsystem + 1] += k == g->first[subsystem + 1];
+}
+
+static void fill_graph(const pm_scene *scene, cut_graph *g) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        g->cost[i] = scene->subsystem[i].layout.nz;
+        g->first[i + 1] = g->first[i];
+        for (int k = scene->first_end[i]; k < scene->first_end[i + 1]; ++k) {
+            add_end(scene, g, i, scene->end_at[k]);
+        }
+    }
+}
+
+static pm_status partition(const pm_scene *scene, cut_graph *g, int count, pm_yaml at, int *mark) {
+    idx_t nsubsystem = scene->nsubsystem, nbalance = 1, nprocess = count, traffic = 0;
+    idx_t options[METIS_NOPTIONS];
+    METIS_SetDefaultOptions(options);
+    options[METIS_OPTION_SEED] = SEED;
+    // METIS refuses a graph for one process.
+    const int result =
+        count == 1 ? METIS_OK
+                   : METIS_PartGraphRecursive(&nsubsystem, &nbalance, g->first, g->neighbour,
+                                              g->cost, NULL, g->traffic, &nprocess, NULL, NULL,
+                                              options, &traffic, mark);
+    return result == METIS_OK
+               ? PM_OK
+               : pm_yaml_fail(at, "METIS cannot cut the scene into %d processes: %s", count,
+                              result == METIS_ERROR_MEMORY ? "out of memory" : "error in METIS");
+}
+
+pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark) {
+    _Static_assert(sizeof(idx_t) == sizeof(int), "METIS with 32-bit indices");
+    pm_arena arena = {0};
+    const size_t n = (size_t)scene->nsubsystem, nend = 2 * (size_t)scene->nport + 1;
+    cut_graph g = {
+        .first = pm_arena_array(&arena, n + 1, sizeof *g.first),
+        .neighbour = pm_arena_array(&arena, nend, sizeof *g.neighbour),
+        .traffic = pm_arena_array(&arena, nend, sizeof *g.traffic),
+        .cost = pm_arena_array(&arena, n, sizeof *g.cost),
+    };
+    pm_status status = pm_scene_no_memory();
+    if (g.first != NULL && g.neighbour != NULL && g.traffic != NULL && g.cost != NULL) {
+        fill_graph(scene, &g);
+        for (int i = 0; i < scene->nsubsystem; ++i) {
+            mark[i] = 0;
+        }
+        status = partition(scene, &g, count, at, mark);
+    }
+    pm_arena_free(&arena);
+    return status;
+}
+
+#else
+
+pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark) {
+    (void)scene, (void)count, (void)mark;
+    return pm_yaml_fail(at, "this program was built without METIS, which \"auto\" needs: list the "
+                            "subsystems of each process, or build where libmetis-dev is installed");
+}
+
+#endif

@@ -1,0 +1,70 @@
+#!/bin/sh
+# test_cut.sh PORTMETD MAKE_SCENE SAME_RECORDING: a chain records the same bits in one process and over LCM
+# in 1, 2 and 8 processes, cut by METIS, and with another cut. A cut that was written to a file repeats the run.
+. "$(dirname "$0")/network.sh"
+configs=$(realpath "$(dirname "$0")/../../configs")
+state="state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}"
+
+# chain NAME: the scene NAME with the section `processes` from the file NAME.processes.
+chain() {
+    cat >"$folder/$1.yaml" - "$folder/$1.processes" <<EOF
+scene: chain
+url: "udpm://239.255.76.67:7667?ttl=0"
+time: {dt: 1.0e-2, steps: 20, integrator: rk4}
+lockstep: {patience: 60}
+subsystems:
+  link0:
+    weights: $configs/weights/double_pendulum/upper.h5
+    $state
+    initial: {q: [4.5, 4.4], p: [-0.5, 1.4], s: [-0.1]}
+  "link[1:40]":
+    weights: $configs/weights/double_pendulum/lower.h5
+    $state
+    initial: {q: [-2.7, 0.1], p: [1.4, -0.2], s: [0.1]}
+ports:
+  "joint[0:39]":
+    law: bracket
+    between: ["link[i]", "link[i+1]"]
+    weights: $configs/weights/double_pendulum/joint.h5
+    expose: {"link[i]": [q, p, s], "link[i+1]": [q, p, s]}
+EOF
+}
+
+# same NAME: a run over LCM records what one process has recorded.
+same() {
+    start "$1" run "$folder/$1.yaml" --quiet --record "$folder/$1.h5"
+    ends "$1" $pid 0 ""
+    "$same_recording" "$folder/plain.h5" "$folder/$1.h5" || fail "$1"
+}
+
+echo 'processes: {first: "link[0:20]", second: "link[20:40]"}' >"$folder/plain.processes"
+chain plain
+"$portmetd" run "$folder/plain.yaml" --in-process --quiet --record "$folder/plain.h5" || fail "in process"
+echo 'processes: {even: [link0, link2, link3, "link[20:40]"], odd: [link1, "link[4:20]"]}' >"$folder/ranges.processes"
+chain ranges
+same ranges
+
+echo 'processes: {auto: 8}' >"$folder/eight.processes"
+chain eight
+if ! "$portmetd" check "$folder/eight.yaml" --write-processes "$folder/lists.processes" \
+    >"$folder/check.out" 2>"$folder/check.err"; then
+    grep -q 'auto: this program was built without METIS' "$folder/check.err" || fail "no word of METIS"
+    finish
+fi
+for count in 1 2; do
+    echo "processes: {auto: $count}" >"$folder/auto$count.processes"
+    chain auto$count
+    same auto$count
+done
+same eight
+
+# The written cut is that of METIS.
+[ "$(grep -c '^  auto[0-7]:$' "$folder/lists.processes")" -eq 8 ] || fail "not eight processes are written"
+[ "$(grep -c '^    - link' "$folder/lists.processes")" -eq 40 ] || fail "not every link is written once"
+chain lists
+"$portmetd" check "$folder/lists.yaml" --write-processes "$folder/again.processes" >/dev/null || fail "again"
+cmp -s "$folder/lists.processes" "$folder/again.processes" || fail "the written cut is another"
+same lists
+
+no_orphans "at the end" ""
+finish
