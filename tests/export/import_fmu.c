@@ -315,7 +315,7 @@ static void exchange_model(fmu *f, portmet_scene *fine, long steps) {
 }
 
 int main(int argc, char **argv) {
-    portmet_scene *scene, *fine;
+    portmet_scene *scene = NULL, *fine = NULL;
     fmu f = {0};
     if (argc != 6) {
         stop("expected LIBRARY TOKEN SCENE FINE STEPS");

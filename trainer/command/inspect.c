@@ -183,10 +183,11 @@ static pm_status plot(const pm_dataset *d, const char *folder) {
         fprintf(script, "unset multiplot\n");
     }
     const bool written = data != NULL && script != NULL && !ferror(data) && !ferror(script);
-    const bool closed =
-        (data == NULL || fclose(data) == 0) & (script == NULL || fclose(script) == 0);
-    return written && closed ? pm_gnuplot_run(folder, "measured.gp")
-                             : pm_fail(PM_EFILE, "%s: cannot be written", path);
+    const bool data_closed = data == NULL || fclose(data) == 0;
+    const bool script_closed = script == NULL || fclose(script) == 0;
+    return written && data_closed && script_closed
+               ? pm_gnuplot_run(folder, "measured.gp")
+               : pm_fail(PM_EFILE, "%s: cannot be written", path);
 }
 
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop) {

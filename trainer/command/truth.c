@@ -169,7 +169,7 @@ static pm_status add_notes(pm_dataset *dataset, const pm_truth *truth, int first
 }
 
 pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    truth_arguments a = {NULL};
+    truth_arguments a = {.output = NULL};
     bool helped = false;
     PM_TRY(read_arguments(&a, argc, argv, &helped));
     if (helped) {
