@@ -18,8 +18,8 @@ typedef struct pm_launch pm_launch;
 // PM_ENOMEM. The caller closes it.
 pm_status pm_launch_open(pm_launch **launch, int capacity, const pm_journal *log);
 
-// What a child does: `run` gets `context` and the name of the child, and its status is the exit
-// code of the child.
+// The function that a child calls. It gets `context` and the name of the child; the status that it
+// returns is the exit code of the child.
 typedef struct pm_launch_program {
     pm_status (*run)(void *context, const char *name);
     void *context;

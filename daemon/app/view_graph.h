@@ -1,5 +1,5 @@
-// What a view shows of a scene: nodes, which are subsystems or groups of subsystems, and edges,
-// which are ports. A scene with more than PM_VIEW_MOST subsystems is summarised: consecutive
+// A view shows a scene as a graph: nodes are subsystems or groups of subsystems, and edges are
+// ports. A scene with more than PM_VIEW_MOST subsystems is summarised: consecutive
 // subsystems form a group, whose energies and entropies are sums, and the ports between two groups
 // form one edge, whose fluxes are sums. Ports within a group are not shown.
 #ifndef PM_APP_VIEW_GRAPH_H

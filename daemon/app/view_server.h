@@ -21,9 +21,10 @@
 #define PM_VIEW_PORT 8080  // unless the user gives another one
 #define PM_VIEW_CLIENTS 32 // websockets at a time
 
-// What one client has received so far; zeros at the start.
+// The messages that a client has received so far; all zero at the start.
 typedef struct pm_view_progress {
-    int64_t scene, frame, health;
+    int64_t scene;         // 1: the description of the scene
+    int64_t frame, health; // number of the newest state, and of the newest message on health
 } pm_view_progress;
 
 // Writes the next message for a client to `file` and updates its progress. Returns false, and

@@ -17,7 +17,8 @@ typedef enum pm_journal_level {
     PM_JOURNAL_ERROR
 } pm_journal_level;
 
-// Where and how lines are written. Texts are borrowed. Zeros mean text.
+// A journal says in which form a process writes its lines, and under which names. A journal of
+// zeros writes plain text. The texts are borrowed.
 typedef struct pm_journal {
     bool json;
     const char *program; // such as "portmetd"; begins a line of text

@@ -17,7 +17,7 @@
 
 struct pm_live_inputs;
 
-// What has arrived on one channel.
+// A channel keeps the values of the messages that have arrived on it, until their step is granted.
 typedef struct pm_live_channel {
     struct pm_live_inputs *owner;
     const pm_scene_live_input *input;

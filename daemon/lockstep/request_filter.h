@@ -12,7 +12,7 @@
 // its request at least every 0.1 s (waiting.h).
 #define PM_REQUEST_TIME 0.5
 
-// What a request is, compared with all earlier requests of its sender. A process rolls back for a
+// The age of a request follows from all earlier requests of its sender. A process rolls back for a
 // new or an insistent request, but not for an old one.
 typedef enum pm_request_age {
     PM_REQUEST_OLD,

@@ -39,8 +39,8 @@ typedef enum pm_normaliser_kind {
     // "<prefix>.scale": the scales of a reversible operator (operator.h), one number for each
     // component, equal within a group. The expressions are the operator's groups. The trainer
     // chooses scales with which matrix entries of size 1 give rates as large as those of the data.
-    // Where it does not know the rates, it takes the root mean square of each group, relative to
-    // that of all components.
+    // If the trainer does not know the rates, it takes the root mean square of each group, relative
+    // to that of all components.
     PM_NORMALISE_SCALE,
     // "<prefix>.along": for each expression the root mean square of its length.
     PM_NORMALISE_ALONG,

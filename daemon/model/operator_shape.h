@@ -11,8 +11,8 @@
 typedef struct pm_operator_shape {
     int count; // matrices: 1, or one for each node of the mesh
     int rows;
-    // Of a reversible operator as many as rows or, with `against`, as the rows of the other end. Of
-    // an irreversible operator its rank.
+    // A reversible operator has as many columns as rows or, with `against`, as the other end has
+    // rows. An irreversible operator has as many columns as its rank.
     int columns;
 } pm_operator_shape;
 

@@ -1,17 +1,7 @@
 #!/bin/sh
 # test_measured_cli.sh PORTMET_TRAIN: from tables of angles to a prediction with bands, by the commands of the
 # trainer's page; and mistakes in tables are told with their place.
-set -u
-train=$1
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-    sed 's/^/    /' "$folder/out"
-}
+. "$(dirname "$0")/trainer.sh"
 
 # succeed TEXT ARGUMENT...: TEXT is in the output.
 succeed() {

@@ -1,18 +1,8 @@
 #!/bin/sh
 # test_noise.sh PORTMET_TRAIN: short versions of the fits to measurements of configs/train. Eight short trajectories of the
 # double pendulum get noise and gaps; a fit to six of them predicts the other two, all variables included.
-set -u
-train=$1
+. "$(dirname "$0")/trainer.sh"
 configs=$PWD/configs
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-    sed 's/^/    /' "$folder/out"
-}
 
 # make NAME OPTION...: trajectories with what the options add.
 make() {

@@ -1,17 +1,7 @@
 #!/bin/sh
 # test_solid_cli.sh PORTMET_TRAIN: a material learned from a small body bends another one, on another mesh, as the
 # finite elements do, and keeps both laws.
-set -u
-train=$1
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-    sed 's/^/    /' "$folder/out"
-}
+. "$(dirname "$0")/trainer.sh"
 
 # succeed ARGUMENT...
 succeed() {
