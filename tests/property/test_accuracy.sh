@@ -2,11 +2,8 @@
 # test_accuracy.sh PORTMET_TRAIN: the shipped weights on trajectories that training never saw. The
 # truth is simulated anew; medians per trajectory must stay below the bounds, and neither law may be
 # violated at any step.
-set -u
+. "$(dirname "$0")/../support/setting.sh"
 train=$1
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
 
 # number FILE GROUP: the median error per trajectory of a group, or of the entropy that is produced
 number() {
@@ -45,5 +42,4 @@ scene driven_upper driven_upper 80:100 q 0.0000001 p 0.0000001 s 0.0000001
 scene driven_lower driven_lower 80:100 q 0.0000001 p 0.0000001 s 0.0000001
 scene driven_double_pendulum double_pendulum 40:50 q 0.000001 p 0.000001 s 0.000001 production 0.000001
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish

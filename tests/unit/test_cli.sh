@@ -2,18 +2,9 @@
 # test_cli.sh PORTMETD MAKE_SCENE: every command line ends with the exit code of its class of failure
 # and, if it failed, exactly one line that says what is wrong. Runs that need a network are in
 # tests/distributed.
-set -u
+. "$(dirname "$0")/../support/setting.sh"
 portmetd=$1
 make_scene=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-    sed 's/^/    /' "$folder/out" "$folder/err"
-}
 
 # expect CODE TEXT ARGUMENT...: the exit code, and TEXT in the only line on standard error.
 expect() {
@@ -213,5 +204,4 @@ succeed "pair: 7 steps of 0.05 s" run "$scene" --in-process --steps 7 --weights 
 "$portmetd" run "$scene" --in-process --quiet >"$folder/out" 2>"$folder/err" || fail "--quiet"
 [ ! -s "$folder/out" ] || fail "--quiet: expected no output"
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish

@@ -1,16 +1,8 @@
 #!/bin/sh
 # test_install.sh BUILD: what `cmake --install` puts into a prefix works from there, without the source.
-set -u
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+. "$(dirname "$0")/../support/setting.sh"
 prefix=$folder/prefix
 source=$(realpath "$(dirname "$0")/../..")
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-}
 
 cmake --install "$1" --prefix "$prefix" >"$folder/install.log" 2>&1 || {
     cat "$folder/install.log"
@@ -82,5 +74,4 @@ done
 
 sh "$share/daemon/spy.sh" --help | grep -q usage || fail "the installed spy.sh does not start"
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish

@@ -2,15 +2,7 @@
 # test_keys.sh: the pages explain each key that a file of the user's may have, and no other. Runs in the
 # repository's root. In the source, keys are the texts of arrays called `keys` or ending in `_keys`, and of
 # macros ending in KEYS; in the pages, the first column of tables whose heading begins with "key".
-set -u
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-}
+. "$(dirname "$0")/../support/setting.sh"
 
 find daemon/scene daemon/store trainer -name '*.[ch]' -exec awk '
     /keys\[\] = \{/ || /^#define [A-Z_]*KEYS/ { inside = 1 }

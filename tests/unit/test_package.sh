@@ -1,20 +1,12 @@
 #!/bin/sh
 # test_package.sh BUILD: cpack makes Debian packages that hold what they should, run from where they are
 # unpacked, and leave nothing behind when they are removed. The completion of the shell knows the commands.
-set -u
+. "$(dirname "$0")/../support/setting.sh"
 build=$1
 source=$(realpath "$(dirname "$0")/../..")
 for tool in dpkg-deb dpkg-shlibdeps cpack man bash; do
     command -v $tool >/dev/null || { echo "skipped: no $tool"; exit 77; }
 done
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-}
 
 (cd "$build" && cpack -G DEB -B "$folder/made") >"$folder/cpack.log" 2>&1 || fail "cpack: $(tail -n 5 "$folder/cpack.log")"
 portmet=$(ls "$folder"/made/portmet_*.deb)
@@ -77,5 +69,4 @@ case " $(complete ch) " in *" check "*) ;; *) fail "completion of ch: $(complete
 case " $(complete run --in) " in *" --in-process "*) ;; *) fail "completion of --in: $(complete run --in)" ;; esac
 case " $(complete export --o) " in *" --output "*) ;; *) fail "completion of --o: $(complete export --o)" ;; esac
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish

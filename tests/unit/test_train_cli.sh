@@ -1,18 +1,9 @@
 #!/bin/sh
 # test_train_cli.sh PORTMET_TRAIN MAKE_SCENE: the trainer's command lines end with the exit code of
 # their class of failure and one line that says what is wrong, and leave nothing half-written.
-set -u
+. "$(dirname "$0")/../support/setting.sh"
 train=$1
 make_scene=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-failures=0
-
-fail() {
-    failures=$((failures + 1))
-    echo "FAILED: $*"
-    sed 's/^/    /' "$folder/out" "$folder/err"
-}
 
 # expect CODE TEXT ARGUMENT...: the exit code, and TEXT in the only line on standard error.
 expect() {
@@ -301,5 +292,4 @@ chmod +x "$folder/without_gnuplot"
 train=$folder/without_gnuplot
 expect 4 "gnuplot is not installed" evaluate "$scene" --data "$data" --plot "$folder/plots"
 
-[ $failures -eq 0 ] && echo "all well"
-exit $((failures > 0))
+finish
