@@ -1,24 +1,16 @@
 // Subscribes to what a run publishes and assembles samples from it. Reports of different processes
-// on one step arrive in any order, so that samples of several steps are incomplete at a time. They
-// stand in a ring, by step modulo its depth.
+// on one step arrive in any order, so that samples of several steps are incomplete at a time.
 #include "lockstep/listener.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/progress.h"
 #include "lockstep/health.h"
 #include "lockstep/lookahead.h"
 #include "lockstep/remote_process.h"
+#include "lockstep/report_window.h"
 
 #define MOST_READS 8 // of pm_transport_wait in one pm_listener_read, so that it always returns
-
-typedef struct listener_slot {
-    int64_t step; // -1: none
-    int missing;  // number of processes whose report on the step has not arrived
-    bool *has;    // [nprocess]
-    pm_sample *sample;
-} listener_slot;
 
 typedef struct listened_process {
     struct pm_listener *listener;
@@ -33,9 +25,8 @@ struct pm_listener {
     double heard;            // s, when a message of the run last arrived
     bool over, with_state, has_ledger, has_health;
     listened_process *process; // [nprocess]
-    int depth;
-    listener_slot *slot; // [depth]
-    const listener_slot *newest;
+    pm_report_window reports;
+    int64_t newest; // step of the newest complete sample; -1: none
     portmet_ledger_t ledger, next_ledger;
     portmet_health_t health, next_health;
     int64_t health_count;
@@ -44,10 +35,8 @@ struct pm_listener {
 // --- which run ---
 
 static void forget(pm_listener *l) {
-    for (int i = 0; i < l->depth; ++i) {
-        l->slot[i].step = -1;
-    }
-    l->newest = NULL;
+    pm_report_window_restart(&l->reports, 0);
+    l->newest = -1;
     l->over = l->has_ledger = l->has_health = false;
 }
 
@@ -72,23 +61,17 @@ static bool follows(pm_listener *l, int64_t session) {
 
 static void add_row(pm_listener *l, const pm_remote_process *remote, int row) {
     const int64_t step = remote->report.step + row;
-    listener_slot *slot = &l->slot[step % l->depth];
-    if (slot->step < step) {
-        slot->step = step;
-        slot->missing = l->scene->nprocess;
-        memset(slot->has, 0, (size_t)l->scene->nprocess * sizeof *slot->has);
-        slot->sample->step = (long)step;
-        slot->sample->time = pm_scene_time(l->scene, 0, (long)step);
-        l->newest = l->newest == slot ? NULL : l->newest;
+    if (pm_report_window_reach(&l->reports, step) == l->newest) {
+        l->newest = -1; // the newest sample made room, or there was none
     }
-    if (slot->step != step || slot->has[remote->id]) {
+    pm_sample *sample = pm_report_window_missing(&l->reports, step, remote->id);
+    if (sample == NULL) {
         return;
     }
-    pm_remote_process_fill(remote, row, slot->sample);
-    slot->has[remote->id] = true;
-    slot->missing -= 1;
-    if (slot->missing == 0 && (l->newest == NULL || l->newest->step < step)) {
-        l->newest = slot;
+    pm_remote_process_fill(remote, row, sample);
+    pm_report_window_mark(&l->reports, step, remote->id);
+    if (step > l->newest && pm_report_window_is_complete(&l->reports, step)) {
+        l->newest = step;
     }
 }
 
@@ -152,17 +135,12 @@ static void on_command(void *context, const char *channel, const void *data, siz
 static pm_status allocate(pm_listener *l) {
     const size_t n = (size_t)l->scene->nprocess;
     l->process = pm_arena_array(&l->arena, n, sizeof *l->process);
-    const int depth = 2 * (pm_lookahead(l->scene) + 1);
-    l->slot = pm_arena_array(&l->arena, (size_t)depth, sizeof *l->slot);
-    bool *has = pm_arena_array(&l->arena, (size_t)depth * n, sizeof *has);
-    if (l->process == NULL || l->slot == NULL || has == NULL) {
+    if (l->process == NULL) {
         return pm_fail(PM_ENOMEM, "listener: out of memory");
     }
-    for (int i = 0; i < depth; ++i) {
-        l->slot[i] = (listener_slot){.step = -1, .has = has + (size_t)i * n};
-        PM_TRY(pm_sample_new(&l->slot[i].sample, l->scene));
-        l->depth = i + 1;
-    }
+    l->newest = -1;
+    const int depth = 2 * (pm_lookahead(l->scene) + 1);
+    PM_TRY(pm_report_window_init(&l->reports, &l->arena, l->scene, depth, 0));
     PM_TRY(pm_health_message_alloc(&l->health, &l->arena, l->scene->nprocess));
     return pm_health_message_alloc(&l->next_health, &l->arena, l->scene->nprocess);
 }
@@ -209,9 +187,7 @@ void pm_listener_close(pm_listener *listener) {
     if (listener == NULL) {
         return;
     }
-    for (int i = 0; i < listener->depth; ++i) {
-        pm_sample_free(listener->slot[i].sample);
-    }
+    pm_report_window_free(&listener->reports);
     pm_arena_free(&listener->arena);
     free(listener);
 }
@@ -235,7 +211,8 @@ bool pm_listener_is_over(const pm_listener *listener) {
 }
 
 const pm_sample *pm_listener_sample(const pm_listener *listener) {
-    return listener->newest == NULL ? NULL : listener->newest->sample;
+    return listener->newest < 0 ? NULL
+                                : pm_report_window_sample(&listener->reports, listener->newest);
 }
 
 const portmet_ledger_t *pm_listener_ledger(const pm_listener *listener) {

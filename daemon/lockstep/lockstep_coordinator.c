@@ -443,7 +443,8 @@ static pm_status prepare(pm_lockstep_coordinator *c,
     PM_TRY(pm_live_inputs_open(&c->live, scene, &c->arena, c->endpoint.transport, options->replay,
                                options->replayed, &c->endpoint.drops));
     PM_TRY(pm_coordinator_load_checkpoint(c, options->session));
-    PM_TRY(pm_report_window_init(&c->reports, &c->arena, scene, c->completed + 1));
+    PM_TRY(
+        pm_report_window_init(&c->reports, &c->arena, scene, c->lookahead + 1, c->completed + 1));
     PM_TRY(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
     PM_TRY(pm_health_init(&c->health, &c->arena, scene, (int64_t)c->endpoint.system->digest,
                           c->endpoint.session, c->endpoint.steps));

@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#include "lockstep/lookahead.h"
-
 static pm_report_window_slot *slot_of(const pm_report_window *window, int64_t step) {
     return &window->slot[step % window->depth];
 }
@@ -20,24 +18,36 @@ static void begin(const pm_report_window *window, int64_t step) {
 }
 
 pm_status pm_report_window_init(pm_report_window *window, pm_arena *arena, const pm_scene *scene,
-                                int64_t first) {
-    const int depth = pm_lookahead(scene) + 1;
+                                int depth, int64_t first) {
     const size_t n = (size_t)scene->nprocess;
     window->scene = scene;
     window->slot = pm_arena_array(arena, (size_t)depth, sizeof *window->slot);
     bool *has = pm_arena_array(arena, (size_t)depth * n, sizeof *has);
     if (window->slot == NULL || has == NULL) {
-        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
+        return pm_fail(PM_ENOMEM, "reports: out of memory");
     }
     for (int i = 0; i < depth; ++i) {
         window->slot[i].has = has + (size_t)i * n;
         PM_TRY(pm_sample_new(&window->slot[i].sample, scene));
         window->depth = i + 1;
     }
-    for (int i = 0; i < depth; ++i) {
+    pm_report_window_restart(window, first);
+    return PM_OK;
+}
+
+void pm_report_window_restart(pm_report_window *window, int64_t first) {
+    for (int i = 0; i < window->depth; ++i) {
         begin(window, first + i);
     }
-    return PM_OK;
+}
+
+int64_t pm_report_window_reach(pm_report_window *window, int64_t step) {
+    const int64_t before = slot_of(window, step)->step;
+    if (before >= step) {
+        return -1;
+    }
+    begin(window, step);
+    return before;
 }
 
 void pm_report_window_free(pm_report_window *window) {
@@ -62,9 +72,13 @@ bool pm_report_window_has(const pm_report_window *window, int64_t step, int proc
     return slot->step == step && slot->has[process_id];
 }
 
+bool pm_report_window_is_complete(const pm_report_window *window, int64_t step) {
+    const pm_report_window_slot *slot = slot_of(window, step);
+    return slot->step == step && slot->missing == 0;
+}
+
 int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, int64_t most) {
-    while (step < most && slot_of(window, step + 1)->step == step + 1 &&
-           slot_of(window, step + 1)->missing == 0) {
+    while (step < most && pm_report_window_is_complete(window, step + 1)) {
         ++step;
     }
     return step;

@@ -1,7 +1,8 @@
-// The report window holds the steps whose reports the coordinator collects at the same time: as
-// many as may be granted ahead (lookahead.h), and one more. Each step has a sample, which is
-// complete when every process has reported the step. The coordinator takes the samples out in the
-// order of their steps, and the window then advances by one step.
+// The report window holds the steps whose reports are collected at the same time. Each step has a
+// sample, which is complete when every process has reported the step. A coordinator collects as
+// many steps as it may grant ahead (lookahead.h), and one more. It takes the samples out in the
+// order of their steps, and the window then advances by one step. A listener (listener.h) may miss
+// reports: a later step takes the place of an earlier one, complete or not.
 #ifndef PM_LOCKSTEP_REPORT_WINDOW_H
 #define PM_LOCKSTEP_REPORT_WINDOW_H
 
@@ -26,9 +27,10 @@ typedef struct pm_report_window {
     pm_report_window_slot *slot; // [depth], by step modulo depth
 } pm_report_window;
 
-// Makes a window whose first step is `first`. PM_ENOMEM. The caller frees, on failure too.
+// Makes a window of `depth` steps, the first of which is `first`. PM_ENOMEM. The caller frees the
+// window, on failure too.
 pm_status pm_report_window_init(pm_report_window *window, pm_arena *arena, const pm_scene *scene,
-                                int64_t first);
+                                int depth, int64_t first);
 void pm_report_window_free(pm_report_window *window);
 
 // Returns the sample into which a process's report of a step is to be written. NULL: the step is
@@ -47,6 +49,16 @@ int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, 
 
 // Returns the sample of a step in the window, which owns it.
 pm_sample *pm_report_window_sample(const pm_report_window *window, int64_t step);
+
+// Discards all samples; the window then begins at the step `first`.
+void pm_report_window_restart(pm_report_window *window, int64_t first);
+
+// Makes room for `step` by discarding the earlier step that has its place. Returns that earlier
+// step, or -1 if the window holds `step` already, or holds a later step in its place.
+int64_t pm_report_window_reach(pm_report_window *window, int64_t step);
+
+// Returns true if the step is in the window and every process has reported it.
+bool pm_report_window_is_complete(const pm_report_window *window, int64_t step);
 
 // Discards the sample of `step` and gives its place to the step `step + depth`, where `depth` is
 // the number of steps in the window.
