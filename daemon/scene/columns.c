@@ -1,7 +1,7 @@
 // The map between dataset columns and states. A component measured from another (relative_to) is
 //     z_i = row[column_i] - row[column of base_i],
-// where base_i may be measured from a third component, and so on. Reading a state from a row needs
-// only the columns; writing a row follows this chain.
+// where base_i may be measured from a third component, and so on. A row is written in an order in
+// which the column of base_i is there before that of z_i.
 #include "scene/columns.h"
 
 #include <string.h>
@@ -143,17 +143,32 @@ static pm_status bind_group(pm_columns *c, const pm_scene *scene,
     return PM_OK;
 }
 
-// Refuses a chain of bases that does not end within nz links, since it is a cycle.
-static pm_status check_chains(const pm_columns *c, const pm_scene *scene,
-                              const pm_dataset *dataset) {
+// Puts the components into an order in which each comes after the one that it is measured from.
+// Refuses a chain of bases that comes back to itself.
+static pm_status order_components(pm_columns *c, const pm_scene *scene, const pm_dataset *dataset,
+                                  pm_arena *arena) {
+    enum { UNSEEN, IN_CHAIN, ORDERED };
+    char *mark = pm_arena_array(arena, (size_t)c->nz, sizeof *mark); // zeroed: UNSEEN
+    int *chain = pm_arena_array(arena, (size_t)c->nz, sizeof *chain);
+    if (mark == NULL || chain == NULL) {
+        return fail_memory();
+    }
+    int count = 0;
     for (int i = 0; i < c->nz; ++i) {
-        int links = 0;
-        for (int k = i; k >= 0; k = c->base[k]) {
-            if (++links > c->nz) {
-                return pm_fail(PM_ECONFIG,
-                               "%s: column \"%s\" is measured from itself (relative_to)",
-                               scene->path, dataset->column[c->column[i]]);
-            }
+        int length = 0;
+        int k = i;
+        for (; k >= 0 && mark[k] == UNSEEN; k = c->base[k]) {
+            mark[k] = IN_CHAIN;
+            chain[length++] = k;
+        }
+        if (k >= 0 && mark[k] == IN_CHAIN) {
+            return pm_fail(PM_ECONFIG, "%s: column \"%s\" is measured from itself (relative_to)",
+                           scene->path, dataset->column[c->column[i]]);
+        }
+        while (length > 0) {
+            k = chain[--length];
+            mark[k] = ORDERED;
+            c->order[count++] = k;
         }
     }
     return PM_OK;
@@ -166,10 +181,12 @@ pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_d
         .nz = scene->nz,
         .column = pm_arena_array(arena, nz, sizeof *c.column),
         .base = pm_arena_array(arena, nz, sizeof *c.base),
+        .order = pm_arena_array(arena, nz, sizeof *c.order),
         .group = pm_arena_array(arena, nz, sizeof *c.group),
         .group_name = pm_arena_array(arena, nz, sizeof *c.group_name),
     };
-    if (c.column == NULL || c.base == NULL || c.group == NULL || c.group_name == NULL) {
+    if (c.column == NULL || c.base == NULL || c.order == NULL || c.group == NULL ||
+        c.group_name == NULL) {
         return fail_memory();
     }
     PM_TRY(bind_columns(&c, scene, dataset, arena));
@@ -179,7 +196,7 @@ pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_d
             PM_TRY(bind_group(&c, scene, &scene->subsystem[s], g));
         }
     }
-    PM_TRY(check_chains(&c, scene, dataset));
+    PM_TRY(order_components(&c, scene, dataset, arena));
     *columns = c;
     return PM_OK;
 }
@@ -193,10 +210,8 @@ void pm_columns_to_state(const pm_columns *columns, const double *row, double *z
 
 void pm_columns_to_row(const pm_columns *columns, const double *z, double *row) {
     for (int i = 0; i < columns->nz; ++i) {
-        double value = z[i];
-        for (int base = columns->base[i]; base >= 0; base = columns->base[base]) {
-            value += z[base];
-        }
-        row[columns->column[i]] = value;
+        const int k = columns->order[i];
+        const int base = columns->base[k];
+        row[columns->column[k]] = z[k] + (base < 0 ? 0 : row[columns->column[base]]);
     }
 }

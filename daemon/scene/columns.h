@@ -10,6 +10,7 @@ typedef struct pm_columns {
     int nz;      // components of the scene's concatenated state
     int *column; // [nz] position in the dataset's row
     int *base;   // [nz] component whose column value is added (relative_to); -1: none
+    int *order;  // [nz] the components, each after its base
     int *group;  // [nz] index into group_name, shared by groups of the same name
     int ngroup;
     const char **group_name; // [ngroup]
