@@ -10,7 +10,7 @@
 
 #define HELLO_INTERVAL 0.1   // s
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
-#define FAILED_LINGER 0.3    // s to wait for the coordinator's ABORT
+#define FAILED_COUNT 16      // FAILED is sent so often, unless the coordinator answers with ABORT
 #define EACH_ASK 0.002       // s between two questions before the first step, for each process
 #define LONG_ASK 1.0         // s between two questions of a node that waits for long
 #define EACH_LONG_ASK 0.02   // s between them for each process, if others ask meanwhile
@@ -125,12 +125,18 @@ static pm_status say_hello(pm_lockstep_node *node) {
     return PM_OK;
 }
 
-// Repeats the report FAILED until the coordinator answers with ABORT or enough time has passed.
+// Repeats the report FAILED until the coordinator answers with ABORT or enough were sent. Reports
+// are counted, not time: a process that is paused meanwhile must not leave after a single one,
+// which the network may have lost.
 static void repeat_failure(pm_lockstep_node *node) {
-    if (node->endpoint.now >= node->until) {
+    if (node->endpoint.now < node->next) {
+        return;
+    }
+    if (node->failures == FAILED_COUNT) {
         node->phase = PM_NODE_FINISHED;
-    } else if (node->endpoint.now >= node->next) {
+    } else {
         node->next = node->endpoint.now + FAILED_INTERVAL;
+        node->failures += 1;
         // The first failure counts, even if it cannot be published.
         (void)pm_reporter_flush(&node->reporter);
         const int64_t session = node->endpoint.session != 0 ? node->endpoint.session
@@ -150,7 +156,6 @@ static void start_clock(pm_lockstep_node *node) {
         return;
     }
     const double duration = node->phase == PM_NODE_HELLO ? node->endpoint.system->scene->patience
-                            : node->phase == PM_NODE_FAILING ? FAILED_LINGER
                             : node->phase == PM_NODE_LEAVING ? LEAVE_LINGER
                                                              : INFINITY;
     node->until = node->endpoint.now + duration;

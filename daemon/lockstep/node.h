@@ -48,7 +48,7 @@
 //                               or ABORT
 // FAILING  ABORT              0.02 s passed                      FAILING   report FAILED
 //                             ABORT                              LEAVING   BYE
-//                             0.3 s passed                       FINISHED
+//                             FAILED was sent 16 times           FINISHED
 // LEAVING  nothing            END or ABORT again                 LEAVING   BYE
 //                             request for a buffered message     LEAVING   flux or report again
 //                             0.15 s passed                      FINISHED
@@ -84,6 +84,7 @@ struct pm_lockstep_node {
 
     pm_node_phase phase;
     double next, until; // s: when to poll again; when the phase ends (0: set by the next poll)
+    int failures;       // reports FAILED sent so far
 
     // Members that describe the run, taken from the coordinator's ticks.
     portmet_tick_t followed; // the tick by which this node follows its coordinator; its array of
