@@ -4,23 +4,19 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/json.h"
+
 #define NAME_SIZE 256
+#define TEXT_SIZE 8192     // bytes of a name or path in JSON, at most
 #define MOST_ROWS 50       // processes of a summarised scene
 #define DATAGRAM_SIZE 1400 // bytes, at which a text of values ends, so that it fits into a packet
 
 // --- tokens ---
 
 static void put_text(FILE *file, const char *text) {
-    fputc('"', file);
-    for (const char *c = text; *c != 0; ++c) {
-        if (*c == '"' || *c == '\\') {
-            fputc('\\', file);
-        }
-        if ((unsigned char)*c >= ' ') {
-            fputc(*c, file);
-        }
-    }
-    fputc('"', file);
+    char quoted[TEXT_SIZE];
+    pm_json_quote(quoted, sizeof quoted, text);
+    fputs(quoted, file);
 }
 
 static void put_number(FILE *file, double value) {

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/json.h"
+
 #define LINE 4096 // bytes of a line, at most; longer messages are cut
 
 static const char *const level_names[] = {"notice", "warning", "error"};
@@ -30,21 +32,14 @@ __attribute__((format(printf, 2, 3))) static void append(line *l, const char *fo
     }
 }
 
-// Appends a text in quotes. Bytes that are no UTF-8 are the reader's concern, as in a file name.
+// Appends a text in quotes, which is cut after `most` bytes. A few bytes stay free for what
+// follows.
 static void append_quoted(line *l, const char *text, size_t most) {
-    const size_t limit = l->used + most < sizeof l->text - 8 ? l->used + most : sizeof l->text - 8;
-    append(l, "\"");
-    for (; *text != 0 && l->used < limit; ++text) {
-        const unsigned char c = (unsigned char)*text;
-        if (c == '"' || c == '\\') {
-            append(l, "\\%c", c);
-        } else if (c < 0x20 || c == 0x7f) {
-            append(l, "\\u%04x", c);
-        } else {
-            append(l, "%c", c);
-        }
+    const size_t room = sizeof l->text - l->used;
+    if (room < 16) {
+        return;
     }
-    append(l, "\"");
+    l->used += pm_json_quote(l->text + l->used, most < room - 8 ? most : room - 8, text);
 }
 
 static void append_time(line *l) {
