@@ -6,7 +6,7 @@ set -eu
 cd "$(dirname "$0")/.."
 . daemon/setup.sh
 
-need_packages $build_packages
+need_packages $build_packages $test_packages
 build_into build
 
 failed=0

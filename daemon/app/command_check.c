@@ -34,6 +34,20 @@ static pm_status build_all(const pm_setup *setup, int *rounds) {
     return PM_OK;
 }
 
+static void print_network(const pm_scene *scene) {
+    const bool ranks = pm_transport_has_ranks(scene->url);
+    printf("  %-10s %s, window %d, patience %g s\n", ranks ? "MPI" : "LCM", scene->url,
+           scene->window, scene->patience);
+    if (ranks) {
+        printf("  ranks      %d: one for each process, and one that coordinates them\n",
+               scene->nprocess + 1);
+    }
+    for (int i = 0; i < scene->ntap; ++i) {
+        printf("%s%s%s", i == 0 ? "  tap        " : ", ", scene->tap[i],
+               i + 1 == scene->ntap ? ": repeated over LCM where a run uses MPI\n" : "");
+    }
+}
+
 static void print_header(const pm_setup *setup, int rounds) {
     const pm_scene *scene = setup->scene;
     printf("scene %s (%s)\n", scene->name, scene->path);
@@ -44,8 +58,7 @@ static void print_header(const pm_setup *setup, int rounds) {
         printf("%d substeps: %s%d flux exchanges per step\n", scene->substeps,
                scene->integrator->discrete ? "at most " : "", rounds);
     }
-    printf("  LCM        %s, window %d, patience %g s\n", scene->url, scene->window,
-           scene->patience);
+    print_network(scene);
     if (scene->key_file != NULL) {
         printf("  key        %s: messages are sealed\n", scene->key_file);
     }

@@ -1,12 +1,16 @@
 // portmetd coordinator: coordinates nodes that are started by hand, here or on other hosts, records
 // their samples and prints the tables.
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/prepare.h"
 #include "app/serve.h"
 
 static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status = pm_prepare(&setup, options, PM_TO_COORDINATE);
+    if (status == PM_OK) {
+        status = pm_connect_refuse_ranks(setup.scene, "coordinator");
+    }
     if (status == PM_OK) {
         status = pm_serve_coordinator(&setup, options);
     }

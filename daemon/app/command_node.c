@@ -2,6 +2,7 @@
 #include <stdio.h>
 
 #include "app/command.h"
+#include "app/connect.h"
 #include "app/prepare.h"
 #include "app/serve.h"
 
@@ -21,6 +22,7 @@ static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_SERVE));
+    PM_TRY_DONE(pm_connect_refuse_ranks(setup.scene, "node"));
     const int process_id = pm_scene_find_process(setup.scene, options->name);
     status = process_id < 0 ? fail_name(setup.scene, options->name)
                             : pm_serve_node(&setup, options, process_id);

@@ -9,6 +9,7 @@
 #include "app/launch.h"
 #include "app/observer.h"
 #include "app/prepare.h"
+#include "app/ranks.h"
 #include "app/serve.h"
 #include "app/supervise.h"
 #include "library/local_run.h"
@@ -194,7 +195,10 @@ static pm_status execute(const pm_run_options *options) {
                                   "not for --in-process");
     }
     pm_status status = pm_prepare(&setup, options, PM_TO_COORDINATE);
-    if (status == PM_OK) {
+    if (status != PM_OK) {
+    } else if (!options->in_process && pm_transport_has_ranks(setup.scene->url)) {
+        status = pm_ranks_run(&setup, options);
+    } else {
         status =
             options->checkpoint == NULL ? run_here(&setup, options) : pm_supervise(&setup, options);
     }
@@ -211,7 +215,8 @@ static const pm_command command = {
         "from each subsystem's `initial`, else from the reference's first state. Ctrl-C ends all\n"
         "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
         "that is killed starts again and goes on, and the result has the same bits. If the whole\n"
-        "run is interrupted, the same command continues it.",
+        "run is interrupted, the same command continues it. With --url mpi:// the processes are\n"
+        "the ranks of `mpirun -n N portmetd run ...`, one more than the scene has processes.",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
                PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
                PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,

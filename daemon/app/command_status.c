@@ -48,10 +48,7 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_scene_load(&scene, options->scene));
     l.scene = scene;
     PM_TRY_DONE(pm_connect_check(scene));
-    if (options->url != NULL) {
-        PM_TRY_DONE(pm_transport_check(options->url));
-        scene->url = options->url;
-    }
+    PM_TRY_DONE(pm_connect_listener(scene, options->url));
     PM_TRY_DONE(pm_health_message_alloc(&l.health, &arena, scene->nprocess));
     PM_TRY_DONE(pm_connect_open(&transport, scene, "status", &options->log));
     PM_TRY_DONE(listen_to(&l, transport, options));

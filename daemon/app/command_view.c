@@ -140,11 +140,8 @@ static pm_status check_options(const pm_run_options *options) {
 }
 
 static pm_status open_run(view *v) {
-    if (v->options->url != NULL) {
-        PM_TRY(pm_transport_check(v->options->url));
-        v->scene->url = v->options->url;
-    }
     PM_TRY(pm_connect_check(v->scene));
+    PM_TRY(pm_connect_listener(v->scene, v->options->url));
     PM_TRY(pm_connect_open(&v->transport, v->scene, "view", &v->options->log));
     return pm_listener_open(&v->listener, v->transport, v->scene, v->options->session);
 }

@@ -65,6 +65,7 @@ pm_status pm_connect_check(pm_scene *scene) {
     if (scene->url == NULL) {
         scene->url = DEFAULT_URL;
     }
+    scene->tap_url = pm_transport_has_ranks(scene->url) ? DEFAULT_URL : scene->url;
     const pm_status status = pm_transport_check(scene->url);
     if (status != PM_OK && scene->url_at != NULL) {
         return pm_fail(status, "%s: url: %s", scene->url_at, pm_error());
@@ -73,11 +74,40 @@ pm_status pm_connect_check(pm_scene *scene) {
     return check_channels(scene);
 }
 
+pm_status pm_connect_listener(pm_scene *scene, const char *url) {
+    scene->url = url == NULL ? scene->tap_url : url;
+    return pm_transport_has_ranks(scene->url)
+               ? pm_fail(PM_ECONFIG,
+                         "nobody can join the ranks of a run at %s: a scene's `tap` "
+                         "repeats chosen messages over LCM",
+                         scene->url)
+               : pm_transport_check(scene->url);
+}
+
+pm_status pm_connect_refuse_ranks(const pm_scene *scene, const char *command) {
+    return pm_transport_has_ranks(scene->url)
+               ? pm_fail(PM_EUSAGE,
+                         "%s does not work at %s: mpirun starts all processes, by "
+                         "\"mpirun -n %d portmetd run %s --url %s\"",
+                         command, scene->url, scene->nprocess + 1, scene->path, scene->url)
+               : PM_OK;
+}
+
+// Repeats the channels of the scene's tap over LCM, where the transport is another one.
+static pm_status tap(pm_transport *transport, const pm_scene *scene) {
+    const pm_tap tap = {scene->tap_url, scene->name, scene->ntap, scene->tap};
+    return scene->ntap > 0 && pm_transport_has_ranks(scene->url) ? pm_transport_tap(transport, &tap)
+                                                                 : PM_OK;
+}
+
 pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name,
                           const pm_journal *log) {
     pm_transport *opened = NULL;
     PM_TRY(pm_transport_open(&opened, scene->url, NULL));
-    const pm_status status = scene->key_file == NULL ? PM_OK : seal(opened, scene, name, log);
+    pm_status status = tap(opened, scene);
+    if (status == PM_OK && scene->key_file != NULL) {
+        status = seal(opened, scene, name, log);
+    }
     if (status != PM_OK) {
         pm_transport_close(opened);
         return status;

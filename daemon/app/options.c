@@ -52,7 +52,7 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
         {PM_OPTION_WEIGHTS,
          text_option("--weights", "DIR", &run->weights, "take the weights files from DIR")},
         {PM_OPTION_URL,
-         text_option("--url", "URL", &run->url, "LCM provider instead of the scene's")},
+         text_option("--url", "URL", &run->url, "LCM provider, or mpi://, instead of the scene's")},
         {PM_OPTION_IN_PROCESS,
          {.name = "--in-process",
           .on = &run->in_process,

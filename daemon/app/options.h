@@ -20,7 +20,8 @@ typedef struct pm_run_options {
     int64_t session;       // number of the session to join or to open; 0: no session was given
     int64_t port, udp;     // numbers of ports; 0: not given
     bool in_process, quiet, overwrite;
-    pm_journal log;                    // of the lines on standard error
+    bool coordinator_speaks; // a node leaves it to the coordinator to print why the run has failed
+    pm_journal log;          // of the lines on standard error
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
 } pm_run_options;
 

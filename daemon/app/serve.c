@@ -31,6 +31,9 @@ pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int proc
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
     status = pm_lockstep_run_node(node, options->stop);
     pm_connect_warn(transport, pm_lockstep_node_drops(node), &options->log);
+    if (options->coordinator_speaks && status != PM_OK && status != PM_ETIMEOUT) {
+        status = pm_fail(status, "%s", "");
+    }
 done:
     pm_lockstep_node_close(node);
     pm_transport_close(transport);
@@ -47,7 +50,9 @@ static pm_status conduct(pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, observer->options->stop);
     status = pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
-                                pm_lockstep_coordinator_pace(coordinator), "over LCM");
+                                pm_lockstep_coordinator_pace(coordinator),
+                                pm_transport_has_ranks(setup->scene->url) ? "a rank each, over MPI"
+                                                                          : "over LCM");
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator), &observer->options->log);
 done:
     pm_lockstep_coordinator_close(coordinator);

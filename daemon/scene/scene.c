@@ -22,6 +22,13 @@ static pm_status read_url(pm_scene_reader *r) {
     return pm_scene_read_at(r, value, &r->scene->url_at);
 }
 
+// Reads the patterns of the channels that are repeated for listeners.
+static pm_status read_tap(pm_scene_reader *r) {
+    const pm_yaml value = pm_yaml_get(r->root, "tap");
+    return pm_yaml_exists(value) ? pm_yaml_texts(value, r->arena, &r->scene->ntap, &r->scene->tap)
+                                 : PM_OK;
+}
+
 static pm_status read_key_file(pm_scene_reader *r) {
     const pm_yaml value = pm_yaml_get(r->root, "key_file");
     if (!pm_yaml_exists(value)) {
@@ -159,12 +166,13 @@ static pm_status read_scene(pm_scene_reader *r) {
     static const char *const keys[] = {
         "scene",    "url",    "key_file",     "time",        "subsystems", "boundary_inputs",
         "models",   "ports",  "processes",    "reference",   "laws",       "guards",
-        "lockstep", "record", "observations", "live_inputs", NULL};
+        "lockstep", "record", "observations", "live_inputs", "tap", NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));
     PM_TRY(pm_scene_read_name(r, value, &r->scene->name));
     PM_TRY(read_url(r));
+    PM_TRY(read_tap(r));
     PM_TRY(read_key_file(r));
     PM_TRY(read_time(r));
     PM_TRY(pm_scene_read_subsystems(r));

@@ -124,6 +124,9 @@ typedef struct pm_scene {
     const char *path;                   // as given to pm_scene_load
     const char *name;                   // letters, digits, '_' only
     const char *url, *url_at;           // address at which processes meet; NULL: not given
+    const char *tap_url; // address at which listeners hear the run; set by app/connect.c
+    int ntap;
+    const char **tap; // [ntap] patterns of channels that are repeated at tap_url, if it is not `url`
     const char *key_file, *key_file_at; // key that seals messages (transport/seal.h); NULL: none
     double dt;                          // s, of a step
     int steps;

@@ -19,19 +19,28 @@ static const struct {
 } schemes[] = {
     {"udpm://", &pm_transport_lcm},
     {"mpudpm://", &pm_transport_lcm},
+    {"mpi://", &pm_transport_mpi},
     {"memory://", &pm_transport_memory},
 };
 
-static pm_status find(const char *url, const pm_transport_table **table) {
+// Returns the functions for this URL, or NULL.
+static const pm_transport_table *look_up(const char *url) {
     for (size_t i = 0; i < sizeof schemes / sizeof schemes[0]; ++i) {
         if (strncmp(url, schemes[i].scheme, strlen(schemes[i].scheme)) == 0) {
-            *table = schemes[i].table;
-            return PM_OK;
+            return schemes[i].table;
         }
     }
+    return NULL;
+}
+
+static pm_status find(const char *url, const pm_transport_table **table) {
+    *table = look_up(url);
+    if (*table != NULL) {
+        return PM_OK;
+    }
     return pm_fail(PM_ECONFIG,
-                   "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT or "
-                   "memory://",
+                   "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT, mpi:// "
+                   "or memory://",
                    url);
 }
 
@@ -39,6 +48,18 @@ pm_status pm_transport_check(const char *url) {
     const pm_transport_table *table = NULL;
     PM_TRY(find(url, &table));
     return table->check(url);
+}
+
+bool pm_transport_has_ranks(const char *url) {
+    const pm_transport_table *table = look_up(url);
+    return table != NULL && table->place != NULL;
+}
+
+pm_status pm_transport_place(const char *url, int *rank, int *count) {
+    const pm_transport_table *table = NULL;
+    PM_TRY(find(url, &table));
+    PM_TRY(table->check(url));
+    return table->place(rank, count);
 }
 
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
@@ -63,6 +84,15 @@ void pm_transport_close(pm_transport *transport) {
         transport->table->close(transport->state);
         free(transport);
     }
+}
+
+pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap) {
+    void *state;
+    PM_TRY(pm_transport_tapped_open(&state, transport->table, transport->state, tap,
+                                    &transport->drops));
+    transport->table = &pm_transport_tapped;
+    transport->state = state;
+    return PM_OK;
 }
 
 pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,

@@ -1,16 +1,19 @@
 // A transport carries messages, as bytes, between processes or within one. The URL chooses the
 // kind:
 //   udpm://, mpudpm://   LCM over UDP multicast, best effort (transport_lcm.c)
+//   mpi://               between the ranks of one job of mpirun (transport_mpi.c)
 //   memory://            between the endpoints of one hub in this thread (transport_memory.c)
 // With udpm, messages arrive on a filtered socket of this program (receiver.h), unless the URL says
 // "?receive=lcm".
 // A transport is a table of functions (transport_table.h) and one line in transport.c. With a key,
-// a transport that seals and checks messages (transport_sealed.c) stands in front of any of them.
+// a transport that seals and checks messages (transport_sealed.c) stands in front of any of them. A
+// tap (transport_tapped.c) repeats chosen messages over LCM.
 //
-// Life cycle: open, perhaps seal, subscribe, then publish and wait in turn, close.
+// Life cycle: open, perhaps tap, perhaps seal, subscribe, then publish and wait in turn, close.
 #ifndef PM_TRANSPORT_TRANSPORT_H
 #define PM_TRANSPORT_TRANSPORT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -51,11 +54,36 @@ void pm_hub_close(pm_hub *hub); // NULL is allowed
 // address malformed.
 pm_status pm_transport_check(const char *url);
 
+// True if the processes that meet at this URL are numbered by ranks, as those of mpi:// are.
+bool pm_transport_has_ranks(const char *url);
+
+// Finds the rank of this process, from 0 on, and their number, at a URL that has ranks. With mpi://
+// this begins MPI, and a process that does not open the transport then and close it makes mpirun
+// end the others. PM_ECONFIG: as pm_transport_check; PM_ENET: MPI has ended.
+pm_status pm_transport_place(const char *url, int *rank, int *count);
+
 // Opens a transport. `hub` is needed for "memory://", must outlive the transport, and is ignored by
 // the others. PM_ECONFIG: as pm_transport_check. PM_ENET: there is no socket or no route for
 // multicast; the error then names the commands that make one. PM_ENOMEM.
 pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub);
-void pm_transport_close(pm_transport *transport); // NULL is allowed
+
+// Closes a transport. With mpi:// it waits until every rank closes it, for 60 s at most; NULL is
+// allowed.
+void pm_transport_close(pm_transport *transport);
+
+// Which messages are repeated over LCM. All pointers are borrowed.
+typedef struct pm_tap {
+    const char *url;      // of LCM
+    const char *scene;    // with which, and "_", the channels begin
+    int count;            // number of patterns
+    const char **pattern; // [count] of what follows, as fnmatch(3) reads patterns
+} pm_tap;
+
+// Makes the transport publish messages over LCM as well, if a pattern of `tap`, whose texts must
+// outlive the transport, matches their channel. Nothing is received from there, and a failure of
+// LCM after this call does not fail the transport. It must be called before pm_transport_seal.
+// Fails as pm_transport_open does.
+pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap);
 
 // Called during pm_transport_wait, once for each sender whose clock is more than PM_SEAL_AGE ahead
 // of this host's, with the difference in s.

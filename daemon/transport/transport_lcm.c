@@ -25,10 +25,14 @@ typedef struct liblcm_subscription {
     void *context;
 } liblcm_subscription;
 
+// Receiving begins with the first subscription, so that no messages pile up at an endpoint that
+// only publishes.
 typedef struct lcm_endpoint {
     lcm_t *lcm;
-    pm_receiver *receiver; // NULL: liblcm receives, for `subscriptions`
-    int file;
+    char *url;
+    pm_drops *drops;
+    pm_receiver *receiver; // NULL: liblcm receives, for `subscriptions`, or nobody
+    int file;              // -1: nobody receives
     liblcm_subscription *subscriptions;
 } lcm_endpoint;
 
@@ -43,6 +47,7 @@ static void lcm_endpoint_close(void *state) {
         free(e->subscriptions);
         e->subscriptions = next;
     }
+    free(e->url);
     free(e);
 }
 
@@ -68,20 +73,16 @@ static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub, p
     pm_status status = PM_OK;
     lcm_endpoint *e = calloc(1, sizeof *e);
     char *provider = provider_of(url, &parsed);
-    if (e == NULL || provider == NULL) {
+    if (e == NULL || provider == NULL || (e->url = strdup(url)) == NULL) {
         status = pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
         goto done;
     }
+    e->drops = drops;
+    e->file = -1;
     e->lcm = lcm_create(provider);
     if (e->lcm == NULL) {
         status = pm_fail(PM_ENET, "transport \"%s\": LCM cannot open it", url);
         goto done;
-    }
-    if (parsed.receives_itself) {
-        PM_TRY_DONE(pm_receiver_open(&e->receiver, url, &parsed, drops));
-        e->file = pm_receiver_file(e->receiver);
-    } else {
-        e->file = lcm_get_fileno(e->lcm);
     }
     *state = e;
 done:
@@ -92,6 +93,18 @@ done:
     return status;
 }
 
+static pm_status begin_receiving(lcm_endpoint *e) {
+    pm_lcm_url parsed;
+    PM_TRY(pm_lcm_url_parse(e->url, &parsed));
+    if (parsed.receives_itself) {
+        PM_TRY(pm_receiver_open(&e->receiver, e->url, &parsed, e->drops));
+        e->file = pm_receiver_file(e->receiver);
+    } else {
+        e->file = lcm_get_fileno(e->lcm);
+    }
+    return PM_OK;
+}
+
 static void receive(const lcm_recv_buf_t *buffer, const char *channel, void *context) {
     const liblcm_subscription *s = context;
     s->handler(s->context, channel, buffer->data, buffer->data_size);
@@ -100,6 +113,7 @@ static void receive(const lcm_recv_buf_t *buffer, const char *channel, void *con
 static pm_status lcm_endpoint_subscribe(void *state, const char *channel,
                                         pm_message_handler *handler, void *context) {
     lcm_endpoint *e = state;
+    PM_TRY(e->file < 0 ? begin_receiving(e) : PM_OK);
     if (e->receiver != NULL) {
         return pm_receiver_subscribe(e->receiver, channel, handler, context);
     }
@@ -183,5 +197,5 @@ static int lcm_endpoint_file(const void *state) {
 
 const pm_transport_table pm_transport_lcm = {
     lcm_endpoint_check,   lcm_endpoint_open, lcm_endpoint_close, lcm_endpoint_subscribe,
-    lcm_endpoint_publish, lcm_endpoint_wait, lcm_endpoint_file,
+    lcm_endpoint_publish, lcm_endpoint_wait, lcm_endpoint_file,  NULL,
 };

@@ -213,5 +213,5 @@ static int memory_file(const void *state) {
 
 const pm_transport_table pm_transport_memory = {
     memory_check,   memory_open, memory_close, memory_subscribe,
-    memory_publish, memory_wait, memory_file,
+    memory_publish, memory_wait, memory_file,  NULL,
 };
