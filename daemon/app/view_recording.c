@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "scene/recording_series.h"
 #include "store/hdf5_io.h"
 
 #define NAME_SIZE 256
@@ -68,35 +69,118 @@ static pm_status add_totals(const recording_reader *r) {
     return PM_OK;
 }
 
-static pm_status add_parts(const recording_reader *r) {
-    static const char *const series[PM_VIEW_PER_PART] = {"E", "S", "bulk_entropy"};
-    const pm_scene *scene = r->graph->scene;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        for (int k = 0; k < PM_VIEW_PER_PART; ++k) {
-            char name[NAME_SIZE];
-            snprintf(name, sizeof name, "/subsystems/%s/%s", scene->subsystem[i].name, series[k]);
-            PM_TRY(
-                add_series(r, name, PM_VIEW_TOTALS + k * r->graph->npart + r->graph->node_of[i]));
+// Adds a series of the `count` members of a range. Member k belongs to the numbers at position
+// at[k] of all frames; -1: to none.
+static pm_status add_members(const recording_reader *r, const char *name, int count,
+                             const int *at) {
+    double *value = calloc((size_t)count, sizeof *value);
+    pm_status status = value == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", r->path) : PM_OK;
+    for (int i = 0; i < r->count && status == PM_OK; ++i) {
+        double *frame = r->frame + (long)i * r->width;
+        status = pm_hdf5_read_row(r->file, name, i * r->stride, count, value);
+        for (int k = 0; k < count && status == PM_OK; ++k) {
+            if (at[k] >= 0) {
+                frame[at[k]] += value[k];
+            }
         }
+    }
+    free(value);
+    return status;
+}
+
+// Adds the series `quantity` of a family. `at` [count] are positions in frames, as above.
+static pm_status add_family(const recording_reader *r, const char *folder,
+                            const pm_recorded_family *family, const char *quantity, const int *at) {
+    char name[NAME_SIZE];
+    snprintf(name, sizeof name, "/%s/%s/%s", folder, family->name, quantity);
+    if (family->is_range) {
+        return add_members(r, name, family->count, at);
+    }
+    return *at < 0 ? PM_OK : add_series(r, name, *at);
+}
+
+static pm_status add_parts(const recording_reader *r, const pm_recorded_families *families,
+                           int *at) {
+    static const char *const series[PM_VIEW_PER_PART] = {"E", "S", "bulk_entropy"};
+    const pm_view_graph *graph = r->graph;
+    for (int i = 0; i < families->nsubsystem * PM_VIEW_PER_PART; ++i) {
+        const pm_recorded_family *family = &families->subsystem[i / PM_VIEW_PER_PART];
+        const int first = PM_VIEW_TOTALS + i % PM_VIEW_PER_PART * graph->npart;
+        for (int k = 0; k < family->count; ++k) {
+            at[k] = first + graph->node_of[family->first + k];
+        }
+        PM_TRY(add_family(r, "subsystems", family, series[i % PM_VIEW_PER_PART], at));
     }
     return PM_OK;
 }
 
-static pm_status add_edges(const recording_reader *r) {
+static pm_status add_edges(const recording_reader *r, const pm_recorded_families *families,
+                           int *at) {
     static const char *const series[PM_VIEW_PER_EDGE] = {"energy_flux_a", "energy_flux_b",
                                                          "entropy_flux_a", "entropy_flux_b"};
-    const pm_scene *scene = r->graph->scene;
-    const int first = PM_VIEW_TOTALS + PM_VIEW_PER_PART * r->graph->npart;
-    for (int i = 0; i < scene->nport; ++i) {
-        const int edge = r->graph->edge_of[i];
-        for (int k = 0; k < PM_VIEW_PER_EDGE && edge >= 0; ++k) {
-            char name[NAME_SIZE];
-            snprintf(name, sizeof name, "/ports/%s/%s", scene->port[i].name,
-                     series[k ^ r->graph->first_end[i]]);
-            PM_TRY(add_series(r, name, first + k * r->graph->nedge + edge));
+    const pm_view_graph *graph = r->graph;
+    const int first = PM_VIEW_TOTALS + PM_VIEW_PER_PART * graph->npart;
+    for (int i = 0; i < families->nport * PM_VIEW_PER_EDGE; ++i) {
+        const pm_recorded_family *family = &families->port[i / PM_VIEW_PER_EDGE];
+        const int quantity = i % PM_VIEW_PER_EDGE;
+        for (int k = 0; k < family->count; ++k) {
+            const int id = family->first + k, edge = graph->edge_of[id];
+            const int shown = quantity ^ graph->first_end[id];
+            at[k] = edge < 0 ? -1 : first + shown * graph->nedge + edge;
         }
+        PM_TRY(add_family(r, "ports", family, series[quantity], at));
     }
     return PM_OK;
+}
+
+// The numbers of nodes and edges of which the recording does not keep every member become NaN.
+static void spoil_incomplete(const recording_reader *r) {
+    const pm_view_graph *graph = r->graph;
+    const int first = PM_VIEW_TOTALS + PM_VIEW_PER_PART * graph->npart;
+    for (int i = 0; i < r->count; ++i) {
+        double *frame = r->frame + (long)i * r->width;
+        for (int id = 0; id < graph->scene->nsubsystem; ++id) {
+            for (int k = 0; k < PM_VIEW_PER_PART && !pm_scene_records(graph->scene, id); ++k) {
+                frame[PM_VIEW_TOTALS + k * graph->npart + graph->node_of[id]] = NAN;
+            }
+        }
+        for (int id = 0; id < graph->scene->nport; ++id) {
+            const int edge = graph->edge_of[id];
+            const bool kept = edge < 0 || pm_scene_records_port(graph->scene, id);
+            for (int k = 0; k < PM_VIEW_PER_EDGE && !kept; ++k) {
+                frame[first + k * graph->nedge + edge] = NAN;
+            }
+        }
+    }
+}
+
+static pm_status add_components(const recording_reader *r) {
+    const pm_scene *scene = r->graph->scene;
+    pm_arena arena = {0};
+    pm_recorded_families families;
+    pm_status status;
+    const int most = scene->nsubsystem > scene->nport ? scene->nsubsystem : scene->nport;
+    int *at = pm_arena_array(&arena, (size_t)most, sizeof *at);
+    PM_TRY_DONE(at == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", r->path) : PM_OK);
+    PM_TRY_DONE(pm_recorded_families_find(&families, &arena, scene));
+    PM_TRY_DONE(add_parts(r, &families, at));
+    PM_TRY_DONE(add_edges(r, &families, at));
+    spoil_incomplete(r);
+done:
+    pm_arena_free(&arena);
+    return status;
+}
+
+// Checks that the file is a recording of the scene: it has the scene's first subsystem.
+static pm_status check_scene(const recording_reader *r) {
+    const pm_scene *scene = r->graph->scene;
+    const char *range = scene->subsystem[0].range;
+    char part[NAME_SIZE];
+    snprintf(part, sizeof part, "/subsystems/%s", range == NULL ? scene->subsystem[0].name : range);
+    return scene->recorded != NULL || pm_hdf5_has(r->file, part)
+               ? PM_OK
+               : pm_fail(PM_EFILE, "%s: no recording of scene %s: it has no %s", r->path,
+                         scene->name, part);
 }
 
 static pm_status read_frames(recording_reader *r, int capacity) {
@@ -107,12 +191,7 @@ static pm_status read_frames(recording_reader *r, int capacity) {
         return pm_fail(PM_EFILE, "%s: %" PRIu64 " of %d samples are complete", r->path, committed,
                        r->rows);
     }
-    char part[NAME_SIZE];
-    snprintf(part, sizeof part, "/subsystems/%s", r->graph->scene->subsystem[0].name);
-    if (r->graph->scene->recorded == NULL && !pm_hdf5_has(r->file, part)) {
-        return pm_fail(PM_EFILE, "%s: no recording of scene %s: it has no %s", r->path,
-                       r->graph->scene->name, part);
-    }
+    PM_TRY(check_scene(r));
     r->rows = (int)committed;
     r->stride = (r->rows + capacity - 1) / capacity;
     r->count = (r->rows + r->stride - 1) / r->stride;
@@ -121,8 +200,7 @@ static pm_status read_frames(recording_reader *r, int capacity) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", r->path);
     }
     PM_TRY(add_totals(r));
-    PM_TRY(add_parts(r));
-    return add_edges(r);
+    return add_components(r);
 }
 
 pm_status pm_view_recording_read(const char *path, const pm_view_graph *graph,

@@ -8,12 +8,13 @@
 //   /live/<name> [sample]: the value of a live input during the step before, in SI units
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
-// A scene may name the subsystems that the recording keeps. It then keeps the ports at these
-// subsystems only. It always keeps /ledger.
-// The attribute `committed` of "/" says how many samples are certain. A run that was killed, or
-// whose disk became full, may leave more rows than that in some series; readers stop at
-// `committed`.
-// The file has the earliest HDF5 format. Samples are appended in chunks and flushed about once a
+// The subsystems, or ports, for which one key of the scene stands, such as "link[0:9]", share their
+// series, whose name is that key. These have another axis: z [sample][member][variable], E
+// [sample][member]. A scene may name the subsystems that the recording keeps. Each then has series
+// of its own. The recording keeps only the ports at these subsystems, and always /ledger. The
+// attribute `committed` of "/" says how many samples are certain. A run that was killed, or whose
+// disk became full, may leave more rows than that in some series; readers stop at `committed`. The
+// file has the earliest HDF5 format. Samples are appended in chunks and flushed about once a
 // second. After a run was killed, every flushed sample is readable. Space for a chunk is reserved
 // before it is written: on a full disk the file stays sound and holds all samples but the last few.
 // On a file system that cannot reserve space (FAT, NFS before 4.2) it may be damaged.

@@ -19,6 +19,7 @@
 // gives x, for errors that are found after the scene was read.
 typedef struct pm_scene_subsystem {
     const char *name, *at;
+    const char *range;         // key that stands for it and others, "link[0:9]"; NULL: its name
     const char *weights;       // path, resolved against the scene's folder; NULL: a known model
     const pm_part_spec *model; // known model; NULL: it comes from weights
     const char *weights_at;    // place of the weights or of the known model
@@ -102,6 +103,8 @@ typedef struct pm_scene_live_input {
 // A port joins ends a (0) and b (1), which are two subsystems, or a subsystem and a boundary input.
 typedef struct pm_scene_port {
     const char *name;
+    const char *range;                // key that stands for it and others; NULL: its name
+    const char *between[2];           // names of the ends as the file has them: "link[i]"
     const char *law, *law_at;         // name of the port law (model/laws)
     const char *weights, *weights_at; // path of the weights; NULL: a known model
     const pm_port_spec *model;        // known model; NULL: it comes from weights

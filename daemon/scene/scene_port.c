@@ -31,7 +31,7 @@ static pm_status read_between(pm_scene_reader *r, pm_scene_port *port, pm_yaml b
         return pm_yaml_fail(between, "expected two subsystems [a, b], found %d", count);
     }
     for (int end = 0; end < 2; ++end) {
-        text[end] = name[end];
+        text[end] = port->between[end] = name[end];
         PM_TRY(pm_scene_expand(r, pm_yaml_item(between, end), name[end], &name[end]));
         port->subsystem[end] = pm_scene_find_subsystem(r->scene, name[end]);
         port->boundary_input[end] = pm_scene_find_boundary_input(r->scene, name[end]);
@@ -215,6 +215,7 @@ static pm_status read_all(pm_scene_reader *r, pm_yaml ports) {
         PM_TRY(pm_scene_enter_entry(r, &entries, i, &key, &block, &port->name, &first));
         PM_TRY(first == i ? read_port(r, port, block)
                           : repeat_port(r, &scene->port[first], port, block));
+        port->range = pm_scene_range_of(&entries, i);
     }
     r->naxis = 0;
     return pm_scene_sort_names(r, &entries, name_of, &scene->port_names);

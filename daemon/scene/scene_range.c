@@ -42,7 +42,7 @@ static bool read_axis(const char **text, int *first, int *count) {
 
 pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
                                pm_scene_range *range) {
-    *range = (pm_scene_range){.pattern = text, .total = 1};
+    *range = (pm_scene_range){.key = text, .pattern = text, .total = 1};
     const char *open = strchr(text, '[');
     if (open == NULL) {
         return PM_OK;
@@ -181,6 +181,11 @@ int pm_scene_entry_of(const pm_scene_entries *entries, int component) {
         }
     }
     return low;
+}
+
+const char *pm_scene_range_of(const pm_scene_entries *entries, int component) {
+    const pm_scene_range *range = &entries->range[pm_scene_entry_of(entries, component)];
+    return range->naxis == 0 ? NULL : range->key;
 }
 
 pm_status pm_scene_enter_entry(pm_scene_reader *r, const pm_scene_entries *entries, int id,

@@ -25,6 +25,7 @@ typedef struct pm_scene_reader {
 // The components that a key means: one, or with NAME[A:B] one for each index from A up to, not
 // including, B. Up to three axes may follow each other; the last one runs fastest.
 typedef struct pm_scene_range {
+    const char *key;     // as it stands in the file
     const char *pattern; // of the names: "link", "link[i]", "cell[i][j]"
     int naxis;           // 0: a single component
     int first[PM_SCENE_MAX_AXES], count[PM_SCENE_MAX_AXES]; // [naxis]
@@ -88,6 +89,8 @@ int pm_scene_entry_of(const pm_scene_entries *entries, int component);
 // and `block` receive its entry. Returns through `first` the first component of the same entry.
 pm_status pm_scene_enter_entry(pm_scene_reader *r, const pm_scene_entries *entries, int id,
                                pm_yaml *key, pm_yaml *block, const char **name, int *first);
+// Returns the key of a component's entry if it is a range, or NULL.
+const char *pm_scene_range_of(const pm_scene_entries *entries, int component);
 // Sorts the names of components [count] and refuses a name that occurs twice. `name_of` returns the
 // name of one component.
 pm_status pm_scene_sort_names(pm_scene_reader *r, const pm_scene_entries *entries,

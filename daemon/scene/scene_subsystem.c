@@ -339,6 +339,7 @@ static pm_status read_all(pm_scene_reader *r, const pm_scene_entries *entries) {
         PM_TRY(pm_scene_enter_entry(r, entries, i, &key, &block, &subsystem->name, &first));
         PM_TRY(first == i ? read_subsystem(r, subsystem, key, block)
                           : repeat_subsystem(r, &scene->subsystem[first], subsystem, block));
+        subsystem->range = pm_scene_range_of(entries, i);
         subsystem->first = scene->nz;
         scene->nz += subsystem->layout.nz;
         if (scene->nz > MAX_STATE) {

@@ -1,4 +1,6 @@
 // Groups, datasets and growing series in HDF5 files.
+#include <string.h>
+
 #include "base/memory.h"
 #include "store/hdf5_handle.h"
 
@@ -119,6 +121,27 @@ pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const in
     return status;
 }
 
+pm_status pm_hdf5_read_row(const pm_hdf5 *file, const char *name, int row, int extent,
+                           double *value) {
+    const hsize_t start[2] = {(hsize_t)row, 0}, block[2] = {1, (hsize_t)extent};
+    hsize_t size[2] = {0, 0};
+    const hid_t id = H5Dopen2(file->file, name, H5P_DEFAULT);
+    const hid_t space = id < 0 ? H5I_INVALID_HID : H5Dget_space(id);
+    const hid_t memory = H5Screate_simple(2, block, NULL);
+    const bool good = space >= 0 && storage_is_plain(id) &&
+                      H5Sget_simple_extent_ndims(space) == 2 &&
+                      H5Sget_simple_extent_dims(space, size, NULL) == 2 && start[0] < size[0] &&
+                      block[1] == size[1] &&
+                      H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, block, NULL) >= 0 &&
+                      H5Dread(id, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, value) >= 0;
+    pm_hdf5_release(memory);
+    pm_hdf5_release(space);
+    pm_hdf5_release(id);
+    return good ? PM_OK
+                : pm_fail(file->content, "%s: %s: expected a row %d of %d numbers", file->path,
+                          name, row, extent);
+}
+
 // Dataset creation without the time of writing, so that equal content makes equal files.
 static hid_t without_times(void) {
     const hid_t list = H5Pcreate(H5P_DATASET_CREATE);
@@ -160,63 +183,92 @@ pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *ex
 
 // --- series ---
 
-// Dataset access that keeps only the last chunk, of `chunk` samples of `width` numbers, in memory.
-// By default the library keeps a mebibyte of each dataset, and a recording has a dataset for each
-// quantity of each part.
-static hid_t with_one_chunk(int width, int chunk) {
-    const size_t size = (size_t)(width == 0 ? 1 : width) * (size_t)chunk * sizeof(double);
+// Dataset access that keeps only the last chunk in memory. By default the library keeps a mebibyte
+// of each dataset, and a recording has a dataset for each quantity of each part.
+static hid_t with_one_chunk(const pm_hdf5_series *series, int chunk) {
+    size_t size = (size_t)chunk * sizeof(double);
+    for (int i = 0; i < series->rank; ++i) {
+        size *= (size_t)series->extent[i];
+    }
     const hid_t list = H5Pcreate(H5P_DATASET_ACCESS);
     H5Pset_chunk_cache(list, 1, size, H5D_CHUNK_CACHE_W0_DEFAULT);
     return list;
 }
 
-pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
-                                int chunk, bool integer) {
-    const int rank = width == 0 ? 1 : 2;
-    const hsize_t size[2] = {0, (hsize_t)width}, limit[2] = {H5S_UNLIMITED, (hsize_t)width};
-    const hsize_t piece[2] = {(hsize_t)chunk, (hsize_t)width};
+static pm_hdf5_series make_series(pm_hdf5 *file, int rank, const int *extent) {
+    pm_hdf5_series series = {.file = file, .rank = rank};
+    for (int i = 0; i < rank; ++i) {
+        series.extent[i] = extent[i];
+    }
+    return series;
+}
+
+// Writes the extents of `count` samples to size [1 + PM_HDF5_SERIES_RANK].
+static void set_size(const pm_hdf5_series *series, hsize_t count, hsize_t *size) {
+    size[0] = count;
+    for (int i = 0; i < series->rank; ++i) {
+        size[1 + i] = (hsize_t)series->extent[i];
+    }
+}
+
+pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int rank,
+                                const int *extent, int chunk, bool integer) {
+    hsize_t size[1 + PM_HDF5_SERIES_RANK], limit[1 + PM_HDF5_SERIES_RANK],
+        piece[1 + PM_HDF5_SERIES_RANK];
+    *series = make_series(file, rank, extent);
+    set_size(series, 0, size);
+    set_size(series, H5S_UNLIMITED, limit);
+    set_size(series, (hsize_t)chunk, piece);
     const hid_t parents = with_parents(), list = without_times();
-    const hid_t access = with_one_chunk(width, chunk);
-    const hid_t space = H5Screate_simple(rank, size, limit);
-    H5Pset_chunk(list, rank, piece);
-    const hid_t id = H5Dcreate2(file->file, name, integer ? H5T_STD_I64LE : H5T_IEEE_F64LE, space,
-                                parents, list, access);
-    const pm_status status = id < 0 ? pm_hdf5_fail_write(file, name) : PM_OK;
+    const hid_t access = with_one_chunk(series, chunk);
+    const hid_t space = H5Screate_simple(1 + rank, size, limit);
+    H5Pset_chunk(list, 1 + rank, piece);
+    series->id = H5Dcreate2(file->file, name, integer ? H5T_STD_I64LE : H5T_IEEE_F64LE, space,
+                            parents, list, access);
+    const pm_status status = series->id < 0 ? pm_hdf5_fail_write(file, name) : PM_OK;
     pm_hdf5_release(list);
     pm_hdf5_release(access);
     pm_hdf5_release(space);
     pm_hdf5_release(parents);
-    *series = (pm_hdf5_series){.file = file, .id = id, .width = width};
     return status;
 }
 
-pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
-                              int chunk, int64_t count) {
-    const int rank = width == 0 ? 1 : 2;
-    const hsize_t kept[2] = {(hsize_t)count, (hsize_t)width};
-    hsize_t size[2] = {0, 0};
-    const hid_t access = with_one_chunk(width, chunk);
-    const hid_t id = H5Dopen2(file->file, name, access);
-    const hid_t space = id < 0 ? H5I_INVALID_HID : H5Dget_space(id);
-    const bool fits = space >= 0 && H5Sget_simple_extent_ndims(space) == rank &&
-                      H5Sget_simple_extent_dims(space, size, NULL) == rank && size[0] >= kept[0] &&
-                      (rank == 1 || size[1] == kept[1]);
+// Returns true if a space is that of a series with at least as many samples as kept[0].
+static bool space_fits(hid_t space, int rank, const hsize_t *kept) {
+    hsize_t size[1 + PM_HDF5_SERIES_RANK];
+    if (space < 0 || H5Sget_simple_extent_ndims(space) != rank ||
+        H5Sget_simple_extent_dims(space, size, NULL) != rank || size[0] < kept[0]) {
+        return false;
+    }
+    return memcmp(size + 1, kept + 1, (size_t)(rank - 1) * sizeof *size) == 0;
+}
+
+pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int rank,
+                              const int *extent, int chunk, int64_t count) {
+    hsize_t kept[1 + PM_HDF5_SERIES_RANK];
+    *series = make_series(file, rank, extent);
+    set_size(series, (hsize_t)count, kept);
+    const hid_t access = with_one_chunk(series, chunk);
+    series->id = H5Dopen2(file->file, name, access);
+    series->count = count;
+    const hid_t space = series->id < 0 ? H5I_INVALID_HID : H5Dget_space(series->id);
+    const bool fits = space_fits(space, 1 + rank, kept);
     pm_hdf5_release(space);
     pm_hdf5_release(access);
-    if (!fits || H5Dset_extent(id, kept) < 0) {
-        pm_hdf5_release(id);
+    if (!fits || H5Dset_extent(series->id, kept) < 0) {
+        pm_hdf5_release(series->id);
         return pm_fail(PM_EFILE, "%s: %s: expected a series of %lld samples to go on with",
                        file->path, name, (long long)count);
     }
-    *series = (pm_hdf5_series){.file = file, .id = id, .width = width, .count = count};
     return PM_OK;
 }
 
 pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value) {
-    const int rank = series->width == 0 ? 1 : 2;
-    const hsize_t start[2] = {(hsize_t)series->count, 0};
-    const hsize_t block[2] = {(hsize_t)count, (hsize_t)series->width};
-    const hsize_t size[2] = {start[0] + block[0], block[1]};
+    const int rank = 1 + series->rank;
+    const hsize_t start[1 + PM_HDF5_SERIES_RANK] = {(hsize_t)series->count};
+    hsize_t block[1 + PM_HDF5_SERIES_RANK], size[1 + PM_HDF5_SERIES_RANK];
+    set_size(series, (hsize_t)count, block);
+    set_size(series, start[0] + (hsize_t)count, size);
     hid_t space = H5I_INVALID_HID;
     const hid_t memory = H5Screate_simple(rank, block, NULL);
     bool written = memory >= 0 && H5Dset_extent(series->id, size) >= 0;

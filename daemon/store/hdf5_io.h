@@ -120,28 +120,37 @@ pm_status pm_hdf5_shape(const pm_hdf5 *file, const char *name, int rank, int *ex
 // Reads a dataset that must have exactly these extents, row-major. Values need not be finite.
 pm_status pm_hdf5_read(const pm_hdf5 *file, const char *name, int rank, const int *extent,
                        double *value);
+// Reads value [extent], the numbers in row `row` of a dataset [rows][extent]. It is an error of the
+// content if the dataset has no such row or rows of another extent.
+pm_status pm_hdf5_read_row(const pm_hdf5 *file, const char *name, int row, int extent,
+                           double *value);
 // Writes a dataset. Numbers take 4 bytes each in the file if there are at least 1,024 of them and 4
 // bytes hold every one exactly; otherwise 8.
 pm_status pm_hdf5_write(pm_hdf5 *file, const char *name, int rank, const int *extent,
                         const double *value);
 
-// --- series: datasets that grow, [sample] (width 0) or [sample][width] ---
+// --- series: datasets that grow, [sample], [sample][extent] or [sample][extent][extent] ---
+
+#define PM_HDF5_SERIES_RANK 2
 
 typedef struct pm_hdf5_series {
     pm_hdf5 *file;
-    int64_t id; // the library's handle, which is closed with the file
-    int width;
-    int64_t count; // samples so far
+    int64_t id;                      // the library's handle, which is closed with the file
+    int rank;                        // of one sample: 0 to PM_HDF5_SERIES_RANK
+    int extent[PM_HDF5_SERIES_RANK]; // [rank] of one sample
+    int64_t count;                   // samples so far
 } pm_hdf5_series;
 
-// Makes an empty series. The file grows by `chunk` samples at a time, and the library keeps at most
-// one such chunk in memory. `integer`: the file holds 64-bit integers.
-pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
-                                int chunk, bool integer);
-// Opens a series and truncates it to its first `count` samples. PM_EFILE: it has fewer.
-pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int width,
-                              int chunk, int64_t count);
-// Appends samples value [count][width].
+// Makes an empty series whose samples have extent [rank]. The file grows by `chunk` samples at a
+// time, and the library keeps at most one such chunk in memory. `integer`: the file holds 64-bit
+// integers.
+pm_status pm_hdf5_series_create(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int rank,
+                                const int *extent, int chunk, bool integer);
+// Opens a series and truncates it to its first `count` samples. PM_EFILE: it has fewer, or samples
+// of another shape.
+pm_status pm_hdf5_series_open(pm_hdf5_series *series, pm_hdf5 *file, const char *name, int rank,
+                              const int *extent, int chunk, int64_t count);
+// Appends samples value [count][extent...].
 pm_status pm_hdf5_series_append(pm_hdf5_series *series, int count, const double *value);
 
 #endif

@@ -60,15 +60,18 @@ class Dataset:
 
 class Recording:
     """What --record or Scene.record wrote: time (s) and step [sample]; subsystems[name] and
-    ports[name] map the names of daemon/README.md, "Recordings", to arrays [sample]; so does ledger."""
+    ports[name] map the names of daemon/README.md, "Recordings", to arrays [sample]; so does ledger.
+    Subsystems that the scene names by a range, "link[0:9]", are together, and the arrays have
+    another axis, for the members: E [sample][member]."""
 
     def __init__(self, path):
         with h5py.File(path, "r") as f:
-            self.time, self.step = f["time"][:], f["step"][:]
-            self.subsystems, self.ports = ({name: {key: data[:] for key, data in group.items()}
-                                            for name, group in f[kind].items()}
+            count = int(f.attrs["committed"])  # a killed run leaves more rows in some series
+            self.time, self.step = f["time"][:count], f["step"][:count]
+            self.subsystems, self.ports = ({name: {key: data[:count] for key, data in group.items()}
+                                            for name, group in f.get(kind, {}).items()}
                                            for kind in ("subsystems", "ports"))
-            self.ledger = {key: data[:] for key, data in f["ledger"].items()}
+            self.ledger = {key: data[:count] for key, data in f["ledger"].items()}
 
 
 Group = collections.namedtuple("Group", "name size unit")
