@@ -12,6 +12,7 @@ typedef struct pm_schedule {
     int batch;                    // adam, gauss_newton: samples per update
     double first_rate, last_rate; // adam: learning rate, decreasing along a half cosine
     double beta2;                 // adam: decay of the mean square of the gradients
+    double decay;                 // adam: the fraction of a weight lost per update, over the rate
     int memory;                   // lbfgs: the number of stored correction pairs
     // gauss_newton: a step must lower the loss of further samples, too, and the run ends before its
     // last iteration if the loss does not fall any more

@@ -1,4 +1,5 @@
-// Adam on shuffled batches (Kingma, Ba, ICLR 2015), with a learning rate that falls along a cosine.
+// Adam on shuffled batches (Kingma, Ba, ICLR 2015), with a learning rate that falls along a cosine,
+// and with decay of the weights apart from the gradient (Loshchilov, Hutter, ICLR 2019).
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -42,7 +43,8 @@ static void update(pm_optimisation *o, const double *gradient, double rate, long
         first[i] = BETA1 * first[i] + (1 - BETA1) * gradient[i];
         second[i] =
             o->schedule.beta2 * second[i] + (1 - o->schedule.beta2) * gradient[i] * gradient[i];
-        o->theta[i] -= rate * first[i] * unbias1 / (sqrt(second[i] * unbias2) + EPSILON);
+        o->theta[i] -= rate * (first[i] * unbias1 / (sqrt(second[i] * unbias2) + EPSILON) +
+                               o->schedule.decay * o->theta[i]);
     }
     pm_objective_set_weights(o->objective, o->theta);
 }

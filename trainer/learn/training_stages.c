@@ -145,8 +145,8 @@ static pm_status read_rates(pm_yaml value, pm_arena *arena, pm_schedule *schedul
 }
 
 static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
-    static const char *const keys[] = {"optimiser", "iterations", "batch",   "rate",
-                                       "beta2",     "memory",     LOSS_KEYS, NULL};
+    static const char *const keys[] = {"optimiser", "iterations", "batch",   "rate", "beta2",
+                                       "decay",     "memory",     LOSS_KEYS, NULL};
     PM_TRY(pm_yaml_allow(block, keys));
     pm_yaml value;
     const char *name = NULL;
@@ -173,6 +173,9 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "beta2"))) {
         PM_TRY(pm_yaml_double(value, 0, 0.999999, &stage->schedule.beta2));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(block, "decay"))) {
+        PM_TRY(pm_yaml_double(value, 0, 1000, &stage->schedule.decay));
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "rate"))) {
         PM_TRY(read_rates(value, &t->arena, &stage->schedule));
@@ -223,7 +226,7 @@ pm_status pm_training_read_stages(pm_training *t, pm_yaml root) {
 
 static uint32_t digest_stage(const pm_training *t, const pm_stage *s) {
     const double number[] = {s->schedule.first_rate, s->schedule.last_rate, s->schedule.beta2,
-                             s->loss.degeneracy, s->loss.robust};
+                             s->schedule.decay,      s->loss.degeneracy,    s->loss.robust};
     const int integer[] = {s->schedule.batch, s->schedule.memory, s->unroll, s->loss.substeps,
                            (int)s->loss.residual};
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, s->optimiser->name);
