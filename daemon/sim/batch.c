@@ -1,4 +1,6 @@
-// Opens and steps a batch, and fills samples.
+// Opens and steps a batch, and fills samples. A stage of the integrator is three sweeps over the
+// blocks: bulk terms, ports, and then the next state with its exposure, so that a block's numbers
+// are in the cache while they are used.
 #include "sim/batch.h"
 
 #include <math.h>
@@ -95,96 +97,133 @@ int pm_batch_lanes(const pm_batch *batch) {
 
 // --- steps ---
 
-static void expose(pm_batch *b) {
-    for (int i = 0; i < b->npart && !b->exposed; ++i) {
-        pm_batch_part_expose(&b->part[i]);
-    }
-    b->part_calls += !b->exposed;
-    b->exposed = true;
-}
-
-// Adds the rates of one port to k.
-static inline void add_rate(const pm_batch_port *p, int block, int column, double *k) {
-    const int lane = block * p->width + column;
-    for (int e = 0; e < 2; ++e) {
-        const pm_batch_end *end = &p->end[e];
-        const double *rate = end->rate + (ptrdiff_t)block * end->ny * p->width + column;
-        double *to = k + end->first[lane];
-        const int step = end->step[lane];
-        for (int c = 0; c < end->ny; ++c) {
-            to[(ptrdiff_t)end->component[c] * step] += rate[(ptrdiff_t)c * p->width];
+// Counts the subsystems of a block that end a step outside their training range, and notes whether
+// a subsystem may have to end the run.
+static void check_block(pm_batch *b, pm_batch_part *p, int block) {
+    uint64_t outside[PM_BATCH_MOST_LANES];
+    const int lane = block * p->width, block_size = p->nz * p->width;
+    const double *z = b->stage_z + p->first + (ptrdiff_t)block * block_size;
+    b->doubtful = b->doubtful || pm_lanes_any_not_finite(block_size, z) ||
+                  pm_lanes_any_not_finite(p->width, p->E + lane) ||
+                  pm_lanes_any_not_finite(p->width, p->S + lane);
+    pm_lanes_outside(p->range, p->width, z, outside);
+    if (pm_lanes_any(p->width, outside)) {
+        b->doubtful = b->doubtful || b->system->scene->largest_departure < INFINITY;
+        for (int l = 0; l < p->width; ++l) {
+            p->outside[lane + l] += outside[l] != 0;
         }
     }
 }
 
-// Adds the rates of all ports to k, port by port in the scene's order, so that each subsystem sums
-// them up as it does alone.
-static void add_rates(const pm_batch *b, double *k) {
-    if (b->nport == 1) {
-        const pm_batch_port *p = &b->port[0];
-        for (int block = 0, left = p->count; block < p->nblock; ++block, left -= p->width) {
-            for (int column = 0; column < p->width && column < left; ++column) {
-                add_rate(p, block, column, k);
-            }
-        }
-        return;
+// Returns memory for the next state. A state of a stage is overwritten by the next one.
+static double *next_state(const pm_batch *b) {
+    if (b->stage_z != b->z) {
+        return b->stage_z;
     }
-    for (int i = 0; i < b->system->scene->nport; ++i) {
-        const pm_batch_port *p = &b->port[b->port_at[i].group];
-        const int lane = b->port_at[i].lane;
-        add_rate(p, lane / p->width, lane % p->width, k);
+    int i = 0;
+    while (b->state[i] == b->z || b->state[i] == b->safe_z) {
+        ++i;
     }
+    return b->state[i];
 }
 
-// One round: the rates at a stage, then the state of the next stage.
-static void step_stage(pm_batch *b, int stage) {
+// Combines the stages up to number `stage`, exposes all subsystems at the new state, and checks it
+// if it ends the step.
+static void advance(pm_batch *b, int stage, bool ends_step) {
     const pm_integrator *rk = b->integrator;
-    const double weight = rk->b[stage] / b->system->scene->substeps;
-    double *k = b->k + stage * b->size;
-    expose(b);
-    for (int i = 0; i < b->npart; ++i) {
-        pm_batch_part_bulk(&b->part[i], weight, k + (b->part[i].z - b->z));
-    }
-    for (int i = 0; i < b->nport; ++i) {
-        pm_batch_port_couple(&b->port[i], b, weight);
-    }
-    add_rates(b, k);
-    ++b->bulk_calls;
-    ++b->port_calls;
     const bool last = stage + 1 == rk->nstage;
+    const double *before = b->stage_z;
+    b->stage_z = next_state(b);
     for (int i = 0; i < b->npart; ++i) {
         pm_batch_part *p = &b->part[i];
         const int size = p->nz * p->width;
         for (int block = 0; block < p->nblock; ++block) {
-            const ptrdiff_t first = (ptrdiff_t)block * size;
+            const ptrdiff_t first = p->first + (ptrdiff_t)block * size;
             pm_lanes_combine(p->nz, p->width, last ? rk->nstage : stage + 1,
-                             last ? rk->b : rk->a[stage + 1], b->h, p->z + first,
-                             b->k + (p->z - b->z) + first, b->size, p->stage_z + first,
-                             p->changed + (ptrdiff_t)block * p->width);
+                             last ? rk->b : rk->a[stage + 1], b->h, b->z + first, b->k + first,
+                             b->size, before + first, b->stage_z + first,
+                             b->renewed[PM_SHOWN_Z] + p->first_lane + (ptrdiff_t)block * p->width);
+            pm_batch_part_expose(b, p, block);
+            if (ends_step) {
+                check_block(b, p, block);
+            }
         }
     }
-    b->exposed = false;
+    ++b->part_calls;
     if (last) {
-        memcpy(b->z, b->stage_z, (size_t)b->size * sizeof *b->z);
+        b->z = b->stage_z;
     }
 }
 
-// --- the end of a step ---
-
-static void clear_flux(pm_lane_flux *flux, int lanes) {
-    memset(flux->energy, 0, 4 * (size_t)lanes * sizeof *flux->energy);
-}
-
-static void clear_fluxes(pm_batch *b) {
+// One round: the rates at a stage, then the state of the next stage.
+static void step_stage(pm_batch *b, int substep, int stage) {
+    const pm_integrator *rk = b->integrator;
+    const int substeps = b->system->scene->substeps;
+    const double weight = rk->b[stage] / substeps;
+    const bool anew = substep == 0 && stage == 0;
+    double *k = b->k + stage * b->size;
     for (int i = 0; i < b->npart; ++i) {
-        clear_flux(&b->part[i].bulk, b->part[i].nblock * b->part[i].width);
+        pm_batch_part_bulk(b, &b->part[i], weight, anew, k + b->part[i].first);
     }
     for (int i = 0; i < b->nport; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            clear_flux(&b->port[i].end[end].flux, b->port[i].nblock * b->port[i].width);
-        }
+        pm_batch_port_couple(b, &b->port[i], weight, anew, k);
+    }
+    if (!b->ordered) {
+        pm_batch_ports_add(b, k);
+    }
+    ++b->bulk_calls;
+    ++b->port_calls;
+    advance(b, stage, substep + 1 == substeps && stage + 1 == rk->nstage);
+}
+
+// Returns the failure of the first subsystem, in the scene's order, whose step has failed.
+static pm_status check_all(const pm_batch *b) {
+    for (int i = 0; i < b->system->scene->nsubsystem; ++i) {
+        PM_TRY(
+            pm_batch_part_check(b, &b->part[b->part_at[i].group], b->part_at[i].lane, b->step + 1));
+    }
+    return PM_OK;
+}
+
+// Marks all numbers that subsystems show as renewed.
+static void mark_renewed(pm_batch *b, int count) {
+    for (int i = 0; i < count; ++i) {
+        memset(b->renewed[i], 0xff, (size_t)b->lanes * sizeof *b->renewed[i]);
     }
 }
+
+// Exposes all subsystems at z, as if they had never been exposed.
+static void expose_anew(pm_batch *b) {
+    b->stage_z = b->z;
+    mark_renewed(b, 1);
+    for (int i = 0; i < b->npart; ++i) {
+        for (int block = 0; block < b->part[i].nblock; ++block) {
+            pm_batch_part_expose(b, &b->part[i], block);
+        }
+    }
+    mark_renewed(b, PM_SHOWN_COUNT);
+}
+
+pm_status pm_batch_step(pm_batch *batch) {
+    pm_batch *b = batch;
+    b->doubtful = false;
+    for (int i = 0; i < b->system->scene->substeps; ++i) {
+        for (int stage = 0; stage < b->integrator->nstage; ++stage) {
+            step_stage(b, i, stage);
+        }
+    }
+    const pm_status status = b->doubtful ? check_all(b) : PM_OK;
+    if (status != PM_OK) {
+        b->z = b->safe_z;
+        expose_anew(b);
+        return status;
+    }
+    b->safe_z = b->z;
+    ++b->step;
+    return PM_OK;
+}
+
+// --- samples ---
 
 static void fill_part(const pm_batch *b, const pm_batch_part *p, int lane, const double *z,
                       pm_sample *sample) {
@@ -199,16 +238,18 @@ static void fill_part(const pm_batch *b, const pm_batch_part *p, int lane, const
     sample->bulk_entropy[id] = p->bulk.entropy[lane];
     sample->bulk_gross[2 * id] = p->bulk.energy_gross[lane];
     sample->bulk_gross[2 * id + 1] = p->bulk.entropy_gross[lane];
-    sample->evaluated[id] = p->evaluated[lane];
     sample->outside[id] = p->outside[lane];
     const int *first_end = b->system->scene->first_end + id;
-    sample->skipped[id] = b->part_calls + b->bulk_calls +
-                          b->port_calls * (first_end[1] - first_end[0]) - p->evaluated[lane];
+    const long evaluated =
+        b->part_calls + (p->bulk_term == NULL ? 0 : b->bulk_calls) - p->rested[lane];
+    sample->evaluated[id] = evaluated;
+    sample->skipped[id] =
+        b->part_calls + b->bulk_calls + b->port_calls * (first_end[1] - first_end[0]) - evaluated;
 }
 
 static void fill_parts(const pm_batch *b, const pm_batch_part *p, pm_sample *sample) {
     for (int block = 0, left = p->count; block < p->nblock; ++block, left -= p->width) {
-        const double *z = p->z + (ptrdiff_t)block * p->nz * p->width;
+        const double *z = b->z + p->first + (ptrdiff_t)block * p->nz * p->width;
         for (int column = 0; column < p->width && column < left; ++column) {
             fill_part(b, p, block * p->width + column, z + column, sample);
         }
@@ -219,130 +260,65 @@ static void fill_ports(const pm_batch *b, const pm_batch_port *p, pm_sample *sam
     const pm_scene *scene = b->system->scene;
     for (int lane = 0; lane < p->count; ++lane) {
         const int id = p->id[lane];
+        const long evaluated = b->port_calls - p->rested[lane];
         for (int e = 0; e < 2; ++e) {
             const pm_lane_flux *flux = &p->end[e].flux;
             sample->flux[id][e] = (pm_flux){flux->energy[lane], flux->entropy[lane],
                                             flux->energy_gross[lane], flux->entropy_gross[lane]};
             const int part = scene->port[id].subsystem[e];
-            sample->evaluated[part] += p->evaluated[lane];
-            sample->skipped[part] -= p->evaluated[lane];
+            sample->evaluated[part] += evaluated;
+            sample->skipped[part] -= evaluated;
         }
     }
 }
 
-static void fill_sample(pm_batch *b, pm_sample *sample) {
+void pm_batch_fill_sample(const pm_batch *b, pm_sample *sample) {
     for (int i = 0; i < b->npart; ++i) {
         fill_parts(b, &b->part[i], sample);
     }
     for (int i = 0; i < b->nport; ++i) {
         fill_ports(b, &b->port[i], sample);
     }
-    clear_fluxes(b);
 }
 
-// Counts the subsystems of a group that ended outside their training range. Returns true if a
-// subsystem may have to end the run.
-static bool note_outside(const pm_batch *b, pm_batch_part *p) {
-    uint64_t outside[PM_BATCH_MOST_LANES];
-    const int lanes = p->nblock * p->width;
-    bool doubtful = pm_lanes_any_not_finite((int64_t)lanes * p->nz, p->z) ||
-                    pm_lanes_any_not_finite(lanes, p->E) || pm_lanes_any_not_finite(lanes, p->S);
-    for (int block = 0; block < p->nblock; ++block) {
-        pm_lanes_outside(p->range, p->width, p->z + (ptrdiff_t)block * p->nz * p->width, outside);
-        if (!pm_lanes_any(p->width, outside)) {
-            continue;
-        }
-        doubtful = doubtful || b->system->scene->largest_departure < INFINITY;
-        for (int l = 0; l < p->width; ++l) {
-            p->outside[block * p->width + l] += outside[l] != 0;
-        }
-    }
-    return doubtful;
+// --- the start of a run ---
+
+static void clear(const pm_lane_flux *flux, long *rested, bool *kept, int nblock, int width) {
+    const size_t lanes = (size_t)nblock * (size_t)width;
+    memset(flux->energy, 0, 4 * lanes * sizeof *flux->energy);
+    memset(rested, 0, lanes * sizeof *rested);
+    memset(kept, 0, (size_t)nblock * sizeof *kept);
 }
 
-// Returns the failure of the first subsystem, in the scene's order, whose step has failed.
-static pm_status check_all(const pm_batch *b) {
-    for (int i = 0; i < b->system->scene->nsubsystem; ++i) {
-        PM_TRY(pm_batch_part_check(&b->part[b->part_at[i].group], b->system->scene,
-                                   b->part_at[i].lane, b->step + 1));
-    }
-    return PM_OK;
-}
-
-static void mark_changed(pm_batch *b) {
+static void clear_all(pm_batch *b) {
+    b->part_calls = b->bulk_calls = b->port_calls = b->step = 0;
     for (int i = 0; i < b->npart; ++i) {
         pm_batch_part *p = &b->part[i];
-        for (int l = 0; l < p->nblock * p->width; ++l) {
-            p->changed[l] = 1;
-        }
-    }
-    b->exposed = false;
-}
-
-pm_status pm_batch_step(pm_batch *batch, pm_sample *sample) {
-    pm_batch *b = batch;
-    for (int i = 0; i < b->system->scene->substeps; ++i) {
-        for (int stage = 0; stage < b->integrator->nstage; ++stage) {
-            step_stage(b, stage);
-        }
-    }
-    expose(b);
-    bool doubtful = false;
-    for (int i = 0; i < b->npart; ++i) {
-        doubtful |= note_outside(b, &b->part[i]);
-    }
-    const pm_status status = doubtful ? check_all(b) : PM_OK;
-    const size_t size = (size_t)b->size * sizeof *b->z;
-    if (status != PM_OK) {
-        memcpy(b->z, b->safe_z, size);
-        memcpy(b->stage_z, b->z, size);
-        mark_changed(b);
-        return status;
-    }
-    memcpy(b->safe_z, b->z, size);
-    ++b->step;
-    fill_sample(b, sample);
-    return PM_OK;
-}
-
-static void clear_counts(pm_batch *b) {
-    b->part_calls = b->bulk_calls = b->port_calls = 0;
-    for (int i = 0; i < b->npart; ++i) {
-        pm_batch_part *p = &b->part[i];
-        const size_t lanes = (size_t)p->nblock * (size_t)p->width;
-        memset(p->evaluated, 0, lanes * sizeof *p->evaluated);
-        memset(p->outside, 0, lanes * sizeof *p->outside);
-        for (size_t l = 0; l < lanes; ++l) {
-            p->renewed[l] = 1; // the bulk term has never been run at this state
-        }
+        clear(&p->bulk, p->rested, p->kept, p->nblock, p->width);
+        memset(p->outside, 0, (size_t)p->nblock * (size_t)p->width * sizeof *p->outside);
     }
     for (int i = 0; i < b->nport; ++i) {
         pm_batch_port *p = &b->port[i];
-        const size_t lanes = (size_t)p->nblock * (size_t)p->width;
-        memset(p->evaluated, 0, lanes * sizeof *p->evaluated);
-        p->known = false;
+        clear(&p->end[0].flux, p->rested, p->kept, p->nblock, p->width);
+        clear(&p->end[1].flux, p->rested, p->kept, p->nblock, p->width);
     }
 }
 
-void pm_batch_set_state(pm_batch *batch, const double *z, pm_sample *sample) {
+void pm_batch_set_state(pm_batch *batch, const double *z) {
     pm_batch *b = batch;
     const pm_scene *scene = b->system->scene;
+    b->z = b->safe_z = b->state[0];
     for (int i = 0; i < b->npart; ++i) {
-        pm_batch_part *p = &b->part[i];
+        const pm_batch_part *p = &b->part[i];
         for (int lane = 0; lane < p->nblock * p->width; ++lane) {
             const int id = p->id[lane < p->count ? lane : p->count - 1];
-            double *to = p->z + (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
+            double *to =
+                b->z + p->first + (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
             for (int c = 0; c < p->nz; ++c) {
                 to[(ptrdiff_t)c * p->width] = z[scene->subsystem[id].first + c];
             }
         }
     }
-    memcpy(b->stage_z, b->z, (size_t)b->size * sizeof *b->z);
-    memcpy(b->safe_z, b->z, (size_t)b->size * sizeof *b->z);
-    mark_changed(b);
-    expose(b);
-    clear_counts(b);
-    clear_fluxes(b);
-    b->step = 0;
-    fill_sample(b, sample);
+    expose_anew(b);
+    clear_all(b);
 }

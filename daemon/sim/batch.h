@@ -10,7 +10,8 @@
 // It serves no scene with contact, boundary inputs or laws that compute the two ends separately;
 // monolithic.h steps the subsystems of such a scene one by one.
 //
-// Life cycle: open; set_state; then steps, each of which fills the sample; close.
+// Life cycle: open; set_state; then steps; close. Samples are filled on demand, since they cost as
+// much as a good part of a step.
 #ifndef PM_SIM_BATCH_H
 #define PM_SIM_BATCH_H
 
@@ -27,11 +28,14 @@ void pm_batch_close(pm_batch *batch); // NULL is allowed
 // Returns the number of lanes in all blocks of subsystems, used or not.
 int pm_batch_lanes(const pm_batch *batch);
 
-// Starts a run at step 0 from the concatenated state z [scene->nz] and fills the sample.
-void pm_batch_set_state(pm_batch *batch, const double *z, pm_sample *sample);
-// Takes a step and fills the sample except its step and time. PM_ENUMERIC: a state or a potential
-// is not finite, or a state is further outside the training range than the scene's guard allows;
-// all states are then those of the last successful step.
-pm_status pm_batch_step(pm_batch *batch, pm_sample *sample);
+// Starts a run at step 0 from the concatenated state z [scene->nz].
+void pm_batch_set_state(pm_batch *batch, const double *z);
+// Takes a step. PM_ENUMERIC: a state or a potential is not finite, or a state is further outside
+// the training range than the scene's guard allows; all states are then those of the last
+// successful step.
+pm_status pm_batch_step(pm_batch *batch);
+// Fills the sample of the state reached, except its step and time, with the fluxes of the last
+// step.
+void pm_batch_fill_sample(const pm_batch *batch, pm_sample *sample);
 
 #endif

@@ -74,12 +74,15 @@ static void list_members(int places, const pm_batch_place *at, const int *count,
 static ptrdiff_t start_of(const pm_batch *b, int id) {
     const pm_batch_part *p = &b->part[b->part_at[id].group];
     const int lane = b->part_at[id].lane;
-    return (p->z - b->z) + (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
+    return p->first + (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
 }
 
 static pm_status lay_out(pm_batch *b) {
     for (int i = 0; i < b->npart; ++i) {
-        const pm_batch_part *p = &b->part[i];
+        pm_batch_part *p = &b->part[i];
+        p->first = b->size;
+        p->first_lane = b->lanes;
+        b->lanes += (int64_t)p->nblock * p->width;
         b->size += (int64_t)p->nblock * p->width * p->nz;
     }
     const size_t size = (size_t)b->size, nstage = (size_t)b->integrator->nstage;
@@ -87,25 +90,19 @@ static pm_status lay_out(pm_batch *b) {
         return pm_fail(PM_ECONFIG, "%lld numbers are too many for one process", (long long)b->size);
     }
     double *memory = pm_arena_array(&b->arena, (5 + nstage) * size, sizeof *memory);
-    if (memory == NULL) {
+    uint64_t *renewed =
+        pm_arena_array(&b->arena, PM_SHOWN_COUNT * (size_t)b->lanes, sizeof *renewed);
+    if (memory == NULL || renewed == NULL) {
         return no_memory();
     }
-    b->z = memory;
-    b->stage_z = b->z + size;
-    b->safe_z = b->stage_z + size;
-    b->dE = b->safe_z + size;
+    for (int i = 0; i < 3; ++i) {
+        b->state[i] = memory + (size_t)i * size;
+        b->renewed[i] = renewed + i * b->lanes;
+    }
+    b->z = b->stage_z = b->safe_z = b->state[0];
+    b->dE = memory + 3 * size;
     b->dS = b->dE + size;
     b->k = b->dS + size;
-    ptrdiff_t first = 0;
-    for (int i = 0; i < b->npart; ++i) {
-        pm_batch_part *p = &b->part[i];
-        p->z = b->z + first;
-        p->stage_z = b->stage_z + first;
-        p->safe_z = b->safe_z + first;
-        p->dE = b->dE + first;
-        p->dS = b->dS + first;
-        first += (ptrdiff_t)p->nblock * p->width * p->nz;
-    }
     return PM_OK;
 }
 
@@ -147,20 +144,77 @@ static pm_status open_end(pm_batch *b, const pm_batch_port *p, pm_batch_end *end
     const pm_scene *scene = b->system->scene;
     const pm_scene_port *port = &scene->port[p->id[0]];
     const int lanes = p->nblock * p->width;
+    int *place = pm_arena_array(&b->arena, 3 * (size_t)lanes, sizeof *place);
+    pm_lane_row *row = pm_arena_array(&b->arena, (size_t)lanes / PM_LANES, sizeof *row);
+    if (place == NULL || row == NULL) {
+        return no_memory();
+    }
     end->ny = port->layout[which].nz;
     end->component = port->component[which];
-    end->first = pm_arena_array(&b->arena, (size_t)lanes, sizeof *end->first);
-    end->step = pm_arena_array(&b->arena, (size_t)lanes, sizeof *end->step);
-    if (end->first == NULL || end->step == NULL) {
-        return no_memory();
+    for (int c = 0; c < end->ny; ++c) {
+        end->wanted |= (uint64_t)1 << (end->component[c] & 63);
     }
     for (int l = 0; l < lanes; ++l) {
         const int member = l < p->count ? l : p->count - 1;
         const int id = scene->port[p->id[member]].subsystem[which];
-        end->first[l] = (int)start_of(b, id);
-        end->step[l] = b->part[b->part_at[id].group].width;
+        const pm_batch_part *part = &b->part[b->part_at[id].group];
+        place[l] = (int)start_of(b, id);
+        place[lanes + l] = part->width;
+        place[2 * lanes + l] = (int)part->first_lane + b->part_at[id].lane;
+    }
+    end->place = (pm_lane_places){row, place, place + lanes, place + 2 * (ptrdiff_t)lanes};
+    pm_lanes_note_rows(lanes, &end->place, row);
+    return PM_OK;
+}
+
+// --- the order of sums ---
+
+// Returns true if, at every subsystem at both kinds of ends of a block, no port at end `later`
+// comes before a port at the other end. `subsystem` [2][count] are the places of the subsystems.
+static bool follows(int count, const int *const subsystem[2], int later) {
+    bool does = true;
+    for (int i = 0; i < count && does; ++i) {
+        for (int j = i; j < count && does; ++j) {
+            does = subsystem[later][i] != subsystem[1 - later][j];
+        }
+    }
+    return does;
+}
+
+static pm_batch_order order_of(const pm_batch_port *p, int block) {
+    const int lane = block * p->width, left = p->count - lane;
+    const int count = left < p->width ? left : p->width;
+    const int *const subsystem[2] = {p->end[0].place.lane + lane, p->end[1].place.lane + lane};
+    return follows(count, subsystem, 1)   ? PM_ORDER_A_FIRST
+           : follows(count, subsystem, 0) ? PM_ORDER_B_FIRST
+                                          : PM_ORDER_PORT_BY_PORT;
+}
+
+static pm_status open_order(pm_batch *b, pm_batch_port *p) {
+    p->order = pm_arena_array(&b->arena, (size_t)p->nblock, sizeof *p->order);
+    if (p->order == NULL) {
+        return no_memory();
+    }
+    for (int block = 0; block < p->nblock; ++block) {
+        p->order[block] = (unsigned char)order_of(p, block);
     }
     return PM_OK;
+}
+
+// Returns true if every subsystem has its ports in the order of the groups. Overwrites `last`
+// [nsubsystem].
+static bool is_ordered(const pm_batch *b, int *last) {
+    const pm_scene *scene = b->system->scene;
+    bool ordered = true;
+    memset(last, 0, (size_t)scene->nsubsystem * sizeof *last);
+    for (int i = 0; i < scene->nport; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            int *group = &last[scene->port[i].subsystem[end]];
+            ordered = ordered && b->port_at[i].group >= *group;
+            *group = b->port_at[i].group;
+        }
+    }
+    return ordered;
 }
 
 pm_status pm_batch_open_ports(pm_batch *b) {
@@ -189,7 +243,13 @@ pm_status pm_batch_open_ports(pm_batch *b) {
             p->entropy[end] = pm_system_end_has_entropy(b->system, first[i], end);
             PM_TRY(open_end(b, p, &p->end[end], end));
         }
+        PM_TRY(open_order(b, p));
         PM_TRY(pm_batch_port_open(p, &b->arena, b->system));
     }
+    int *last = pm_arena_array(&b->arena, (size_t)scene->nsubsystem, sizeof *last);
+    if (last == NULL) {
+        return no_memory();
+    }
+    b->ordered = is_ordered(b, last);
     return PM_OK;
 }

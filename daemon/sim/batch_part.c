@@ -51,9 +51,9 @@ static pm_status open_bulk(pm_batch_part *p, const pm_part *part, bool *served) 
         *served = p->bulk_term != NULL;
     }
     if (p->bulk_term != NULL) {
-        p->bulk_z = pm_input_of(p->bulk_term, z);
-        p->bulk_dE = pm_input_of(p->bulk_term, dE);
-        p->bulk_dS = pm_input_of(p->bulk_term, dS);
+        p->bulk_input[PM_SHOWN_Z] = pm_input_of(p->bulk_term, z);
+        p->bulk_input[PM_SHOWN_DE] = pm_input_of(p->bulk_term, dE);
+        p->bulk_input[PM_SHOWN_DS] = pm_input_of(p->bulk_term, dS);
         p->bulk_rate = pm_program_value(p->bulk_term, rate);
     }
     pm_graph_close(g);
@@ -77,15 +77,14 @@ pm_status pm_batch_part_open(pm_batch_part *p, pm_arena *arena, const pm_system 
         return PM_OK;
     }
     p->rate = pm_arena_array(arena, (size_t)lanes * (size_t)p->nz, sizeof *p->rate);
+    p->kept = pm_arena_array(arena, (size_t)p->nblock, sizeof *p->kept);
     p->E = pm_arena_array(arena, (size_t)lanes, sizeof *p->E);
     p->S = pm_arena_array(arena, (size_t)lanes, sizeof *p->S);
-    p->changed = pm_arena_array(arena, (size_t)lanes, sizeof *p->changed);
-    p->renewed = pm_arena_array(arena, (size_t)lanes, sizeof *p->renewed);
-    p->evaluated = pm_arena_array(arena, (size_t)lanes, sizeof *p->evaluated);
+    p->rested = pm_arena_array(arena, (size_t)lanes, sizeof *p->rested);
     p->outside = pm_arena_array(arena, (size_t)lanes, sizeof *p->outside);
     p->one = pm_arena_array(arena, (size_t)p->nz, sizeof *p->one);
-    if (p->rate == NULL || p->E == NULL || p->S == NULL || p->changed == NULL ||
-        p->renewed == NULL || p->evaluated == NULL || p->outside == NULL || p->one == NULL) {
+    if (p->rate == NULL || p->kept == NULL || p->E == NULL || p->S == NULL || p->rested == NULL ||
+        p->outside == NULL || p->one == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a batch of %d subsystems", p->count);
     }
     return pm_lane_flux_new(&p->bulk, arena, lanes);
@@ -103,70 +102,96 @@ static void copy(double *to, const double *from, int count) {
     }
 }
 
-static void count_changed(int lanes, const uint64_t *changed, long *count) {
+// Counts the lanes of which nothing is renewed.
+static void count_resting(int lanes, const uint64_t *renewed, long *rested) {
+    if (pm_lanes_all(lanes, renewed)) {
+        return;
+    }
     for (int l = 0; l < lanes; ++l) {
-        count[l] += changed[l] != 0;
+        rested[l] += renewed[l] == 0;
     }
 }
 
-static void expose_block(pm_batch_part *p, int block) {
+void pm_batch_part_expose(pm_batch *b, pm_batch_part *p, int block) {
     const int lane = block * p->width, block_size = p->nz * p->width;
-    const ptrdiff_t first = (ptrdiff_t)block * block_size;
-    uint64_t *changed = p->changed + lane, *renewed = p->renewed + lane;
-    memset(renewed, 0, (size_t)p->width * sizeof *renewed);
-    if (!pm_lanes_any(p->width, changed)) {
+    const ptrdiff_t first = p->first + (ptrdiff_t)block * block_size;
+    uint64_t *renewed[PM_SHOWN_COUNT];
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        renewed[i] = b->renewed[i] + p->first_lane + lane;
+    }
+    count_resting(p->width, renewed[PM_SHOWN_Z], p->rested + lane);
+    if (!pm_lanes_any(p->width, renewed[PM_SHOWN_Z])) {
+        memset(renewed[PM_SHOWN_DE], 0, (size_t)p->width * sizeof(uint64_t));
+        memset(renewed[PM_SHOWN_DS], 0, (size_t)p->width * sizeof(uint64_t));
         return;
     }
-    copy(p->exposure_z, p->stage_z + first, block_size);
+    copy(p->exposure_z, b->stage_z + first, block_size);
     pm_program_run_lanes(p->exposure);
     copy(p->E + lane, p->exposure_E, p->width);
     copy(p->S + lane, p->exposure_S, p->width);
-    // An input of the bulk term has changed if its bits have, whatever the state's have done.
-    if (p->bulk_dE != NULL) {
-        pm_lanes_renew(p->nz, p->width, p->exposure_dE, p->dE + first, renewed);
-    } else {
-        copy(p->dE + first, p->exposure_dE, block_size);
-    }
-    if (p->exposure_dS != NULL && p->bulk_dS != NULL) {
-        pm_lanes_renew(p->nz, p->width, p->exposure_dS, p->dS + first, renewed);
-    } else {
-        copy(p->dS + first, p->exposure_dS, block_size);
-    }
-    for (int l = 0; l < p->width && p->bulk_z != NULL; ++l) {
-        renewed[l] |= changed[l];
-    }
-    count_changed(p->width, changed, p->evaluated + lane);
-    memset(changed, 0, (size_t)p->width * sizeof *changed);
-}
-
-void pm_batch_part_expose(pm_batch_part *p) {
-    for (int block = 0; block < p->nblock; ++block) {
-        expose_block(p, block);
+    pm_lanes_renew(p->nz, p->width, p->exposure_dE, b->dE + first, renewed[PM_SHOWN_DE]);
+    if (p->exposure_dS != NULL) {
+        pm_lanes_renew(p->nz, p->width, p->exposure_dS, b->dS + first, renewed[PM_SHOWN_DS]);
     }
 }
 
-void pm_batch_part_bulk(pm_batch_part *p, double weight, double *k) {
+// Notes in which lanes of a block an input of the bulk term is renewed. Returns true if there is
+// one.
+static bool note_renewed(const pm_batch *b, const pm_batch_part *p, int lane, uint64_t *renewed) {
+    memset(renewed, 0, (size_t)p->width * sizeof *renewed);
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        const uint64_t *from = b->renewed[i] + p->first_lane + lane;
+        for (int l = 0; l < p->width && p->bulk_input[i] != NULL; ++l) {
+            renewed[l] |= from[l];
+        }
+    }
+    return pm_lanes_any(p->width, renewed);
+}
+
+// Writes the rate of the bulk term of a block to `rate`.
+static void run_bulk(const pm_batch *b, const pm_batch_part *p, ptrdiff_t first, double *rate) {
+    const double *const from[PM_SHOWN_COUNT] = {b->stage_z, b->dE, b->dS};
     const int block_size = p->nz * p->width;
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        copy(p->bulk_input[i], from[i] + first, block_size);
+    }
+    pm_program_run_lanes(p->bulk_term);
+    copy(rate, p->bulk_rate, block_size);
+}
+
+static void run_block(const pm_batch *b, pm_batch_part *p, int block, double *k) {
+    const int lane = block * p->width, block_size = p->nz * p->width;
+    const ptrdiff_t first = p->first + (ptrdiff_t)block * block_size;
+    double *rate = p->rate + (ptrdiff_t)block * block_size;
+    uint64_t renewed[PM_BATCH_MOST_LANES];
+    const bool any = note_renewed(b, p, lane, renewed);
+    count_resting(p->width, renewed, p->rested + lane);
+    if (any) {
+        run_bulk(b, p, first, k);
+    } else {
+        if (!p->kept[block]) {
+            run_bulk(b, p, first, rate);
+        }
+        copy(k, rate, block_size);
+    }
+    p->kept[block] = !any;
+}
+
+void pm_batch_part_bulk(const pm_batch *b, pm_batch_part *p, double weight, bool anew, double *k) {
+    const ptrdiff_t block_size = (ptrdiff_t)p->nz * p->width;
     if (p->bulk_term == NULL) {
         memset(k, 0, (size_t)p->nblock * (size_t)block_size * sizeof *k);
         return;
     }
     for (int block = 0; block < p->nblock; ++block) {
         const int lane = block * p->width;
-        const ptrdiff_t first = (ptrdiff_t)block * block_size;
-        const double *dS = p->exposure_dS == NULL ? NULL : p->dS + first;
-        if (pm_lanes_any(p->width, p->renewed + lane)) {
-            copy(p->bulk_z, p->stage_z + first, block_size);
-            copy(p->bulk_dE, p->dE + first, block_size);
-            copy(p->bulk_dS, dS, block_size);
-            pm_program_run_lanes(p->bulk_term);
-            copy(p->rate + first, p->bulk_rate, block_size);
-            count_changed(p->width, p->renewed + lane, p->evaluated + lane);
-        }
-        copy(k + first, p->rate + first, block_size);
+        const ptrdiff_t first = p->first + block * block_size;
+        double *rate = k + block * block_size;
+        run_block(b, p, block, rate);
         const pm_lane_flux flux = {p->bulk.energy + lane, p->bulk.entropy + lane,
                                    p->bulk.energy_gross + lane, p->bulk.entropy_gross + lane};
-        pm_lanes_book(p->nz, p->width, weight, p->dE + first, dS, k + first, &flux);
+        pm_lanes_book(p->nz, p->width, weight, anew, b->dE + first,
+                      p->exposure_dS == NULL ? NULL : b->dS + first, rate, &flux);
     }
     // Lanes without a subsystem stay where they are.
     const int used = p->count - (p->nblock - 1) * p->width;
@@ -176,20 +201,16 @@ void pm_batch_part_bulk(pm_batch_part *p, double weight, double *k) {
     }
 }
 
-pm_status pm_batch_part_check(const pm_batch_part *p, const pm_scene *scene, int lane, long step) {
+pm_status pm_batch_part_check(const pm_batch *b, const pm_batch_part *p, int lane, long step) {
+    const pm_scene *scene = b->system->scene;
     const pm_scene_subsystem *subsystem = &scene->subsystem[p->id[lane]];
-    double *z = p->one;
-    const ptrdiff_t first = (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
+    const ptrdiff_t first =
+        p->first + (ptrdiff_t)(lane / p->width) * p->nz * p->width + lane % p->width;
     for (int c = 0; c < p->nz; ++c) {
-        z[c] = p->z[first + (ptrdiff_t)c * p->width];
+        p->one[c] = b->z[first + (ptrdiff_t)c * p->width];
     }
     bool outside;
-    pm_status status = pm_step_check_finite(subsystem, z);
-    if (status == PM_OK) {
-        status = pm_step_check_potentials(subsystem, p->E[lane], p->S[lane]);
-    }
-    if (status == PM_OK) {
-        status = pm_step_check_range(scene, subsystem, p->range, z, step, &outside);
-    }
-    return status;
+    PM_TRY(pm_step_check_finite(subsystem, p->one));
+    PM_TRY(pm_step_check_potentials(subsystem, p->E[lane], p->S[lane]));
+    return pm_step_check_range(scene, subsystem, p->range, p->one, step, &outside);
 }

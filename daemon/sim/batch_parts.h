@@ -11,48 +11,58 @@
 #include "sim/batch.h"
 #include "sim/lanes.h"
 
+// The states at which the subsystems of a batch are, or the co-energies there.
+typedef enum pm_batch_shown { PM_SHOWN_Z, PM_SHOWN_DE, PM_SHOWN_DS, PM_SHOWN_COUNT } pm_batch_shown;
+
 // A part of a batch: a group of subsystems with the same model, in `nblock` blocks of `width`
 // lanes. Each lane holds one subsystem. Lanes behind the last subsystem repeat its initial state
 // and do not move. Arrays of states, co-energies and rates are [nblock][nz][width]; arrays of one
-// number for each lane are [nblock][width]. All arrays lie in the batch's arena; z, stage_z,
-// safe_z, dE and dS are pieces of the batch's arrays of these names.
+// number for each lane are [nblock][width]. All arrays lie in the batch's arena. Those of the batch
+// (pm_batch) hold all parts one after the other.
 typedef struct pm_batch_part {
     int count, width, nblock, nz;
-    const int *id;    // [count] positions in the scene, ascending
-    pm_layout layout; // of the state
+    const int *id;      // [count] positions in the scene, ascending
+    int64_t first;      // where the part begins in the batch's arrays of states
+    int64_t first_lane; // where it begins in the batch's arrays of one number for each lane
+    pm_layout layout;   // of the state
     pm_training_range range;
-    // States after the last substep, at the present stage, and after the last completed step.
-    double *z, *stage_z, *safe_z;
-    double *dE, *dS;      // at stage_z; dS stays zero without entropy
-    double *rate;         // of the bulk term
     double *one;          // [nz] the state of one subsystem, while it is checked
     double *E, *S;        // J and J/K, at stage_z; S stays zero without entropy
-    uint64_t *changed;    // not 0: stage_z has changed since the last exposure
-    uint64_t *renewed;    // not 0: an input of the bulk term has changed since its last run
-    long *evaluated;      // exposures and bulk terms evaluated so far in this run
+    double *rate;         // of the bulk term, where `kept` says so
+    bool *kept;           // [nblock] rate holds the bulk term of a block that rests
+    long *rested;         // exposures and bulk terms that were not needed so far in this run
     long *outside;        // steps of this run that ended outside the training range
-    pm_lane_flux bulk;    // fluxes of the bulk term during the present step
+    pm_lane_flux bulk;    // fluxes of the bulk term during the last step
     pm_program *exposure; // computes E, S, dE, dS from z, for one block
     double *exposure_z;   // input of `exposure`
     const double *exposure_E, *exposure_S, *exposure_dE, *exposure_dS; // results; NULL: no entropy
     pm_program *bulk_term; // computes the rate from z, dE, dS, for one block; NULL: no bulk term
-    double *bulk_z, *bulk_dE, *bulk_dS; // inputs of `bulk_term`; NULL: it does not depend on them
+    double *bulk_input[PM_SHOWN_COUNT]; // z, dE, dS; NULL: the bulk term does not depend on it
     const double *bulk_rate;            // result of `bulk_term`
 } pm_batch_part;
 
 // One end of the ports of one group.
 typedef struct pm_batch_end {
     int ny;
-    const int *component; // [ny] exposed components of the state of the end's subsystem
-    // [nblock width] each: where the subsystem's state begins in the arrays of the batch, and the
-    // distance there between two components, which is the width of the subsystem's group.
-    int *first, *step;
-    double *input[3];       // inputs y, e, eta of the law; NULL: the law does not depend on it
+    const int *component;          // [ny] exposed components of the state of the end's subsystem
+    uint64_t wanted;               // bit c % 64 is set for each component c
+    pm_lane_places place;          // [nblock width] the subsystem at the end of each port
+    bool is_input[PM_SHOWN_COUNT]; // whether the law depends on y, e, eta
+    // [ny][width] y, e and eta of the present block, which are the inputs of the law; NULL: neither
+    // the law nor the fluxes need it.
+    double *shown[PM_SHOWN_COUNT];
     const double *law_rate; // result of the law: the rate of y
-    double *shown;          // [nblock][3][ny][width] y, e, eta that the end exposes
-    double *rate;           // [nblock][ny][width] rate of y
-    pm_lane_flux flux;      // fluxes into the subsystem through this end during the present step
+    double *rate;           // [nblock][ny][width] rate of y, where `kept` says so
+    pm_lane_flux flux;      // fluxes into the subsystem through this end during the last step
 } pm_batch_end;
+
+// In which order the rates of a block of ports are added to the subsystems, so that each subsystem
+// sums them up in the scene's order.
+typedef enum pm_batch_order {
+    PM_ORDER_A_FIRST,     // all ends A, then all ends B
+    PM_ORDER_B_FIRST,     // all ends B, then all ends A
+    PM_ORDER_PORT_BY_PORT // both ends of the first port, then those of the second one, ...
+} pm_batch_order;
 
 // A group of ports with the same model, in `nblock` blocks of `width` lanes.
 typedef struct pm_batch_port {
@@ -60,10 +70,10 @@ typedef struct pm_batch_port {
     const int *id;   // [count] positions in the scene, ascending
     bool entropy[2]; // whether the subsystem at each end has an entropy
     pm_batch_end end[2];
-    bool known;        // the law has been evaluated at least once in this run
-    uint64_t *renewed; // [width] not 0: an input of the law has changed; work space for one block
-    long *evaluated;   // [nblock width] evaluations of the law so far in this run
-    pm_program *law;   // computes the rates of both ends, for one block
+    unsigned char *order; // [nblock] a pm_batch_order each
+    bool *kept;           // [nblock] `rate` of both ends holds what the law gives in the block
+    long *rested;         // [nblock width] evaluations of the law that were not needed in this run
+    pm_program *law;      // computes the rates of both ends, for one block
 } pm_batch_port;
 
 // The place of a subsystem or port in a batch.
@@ -78,48 +88,63 @@ struct pm_batch {
     double h; // s, length of a substep
     pm_arena arena;
     int npart, nport;
-    pm_batch_part *part;                    // [npart]
-    pm_batch_port *port;                    // [nport]
-    int64_t size;                           // number of components of all lanes of all parts
-    double *z, *stage_z, *safe_z, *dE, *dS; // [size] of all parts, one after the other
-    double *k;                              // [nstage][size] rates of the stages
-    pm_batch_place *part_at;                // [scene->nsubsystem]
-    pm_batch_place *port_at;                // [scene->nport]
+    pm_batch_part *part; // [npart]
+    pm_batch_port *port; // [nport]
+    int64_t size;        // number of components of all lanes of all parts
+    int64_t lanes;       // number of lanes of all parts
+    double *state[3];    // [size] each: memory for the states below
+    // States after the last substep, at the present stage, and after the last completed step. Each
+    // is one of `state`, two may be the same.
+    double *z, *stage_z, *safe_z;
+    double *dE, *dS; // [size] at stage_z; dS stays zero without entropy
+    double *k;       // [nstage][size] rates of the stages
+    // [lanes] bit c % 64 is set if component c of z, dE or dS changed in the last exposure.
+    uint64_t *renewed[PM_SHOWN_COUNT];
+    pm_batch_place *part_at; // [scene->nsubsystem]
+    pm_batch_place *port_at; // [scene->nport]
+    // Every subsystem has its ports in the order of the groups of ports. Otherwise the rates of all
+    // ports are kept, and added port by port in the scene's order.
+    bool ordered;
     // How often in this run each subsystem's exposure and bulk term, and each port's law, could
     // have been evaluated.
     long part_calls, bulk_calls, port_calls;
-    bool exposed; // dE and dS belong to stage_z
-    long step;    // steps completed in this run
+    bool doubtful; // a check of the present step has found something
+    long step;     // steps completed in this run
 };
 
 // Builds the graphs of a part and takes its other arrays from the arena. The caller has set
-// `count`, `width`, `nblock`, `nz`, `id`, `z`, `stage_z`, `safe_z`, `dE` and `dS`, and closes the
-// part, after a failure too. Returns PM_OK with part->exposure NULL if a batch cannot serve the
-// model of this part. PM_ENOMEM.
+// `count`, `width`, `nblock`, `nz`, `id`, `first` and `first_lane`, and closes the part, after a
+// failure too. Returns PM_OK with part->exposure NULL if a batch cannot serve the model of this
+// part. PM_ENOMEM.
 pm_status pm_batch_part_open(pm_batch_part *part, pm_arena *arena, const pm_system *system);
 void pm_batch_part_close(pm_batch_part *part);
-// Evaluates E, S, dE and dS of the blocks in which stage_z has changed.
-void pm_batch_part_expose(pm_batch_part *part);
+// Evaluates E, S, dE and dS of a block if its stage_z has changed, which b->renewed[PM_SHOWN_Z]
+// says, and notes in b->renewed what has changed of dE and dS.
+void pm_batch_part_expose(pm_batch *b, pm_batch_part *part, int block);
 // Sets k [nblock][nz][width] to the rate of the bulk term, in the units of z per s, and adds the
-// fluxes of this rate, times `weight`, to part->bulk. `weight` is the weight of the present stage
-// in the mean over the step.
-void pm_batch_part_bulk(pm_batch_part *part, double weight, double *k);
+// fluxes of this rate, times `weight`, to part->bulk, which counts as zero if `anew` is true.
+// `weight` is the weight of the present stage in the mean over the step.
+void pm_batch_part_bulk(const pm_batch *b, pm_batch_part *part, double weight, bool anew,
+                        double *k);
 // Checks the subsystem in lane number `lane` of the part at the end of step number `step`, as
 // pm_subsystem_end_step does. PM_ENUMERIC: its state or a potential is not finite, or its state is
 // further outside the training range than the scene's guard allows.
-pm_status pm_batch_part_check(const pm_batch_part *part, const pm_scene *scene, int lane,
-                              long step);
+pm_status pm_batch_part_check(const pm_batch *b, const pm_batch_part *part, int lane, long step);
 
 // Builds the graph of a group of ports and takes its other arrays from the arena. The caller has
-// set `count`, `width`, `nblock`, `id` and `entropy`, and in both ends `ny`, `component`, `first`
-// and `step`, and closes the port, after a failure too. Returns PM_OK with port->law NULL if a
+// set `count`, `width`, `nblock`, `id` and `entropy`, and in both ends `ny`, `component`, `wanted`
+// and `place`, and closes the port, after a failure too. Returns PM_OK with port->law NULL if a
 // batch cannot serve the model of this port. PM_ENOMEM.
 pm_status pm_batch_port_open(pm_batch_port *port, pm_arena *arena, const pm_system *system);
 void pm_batch_port_close(pm_batch_port *port);
 // Gathers what both ends of every port expose, evaluates the law of the blocks in which an input
-// has changed, and adds the fluxes through each end, times `weight`, to the end's `flux`. The rates
-// stay in the ends.
-void pm_batch_port_couple(pm_batch_port *port, const pm_batch *batch, double weight);
+// has changed, adds the fluxes through each end, times `weight`, to the end's `flux`, which counts
+// as zero if `anew` is true, and adds the rates to k if the batch is ordered.
+void pm_batch_port_couple(const pm_batch *b, pm_batch_port *port, double weight, bool anew,
+                          double *k);
+// Adds the rates of all ports to k, port by port in the scene's order, for a batch that is not
+// ordered.
+void pm_batch_ports_add(const pm_batch *b, double *k);
 
 // The largest number of lanes of a block. So many lanes make the cost of starting an operation
 // negligible, and so few keep the values of a graph in the cache.

@@ -24,129 +24,144 @@ pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes) {
     return PM_OK;
 }
 
-// Copies PM_LANES numbers and notes in `differs` which have changed.
-static inline void renew(const double *from, double *to, uint64_t *differs) {
+// Notes in bit `row` % 64 of renewed [PM_LANES] where two rows of PM_LANES numbers differ.
+static inline void note(int row, const double *now, const double *before, uint64_t *renewed) {
     for (int l = 0; l < PM_LANES; ++l) {
-        differs[l] |= bits_of(from[l]) ^ bits_of(to[l]);
-        to[l] = from[l];
-    }
-}
-
-static inline void note(const uint64_t *differs, uint64_t *changed) {
-    for (int l = 0; l < PM_LANES; ++l) {
-        changed[l] |= differs[l];
+        renewed[l] |= (uint64_t)(bits_of(now[l]) != bits_of(before[l])) << (row & 63);
     }
 }
 
 PM_SIMD_CLONES void pm_lanes_renew(int rows, int lanes, const double *now, double *before,
-                                   uint64_t *changed) {
+                                   uint64_t *renewed) {
     for (int v = 0; v < lanes; v += PM_LANES) {
-        uint64_t differs[PM_LANES] = {0};
+        uint64_t mask[PM_LANES] = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
-            renew(now + at, before + at, differs);
+            note(r, now + at, before + at, mask);
+            memcpy(before + at, now + at, PM_LANES * sizeof *now);
         }
-        note(differs, changed + v);
+        memcpy(renewed + v, mask, sizeof mask);
     }
 }
 
 PM_SIMD_CLONES void pm_lanes_combine(int rows, int lanes, int count, const double *weight, double h,
-                                     const double *z, const double *k, int64_t stride, double *to,
-                                     uint64_t *changed) {
+                                     const double *z, const double *k, int64_t stride,
+                                     const double *before, double *to, uint64_t *renewed) {
     for (int v = 0; v < lanes; v += PM_LANES) {
-        uint64_t differs[PM_LANES] = {0};
+        uint64_t mask[PM_LANES] = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
-            double sum[PM_LANES] = {0};
+            double sum[PM_LANES] = {0}, next[PM_LANES];
             for (int i = 0; i < count; ++i) {
                 for (int l = 0; l < PM_LANES; ++l) {
                     sum[l] += weight[i] * k[i * stride + at + l];
                 }
             }
             for (int l = 0; l < PM_LANES; ++l) {
-                const double next = z[at + l] + h * sum[l];
-                differs[l] |= bits_of(next) ^ bits_of(to[at + l]);
-                to[at + l] = next;
+                next[l] = z[at + l] + h * sum[l];
             }
+            note(r, next, before + at, mask);
+            memcpy(to + at, next, sizeof next);
         }
-        for (int l = 0; l < PM_LANES; ++l) {
-            changed[v + l] |= differs[l];
-        }
+        memcpy(renewed + v, mask, sizeof mask);
     }
 }
 
 // Adds the sums of one co-vector times the rates, and of their magnitudes.
-PM_SIMD_CLONES static void book_one(int rows, int lanes, double weight, const double *e,
+PM_SIMD_CLONES static void book_one(int rows, int lanes, double weight, bool anew, const double *e,
                                     const double *rate, double *flux, double *gross) {
     for (int v = 0; v < lanes; v += PM_LANES) {
         double sum[PM_LANES] = {0}, magnitude[PM_LANES] = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
             for (int l = 0; l < PM_LANES; ++l) {
-                const double power = e[at + l] * rate[at + l];
-                sum[l] += weight * power;
-                magnitude[l] += weight * fabs(power);
+                const double power = weight * (e[at + l] * rate[at + l]);
+                sum[l] += power;
+                magnitude[l] += fabs(power);
             }
         }
         for (int l = 0; l < PM_LANES; ++l) {
-            flux[v + l] += sum[l];
-            gross[v + l] += magnitude[l];
+            flux[v + l] = (anew ? 0 : flux[v + l]) + sum[l];
+            gross[v + l] = (anew ? 0 : gross[v + l]) + magnitude[l];
         }
     }
 }
 
-void pm_lanes_book(int rows, int lanes, double weight, const double *e, const double *eta,
-                   const double *rate, const pm_lane_flux *flux) {
-    if (e != NULL) {
-        book_one(rows, lanes, weight, e, rate, flux->energy, flux->energy_gross);
-    }
+void pm_lanes_book(int rows, int lanes, double weight, bool anew, const double *e,
+                   const double *eta, const double *rate, const pm_lane_flux *flux) {
+    book_one(rows, lanes, weight, anew, e, rate, flux->energy, flux->energy_gross);
     if (eta != NULL) {
-        book_one(rows, lanes, weight, eta, rate, flux->entropy, flux->entropy_gross);
+        book_one(rows, lanes, weight, anew, eta, rate, flux->entropy, flux->entropy_gross);
     }
 }
 
-// Returns true if the states in PM_LANES lanes are neighbours in their arrays.
-static inline bool are_neighbours(const int *first, const int *step) {
-    int apart = 0;
-    for (int l = 0; l < PM_LANES; ++l) {
-        apart |= (first[l] - first[0] - l) | (step[l] - step[0]);
-    }
-    return apart == 0;
-}
+// --- items that lanes refer to ---
 
-// Gathers PM_LANES lanes of states that are neighbours, or anywhere.
-PM_SIMD_CLONES static void gather_row(int count, int lanes, const int *component,
-                                      const double *from, int step, double *to, uint64_t *differs) {
-    for (int c = 0; c < count; ++c) {
-        renew(from + (ptrdiff_t)component[c] * step, to + (ptrdiff_t)c * lanes, differs);
-    }
-}
-
-static void gather_each(int count, int lanes, const int *component, const double *from,
-                        const int *first, const int *step, double *to, uint64_t *differs) {
-    for (int c = 0; c < count; ++c) {
-        double value[PM_LANES];
-        for (int l = 0; l < PM_LANES; ++l) {
-            value[l] = from[first[l] + (ptrdiff_t)component[c] * step[l]];
-        }
-        renew(value, to + (ptrdiff_t)c * lanes, differs);
-    }
-}
-
-void pm_lanes_gather(int count, int lanes, const int *component, const double *from,
-                     const int *first, const int *step, double *to, uint64_t *changed) {
+void pm_lanes_note_rows(int lanes, const pm_lane_places *places, pm_lane_row *row) {
     for (int v = 0; v < lanes; v += PM_LANES) {
-        uint64_t differs[PM_LANES] = {0};
-        if (are_neighbours(first + v, step + v)) {
-            gather_row(count, lanes, component, from + first[v], step[v], to + v, differs);
-        } else {
-            gather_each(count, lanes, component, from, first + v, step + v, to + v, differs);
+        const int *first = places->first + v, *step = places->step + v, *lane = places->lane + v;
+        int apart = 0;
+        for (int l = 0; l < PM_LANES; ++l) {
+            apart |= (first[l] - first[0] - l) | (step[l] - step[0]) | (lane[l] - lane[0] - l);
         }
-        if (changed != NULL) {
-            note(differs, changed + v);
+        row[v / PM_LANES] = (pm_lane_row){first[0], step[0], lane[0], apart == 0};
+    }
+}
+
+PM_SIMD_CLONES void pm_lanes_gather(int count, int lanes, const int *component,
+                                    const pm_lane_places *places, const double *from, double *to) {
+    for (int v = 0; v < lanes; v += PM_LANES) {
+        const pm_lane_row row = places->row[v / PM_LANES];
+        for (int c = 0; c < count; ++c) {
+            double *at = to + (ptrdiff_t)c * lanes + v;
+            if (row.neighbours) {
+                memcpy(at, from + row.first + (ptrdiff_t)component[c] * row.step,
+                       PM_LANES * sizeof *at);
+                continue;
+            }
+            for (int l = v; l < v + PM_LANES; ++l) {
+                at[l - v] = from[places->first[l] + (ptrdiff_t)component[c] * places->step[l]];
+            }
         }
     }
 }
+
+PM_SIMD_CLONES void pm_lanes_gather_renewed(int lanes, const pm_lane_places *places,
+                                            const uint64_t *from, uint64_t wanted,
+                                            uint64_t *renewed) {
+    for (int v = 0; v < lanes; v += PM_LANES) {
+        const pm_lane_row row = places->row[v / PM_LANES];
+        for (int l = 0; l < PM_LANES; ++l) {
+            const int lane = row.neighbours ? row.lane + l : places->lane[v + l];
+            renewed[v + l] |= from[lane] & wanted;
+        }
+    }
+}
+
+PM_SIMD_CLONES void pm_lanes_add(int count, int lanes, const int *component,
+                                 const pm_lane_places *places, int begin, int end,
+                                 const double *rate, double *to) {
+    for (int l = begin; l < end;) {
+        const pm_lane_row row = places->row[l / PM_LANES];
+        if (row.neighbours && l % PM_LANES == 0 && l + PM_LANES <= end) {
+            for (int c = 0; c < count; ++c) {
+                double *at = to + row.first + (ptrdiff_t)component[c] * row.step;
+                for (int i = 0; i < PM_LANES; ++i) {
+                    at[i] += rate[(ptrdiff_t)c * lanes + l + i];
+                }
+            }
+            l += PM_LANES;
+            continue;
+        }
+        for (int c = 0; c < count; ++c) {
+            to[places->first[l] + (ptrdiff_t)component[c] * places->step[l]] +=
+                rate[(ptrdiff_t)c * lanes + l];
+        }
+        ++l;
+    }
+}
+
+// --- checks ---
 
 PM_SIMD_CLONES static void note_outside(const pm_group *group, double low, double high, int lanes,
                                         const double *z, uint64_t *outside) {
@@ -173,12 +188,20 @@ void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint6
     }
 }
 
-PM_SIMD_CLONES int pm_lanes_any(int lanes, const uint64_t *changed) {
-    uint64_t all = 0;
+PM_SIMD_CLONES int pm_lanes_any(int lanes, const uint64_t *x) {
+    uint64_t bits = 0;
     for (int l = 0; l < lanes; ++l) {
-        all |= changed[l];
+        bits |= x[l];
     }
-    return all != 0;
+    return bits != 0;
+}
+
+PM_SIMD_CLONES int pm_lanes_all(int lanes, const uint64_t *x) {
+    uint64_t zeros = 0;
+    for (int l = 0; l < lanes; ++l) {
+        zeros |= (uint64_t)(x[l] == 0);
+    }
+    return zeros == 0;
 }
 
 PM_SIMD_CLONES int pm_lanes_any_not_finite(int64_t count, const double *x) {

@@ -2,12 +2,12 @@
 // number of lanes is a multiple of PM_LANES. The operations on one lane have the order in which a
 // subsystem alone is computed, so that the bits are the same.
 //
-// Functions with an argument changed [lanes] report where they have overwritten a number by one
-// with other bits: they set at least one bit of changed[l] if any number of lane l has changed, and
-// never clear a bit.
+// Functions with an argument renewed [lanes] report which numbers have got other bits: they set bit
+// r % 64 of renewed[l] if number r of lane l has, and clear all other bits.
 #ifndef PM_SIM_LANES_H
 #define PM_SIM_LANES_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/arena.h"
@@ -23,37 +23,63 @@ typedef struct pm_lane_flux {
 // and begin with `energy`. PM_ENOMEM.
 pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes);
 
-// Copies now [rows][lanes] to before [rows][lanes]. Reports in `changed` the lanes in which the two
-// differed.
-void pm_lanes_renew(int rows, int lanes, const double *now, double *before, uint64_t *changed);
+// Copies now [rows][lanes] to before [rows][lanes]. Reports in `renewed` where the two differed.
+void pm_lanes_renew(int rows, int lanes, const double *now, double *before, uint64_t *renewed);
 
 // Computes to = z + h sum_i weight_i k_i over the first `count` stages, a combination of a
-// Runge-Kutta method with substeps of h s. `to`, `z` and each k_i are [rows][lanes]; k_i begins at
-// k + i * stride. Reports in `changed` the lanes in which `to` has changed.
+// Runge-Kutta method with substeps of h s. All states and each k_i are [rows][lanes]; k_i begins at
+// k + i * stride. Reports in `renewed` where `to` differs from `before`, which may be `to` itself.
 void pm_lanes_combine(int rows, int lanes, int count, const double *weight, double h,
-                      const double *z, const double *k, int64_t stride, double *to,
-                      uint64_t *changed);
+                      const double *z, const double *k, int64_t stride, const double *before,
+                      double *to, uint64_t *renewed);
 
 // Adds to the flux of every lane weight e.rate (energy) and weight eta.rate (entropy), and to its
-// gross fluxes the same sums of magnitudes, as pm_flux_book (flux.h) does for one subsystem. The
-// co-energies e, eta and the rate are [rows][lanes]; NULL stands for zero in e or eta.
-void pm_lanes_book(int rows, int lanes, double weight, const double *e, const double *eta,
-                   const double *rate, const pm_lane_flux *flux);
+// gross fluxes the same sums of magnitudes, as pm_flux_book (flux.h) does for one subsystem. If
+// `anew` is true, the fluxes are zero before, whatever the arrays hold. The co-energies e, eta and
+// the rate are [rows][lanes]; NULL stands for zero in eta. The weight must not be negative.
+void pm_lanes_book(int rows, int lanes, double weight, bool anew, const double *e,
+                   const double *eta, const double *rate, const pm_lane_flux *flux);
 
-// Copies the components component [count] of the state in each lane:
+// Where PM_LANES items lie that neighbouring lanes refer to, in arrays of [rows][lanes] of their
+// own.
+typedef struct pm_lane_row {
+    int first, step; // of the first item: where its numbers begin, and their distance
+    int lane;        // its lane, counted through all blocks of all arrays
+    bool neighbours; // all items lie beside each other, the first one first
+} pm_lane_row;
+
+// Where the items lie that the lanes of a block refer to.
+typedef struct pm_lane_places {
+    const pm_lane_row *row;         // [lanes / PM_LANES]
+    const int *first, *step, *lane; // [lanes] the same for each item
+} pm_lane_places;
+
+// Notes in row [lanes / PM_LANES] what the arrays `first`, `step` and `lane` of `places` say.
+void pm_lanes_note_rows(int lanes, const pm_lane_places *places, pm_lane_row *row);
+
+// Copies the components component [count] of the item of each lane:
 //     to[c][l] = from[first[l] + component[c] step[l]]
-// first and step are [lanes], `to` is [count][lanes]. Reports in `changed` the lanes in which `to`
-// has changed; `changed` may be NULL.
-void pm_lanes_gather(int count, int lanes, const int *component, const double *from,
-                     const int *first, const int *step, double *to, uint64_t *changed);
+// `to` is [count][lanes].
+void pm_lanes_gather(int count, int lanes, const int *component, const pm_lane_places *places,
+                     const double *from, double *to);
+// Sets bits of renewed [lanes] where the item of a lane has a bit that is in `wanted`, too:
+//     renewed[l] |= from[lane[l]] & wanted
+void pm_lanes_gather_renewed(int lanes, const pm_lane_places *places, const uint64_t *from,
+                             uint64_t wanted, uint64_t *renewed);
+// Adds rate [count][lanes] to the items of the lanes from number `begin` to number `end` - 1, one
+// lane after the other:
+//     to[first[l] + component[c] step[l]] += rate[c][l]
+void pm_lanes_add(int count, int lanes, const int *component, const pm_lane_places *places,
+                  int begin, int end, const double *rate, double *to);
 
 // Sets outside [lanes] to 1 where a group of the state z [layout->nz][lanes] is outside its
 // training range (model/training_range.h), and to 0 elsewhere.
 void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint64_t *outside);
 
-// pm_lanes_any returns 1 if any number of changed [lanes] is not zero, and
-// pm_lanes_any_not_finite if any number of x [count] is not finite. Otherwise they return 0.
-int pm_lanes_any(int lanes, const uint64_t *changed);
+// pm_lanes_any returns 1 if any number of x [lanes] is not zero, pm_lanes_all if no number is zero,
+// and pm_lanes_any_not_finite if any number of x [count] is not finite. Otherwise they return 0.
+int pm_lanes_any(int lanes, const uint64_t *x);
+int pm_lanes_all(int lanes, const uint64_t *x);
 int pm_lanes_any_not_finite(int64_t count, const double *x);
 
 #endif

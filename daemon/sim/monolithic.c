@@ -18,6 +18,7 @@ struct pm_monolithic {
     int (*position)[2];       // [nport][end] which port of the subsystem at that end it is
     pm_batch *batch;          // NULL: the subsystems are stepped one by one
     pm_sample *sample;
+    bool stale; // the sample has not been filled since the batch has moved
     pm_step_controller controller;
 };
 
@@ -129,7 +130,8 @@ void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
     monolithic->sample->step = 0;
     monolithic->sample->time = 0;
     if (monolithic->batch != NULL) {
-        pm_batch_set_state(monolithic->batch, z, monolithic->sample);
+        pm_batch_set_state(monolithic->batch, z);
+        monolithic->stale = true;
         return;
     }
     for (int i = 0; i < monolithic->count; ++i) {
@@ -174,7 +176,12 @@ static pm_status step_subsystems(pm_monolithic *m) {
 
 pm_status pm_monolithic_step(pm_monolithic *monolithic) {
     pm_monolithic *m = monolithic;
-    PM_TRY(m->batch != NULL ? pm_batch_step(m->batch, m->sample) : step_subsystems(m));
+    if (m->batch == NULL) {
+        PM_TRY(step_subsystems(m));
+    } else {
+        PM_TRY(pm_batch_step(m->batch));
+        m->stale = true;
+    }
     ++m->sample->step;
     m->sample->time = pm_scene_time(m->system->scene, 0, m->sample->step);
     pm_step_controller_note(&m->controller, m->sample);
@@ -186,6 +193,10 @@ int pm_monolithic_substeps(const pm_monolithic *monolithic) {
     return monolithic->controller.substeps;
 }
 
-const pm_sample *pm_monolithic_sample(const pm_monolithic *monolithic) {
+const pm_sample *pm_monolithic_sample(pm_monolithic *monolithic) {
+    if (monolithic->stale) {
+        pm_batch_fill_sample(monolithic->batch, monolithic->sample);
+        monolithic->stale = false;
+    }
     return monolithic->sample;
 }

@@ -22,11 +22,12 @@ void pm_monolithic_set_boundary_input(pm_monolithic *monolithic,
 // Starts a run at step 0 from the concatenated state z [scene->nz].
 void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z);
 
-// Takes one step and updates the sample. Fails as pm_subsystem_end_step does.
+// Takes one step. Fails as pm_subsystem_end_step does.
 pm_status pm_monolithic_step(pm_monolithic *monolithic);
 // Returns the number of substeps of the next step.
 int pm_monolithic_substeps(const pm_monolithic *monolithic);
-// Returns the sample of the state reached. It is owned by the object and changes with every step.
-const pm_sample *pm_monolithic_sample(const pm_monolithic *monolithic);
+// Returns the sample of the state reached. It is owned by the object. A caller asks for it after
+// every step whose sample it needs: a sample that nobody asks for is not filled.
+const pm_sample *pm_monolithic_sample(pm_monolithic *monolithic);
 
 #endif

@@ -192,7 +192,7 @@ static const char rubbing[] =
     "  wire: {law: bracket, between: [body, bath], model: wire, expose: {body: s, bath: s}}\n";
 
 // Checks the rates of the first small step against the formulas, and both laws.
-static void check_first_step(const pm_monolithic *tiny, double dt, const double start[6]) {
+static void check_first_step(pm_monolithic *tiny, double dt, const double start[6]) {
     const double T[] = {300 * exp(0.1 / 5), 250 * exp(-0.2 / 4)}, v2 = 13.0 / 4;
     const pm_sample *s = pm_monolithic_sample(tiny);
     const double heat = 0.7 * (T[1] - T[0]);

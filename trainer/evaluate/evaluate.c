@@ -22,7 +22,7 @@
 
 // --- one rollout ---
 
-static void book(pm_rollout *rollout, const pm_monolithic *assembly) {
+static void book(pm_rollout *rollout, pm_monolithic *assembly) {
     pm_sample sample = *pm_monolithic_sample(assembly);
     memcpy(rollout->outside, sample.outside,
            (size_t)rollout->ledger.system->scene->nsubsystem * sizeof *rollout->outside);
