@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#define MOST_LISTED 64 // subsystems that are named one by one
+
 // The extremes of the laws over all rollouts.
 typedef struct summary {
     const pm_rollout *energy, *entropy; // with the largest residual; NULL: all residuals are 0
@@ -79,24 +81,44 @@ static void print_laws(const pm_evaluation *e, const summary *s) {
            "total entropy changes by", s->entropy_change, s->entropy_fall);
 }
 
-// Prints which subsystems left the states that their weights were trained on. Prints nothing if
-// none did, or if the weights do not hold their range.
+// Sums the steps of all rollouts on which a subsystem was outside the states that its weights were
+// trained on. `trajectories` receives in how many rollouts it was.
+static long count_outside(const pm_evaluation *e, int subsystem, int *trajectories) {
+    long outside = 0;
+    *trajectories = 0;
+    for (int j = 0; j < e->count; ++j) {
+        outside += e->rollout[j].outside[subsystem];
+        *trajectories += e->rollout[j].outside[subsystem] > 0;
+    }
+    return outside;
+}
+
+// Prints which subsystems left the states that their weights were trained on, or, if these are
+// many, only the one that did so most often. Prints nothing if none did, or if the weights do not
+// hold their range.
 static void print_outside(const pm_evaluation *e) {
     const pm_scene *scene = e->system->scene;
+    int count = 0, worst = 0, trajectories;
+    long most = 0, steps = 0;
+    for (int j = 0; j < e->count; ++j) {
+        steps += e->rollout[j].ledger.steps;
+    }
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        long outside = 0, steps = 0;
-        int trajectories = 0;
-        for (int j = 0; j < e->count; ++j) {
-            const pm_rollout *r = &e->rollout[j];
-            outside += r->outside[i];
-            trajectories += r->outside[i] > 0;
-            steps += r->ledger.steps;
-        }
-        if (outside > 0) {
-            printf(
-                "\n%s left the states its weights were trained on, on %ld of %ld steps, in %d of "
-                "%d trajectories\n",
-                scene->subsystem[i].name, outside, steps, trajectories, e->count);
+        const long outside = count_outside(e, i, &trajectories);
+        count += outside > 0;
+        worst = outside > most ? i : worst;
+        most = outside > most ? outside : most;
+    }
+    if (count > 0) {
+        printf("\n%d of %d subsystems left the states their weights were trained on:\n", count,
+               scene->nsubsystem);
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const long outside = count_outside(e, i, &trajectories);
+        if (outside > 0 && (count <= MOST_LISTED || i == worst)) {
+            printf("  %s on %ld of %ld steps, in %d of %d trajectories%s\n",
+                   scene->subsystem[i].name, outside, steps, trajectories, e->count,
+                   count > MOST_LISTED ? ", more often than any other" : "");
         }
     }
 }
