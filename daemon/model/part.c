@@ -129,6 +129,9 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
 }
 
 bool pm_part_is_discrete(const pm_part *part) {
+    if (part->spec.solid != NULL) {
+        return true;
+    }
     return pm_potential_is_discrete(&part->spec.energy) &&
            pm_potential_is_discrete(&part->spec.entropy);
 }

@@ -21,6 +21,16 @@ static pm_status fail_missing(const pm_scene_subsystem *subsystem, int component
                    list == NULL ? "" : list);
 }
 
+// Returns true if a component is one of a solid that nobody measures.
+static bool is_internal(const pm_scene_subsystem *subsystem, int component) {
+    const pm_layout *layout = &subsystem->layout;
+    int g = layout->ngroup - 1;
+    while (layout->group[g].first > component) {
+        --g;
+    }
+    return subsystem->mesh != NULL && subsystem->hidden[g];
+}
+
 static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsystem,
                                 const pm_dataset *dataset, const pm_names *names, bool *mapped,
                                 pm_arena *arena) {
@@ -30,6 +40,10 @@ static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsyst
     }
     for (int i = 0; i < subsystem->layout.nz; ++i) {
         const int k = pm_names_find(names, subsystem->column[i]);
+        if (k < 0 && is_internal(subsystem, i)) {
+            c->column[subsystem->first + i] = -1;
+            continue;
+        }
         if (k < 0) {
             return fail_missing(subsystem, i, dataset, arena);
         }
@@ -80,7 +94,7 @@ static pm_status check_units(const pm_columns *c, const pm_scene *scene, const p
             const pm_group *group = &subsystem->layout.group[g];
             for (int i = 0; i < group->size; ++i) {
                 const int k = c->column[subsystem->first + group->first + i];
-                if (strcmp(unit[k], group->unit) != 0) {
+                if (k >= 0 && strcmp(unit[k], group->unit) != 0) {
                     return pm_fail(PM_EDATA,
                                    "%s: group %s.%s has the unit \"%s\", and the dataset's column "
                                    "\"%s\" has \"%s\"",
@@ -135,7 +149,8 @@ static pm_status bind_group(pm_columns *c, const pm_scene *scene,
         }
         base = other->first + from->first;
     }
-    const int index = group_index(c, group->name);
+    const bool mapped = c->column[subsystem->first + group->first] >= 0;
+    const int index = mapped ? group_index(c, group->name) : -1;
     for (int i = 0; i < group->size; ++i) {
         c->group[subsystem->first + group->first + i] = index;
         c->base[subsystem->first + group->first + i] = base < 0 ? -1 : base + i;
@@ -204,7 +219,9 @@ pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_d
 void pm_columns_to_state(const pm_columns *columns, const double *row, double *z) {
     for (int i = 0; i < columns->nz; ++i) {
         const int base = columns->base[i];
-        z[i] = row[columns->column[i]] - (base < 0 ? 0 : row[columns->column[base]]);
+        z[i] = columns->column[i] < 0
+                   ? 0
+                   : row[columns->column[i]] - (base < 0 ? 0 : row[columns->column[base]]);
     }
 }
 
@@ -212,6 +229,8 @@ void pm_columns_to_row(const pm_columns *columns, const double *z, double *row) 
     for (int i = 0; i < columns->nz; ++i) {
         const int k = columns->order[i];
         const int base = columns->base[k];
-        row[columns->column[k]] = z[k] + (base < 0 ? 0 : row[columns->column[base]]);
+        if (columns->column[k] >= 0) {
+            row[columns->column[k]] = z[k] + (base < 0 ? 0 : row[columns->column[base]]);
+        }
     }
 }

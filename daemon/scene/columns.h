@@ -7,11 +7,13 @@
 #include "store/dataset.h"
 
 typedef struct pm_columns {
-    int nz;      // components of the scene's concatenated state
-    int *column; // [nz] position in the dataset's row
-    int *base;   // [nz] component whose column value is added (relative_to); -1: none
-    int *order;  // [nz] the components, each after its base
-    int *group;  // [nz] index into group_name, shared by groups of the same name
+    int nz; // components of the scene's concatenated state
+    // [nz] position in the dataset's row; -1: a hidden group of a solid, which the dataset has not
+    // and which starts at zero
+    int *column;
+    int *base;  // [nz] component whose column value is added (relative_to); -1: none
+    int *order; // [nz] the components, each after its base
+    int *group; // [nz] index into group_name, shared by groups of the same name; -1: no column
     int ngroup;
     const char **group_name; // [ngroup]
 } pm_columns;

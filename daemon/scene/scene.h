@@ -19,13 +19,14 @@
 // gives x, for errors that are found after the scene was read.
 typedef struct pm_scene_subsystem {
     const char *name, *at;
-    const char *range;         // key that stands for it and others, "link[0:9]"; NULL: its name
-    const char *weights;       // path, resolved against the scene's folder; NULL: a known model
-    const pm_part_spec *model; // known model; NULL: it comes from weights
-    const char *weights_at;    // place of the weights or of the known model
-    pm_layout layout;          // groups of the state
-    const char **group_at;     // [ngroup]
-    const char *const *column; // [nz] dataset column of each component; NULL: none are mapped
+    const char *range;          // key that stands for it and others, "link[0:9]"; NULL: its name
+    const char *weights;        // path, resolved against the scene's folder; NULL: a known model
+    const pm_part_spec *model;  // known model; NULL: it comes from weights
+    const char *weights_at;     // place of the weights or of the known model
+    const char *mesh, *mesh_at; // file of the mesh of a solid; NULL: none
+    pm_layout layout;           // groups of the state
+    const char **group_at;      // [ngroup]
+    const char *const *column;  // [nz] dataset column of each component; NULL: none are mapped
     const char *const *column_at;
     // [ngroup] subsystem and group from which a group is measured (relative_to); -1: none. A column
     // of the group in the dataset then holds the sum of the group's value and of the value in the

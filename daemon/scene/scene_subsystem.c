@@ -6,8 +6,8 @@
 
 #include "store/names.h"
 
-#define MAX_COMPONENTS 100000 // of one group
-#define MAX_STATE 1000000     // components of the scene
+#define MAX_COMPONENTS 1000000 // of one group
+#define MAX_STATE 1000000      // components of the scene
 
 // --- one subsystem ---
 
@@ -144,12 +144,17 @@ static pm_status read_initial(pm_scene_reader *r, pm_scene_subsystem *subsystem,
 // Reads a subsystem; its name has been read.
 static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *subsystem, pm_yaml key,
                                 pm_yaml block) {
-    static const char *const keys[] = {"weights", "model",    "constants", "state",
-                                       "initial", "substeps", NULL};
+    static const char *const keys[] = {"weights", "model",   "constants", "mesh",
+                                       "state",   "initial", "substeps",  NULL};
     pm_yaml state;
     PM_TRY(pm_scene_read_at(r, key, &subsystem->at));
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_scene_read_part_maker(r, block, subsystem));
+    const pm_yaml mesh = pm_yaml_get(block, "mesh");
+    if (pm_yaml_exists(mesh)) {
+        PM_TRY(pm_scene_read_path(r, mesh, &subsystem->mesh));
+        PM_TRY(pm_scene_read_at(r, mesh, &subsystem->mesh_at));
+    }
     PM_TRY(pm_yaml_require(block, "state", &state));
     PM_TRY(read_state(r, subsystem, state));
     const pm_yaml substeps = pm_yaml_get(block, "substeps");

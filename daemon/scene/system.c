@@ -132,9 +132,8 @@ static const char *weights_path(const char *path, const char *weights_dir, pm_ar
 static pm_status check_part(pm_system *system, int id) {
     const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
     const pm_layout *own = &system->part[id]->layout;
-    if (system->part[id]->spec.solid != NULL) {
-        return pm_fail(PM_EWEIGHTS, "%s: subsystem %s: a scene cannot serve the weights of a solid",
-                       subsystem->weights_at, subsystem->name);
+    if (system->part[id]->spec.solid != NULL || subsystem->mesh != NULL) {
+        return pm_system_load_solid(system, id);
     }
     if (pm_layout_equal(&subsystem->layout, own)) {
         return PM_OK;
@@ -213,7 +212,8 @@ static bool share_part(pm_system *system, int id, const int *owner, int nowner) 
     for (int i = nowner - 1; i >= 0; --i) {
         const pm_scene_subsystem *other = &system->scene->subsystem[owner[i]];
         if (is_alike(own->weights, own->model, other->weights, other->model) &&
-            (own->model == NULL || pm_layout_equal(&own->layout, &other->layout))) {
+            ((own->model == NULL && own->mesh == NULL) ||
+             pm_layout_equal(&own->layout, &other->layout))) {
             system->part_owner[id] = owner[i];
             system->part[id] = system->part[owner[i]];
             system->part_provenance[id] = system->part_provenance[owner[i]];
@@ -310,6 +310,9 @@ static uint64_t digest_system(const pm_system *system) {
         digest = pm_digest_integer(digest, scene->subsystem[i].substeps);
         digest = digest_layout(digest, &scene->subsystem[i].layout);
         digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i]->digest);
+        if (system->mesh[i] != NULL) {
+            digest = pm_solid_mesh_digest(system->mesh[i], digest);
+        }
     }
     digest = pm_digest_integer(digest, scene->nport);
     for (int i = 0; i < scene->nport; ++i) {
@@ -340,9 +343,10 @@ static pm_status new_system(pm_system **result, const pm_scene *scene) {
     system->port_provenance = pm_arena_array(arena, nport, sizeof *system->port_provenance);
     system->part_owner = pm_arena_array(arena, npart, sizeof *system->part_owner);
     system->port_owner = pm_arena_array(arena, nport, sizeof *system->port_owner);
+    system->mesh = pm_arena_array(arena, npart, sizeof *system->mesh);
     if (system->part == NULL || system->port == NULL || system->part_provenance == NULL ||
         system->port_provenance == NULL || system->part_owner == NULL ||
-        system->port_owner == NULL) {
+        system->port_owner == NULL || system->mesh == NULL) {
         pm_arena_free(arena);
         free(system);
         return no_memory();

@@ -14,6 +14,7 @@
 #include "scene/scene.h"
 #include "scene/weights.h"
 #include "store/dataset.h"
+#include "store/solid_mesh.h"
 
 typedef struct pm_system {
     const pm_scene *scene; // borrowed
@@ -27,8 +28,9 @@ typedef struct pm_system {
     pm_provenance **part_provenance; // [nsubsystem]
     pm_provenance **port_provenance; // [nport]
     // The owner of the model of each subsystem and port.
-    int *part_owner; // [nsubsystem]
-    int *port_owner; // [nport]
+    int *part_owner;            // [nsubsystem]
+    int *port_owner;            // [nport]
+    const pm_solid_mesh **mesh; // [nsubsystem] of each solid; NULL: the subsystem is no solid
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.
     uint64_t digest;
 } pm_system;
@@ -89,6 +91,12 @@ pm_status pm_system_check_origin(pm_system *system);
 // All other weights give rates, which any integrator can use. Weights without a record of their
 // step pass. PM_EWEIGHTS. pm_system_load calls this function.
 pm_status pm_system_check_steps(const pm_system *system);
+
+// Gives a solid the layout of its subsystem, and loads its mesh. PM_EWEIGHTS: the groups of the
+// state are not those of a solid on this mesh, or the scene names no mesh. PM_ECONFIG: the scene
+// names a mesh, and the weights are no solid's. PM_EDATA, PM_EFILE, PM_ENOMEM. pm_system_load calls
+// this function for every solid.
+pm_status pm_system_load_solid(pm_system *system, int id);
 
 // Returns true if the values that one end of a port shows include a dS.
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end);

@@ -84,16 +84,37 @@ static pm_status open_bulk(pm_local_dynamics *t, const pm_part *part) {
     return status;
 }
 
+static pm_status open_solid(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
+                            int id) {
+    t->solid = pm_arena_array(arena, 1, sizeof *t->solid);
+    if (t->solid == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a solid");
+    }
+    PM_TRY(pm_solid_dynamics_open(t->solid, arena, system->part[id], system->mesh[id]));
+    t->E = &t->solid->E;
+    t->S = &t->solid->S;
+    t->dE = t->solid->dE;
+    t->dS = t->solid->dS;
+    return PM_OK;
+}
+
 pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm_system *system,
                                  int subsystem_id, const pm_integrator *integrator, double h) {
     const pm_part *part = system->part[subsystem_id];
     t->nz = part->layout.nz;
+    t->h = h;
+    if (part->spec.solid != NULL) {
+        return open_solid(t, arena, system, subsystem_id);
+    }
     PM_TRY(build_exposure(t, arena, system, subsystem_id, integrator, h));
     PM_TRY(pm_contact_broadphase_open(&t->broadphase, arena, part));
     return open_bulk(t, part);
 }
 
 void pm_local_dynamics_close(pm_local_dynamics *t) {
+    if (t->solid != NULL) {
+        pm_solid_dynamics_close(t->solid);
+    }
     pm_program_close(t->exposure);
     pm_program_close(t->bulk);
     pm_contact_broadphase_close(&t->broadphase);
@@ -121,6 +142,10 @@ static void enclose(pm_local_dynamics *t, const double *rate) {
 
 pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, const double *from,
                                      const double *rate) {
+    if (t->solid != NULL) {
+        pm_solid_dynamics_expose(t->solid, z, from, t->h);
+        return PM_EXPOSURE_EVALUATED;
+    }
     if (t->exposure_known && is_bounded(t, z, t->exposure_from == NULL ? NULL : from)) {
         return PM_EXPOSURE_BOUNDED;
     }
@@ -161,6 +186,10 @@ bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z) {
 // --- checkpoint ---
 
 void pm_local_dynamics_record(pm_local_dynamics *t, pm_record *record) {
+    if (t->solid != NULL) {
+        pm_solid_dynamics_record(t->solid, record);
+        return;
+    }
     pm_record_put_bool(record, "bulk known", &t->bulk_known);
     pm_record_put(record, "bulk z", t->bulk_z, t->nz);
     pm_record_put(record, "bulk dE", t->bulk_dE, t->nz);

@@ -13,9 +13,12 @@
 #include "scene/integrator.h"
 #include "scene/system.h"
 #include "sim/contact_broadphase.h"
+#include "sim/solid_dynamics.h"
 
 typedef struct pm_local_dynamics {
     int nz;
+    double h;                 // s, substep
+    pm_solid_dynamics *solid; // of a solid, which has neither graph; NULL: the subsystem is none
     // Computes the five results below from z and, for a discrete integrator, the start of the step.
     pm_program *exposure;
     double *exposure_z;    // [nz]

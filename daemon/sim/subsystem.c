@@ -14,7 +14,8 @@ static pm_status open_ports(pm_subsystem *s) {
     const size_t count = (size_t)(end - first);
     s->port = pm_arena_array(&s->arena, count, sizeof *s->port);
     s->flux = pm_arena_array(&s->arena, 2 * count, sizeof *s->flux);
-    s->prescribed = pm_arena_array(&s->arena, (size_t)scene->nprescribed, sizeof *s->prescribed);
+    s->prescribed =
+        pm_arena_array(&s->arena, 2 * (size_t)scene->nprescribed, sizeof *s->prescribed);
     if (s->port == NULL || s->flux == NULL || s->prescribed == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the ports of %s", s->scene->name);
     }
@@ -48,6 +49,12 @@ static pm_status open_all(pm_subsystem *s) {
     s->substeps = scene->substeps;
     s->h = scene->dt / scene->substeps;
     const pm_part *part = s->system->part[s->id];
+    if (!s->integrator->discrete && part->spec.solid != NULL) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: subsystem %s is a solid, which needs the integrator "
+                       "discrete_gradient",
+                       scene->integrator_at, s->scene->name);
+    }
     if (s->integrator->discrete && !pm_part_is_discrete(part)) {
         return pm_fail(PM_ECONFIG,
                        "%s: integrator %s needs energies and entropies of the features x, |x|, "

@@ -38,8 +38,9 @@ struct pm_subsystem {
     pm_iteration iteration;                  // of the substep, if the integrator is discrete
     bool exposed;                            // dE and dS belong to stage_z
     const pm_boundary_input *boundary_input; // borrowed; NULL: the scene has none
-    double *prescribed; // [scene->nprescribed] values of all boundary inputs at the stage
-    long step;          // steps completed
+    // [2][scene->nprescribed] values of all boundary inputs at the stage, and work space
+    double *prescribed;
+    long step;                                           // steps completed
     pm_invariant_projection projection, safe_projection; // now, and after the last successful step
 
     pm_local_dynamics dynamics;

@@ -54,8 +54,23 @@ static double stage_weight(const pm_subsystem *s) {
     return weight / s->substeps;
 }
 
+// Books the heat of a solid, which takes its steps in pm_subsystem_advance.
+static void book_solid(pm_subsystem *s) {
+    const pm_solid_dynamics *d = s->dynamics.solid;
+    const double production = stage_weight(s) * (s->stage_z[d->s] - s->z[d->s]) / s->h;
+    s->booking.bulk.entropy += production;
+    s->booking.bulk.entropy_gross += production;
+    s->booking.bulk.energy_gross += d->temperature * production;
+}
+
 void pm_subsystem_bulk(pm_subsystem *s) {
     double *k = rate_at(s, s->stage);
+    if (s->dynamics.solid != NULL) {
+        memset(k, 0, (size_t)s->nz * sizeof *k);
+        memset(s->dynamics.solid->end_rate, 0, (size_t)s->nz * sizeof *k);
+        book_solid(s);
+        return;
+    }
     if (s->dynamics.bulk == NULL || s->integrator->multirate) {
         memset(k, 0, (size_t)s->nz * sizeof *k);
         s->booking.skipped += !s->integrator->multirate;
@@ -68,23 +83,43 @@ void pm_subsystem_bulk(pm_subsystem *s) {
     s->booking.skipped += !renewed;
 }
 
-// Returns what the boundary input shows at its end of a port, at the time of the stage.
-static const pm_port_values *prescribe(pm_subsystem *s, pm_port_instance *j) {
+// Returns what the boundary input shows at its end of a port, at this share of the substep.
+static const pm_port_values *prescribe(pm_subsystem *s, pm_port_instance *j, double share) {
     assert(s->boundary_input != NULL);
-    const double fraction =
-        (s->substep + pm_integrator_time(s->integrator, s->stage)) / s->substeps;
-    pm_boundary_input_at(s->boundary_input, s->step, fraction, s->prescribed);
+    pm_boundary_input_at(s->boundary_input, s->step, (s->substep + share) / s->substeps,
+                         s->prescribed);
+    return pm_port_instance_prescribe(j, s->prescribed);
+}
+
+// Does the same for the mean of the values at both ends of the substep.
+static const pm_port_values *prescribe_mean(pm_subsystem *s, pm_port_instance *j) {
+    const int n = s->system->scene->nprescribed;
+    double *start = s->prescribed + n;
+    prescribe(s, j, 0);
+    memcpy(start, s->prescribed, (size_t)n * sizeof *start);
+    prescribe(s, j, 1);
+    for (int i = 0; i < n; ++i) {
+        s->prescribed[i] = (s->prescribed[i] + start[i]) / 2;
+    }
     return pm_port_instance_prescribe(j, s->prescribed);
 }
 
 void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighbour) {
     pm_port_instance *j = &s->port[port];
-    const pm_port_values *other = j->boundary_input != NULL ? prescribe(s, j) : neighbour;
+    const pm_port_values *other = neighbour;
+    const bool first = s->stage == 0;
     if (j->boundary_input == NULL) {
         pm_iteration_hear(&s->iteration, neighbour->known);
+    } else if (s->dynamics.solid == NULL) {
+        other = prescribe(s, j, pm_integrator_time(s->integrator, s->stage));
+    }
+    if (s->dynamics.solid != NULL) {
+        other = j->boundary_input == NULL ? neighbour : prescribe(s, j, 1);
+        pm_port_instance_couple(j, other, first, 0, s->dynamics.solid->end_rate);
+        other = j->boundary_input == NULL ? neighbour : prescribe_mean(s, j);
     }
     const bool done =
-        pm_port_instance_couple(j, other, s->stage == 0, stage_weight(s), rate_at(s, s->stage));
+        pm_port_instance_couple(j, other, first, stage_weight(s), rate_at(s, s->stage));
     s->booking.evaluated += done;
     s->booking.skipped += !done;
 }
@@ -150,19 +185,31 @@ static void project(pm_subsystem *s) {
 // Ends a substep.
 static void end_substep(pm_subsystem *s) {
     pm_subsystem_copy(s->z, s->stage_z, s->nz);
+    if (s->dynamics.solid != NULL) {
+        pm_solid_dynamics_end_substep(s->dynamics.solid);
+    }
     s->stage = 0;
     ++s->substep;
+}
+
+// Replaces the present iterate of the new state by the next one. s->error becomes their difference.
+static void find_next(pm_subsystem *s) {
+    if (s->dynamics.solid != NULL) {
+        pm_solid_dynamics_balance(s->dynamics.solid, s->h, s->z, s->k);
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        const double next =
+            s->dynamics.solid != NULL ? s->dynamics.solid->result[c] : s->z[c] + s->h * s->k[c];
+        s->error[c] = next - s->stage_z[c];
+        s->stage_z[c] = next;
+    }
 }
 
 // Computes the next iterate of the new state. Its change is that of the group that changes most,
 // relative to the group's length. Ends the substep after the last iteration.
 static void iterate(pm_subsystem *s) {
     const pm_layout *layout = &s->scene->layout;
-    for (int c = 0; c < s->nz; ++c) {
-        const double next = s->z[c] + s->h * s->k[c];
-        s->error[c] = next - s->stage_z[c];
-        s->stage_z[c] = next;
-    }
+    find_next(s);
     s->exposed = false;
     double change = 0;
     for (int i = 0; i < layout->ngroup; ++i) {

@@ -42,6 +42,9 @@ void pm_subsystem_set_state(pm_subsystem *s, const double *z) {
     s->step = 0;
     memset(s->size, 0, PM_MAX_GROUPS * sizeof *s->size);
     pm_local_dynamics_forget(&s->dynamics);
+    if (s->dynamics.solid != NULL) {
+        pm_solid_dynamics_start(s->dynamics.solid, s->z);
+    }
     for (int i = 0; i < s->nport; ++i) {
         s->port[i].known = false;
     }
@@ -64,6 +67,18 @@ static pm_status check_training_range(pm_subsystem *s) {
     return status;
 }
 
+// Fails if a solid has found no balance of forces in this step.
+static pm_status check_balance(const pm_subsystem *s) {
+    if (s->dynamics.solid == NULL || s->dynamics.solid->status == PM_OK) {
+        return PM_OK;
+    }
+    return pm_fail(
+        s->dynamics.solid->status,
+        "subsystem %s: step %ld: no balance of forces, not even in short steps: the load "
+        "is too large, or an element is turned inside out",
+        s->scene->name, s->step + 1);
+}
+
 static pm_status check_boundary_input(const pm_subsystem *s) {
     if (s->boundary_input == NULL || pm_boundary_input_covers(s->boundary_input, s->step)) {
         return PM_OK;
@@ -78,7 +93,10 @@ static pm_status check_boundary_input(const pm_subsystem *s) {
 pm_status pm_subsystem_end_step(pm_subsystem *s) {
     assert(s->stage == 0 && s->substep == s->substeps);
     s->substep = 0;
-    pm_status status = pm_step_check_finite(s->scene, s->z);
+    pm_status status = check_balance(s);
+    if (status == PM_OK) {
+        status = pm_step_check_finite(s->scene, s->z);
+    }
     if (status == PM_OK) {
         pm_subsystem_show(s, pm_local_dynamics_expose_end(&s->dynamics, s->stage_z, s->z));
         status = pm_step_check_potentials(s->scene, s->dynamics.E[0],
@@ -95,6 +113,9 @@ pm_status pm_subsystem_end_step(pm_subsystem *s) {
         pm_subsystem_copy(s->stage_z, s->z, s->nz);
         s->projection = s->safe_projection;
         s->exposed = false;
+        if (s->dynamics.solid != NULL) {
+            pm_solid_dynamics_start(s->dynamics.solid, s->z);
+        }
         return status;
     }
     pm_subsystem_copy(s->safe_z, s->z, s->nz);

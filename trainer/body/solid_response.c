@@ -86,7 +86,7 @@ pm_status pm_solid_respond(const pm_solid_data *data, int i, pm_solid *solid, do
         const double before = pm_solid_books_of(solid)->stored;
         if (j > 0) {
             memcpy(u, pm_solid_displacement(solid), 3 * (size_t)field->nnode * sizeof *u);
-            PM_TRY(pm_solid_step(solid, field->dt, pm_field_force(field, i, j - 1), f));
+            PM_TRY(pm_solid_step(solid, field->dt, f));
             r->work_of_forces += work_of_forces(data, i, j, u, pm_solid_displacement(solid));
             check_laws(pm_solid_books_of(solid), before, &largest, r);
             r->iterations += pm_solid_books_of(solid)->iterations;

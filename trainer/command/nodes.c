@@ -2,17 +2,21 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/options.h"
 #include "body/nodes.h"
+#include "body/solid_nodes.h"
 #include "command/commands.h"
 
 typedef struct nodes_arguments {
-    const char *fields, *relaxation, *temperature, *states, *trajectories, *output;
+    const char *fields, *mesh, *relaxation, *temperature, *states, *trajectories, *output;
 } nodes_arguments;
 
 static pm_status read_arguments(nodes_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
+        {"--mesh", NULL, "FILE", NULL, &a->mesh, false,
+         "write the values at all nodes of any mesh, for a solid, and to FILE the mesh"},
         {"--relaxation", NULL, "TAU[,TAU...]", NULL, &a->relaxation, false,
          "s, relaxation times of the material's Prony series, e.g. 0.2,0.5 (default: none)"},
         {"--temperature", NULL, "T", NULL, &a->temperature, false,
@@ -77,6 +81,24 @@ static pm_status print_mesh(const pm_field *field) {
     return status;
 }
 
+// Makes the dataset and the mesh of a solid.
+static pm_status make_solid(const nodes_arguments *a, const pm_field *field,
+                            const pm_nodes_settings *settings, int count, const int *trajectory,
+                            pm_dataset **nodes) {
+    pm_arena arena = {0};
+    pm_solid_data data;
+    pm_status status;
+    PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));
+    memcpy(data.trajectory, trajectory, (size_t)count * sizeof *trajectory);
+    data.count = count;
+    PM_TRY_DONE(pm_solid_mesh_save(&data.mesh, a->mesh));
+    printf("wrote %s: %d nodes, %d bricks\n", a->mesh, data.mesh.nnode, data.mesh.nelement);
+    status = pm_solid_nodes_dataset(nodes, &data, settings->nstate, settings->temperature);
+done:
+    pm_arena_free(&arena);
+    return status;
+}
+
 static pm_status write_nodes(const nodes_arguments *a, const pm_field *field,
                              const pm_nodes_settings *settings, const char *command) {
     int count = 0, *trajectory = calloc((size_t)field->ntrajectory, sizeof *trajectory);
@@ -86,7 +108,8 @@ static pm_status write_nodes(const nodes_arguments *a, const pm_field *field,
         return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
     }
     PM_TRY_DONE(pm_options_list(a->trajectories, field->ntrajectory, trajectory, &count));
-    PM_TRY_DONE(pm_nodes_dataset(&nodes, field, count, trajectory, settings));
+    PM_TRY_DONE(a->mesh != NULL ? make_solid(a, field, settings, count, trajectory, &nodes)
+                                : pm_nodes_dataset(&nodes, field, count, trajectory, settings));
     PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", a->fields));
     PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
     PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
@@ -115,7 +138,7 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     PM_TRY(read_settings(&a, &settings));
     PM_TRY_DONE(pm_field_load(&field, a.fields));
     PM_TRY_DONE(read_states(&a, field, &settings));
-    PM_TRY_DONE(print_mesh(field));
+    PM_TRY_DONE(a.mesh != NULL ? PM_OK : print_mesh(field));
     PM_TRY_DONE(write_nodes(&a, field, &settings, command));
 done:
     pm_field_free(field);

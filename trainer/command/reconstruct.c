@@ -6,6 +6,7 @@
 
 #include "base/options.h"
 #include "body/nodes.h"
+#include "body/solid_nodes.h"
 #include "command/commands.h"
 #include "command/save_fields.h"
 #include "modal/contact_part.h"
@@ -112,7 +113,9 @@ static pm_status make_from_nodes(const reconstruct_arguments *a, const pm_datase
             "can become fields again (`nodes` without --states)",
             a->dataset, nodes->ntime, a->truth, truth->ntime);
     }
-    const pm_status status = pm_nodes_fields(field, nodes, truth, trajectory);
+    const pm_status status = pm_solid_nodes_fit(nodes, truth)
+                                 ? pm_solid_nodes_fields(field, nodes, truth, trajectory)
+                                 : pm_nodes_fields(field, nodes, truth, trajectory);
     return status == PM_EDATA
                ? pm_fail(status, "%s as nodal values of %s: %s", a->dataset, a->truth, pm_error())
                : status;

@@ -56,7 +56,8 @@ static pm_status write_states(const pm_evaluation *e, const char *folder) {
         fprintf(file, "%.9g", e->truth->t[j]);
         for (int k = 0; k < 2; ++k) {
             for (int i = 0; i < e->columns.nz; ++i) {
-                fprintf(file, " %.9g", row[k][e->columns.column[i]]);
+                const int column = e->columns.column[i];
+                fprintf(file, " %.9g", column < 0 ? 0 : row[k][column]);
             }
         }
         fputc('\n', file);

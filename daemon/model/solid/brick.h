@@ -8,7 +8,8 @@
 
 #include <stdbool.h>
 
-#define PM_BRICK_NODES 8
+#include "store/solid_mesh.h"
+
 #define PM_BRICK_POINTS 8
 
 typedef struct pm_brick {

@@ -16,8 +16,8 @@ static pm_status open_memory(pm_solid *s) {
     s->brick = pm_arena_array(a, nelement, sizeof *s->brick);
     s->start = pm_arena_array(a, nelement, sizeof *s->start);
     s->volume_energy = pm_arena_array(a, nelement, sizeof *s->volume_energy);
-    double *vectors = pm_arena_array(a, 6 * n, sizeof *vectors);
-    double *inner = pm_arena_array(a, 2 * (size_t)s->ninner + 1, sizeof *inner);
+    double *vectors = pm_arena_array(a, 7 * n, sizeof *vectors);
+    double *inner = pm_arena_array(a, 3 * (size_t)s->ninner + 1, sizeof *inner);
     double *pairs = pm_arena_array(a, 2 * PM_SOLID_PAIRS * n, sizeof *pairs);
     s->free = pm_arena_array(a, n, sizeof *s->free);
     s->number = pm_arena_array(a, n, sizeof *s->number);
@@ -31,8 +31,10 @@ static pm_status open_memory(pm_solid *s) {
     s->residual = vectors + 3 * n;
     s->move = vectors + 4 * n;
     s->last = vectors + 5 * n;
+    s->stiff_u = vectors + 6 * n;
     s->inner = inner;
     s->after = inner + s->ninner;
+    s->stiff_inner = inner + 2 * (ptrdiff_t)s->ninner;
     s->pair_u = pairs;
     s->pair_f = pairs + PM_SOLID_PAIRS * n;
     return PM_OK;
@@ -110,7 +112,7 @@ static void copy_or_clear(double *to, const double *from, int n) {
     }
 }
 
-bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
+bool pm_solid_return(pm_solid *s, const double *u, const double *inner) {
     const int n = 3 * s->mesh->nnode;
     copy_or_clear(s->trial, u, n);
     // With h = 0 nothing relaxes, so that this only checks the shape of all elements.
@@ -119,9 +121,41 @@ bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
     }
     memcpy(s->u, s->trial, (size_t)n * sizeof *s->u);
     copy_or_clear(s->inner, inner, s->ninner);
-    s->books = (pm_solid_books){.stored = pm_solid_begin(s)};
+    s->books.stored = pm_solid_begin(s);
+    return true;
+}
+
+bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
+    if (!pm_solid_return(s, u, inner)) {
+        return false;
+    }
+    s->books = (pm_solid_books){.stored = s->books.stored};
     s->stiff_for = NAN;
     return true;
+}
+
+// Factorises the stiffness again in the state to which it belongs.
+static void restore_stiffness(pm_solid *s) {
+    double *u = s->u, *inner = s->inner;
+    s->u = s->stiff_u;
+    s->inner = s->stiff_inner;
+    pm_solid_stiffen(s, s->stiff_for);
+    s->u = u;
+    s->inner = inner;
+}
+
+void pm_solid_record(pm_solid *s, pm_record *record) {
+    double step = isnan(s->stiff_for) ? 0 : s->stiff_for;
+    pm_record_put(record, "step of the stiffness", &step, 1);
+    pm_record_put_int(record, "iterations", &s->books.iterations);
+    pm_record_put(record, "u of the stiffness", s->stiff_u, 3 * s->mesh->nnode);
+    pm_record_put(record, "inner of the stiffness", s->stiff_inner, s->ninner);
+    if (pm_record_restores(record)) {
+        s->stiff_for = step == 0 ? NAN : step;
+        if (step != 0) {
+            restore_stiffness(s);
+        }
+    }
 }
 
 bool pm_solid_follow(pm_solid *s, double h, const double *u, double *force) {

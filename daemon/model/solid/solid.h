@@ -16,16 +16,9 @@
 #define PM_MODEL_SOLID_SOLID_H
 
 #include "base/arena.h"
+#include "base/record.h"
 #include "model/solid/brick.h"
 #include "model/solid/material.h"
-
-// Plain data; the caller owns the arrays.
-typedef struct pm_solid_mesh {
-    int nnode, nelement;
-    const double *position; // [nnode][3] m, undeformed
-    const int *brick;       // [nelement][PM_BRICK_NODES] nodes, numbered as in VTK
-    const bool *clamped;    // [nnode] nodes that do not move
-} pm_solid_mesh;
 
 typedef struct pm_solid pm_solid;
 
@@ -51,12 +44,17 @@ const double *pm_solid_displacement(const pm_solid *s);
 const double *pm_solid_inner(const pm_solid *s);
 int pm_solid_ninner(const pm_solid *s); // the number of inner variables
 bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner);
+// Does the same, but keeps the factor of the stiffness, which may belong to another state.
+bool pm_solid_return(pm_solid *s, const double *u, const double *inner);
+// Puts what the next step needs besides the state into the record: the state in which the stiffness
+// was factorised. Restoring factorises it again.
+void pm_solid_record(pm_solid *s, pm_record *record);
 
-// Takes a step of h s, in which the forces change from `from` to f, both [nnode][3], N, to balance
-// with f. Forces on clamped nodes have no
-// effect. A step in which no balance is found is taken in two halves, with forces linear in time.
-// PM_ENUMERIC: no balance is found in very short steps either; the state is then as before.
-pm_status pm_solid_step(pm_solid *s, double h, const double *from, const double *f);
+// Takes a step of h s to balance with the forces f [nnode][3], N. Forces on clamped nodes have no
+// effect. A step in which no balance is found is taken in two halves, the first one to balance with
+// the mean of f and of the elements' forces at its start. PM_ENUMERIC: no balance is found in very
+// short steps either; the state is then one of those in between.
+pm_status pm_solid_step(pm_solid *s, double h, const double *f);
 // Moves the nodes to u [nnode][3] within h s, and relaxes the inner variables accordingly. Computes
 // the elements' forces dE/du [nnode][3], N, unless `force` is NULL. Returns false, and changes
 // nothing, if an element is turned inside out.

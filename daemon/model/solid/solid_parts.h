@@ -32,6 +32,7 @@ struct pm_solid {
     pm_solid_start (*start)[PM_BRICK_POINTS]; // [nelement] at the state
     double *volume_energy;                    // [nelement] J, at the state
     double stiff_for;                         // s, step of the factor in `stiffness`; NAN: none
+    double *stiff_u, *stiff_inner;            // the state to which this factor belongs
     double *trial, *after;                    // the same as u and inner, of the step under way
     double *force;                            // [nnode][3] N, of the elements at `trial`
     double *residual, *move, *last;           // [nfree]

@@ -150,7 +150,7 @@ static bool balance(pm_solid *s, double h, const double *f) {
 }
 
 // Takes a step, or two halves of it, which adds to the books.
-static pm_status step(pm_solid *s, double h, const double *from, const double *f, int halves) {
+static pm_status step(pm_solid *s, double h, const double *f, int halves) {
     const int n = 3 * s->mesh->nnode;
     const pm_solid_books books = s->books;
     if (balance(s, h, f) && pm_solid_follow(s, h, s->trial, NULL)) {
@@ -165,18 +165,20 @@ static pm_status step(pm_solid *s, double h, const double *from, const double *f
     if (middle == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a step of a solid");
     }
+    memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
+    pm_solid_evaluate(s, 0, NULL); // the state is not turned inside out
     for (int i = 0; i < n; ++i) {
-        middle[i] = (from[i] + f[i]) / 2;
+        middle[i] = (s->force[i] + f[i]) / 2;
     }
-    pm_status status = step(s, h / 2, from, middle, halves + 1);
+    pm_status status = step(s, h / 2, middle, halves + 1);
     if (status == PM_OK) {
-        status = step(s, h / 2, middle, f, halves + 1);
+        status = step(s, h / 2, f, halves + 1);
     }
     free(middle);
     return status;
 }
 
-pm_status pm_solid_step(pm_solid *s, double h, const double *from, const double *f) {
+pm_status pm_solid_step(pm_solid *s, double h, const double *f) {
     s->books.work = s->books.heat = 0;
-    return step(s, h, from, f, 0);
+    return step(s, h, f, 0);
 }

@@ -1,0 +1,62 @@
+#!/bin/sh
+# test_solid.sh PORTMETD MAKE_SCENE SAME_RECORDING PORTMET_TRAIN: a solid in a scene keeps both laws and
+# follows the finite elements; over LCM, and after its process was killed, it has the bits of a single
+# process.
+. "$(dirname "$0")/network.sh"
+train=$4
+configs=$(realpath "$(dirname "$0")/../../configs")
+
+# does ARGUMENT...: a command of the trainer.
+does() {
+    "$train" "$@" >"$folder/train.out" 2>"$folder/train.err" </dev/null || fail "portmet-train $*"
+}
+
+sed 's/size: .40, 10, 10./size: [24, 8, 12]/; s/elements: .*/elements: [5, 2, 3]/; s/states: .*/states: 21/' \
+    "$configs/truth/beam.yaml" >"$folder/truth.yaml"
+does truth "$folder/truth.yaml" -o "$folder/beam.h5" --trajectories 0:1
+does nodes "$folder/beam.h5" --mesh "$folder/mesh.h5" -o "$folder/nodes.h5"
+
+# 72 nodes, 30 bricks
+sed -e "s,weights/solid_beam/material,$configs/&,; s,weights/solid_beam/mesh.h5,mesh.h5," \
+    -e 's/0:2268/0:216/; s/0:4536/0:432/; s/size: 2268/size: 216/; s/size: 48000/size: 2880/' \
+    -e 's,reference/beam_solid.h5,nodes.h5,; s/steps: .*,/steps: 20,/' \
+    -e '/^time:/i lockstep: {checkpoint: 4}' "$configs/beam_solid.yaml" >"$folder/solid.yaml"
+
+"$portmetd" run "$folder/solid.yaml" --in-process --record "$folder/plain.h5" >"$folder/plain.out" ||
+    fail "in process"
+grep -q "steps in violation: 0;" "$folder/plain.out" || fail "a law is violated"
+awk '$3 == "%" { n++; if (!($2 <= 0.5)) bad = 1 } END { exit n != 3 || bad }' "$folder/plain.out" ||
+    fail "errors above 0.5 %: $(grep '%$' "$folder/plain.out" | tr -s ' \n' ' ')"
+
+start run run "$folder/solid.yaml" --quiet --record "$folder/lcm.h5"
+ends run $pid 0 ""
+"$same_recording" "$folder/plain.h5" "$folder/lcm.h5" || fail "other bits over LCM"
+
+# Killed two steps after a checkpoint: the stiffness may belong to a state of long before.
+open_gate killed 14
+start killed run "$folder/solid.yaml" --checkpoint "$folder/kept" --gate "$folder/killed.gate" --record "$folder/killed.h5"
+held killed 14
+find_child $pid body
+kill -KILL "$victim" || fail "nobody to kill"
+open_gate killed 20
+wait $pid || fail "killed: exit code $?"
+says killed "body.*started again" || fail "killed: nobody started again"
+"$same_recording" "$folder/plain.h5" "$folder/killed.h5" || fail "other bits after a kill"
+
+# refuses CODE PATTERN SED-COMMAND: a scene that `check` does not accept.
+refuses() {
+    sed "$3" "$folder/solid.yaml" >"$folder/bad.yaml"
+    "$portmetd" check "$folder/bad.yaml" >"$folder/bad.out" 2>&1
+    code=$?
+    [ $code -eq "$1" ] && grep -q -e "$2" "$folder/bad.out" || fail "$2: code $code: $(cat "$folder/bad.out")"
+}
+refuses 6 "the solid body needs a mesh" '/mesh:/d'
+refuses 6 "u of the solid body has 216 components in mm, and its mesh demands 216 in m" 's/u: {unit: m/&m/'
+refuses 6 "needs a group inner, in 1, of size 2880" '/inner:/d'
+refuses 4 "nowhere.h5" 's/mesh.h5/nowhere.h5/'
+refuses 5 "node_position_reference is missing" 's/mesh: mesh.h5/mesh: nodes.h5/'
+sed 's/discrete_gradient/rk4/' "$folder/solid.yaml" >"$folder/bad.yaml"
+"$portmetd" run "$folder/bad.yaml" --in-process >"$folder/bad.out" 2>&1
+[ $? -eq 3 ] && grep -q "needs the integrator discrete_gradient" "$folder/bad.out" || fail "rk4: $(cat "$folder/bad.out")"
+no_orphans "at the end"
+finish
