@@ -11,6 +11,7 @@
 pm_status pm_command_run(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_node(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_coordinator(int argc, char **argv, const volatile sig_atomic_t *stop);
+pm_status pm_command_emit(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_export(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_status(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_view(int argc, char **argv, const volatile sig_atomic_t *stop);

@@ -12,6 +12,7 @@ static const pm_subcommand commands[] = {
     {"status", "print how a run is doing", pm_command_status},
     {"view", "show a run or a recording in a browser", pm_command_view},
     {"export", "write a scene as C source or as an FMU", pm_command_export},
+    {"emit", "write files with which systemd or procman starts a scene", pm_command_emit},
     {"check", "validate a scene and describe it", pm_command_check},
 };
 

@@ -16,6 +16,7 @@ typedef struct pm_run_options {
     const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
     const char *bind, *recording;
     const char *processes; // file to which `check` writes the processes
+    const char *hosts;     // of the processes, for `emit`
     int64_t steps;         // number of steps of the run; 0: as the scene says
     int64_t session;       // number of the session to join or to open; 0: no session was given
     int64_t port, udp;     // numbers of ports; 0: not given
@@ -45,7 +46,9 @@ enum {
     PM_OPTION_BIND = 1 << 15,
     PM_OPTION_UDP = 1 << 16,
     PM_OPTION_RECORDING = 1 << 17,
-    PM_OPTION_PROCESSES = 1 << 18
+    PM_OPTION_PROCESSES = 1 << 18,
+    PM_OPTION_HOSTS = 1 << 19,
+    PM_OPTION_FILES = 1 << 20 // --output as well
 };
 
 typedef struct pm_command {
