@@ -160,10 +160,24 @@ static pm_status write_units(xml_writer *w) {
 
 // --- variables ---
 
+// Writes the name of a variable. In the standard's structured names a part between two dots that is
+// no identifier, such as dE/dp, stands in quotes.
+static void put_name(FILE *file, const char *name) {
+    for (const char *part = name; part != NULL;) {
+        const char *dot = strchr(part, '.');
+        const int whole = dot == NULL ? (int)strlen(part) : (int)(dot - part);
+        const int length = (int)strcspn(part, "[.");
+        const bool quoted = memchr(part, '/', (size_t)length) != NULL;
+        fprintf(file, "%s%.*s%s%.*s%s", quoted ? "'" : "", length, part, quoted ? "'" : "",
+                whole - length, part + length, dot == NULL ? "" : ".");
+        part = dot == NULL ? NULL : dot + 1;
+    }
+}
+
 static void write_variable(xml_writer *w, const char *name, int reference, const char *attributes,
                            const char *unit) {
     fputs("    <Float64 name=\"", w->file);
-    put_text(w->file, name);
+    put_name(w->file, name);
     fprintf(w->file, "\" valueReference=\"%d\" %s unit=\"", reference, attributes);
     put_text(w->file, unit);
     fputs("\"", w->file);
@@ -296,7 +310,7 @@ pm_status pm_fmu_build_description(FILE *file, const pm_setup *setup) {
             "  <BuildConfiguration modelIdentifier=\"%s\">\n"
             "    <SourceFileSet language=\"C99\">\n"
             "      <SourceFile name=\"fmi3.c\"/>\n      <SourceFile name=\"%s.c\"/>\n"
-            "    </SourceFileSet>\n    <Library name=\"m\"/>\n"
+            "    </SourceFileSet>\n    <Library name=\"m\" external=\"true\"/>\n"
             "  </BuildConfiguration>\n</fmiBuildDescription>\n",
             setup->scene->name, setup->scene->name);
     return PM_OK;

@@ -1,7 +1,10 @@
 """check_description.py FOLDER...: the XML files of unpacked FMUs say what FMI 3.0 asks for: known elements
 and attributes in the order of the schema, references that exist, and a structure that lists every output,
 every derivative and every initial unknown once."""
+import ctypes
+import glob
 import os
+import re
 import sys
 import xml.etree.ElementTree as tree
 
@@ -12,6 +15,37 @@ CO_SIMULATION = {"canHandleVariableCommunicationStepSize", "fixedInternalStepSiz
 VARIABLE = {"name", "valueReference", "causality", "variability", "initial", "unit", "start", "derivative"}
 POWERS = {"kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset"}
 
+# Structured names (FMI 3.0, 2.4.7.5.1).
+QUOTED = r"'(?:[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+PART = rf"(?:[A-Za-z_][A-Za-z0-9_]*|{QUOTED})(?:\[[0-9]+(?:,[0-9]+)*\])?"
+NAME = re.compile(rf"{PART}(?:\.{PART})*|der\({PART}(?:\.{PART})*(?:,[0-9]+)?\)")
+# Combinations of causality, variability and initial that a description uses (2.4.7.4).
+COMBINATIONS = {("independent", "continuous", None), ("output", "continuous", "exact"),
+                ("output", "continuous", "calculated"), ("local", "continuous", "calculated"),
+                ("input", "continuous", None), ("parameter", "tunable", None)}
+
+KINDS = ["Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean",
+         "String", "Binary", "Clock"]
+# Importers look for all functions of the standard, whatever the FMU can do (2.3).
+FUNCTIONS = [f"{do}{kind}" for do in ("Get", "Set") for kind in KINDS] + [
+    f"{do}{what}{form}" for do in ("Get", "Set") for what in ("Interval", "Shift") for form in ("Decimal", "Fraction")
+] + """GetVersion SetDebugLogging InstantiateModelExchange InstantiateCoSimulation InstantiateScheduledExecution
+    FreeInstance EnterInitializationMode ExitInitializationMode EnterEventMode Terminate Reset
+    GetNumberOfVariableDependencies GetVariableDependencies GetFMUState SetFMUState FreeFMUState SerializedFMUStateSize
+    SerializeFMUState DeserializeFMUState GetDirectionalDerivative GetAdjointDerivative EnterConfigurationMode
+    ExitConfigurationMode EvaluateDiscreteStates UpdateDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep
+    SetTime SetContinuousStates GetContinuousStateDerivatives GetEventIndicators GetContinuousStates
+    GetNominalsOfContinuousStates GetNumberOfEventIndicators GetNumberOfContinuousStates EnterStepMode
+    GetOutputDerivatives DoStep ActivateModelPartition""".split()
+
+
+def check_functions(folder, name):
+    paths = glob.glob(os.path.join(folder, "binaries", "*", f"{name}.so"))
+    assert len(FUNCTIONS) == 75 and len(paths) == 1
+    library = ctypes.CDLL(os.path.abspath(paths[0]))
+    absent = [f for f in FUNCTIONS if not hasattr(library, f"fmi3{f}")]
+    assert not absent, absent
+
 
 def check_variables(variables, units):
     references = {v.get("valueReference"): v for v in variables}
@@ -19,6 +53,8 @@ def check_variables(variables, units):
     assert len({v.get("name") for v in variables}) == len(variables), "a name occurs twice"
     for v in variables:
         assert v.tag == "Float64" and set(v.attrib) <= VARIABLE, v.attrib
+        assert NAME.fullmatch(v.get("name")), v.get("name")
+        assert (v.get("causality"), v.get("variability"), v.get("initial")) in COMBINATIONS, v.attrib
         assert v.get("unit") in units, v.get("unit")
         causality, initial = v.get("causality"), v.get("initial")
         assert (v.get("start") is not None) == (causality in ("input", "parameter") or initial == "exact"), v.attrib
@@ -56,9 +92,12 @@ def check(folder):
         assert set(base.attrib) <= POWERS and all(int(p) for p in base.attrib.values())
     references = check_variables(list(variables), set(names))
     check_structure(structure, references)
+    check_functions(folder, root.get("modelName"))
 
     build = tree.parse(os.path.join(folder, "sources", "buildDescription.xml")).getroot()
     assert build.tag == "fmiBuildDescription"
+    for library in build.iter("Library"):
+        assert library.get("external") == "true", "a library that the FMU does not hold"
     for source in build.iter("SourceFile"):
         assert os.path.exists(os.path.join(folder, "sources", source.get("name"))), source.get("name")
     terminals = tree.parse(os.path.join(folder, "terminalsAndIcons", "terminalsAndIcons.xml")).getroot()
