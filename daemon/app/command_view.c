@@ -80,7 +80,8 @@ static pm_status take_frame(view *v) {
     }
     v->session = session;
     v->step = sample->step;
-    v->frame[PM_VIEW_SESSION] = (double)session;
+    v->frame[PM_VIEW_SESSION_HIGH] = (double)((uint64_t)session >> 32);
+    v->frame[PM_VIEW_SESSION_LOW] = (double)(uint32_t)session;
     v->frame[PM_VIEW_STEP] = (double)sample->step;
     v->frame[PM_VIEW_TIME] = sample->time;
     put_ledger(v->frame, pm_listener_ledger(v->listener));

@@ -42,7 +42,8 @@ pm_status pm_view_graph_init(pm_view_graph *graph, pm_arena *arena, const pm_sce
 // entropy (J/K) and the entropy production within (W/K) of each part; then the energy flux (W) into
 // end 0 and end 1 and the entropy flux (W/K) into end 0 and end 1 of each edge.
 enum {
-    PM_VIEW_SESSION,
+    PM_VIEW_SESSION_HIGH, // the upper and the lower 32 bits of the session's number, since a double
+    PM_VIEW_SESSION_LOW,  // cannot hold it as a whole
     PM_VIEW_STEP,
     PM_VIEW_TIME,             // s
     PM_VIEW_ENERGY,           // J, of the ledger, as the four after it

@@ -1,6 +1,7 @@
 // JSON by hand: every name is a name of the scene, and every value a number or such a name.
 #include "app/view_text.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -87,8 +88,9 @@ void pm_view_write_frame(FILE *file, const pm_view_graph *graph, const double *f
     static const char *const totals[] = {
         "step", "time", "energy", "entropy", "energy_residual", "entropy_residual", "violations",
     };
-    // A session has more digits than a double; it is only compared.
-    fprintf(file, "{\"frame\":{\"session\":\"%.0f\"", frame[PM_VIEW_SESSION]);
+    // The page's numbers are doubles, too: it receives a text, which it only compares.
+    fprintf(file, "{\"frame\":{\"session\":\"%" PRIu64 "\"",
+            (uint64_t)frame[PM_VIEW_SESSION_HIGH] << 32 | (uint64_t)frame[PM_VIEW_SESSION_LOW]);
     for (int i = PM_VIEW_STEP; i < PM_VIEW_TOTALS; ++i) {
         put_field(file, totals[i - PM_VIEW_STEP], frame[i]);
     }

@@ -91,6 +91,21 @@ wait_until 30 shows_step 30 || fail "the last frame never came"
 client listen health
 expect "m['over']"
 
+# The next run has a session that no double holds; the page receives it whole.
+odd=9007199254740993
+shows_session() {
+    client last && field "m['session'] == '$odd'"
+}
+for process in left right; do
+    start "odd_$process" node "$scene" $process --session $odd
+    eval "odd_$process=$pid"
+done
+start odd coordinator "$scene" --quiet --steps 5 --session $odd
+ends odd $pid 0 ""
+ends odd_left "$odd_left" 0 ""
+ends odd_right "$odd_right" 0 ""
+wait_until 30 shows_session || fail "the session of the next run: $(head -c 100 "$folder/client.out")"
+
 # --- who may ask ---
 answers 200 get /
 grep -q '<title>portmet</title>' "$folder/client.out" || fail "the page is not there"
