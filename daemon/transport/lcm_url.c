@@ -63,20 +63,31 @@ static bool is(const char *value, size_t length, const char *word) {
     return value != NULL && length == strlen(word) && strncmp(value, word, length) == 0;
 }
 
-static pm_status read_options(const char *url, pm_lcm_url *parsed) {
+// Reads an option whose value is a whole number; `number` keeps its value if the URL does not have
+// the option.
+static pm_status read_number(const char *url, const char *name, int least, int most, int *number) {
     size_t length = 0;
-    const char *value = find_option(url, "recv_buf_size", &length);
-    parsed->receive_buffer = RECEIVE_BUFFER;
-    if (value != NULL) {
-        char *end;
-        const long bytes = strtol(value, &end, 10);
-        if (end != value + length || bytes < 1 || bytes > 1 << 30) {
-            return pm_fail(PM_ECONFIG, "expected 1 to %d bytes as recv_buf_size, found \"%.64s\"",
-                           1 << 30, url);
-        }
-        parsed->receive_buffer = (int)bytes;
+    const char *value = find_option(url, name, &length);
+    if (value == NULL) {
+        return PM_OK;
     }
-    value = find_option(url, "spin", &length);
+    char *end;
+    const long found = strtol(value, &end, 10);
+    if (length == 0 || end != value + length || found < least || found > most) {
+        return pm_fail(PM_ECONFIG, "expected %d to %d as %s, found \"%.64s\"", least, most, name,
+                       url);
+    }
+    *number = (int)found;
+    return PM_OK;
+}
+
+static pm_status read_options(const char *url, pm_lcm_url *parsed) {
+    parsed->receive_buffer = RECEIVE_BUFFER;
+    parsed->ttl = 0;
+    PM_TRY(read_number(url, "recv_buf_size", 1, 1 << 30, &parsed->receive_buffer));
+    PM_TRY(read_number(url, "ttl", 0, 255, &parsed->ttl));
+    size_t length = 0;
+    const char *value = find_option(url, "spin", &length);
     const bool no = is(value, length, "no");
     if (value != NULL && !no && !is(value, length, "yes")) {
         return pm_fail(PM_ECONFIG, "expected yes or no as spin, found \"%.64s\"", url);

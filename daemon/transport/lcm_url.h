@@ -12,6 +12,7 @@
 typedef struct pm_lcm_url {
     struct sockaddr_in group; // multicast group and port
     int receive_buffer;       // recv_buf_size=N: bytes of the kernel's buffer
+    int ttl;                  // ttl=N: hops of a multicast packet; 0, the default: this host alone
     bool receives_itself;     // receive=own (receiver.h; the default of udpm) or receive=lcm
     bool spins;               // spin=yes (spin.h; the default) or spin=no, with receive=own
 } pm_lcm_url;

@@ -14,6 +14,7 @@
 #include "transport/lcm_url.h"
 #include "transport/multicast.h"
 #include "transport/receiver.h"
+#include "transport/splitter.h"
 #include "transport/transport_table.h"
 
 // Messages handled in one wait at most, so that a flood cannot keep the caller from its own work.
@@ -29,6 +30,7 @@ typedef struct liblcm_subscription {
 // only publishes.
 typedef struct lcm_endpoint {
     lcm_t *lcm;
+    pm_splitter *splitter; // of messages that are too large for a packet; NULL: liblcm sends them
     char *url;
     pm_drops *drops;
     pm_receiver *receiver; // NULL: liblcm receives, for `subscriptions`, or nobody
@@ -47,6 +49,7 @@ static void lcm_endpoint_close(void *state) {
         free(e->subscriptions);
         e->subscriptions = next;
     }
+    pm_splitter_close(e->splitter);
     free(e->url);
     free(e);
 }
@@ -83,6 +86,9 @@ static pm_status lcm_endpoint_open(void **state, const char *url, pm_hub *hub, p
     if (e->lcm == NULL) {
         status = pm_fail(PM_ENET, "transport \"%s\": LCM cannot open it", url);
         goto done;
+    }
+    if (strncmp(url, "udpm:", 5) == 0) {
+        PM_TRY_DONE(pm_splitter_open(&e->splitter, url, &parsed));
     }
     *state = e;
 done:
@@ -146,7 +152,9 @@ static pm_status lcm_endpoint_publish(void *state, const char *channel, const vo
                                       size_t size) {
     const lcm_endpoint *e = state;
     errno = 0;
-    if (lcm_publish(e->lcm, channel, data, (unsigned int)size) == 0) {
+    const bool split = e->splitter != NULL && pm_splitter_is_needed(e->splitter, channel, size);
+    if ((split ? pm_splitter_publish(e->splitter, channel, data, size)
+               : lcm_publish(e->lcm, channel, data, (unsigned int)size)) == 0) {
         return PM_OK;
     }
     switch (errno) {

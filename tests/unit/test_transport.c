@@ -152,6 +152,8 @@ static void test_refused_urls(void **context) {
         {"mpudpm://239.255.76.67?ttl=0", "a port from 1 to 65535"},
         {"udpm://", "IPv4 multicast group"},
         {"udpm://?ttl=1", "IPv4 multicast group"},
+        {"udpm://239.255.76.67:7667?ttl=256", "0 to 255 as ttl"},
+        {"udpm://239.255.76.67:7667?ttl=", "0 to 255 as ttl"},
         {"udpm://239.255.76.67:+7667", "a port from 1 to 65535"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
