@@ -19,5 +19,5 @@ if [ "${SANITIZE:-yes}" = yes ]; then
     done
 fi
 
-ctest --test-dir build --output-on-failure || failed=1
+ctest --test-dir build --output-on-failure -j "$(nproc)" || failed=1
 exit $failed

@@ -171,7 +171,7 @@ begin_and_interrupt() {
 }
 
 config slow_adam '{optimiser: adam, iterations: 4, batch: 16}' \
-    '{optimiser: adam, iterations: 250, batch: 8, rate: [3.0e-3, 1.0e-4], robust: 3}'
+    '{optimiser: adam, iterations: 100, batch: 8, rate: [3.0e-3, 1.0e-4], robust: 3}'
 config slow_gauss_newton '{optimiser: gauss_newton, iterations: 100, batch: 50, substeps: 2, robust: 3}'
 config slow_lbfgs '{optimiser: lbfgs, iterations: 250, substeps: 8}'
 for name in slow_adam slow_gauss_newton slow_lbfgs; do
