@@ -207,7 +207,8 @@ static pm_drop accept_notice(pm_remote_process *remote) {
     pm_lockstep_coordinator *c = remote->coordinator;
     const portmet_report_t *report = &remote->report;
     const bool failed = report->kind == PORTMET_REPORT_T_FAILED;
-    if ((!failed && report->kind != PORTMET_REPORT_T_BYE) ||
+    // Every process that fails says why.
+    if ((!failed && report->kind != PORTMET_REPORT_T_BYE) || (failed && report->message[0] == 0) ||
         report->coordinator != c->endpoint.identity.hello.instance) {
         return PM_DROP_IMPLAUSIBLE;
     }

@@ -202,23 +202,28 @@ static void run_turns(pair *p, int turns) {
 
 // --- outcomes ---
 
-// Counts the present error, with # for its numbers.
+// Counts the present error. Words with a digit count as equal, since they are steps, sums and
+// names.
 static void note_error(void) {
-    char text[ERROR_SIZE];
-    size_t used = 0;
-    for (const char *c = pm_error(); *c != 0 && used + 1 < sizeof text; ++c) {
-        const bool digit = *c >= '0' && *c <= '9';
-        if (!digit || used == 0 || text[used - 1] != '#') {
-            text[used++] = digit ? '#' : *c;
-        }
+    char text[ERROR_SIZE], words[ERROR_SIZE] = "", *rest = text;
+    snprintf(text, sizeof text, "%s", pm_error());
+    for (char *word = strsep(&rest, " "); word != NULL; word = strsep(&rest, " ")) {
+        const bool first = words[0] == 0, number = strpbrk(word, "0123456789") != NULL;
+        const size_t used = strlen(words);
+        snprintf(words + used, sizeof words - used, "%s%s", first ? "" : " ", number ? "#" : word);
     }
-    text[used] = 0;
     int i = 0;
-    while (i < ERRORS - 1 && errors[i].count > 0 && strcmp(errors[i].text, text) != 0) {
+    while (i < ERRORS - 1 && errors[i].count > 0 && strcmp(errors[i].text, words) != 0) {
         ++i;
     }
-    memcpy(errors[i].text, text, used + 1);
+    memcpy(errors[i].text, words, sizeof words);
     errors[i].count += 1;
+}
+
+// True if the present error ends before it says why.
+static bool says_nothing(void) {
+    const size_t length = strlen(pm_error());
+    return length == 0 || pm_error()[length - 1] == ' ' || pm_error()[length - 1] == ':';
 }
 
 static forged_end end_of(const pair *p) {
@@ -226,7 +231,7 @@ static forged_end end_of(const pair *p) {
         return FORGED_STALL;
     }
     if (pm_lockstep_coordinator_result(p->coordinator) != PM_OK) {
-        return pm_error()[0] != 0 ? FORGED_ERROR : FORGED_NO_WORDS;
+        return says_nothing() ? FORGED_NO_WORDS : FORGED_ERROR;
     }
     if (p->other_bits) {
         return p->lossy ? FORGED_REPLACED : FORGED_OTHER_BITS;

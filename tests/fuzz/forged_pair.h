@@ -59,7 +59,7 @@ void forged_pair_run_many(const uint8_t *data, size_t size, forged_figures *figu
 // Returns the number of runs that ended as no run may.
 long forged_pair_failures(const forged_figures *figures);
 
-// Prints the figures, and how often runs ended with each error (numbers in it are replaced by #).
+// Prints the figures, and how often runs ended with each error (# stands for a word with a digit).
 void forged_pair_print(FILE *file, const forged_figures *figures);
 
 #endif
