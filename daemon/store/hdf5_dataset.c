@@ -29,13 +29,16 @@ pm_status pm_hdf5_write_group(pm_hdf5 *file, const char *name) {
     return status;
 }
 
-// Returns true if the numbers lie in this very file, as floats of 4 or 8 bytes.
-static bool storage_is_plain(hid_t id) {
+// Returns true if the numbers lie in this very file, as floats of 4 or 8 bytes or, in data, which
+// any tool may have written, as integers.
+static bool storage_is_plain(const pm_hdf5 *file, hid_t id) {
     const hid_t type = H5Dget_type(id);
     const hid_t list = H5Dget_create_plist(id);
     const size_t size = type < 0 ? 0 : H5Tget_size(type);
-    const bool plain = type >= 0 && list >= 0 && H5Tget_class(type) == H5T_FLOAT &&
-                       (size == 4 || size == 8) && H5Pget_external_count(list) == 0 &&
+    const H5T_class_t class = type < 0 ? H5T_NO_CLASS : H5Tget_class(type);
+    const bool number = (class == H5T_FLOAT && (size == 4 || size == 8)) ||
+                        (class == H5T_INTEGER && file->content == PM_EDATA);
+    const bool plain = list >= 0 && number && H5Pget_external_count(list) == 0 &&
                        H5Pget_layout(list) != H5D_VIRTUAL;
     pm_hdf5_release(list);
     pm_hdf5_release(type);
@@ -65,7 +68,7 @@ static pm_status dataset_open(const pm_hdf5 *file, const char *name, int rank, i
         pm_hdf5_release(id);
         return pm_fail(file->content, "%s: dataset %s is missing", file->path, name);
     }
-    if (!storage_is_plain(id)) {
+    if (!storage_is_plain(file, id)) {
         pm_hdf5_release(id);
         return pm_fail(file->content, "%s: dataset %s: expected float64 or float32 numbers",
                        file->path, name);
@@ -128,7 +131,7 @@ pm_status pm_hdf5_read_row(const pm_hdf5 *file, const char *name, int row, int e
     const hid_t id = H5Dopen2(file->file, name, H5P_DEFAULT);
     const hid_t space = id < 0 ? H5I_INVALID_HID : H5Dget_space(id);
     const hid_t memory = H5Screate_simple(2, block, NULL);
-    const bool good = space >= 0 && storage_is_plain(id) &&
+    const bool good = space >= 0 && storage_is_plain(file, id) &&
                       H5Sget_simple_extent_ndims(space) == 2 &&
                       H5Sget_simple_extent_dims(space, size, NULL) == 2 && start[0] < size[0] &&
                       block[1] == size[1] &&

@@ -194,7 +194,7 @@ static void wrong_shapes_and_types_are_refused(void **state) {
     assert_load_fails(path, PM_EDATA, "/z: expected 3 dimensions");
     replace(path, "z", H5T_IEEE_F64LE, 3, (hsize_t[]){1 << 30, 1 << 30, 1 << 30});
     assert_load_fails(path, PM_EDATA, "/z: expected 3 dimensions");
-    replace(path, "z", H5T_STD_I32LE, 3, (hsize_t[]){2, 4, 3});
+    replace(path, "z", H5T_C_S1, 3, (hsize_t[]){2, 4, 3});
     assert_load_fails(path, PM_EDATA, "/z: expected float64");
     replace(path, "z", H5T_IEEE_F64LE, 3, (hsize_t[]){2, 4, 2});
     assert_load_fails(path, PM_EDATA, "names 3 columns, z has 2");

@@ -1,7 +1,27 @@
 // Makes meshes and displacements of fields.
 #include "body/solid_data.h"
 
+#include <math.h>
 #include <string.h>
+
+// A displacement below this share of the largest one is none: some solvers leave rounding errors.
+#define STILL 1e-9
+
+// Finds the nodes that never move. `u` [nnode][3] is work space.
+static void find_clamped(const pm_solid_data *data, double *u, bool *clamped) {
+    const pm_field *field = data->field;
+    double most = 0;
+    memset(clamped, true, (size_t)field->nnode * sizeof *clamped);
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int i = 0; i < field->ntrajectory * field->ntime; ++i) {
+            pm_solid_data_displacement(data, i / field->ntime, i % field->ntime, u);
+            for (int k = 0; k < 3 * field->nnode; ++k) {
+                most = pass == 0 ? fmax(most, fabs(u[k])) : most;
+                clamped[k / 3] = clamped[k / 3] && (pass == 0 || fabs(u[k]) <= STILL * most);
+            }
+        }
+    }
+}
 
 pm_status pm_solid_data_open(pm_solid_data *data, const pm_field *field, pm_arena *arena) {
     *data = (pm_solid_data){.field = field,
@@ -22,13 +42,7 @@ pm_status pm_solid_data_open(pm_solid_data *data, const pm_field *field, pm_aren
     for (size_t i = 0; i < corners; ++i) {
         brick[i] = (int)field->hexahedron[i];
     }
-    memset(clamped, true, nnode * sizeof *clamped);
-    for (int i = 0; i < field->ntrajectory * field->ntime; ++i) {
-        pm_solid_data_displacement(data, i / field->ntime, i % field->ntime, u);
-        for (int k = 0; k < 3 * field->nnode; ++k) {
-            clamped[k / 3] = clamped[k / 3] && u[k] == 0;
-        }
-    }
+    find_clamped(data, u, clamped);
     for (; data->count < field->ntrajectory; ++data->count) {
         data->trajectory[data->count] = data->count;
     }

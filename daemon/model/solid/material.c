@@ -195,21 +195,14 @@ double pm_solid_branch_energy(const pm_solid_branch *branch, const double *Cbar,
 
 // --- relaxation ---
 
-// Computes the weights of a step with a = h rate, after which A = decay A + start Cbar^-1 (before)
-// + end Cbar^-1 (after) where A' = rate (Cbar^-1 - A) and Cbar^-1 is linear in time. Returns the
-// mean of exp(-rate t) over the step.
-static double step_weights(double a, double *decay, double *start, double *end) {
-    *decay = exp(-a);
-    const double mean = a > 0 ? -expm1(-a) / a : 1;
-    *start = mean - *decay;
-    *end = 1 - mean;
-    return mean;
+pm_solid_relaxation pm_solid_branch_relaxation(const pm_solid_branch *branch, double h) {
+    const double a = h * branch->rate;
+    const double decay = exp(-a), mean = a > 0 ? -expm1(-a) / a : 1;
+    return (pm_solid_relaxation){h, decay, mean - decay, 1 - mean, mean};
 }
 
 double pm_solid_branch_modulus(const pm_solid_branch *branch, double h) {
-    double decay, start, end;
-    step_weights(h * branch->rate, &decay, &start, &end);
-    return 4 * stiffness_at_rest(&branch->energy) * (1 - end);
+    return 4 * stiffness_at_rest(&branch->energy) * pm_solid_branch_relaxation(branch, h).mean;
 }
 
 // Computes A' less its linear part rate (Cbar^-1 - A), at the shape Cbar with this inverse.
@@ -231,20 +224,19 @@ static void nonlinear_rate(const pm_solid_branch *branch, const double *Cbar, co
     }
 }
 
-void pm_solid_branch_relax(const pm_solid_branch *branch, double h, const pm_solid_change *change,
-                           const double *before, double *after) {
-    double decay, start, end, Cbar[PM_SYM], inverse[PM_SYM], inner[PM_SYM], rate[PM_SYM];
-    const double mean = step_weights(h * branch->rate, &decay, &start, &end);
+void pm_solid_branch_relax(const pm_solid_branch *branch, const pm_solid_relaxation *step,
+                           const pm_solid_change *change, const double *before, double *after) {
+    double Cbar[PM_SYM], inverse[PM_SYM], inner[PM_SYM], rate[PM_SYM];
     for (int i = 0; i < PM_SYM; ++i) {
-        after[i] = decay * before[i] + start * (change->inverse[0][i] - (i < 3)) +
-                   end * (change->inverse[1][i] - (i < 3));
+        after[i] = step->decay * before[i] + step->start * (change->inverse[0][i] - (i < 3)) +
+                   step->end * (change->inverse[1][i] - (i < 3));
         Cbar[i] = (change->Cbar[0][i] + change->Cbar[1][i]) / 2;
         inverse[i] = (change->inverse[0][i] + change->inverse[1][i]) / 2;
         inner[i] = (before[i] + after[i]) / 2;
     }
     nonlinear_rate(branch, Cbar, inverse, inner, rate);
     for (int i = 0; i < PM_SYM; ++i) {
-        after[i] += h * mean * rate[i];
+        after[i] += step->h * step->mean * rate[i];
     }
 }
 

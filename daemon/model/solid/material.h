@@ -94,10 +94,17 @@ typedef struct pm_solid_change {
     const double *Cbar[2], *inverse[2];
 } pm_solid_change;
 
-// Computes the inner variable `after` (A - 1) of a branch h s after `before`, by an exponential
-// method of second order which is stable for every h.
-void pm_solid_branch_relax(const pm_solid_branch *branch, double h, const pm_solid_change *change,
-                           const double *before, double *after);
+// How a branch relaxes in a step of h s, if it is linear: A = decay A + start Cbar^-1 (before) +
+// end Cbar^-1 (after). `mean` is the mean of exp(-rate t) over the step.
+typedef struct pm_solid_relaxation {
+    double h, decay, start, end, mean;
+} pm_solid_relaxation;
+pm_solid_relaxation pm_solid_branch_relaxation(const pm_solid_branch *branch, double h);
+
+// Computes the inner variable `after` (A - 1) of a branch at the end of a step, from `before`, by
+// an exponential method of second order which is stable for steps of any length.
+void pm_solid_branch_relax(const pm_solid_branch *branch, const pm_solid_relaxation *step,
+                           const pm_solid_change *change, const double *before, double *after);
 // Returns the energy that the branch loses with this change of its inner variable, at the mean of
 // both shapes, J/m^3. It is not negative: `after` is moved towards `before` where the method's
 // error would make it so, or would make A lose its positive eigenvalues. `energy` are the branch's

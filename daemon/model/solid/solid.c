@@ -148,12 +148,17 @@ void pm_solid_record(pm_solid *s, pm_record *record) {
     double step = isnan(s->stiff_for) ? 0 : s->stiff_for;
     pm_record_put(record, "step of the stiffness", &step, 1);
     pm_record_put_int(record, "iterations", &s->books.iterations);
+    pm_record_put_int(record, "pairs", &s->npair);
+    pm_record_put(record, "moves of the pairs", s->pair_u, PM_SOLID_PAIRS * s->nfree);
+    pm_record_put(record, "forces of the pairs", s->pair_f, PM_SOLID_PAIRS * s->nfree);
     pm_record_put(record, "u of the stiffness", s->stiff_u, 3 * s->mesh->nnode);
     pm_record_put(record, "inner of the stiffness", s->stiff_inner, s->ninner);
     if (pm_record_restores(record)) {
         s->stiff_for = step == 0 ? NAN : step;
         if (step != 0) {
+            const int npair = s->npair;
             restore_stiffness(s);
+            s->npair = npair;
         }
     }
 }

@@ -53,9 +53,9 @@ void pm_solid_piola(const pm_solid_shape *shape, const double *T, double pressur
 
 // Relaxes the branches of a point from `before` to `after`. If `sums` is not NULL, it adds their
 // work and heat, and the work of the spring, times the weight of the point.
-static void relax_point(const pm_solid *s, double h, const pm_solid_start *start,
-                        const pm_solid_shape *shape, const double *before, double *after,
-                        double weight, pm_solid_sums *sums) {
+static void relax_point(const pm_solid *s, const pm_solid_relaxation *step,
+                        const pm_solid_start *start, const pm_solid_shape *shape,
+                        const double *before, double *after, double weight, pm_solid_sums *sums) {
     const pm_solid_change change = {{start->Cbar, shape->Cbar}, {start->inverse, shape->inverse}};
     if (sums != NULL) {
         const double spring = pm_solid_spring(s->material, shape->Cbar, NULL, NULL);
@@ -64,7 +64,7 @@ static void relax_point(const pm_solid *s, double h, const pm_solid_start *start
     for (int b = 0; b < s->material->nbranch; ++b) {
         const pm_solid_branch *branch = &s->material->branch[b];
         double energy[3], *A = after + PM_SYM * b;
-        pm_solid_branch_relax(branch, h, &change, before + PM_SYM * b, A);
+        pm_solid_branch_relax(branch, &step[b], &change, before + PM_SYM * b, A);
         if (sums != NULL) {
             sums->heat += weight * pm_solid_branch_lose(branch, &change, start->branch[b],
                                                         before + PM_SYM * b, A, energy);
@@ -92,6 +92,10 @@ static void add_force(const pm_brick *brick, int p, const pm_solid_shape *shape,
 
 bool pm_solid_evaluate(pm_solid *s, double h, pm_solid_sums *sums) {
     pm_solid_shape shape[PM_BRICK_POINTS];
+    pm_solid_relaxation step[PM_SOLID_MAX_BRANCHES];
+    for (int b = 0; b < s->material->nbranch; ++b) {
+        step[b] = pm_solid_branch_relaxation(&s->material->branch[b], h);
+    }
     memset(s->force, 0, 3 * (size_t)s->mesh->nnode * sizeof *s->force);
     if (sums != NULL) {
         *sums = (pm_solid_sums){0};
@@ -109,7 +113,7 @@ bool pm_solid_evaluate(pm_solid *s, double h, pm_solid_sums *sums) {
         for (int p = 0; p < PM_BRICK_POINTS; ++p) {
             const ptrdiff_t at = inner_at(s, e, p);
             double T[PM_SYM], S[PM_SYM];
-            relax_point(s, h, &s->start[e][p], &shape[p], s->inner + at, s->after + at,
+            relax_point(s, step, &s->start[e][p], &shape[p], s->inner + at, s->after + at,
                         brick->weight[p], sums);
             pm_solid_point_stress(s, &shape[p], s->after + at, T, &modulus);
             pm_solid_piola(&shape[p], T, pressure, S);

@@ -36,6 +36,7 @@ struct pm_solid {
     double *trial, *after;                    // the same as u and inner, of the step under way
     double *force;                            // [nnode][3] N, of the elements at `trial`
     double *residual, *move, *last;           // [nfree]
+    int npair;                                // pairs known of the factor in `stiffness`
     double *pair_u, *pair_f;                  // [PM_SOLID_PAIRS][nfree]
     pm_solid_books books;
 };

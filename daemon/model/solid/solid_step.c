@@ -8,13 +8,13 @@
 #include "model/solid/solid_parts.h"
 
 // The iteration ends when a move is shorter than this share of the largest displacement.
-#define PRECISE 1e-6
+#define PRECISE 1e-5
 // The displacement below which a body counts as undeformed, relative to its size.
 #define UNDEFORMED 1e-9
 #define MOST_ITERATIONS 30
 // The stiffness is assembled again after a step of more iterations than this; it takes as long as
 // about five of them.
-#define FEW_ITERATIONS 8
+#define FEW_ITERATIONS 6
 // The number of times that a move is halved because an element was turned inside out.
 #define MOST_SHORTER 8
 // The number of times that a step is halved because no balance was found.
@@ -109,14 +109,13 @@ static bool iterate(pm_solid *s, double h, const double *f) {
     const int n = s->nfree;
     const double size = cbrt(s->brick[0].volume);
     double before = INFINITY;
-    int count = 0;
     memcpy(s->trial, s->u, 3 * (size_t)s->mesh->nnode * sizeof *s->trial);
     if (!pm_solid_evaluate(s, h, NULL)) {
         return false;
     }
     find_residual(s, f);
     for (int k = 1; k <= MOST_ITERATIONS; ++k) {
-        find_move(s, count);
+        find_move(s, s->npair);
         const double length = longest(n, s->move);
         const double scale =
             fmax(longest(3 * s->mesh->nnode, s->trial), UNDEFORMED * size / PRECISE);
@@ -137,7 +136,7 @@ static bool iterate(pm_solid *s, double h, const double *f) {
             return false;
         }
         find_residual(s, f);
-        count = keep_pair(s, count);
+        s->npair = keep_pair(s, s->npair);
     }
     return false;
 }

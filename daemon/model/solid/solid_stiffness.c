@@ -253,6 +253,7 @@ static bool stiffen(pm_solid *s, double h, bool stressed) {
 bool pm_solid_stiffen(pm_solid *s, double h) {
     const bool good = stiffen(s, h, true) || stiffen(s, h, false);
     s->stiff_for = good ? h : NAN;
+    s->npair = 0;
     memmove(s->stiff_u, s->u, 3 * (size_t)s->mesh->nnode * sizeof *s->u);
     memmove(s->stiff_inner, s->inner, (size_t)s->ninner * sizeof *s->inner);
     return good;
