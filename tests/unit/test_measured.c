@@ -18,7 +18,7 @@
 #include "learn/fit_measured.h"
 #include "tests/support/scratch.h"
 
-#define TRACKS 8
+#define TRACKS 16
 #define TRAINING 6
 #define SAMPLES 160
 #define NOISE 0.01 // rad
@@ -53,11 +53,11 @@ static const char training_text[] = "scene: scene.yaml\n"
                                     "subsystems: {arm: arm}\n";
 
 // One step of Runge-Kutta for q'' = -k sin(q - zero) - friction q'.
-static void step(double h, double z[2]) {
+static void step(double h, double friction, double z[2]) {
     double k[4][2], x[2] = {z[0], z[1]};
     for (int i = 0; i < 4; ++i) {
         k[i][0] = x[1];
-        k[i][1] = -STIFFNESS * sin(x[0] - ZERO) - FRICTION * x[1];
+        k[i][1] = -STIFFNESS * sin(x[0] - ZERO) - friction * x[1];
         const double length = i == 2 ? h : h / 2;
         for (int c = 0; c < 2; ++c) {
             x[c] = z[c] + length * k[i][c];
@@ -69,7 +69,8 @@ static void step(double h, double z[2]) {
 }
 
 // Measures the angle at uneven times; every seventh sample is missing, every fiftieth an outlier.
-static void write_data(const char *path) {
+// Friction differs between trajectories by the relative deviation `spread`.
+static void write_data(const char *path, double spread) {
     static const char *const column[] = {"angle", "other"};
     pm_dataset *d = NULL;
     assert_int_equal(pm_dataset_new(&d, TRACKS, SAMPLES, 2, DT, column), PM_OK);
@@ -80,6 +81,7 @@ static void write_data(const char *path) {
         pm_rng rng;
         pm_rng_init(&rng, 7, (uint64_t)i);
         double z[2] = {2 * pm_rng_normal(&rng) / 2, pm_rng_normal(&rng)}, t = 1;
+        const double friction = FRICTION * (spread > 0 ? exp(spread * pm_rng_normal(&rng)) : 1);
         for (int k = 0; k < SAMPLES; ++k) {
             double *row = pm_dataset_state(d, i, k);
             row[0] = k % 7 == 3 ? NAN : z[0] + NOISE * pm_rng_normal(&rng);
@@ -87,7 +89,7 @@ static void write_data(const char *path) {
             d->times[i * SAMPLES + k] = t;
             const double wait = DT * (1 + pm_rng_uniform(&rng));
             for (int j = 0; j < 50; ++j) {
-                step(wait / 50, z);
+                step(wait / 50, friction, z);
             }
             t += wait;
         }
@@ -97,7 +99,7 @@ static void write_data(const char *path) {
 }
 
 // Runs the fit in the folder.
-static void run_fit(scratch *folder, pm_fit *fit, pm_fit_arguments *arguments) {
+static void run_fit(scratch *folder, double spread, pm_fit *fit, pm_fit_arguments *arguments) {
     static const volatile sig_atomic_t stop = 0;
     const char *scene = scratch_path(folder, "scene.yaml");
     arguments->config = scratch_path(folder, "train.yaml");
@@ -105,7 +107,7 @@ static void run_fit(scratch *folder, pm_fit *fit, pm_fit_arguments *arguments) {
     arguments->output = folder->folder;
     scratch_write(scene, scene_text, strlen(scene_text));
     scratch_write(arguments->config, training_text, strlen(training_text));
-    write_data(arguments->data);
+    write_data(arguments->data, spread);
     if (pm_fit_open(fit, arguments, &stop) != PM_OK || pm_fit_run(fit) != PM_OK) {
         fail_msg("%s", pm_error());
     }
@@ -126,7 +128,7 @@ static void constants_are_found(void **state) {
     pm_fit_arguments arguments = {0};
     pm_uncertainty u;
     bool found = false;
-    run_fit(*state, &fit, &arguments);
+    run_fit(*state, 0, &fit, &arguments);
     assert_int_equal(pm_uncertainty_load(&u, arguments.output, fit.training->system,
                                          &fit.measured->observation, &found),
                      PM_OK);
@@ -160,6 +162,49 @@ static void constants_are_found(void **state) {
     pm_fit_close(&fit);
 }
 
+// Returns the fraction of all measurements of unseen trajectories that lie in bands of 90 %.
+static double unseen_inside(pm_fit *fit, const pm_uncertainty *u) {
+    int which[TRACKS - TRAINING];
+    for (int i = 0; i < TRACKS - TRAINING; ++i) {
+        which[i] = TRAINING + i;
+    }
+    const pm_estimate_how how = {.seconds = 3, .uncertainty = u};
+    const pm_observation *o = &fit->measured->observation;
+    pm_estimate e;
+    if (pm_estimate_make(&e, fit->training->system, o, fit->measured->data, TRACKS - TRAINING,
+                         which, &how) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    const double inside = pm_estimate_coverage(&e, o, fit->measured->data, which, 3, 0, 1.645);
+    pm_estimate_free(&e);
+    return inside;
+}
+
+// Friction differs between trajectories, which the model does not know. Only trajectories that the
+// fit leaves out tell how wrong its predictions are.
+static void bands_hold_trajectories_that_differ(void **state) {
+    pm_fit fit;
+    pm_fit_arguments arguments = {0};
+    pm_uncertainty u;
+    bool found = false;
+    run_fit(*state, 0.4, &fit, &arguments);
+    assert_int_equal(pm_uncertainty_load(&u, arguments.output, fit.training->system,
+                                         &fit.measured->observation, &found),
+                     PM_OK);
+    // Residuals of the fit contain a part of what is wrong, and would hide the rest.
+    u.noise[0] = u.independent[0];
+    const double inside = unseen_inside(&fit, &u), scale = u.scale;
+    u.scale = 1; // what the covariance of the weights alone predicts
+    const double alone = unseen_inside(&fit, &u);
+    if (!(inside > 0.8 && inside < 0.97 && alone < 0.8)) {
+        fail_msg("%g of unseen measurements inside bands of 90 %%, with a scale of 1 instead of %g "
+                 "%g",
+                 inside, scale, alone);
+    }
+    pm_uncertainty_free(&u);
+    pm_fit_close(&fit);
+}
+
 static void missing_columns_are_told(void **state) {
     scratch *folder = *state;
     static const volatile sig_atomic_t stop = 0;
@@ -179,7 +224,7 @@ static void missing_columns_are_told(void **state) {
                                         .output = folder->folder};
     scratch_write(scene, text, strlen(text));
     scratch_write(arguments.config, training_text, strlen(training_text));
-    write_data(arguments.data);
+    write_data(arguments.data, 0);
     assert_int_equal(pm_fit_open(&fit, &arguments, &stop), PM_EDATA);
     assert_non_null(strstr(pm_error(), "column \"momentum\" is not in the measurements"));
     assert_non_null(strstr(pm_error(), "hidden: true"));
@@ -189,6 +234,8 @@ static void missing_columns_are_told(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(constants_are_found, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(bands_hold_trajectories_that_differ, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test_setup_teardown(missing_columns_are_told, scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

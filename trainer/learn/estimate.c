@@ -65,7 +65,9 @@ static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_un
                                start_uncertainty *start) {
     const ptrdiff_t nz = e->nz, nb = s->nborder, n = s->nweight;
     PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
-    memcpy(s->noise, u->noise, (size_t)e->ny * sizeof *s->noise);
+    // What neighbouring residuals share is error of the model, which counts by the weights.
+    memcpy(s->noise, u->independent, (size_t)e->ny * sizeof *s->noise);
+    s->huber = INFINITY;
     memcpy(s->z, e->start, (size_t)(e->count * nz) * sizeof *s->z);
     pm_shooting_evaluate(s, s->z, true);
     for (ptrdiff_t i = 0; i < e->count; ++i) {
@@ -73,7 +75,7 @@ static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_un
         double *covariance = start->covariance + i * nz * nz;
         for (ptrdiff_t k = 0; k < nz; ++k) {
             own[k * (nz + 1)] += LEAST_CURVATURE;
-            covariance[k * (nz + 1)] = u->samples_per_residual;
+            covariance[k * (nz + 1)] = 1;
         }
         if (!pm_cholesky_factor((int)nz, own)) {
             return pm_fail(PM_ENUMERIC, "the first samples and the priors do not fix a start");
@@ -154,15 +156,26 @@ static double quadratic_form(int n, const double *row, const double *covariance)
 }
 
 static void write_sample(pm_estimate *e, const prediction_work *p, int id, int sample) {
-    const ptrdiff_t at = (ptrdiff_t)id * e->ntime + sample;
+    const ptrdiff_t at = (ptrdiff_t)id * e->ntime + sample, nz = e->nz, ny = e->ny;
     const pm_uncertainty *u = p->uncertainty;
-    memcpy(e->z + at * e->nz, p->item.z, (size_t)e->nz * sizeof *e->z);
-    memcpy(e->y + at * e->ny, p->y, (size_t)e->ny * sizeof *e->y);
-    for (ptrdiff_t c = 0; c < e->ny && u != NULL; ++c) {
-        const double *covariance = p->start->covariance + (ptrdiff_t)id * e->nz * e->nz;
-        e->deviation[at * e->ny + c] = sqrt(
-            u->noise[c] * u->noise[c] + quadratic_form(e->nz, p->by_start + c * e->nz, covariance) +
-            quadratic_form(u->nweight, p->by_weights + c * u->nweight, u->covariance));
+    memcpy(e->z + at * nz, p->item.z, (size_t)nz * sizeof *e->z);
+    memcpy(e->y + at * ny, p->y, (size_t)ny * sizeof *e->y);
+    if (u == NULL) {
+        return;
+    }
+    const double *start = p->start->covariance + id * nz * nz;
+    for (ptrdiff_t c = 0; c < ny; ++c) {
+        const double own = quadratic_form(e->nz, p->by_start + c * nz, start);
+        const double weights =
+            quadratic_form(u->nweight, p->by_weights + c * u->nweight, u->covariance);
+        e->by_weights[at * ny + c] = weights;
+        e->deviation[at * ny + c] = sqrt(u->noise[c] * u->noise[c] + own + u->scale * weights);
+    }
+    for (ptrdiff_t c = 0; c < nz; ++c) {
+        const double own = quadratic_form(e->nz, p->item.by_start + c * nz, start);
+        const double weights =
+            quadratic_form(u->nweight, p->item.by_weights + c * u->nweight, u->covariance);
+        e->state_deviation[at * nz + c] = sqrt(own + u->scale * weights);
     }
 }
 
@@ -222,25 +235,31 @@ static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation
     return status;
 }
 
+// Returns an array of NaN; NULL: out of memory.
+static double *array_of_nan(pm_arena *arena, size_t n) {
+    double *array = pm_arena_array(arena, n, sizeof *array);
+    for (size_t i = 0; i < n && array != NULL; ++i) {
+        array[i] = NAN;
+    }
+    return array;
+}
+
 static pm_status allocate(pm_estimate *e, bool bands) {
     const size_t samples = (size_t)e->count * (size_t)e->ntime;
     const size_t ny = (size_t)e->ny, nz = (size_t)e->nz;
     e->start = pm_arena_array(&e->arena, (size_t)e->count * nz, sizeof *e->start);
     e->noise = pm_arena_array(&e->arena, ny, sizeof *e->noise);
-    e->y = pm_arena_array(&e->arena, samples * ny, sizeof *e->y);
-    e->z = pm_arena_array(&e->arena, samples * nz, sizeof *e->z);
-    e->deviation = bands ? pm_arena_array(&e->arena, samples * ny, sizeof *e->deviation) : NULL;
-    if (e->start == NULL || e->noise == NULL || e->y == NULL || e->z == NULL ||
-        (bands && e->deviation == NULL)) {
-        return no_memory();
+    e->y = array_of_nan(&e->arena, samples * ny);
+    e->z = array_of_nan(&e->arena, samples * nz);
+    bool complete = e->start != NULL && e->noise != NULL && e->y != NULL && e->z != NULL;
+    if (bands) {
+        e->deviation = array_of_nan(&e->arena, samples * ny);
+        e->by_weights = array_of_nan(&e->arena, samples * ny);
+        e->state_deviation = array_of_nan(&e->arena, samples * nz);
+        complete =
+            complete && e->deviation != NULL && e->by_weights != NULL && e->state_deviation != NULL;
     }
-    for (size_t i = 0; i < samples * ny; ++i) {
-        e->y[i] = NAN;
-    }
-    for (size_t i = 0; i < samples * nz; ++i) {
-        e->z[i] = NAN;
-    }
-    return PM_OK;
+    return complete ? PM_OK : no_memory();
 }
 
 pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observation *o,

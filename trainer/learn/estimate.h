@@ -31,6 +31,11 @@ typedef struct pm_estimate {
     // the uncertainty of the weights and of the start, and to noise. NULL without
     // pm_estimate_how.uncertainty.
     double *deviation;
+    // [count][ntime][ny] the part of the variance that the uncertainty of the weights causes, at a
+    // scale of 1 (pm_uncertainty.scale). NULL without pm_estimate_how.uncertainty.
+    double *by_weights;
+    // [count][ntime][nz] standard deviation of the states z. NULL likewise.
+    double *state_deviation;
 } pm_estimate;
 
 // Estimates the starts of the trajectories `which` [count] of the dataset and predicts all their

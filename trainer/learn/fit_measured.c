@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "learn/estimate.h"
+#include "learn/calibration.h"
 #include "learn/shooting_schedule.h"
 #include "learn/shooting_start.h"
 #include "learn/start.h"
@@ -301,8 +301,17 @@ static pm_status shoot(pm_fit *f, pm_shooting *s) {
     pm_shooting_weights(s, f->theta);
     PM_TRY(status);
     PM_TRY(pm_uncertainty_make(&u, s));
-    pm_uncertainty_print(&u, s);
-    const pm_status saved = pm_uncertainty_save(&u, f->arguments->output);
+    const pm_calibration_how how = {.data = m->data,
+                                    .which = f->split.trajectory,
+                                    .nheld = f->split.nvalidation,
+                                    .held = f->split.trajectory + f->split.ntraining,
+                                    .until = f->training->seconds,
+                                    .stop = f->stop};
+    pm_status saved = pm_calibration_make(&u, s, &how);
+    if (saved == PM_OK) {
+        pm_uncertainty_print(&u, s);
+        saved = pm_uncertainty_save(&u, f->arguments->output);
+    }
     pm_uncertainty_free(&u);
     return saved;
 }

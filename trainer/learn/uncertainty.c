@@ -18,6 +18,10 @@
 // A start, or a weight, keeps at least this part of the deviation of its prior if the data tell
 // nothing about it.
 #define PRIOR_ALONE 0.5
+// Fewer trajectories than this do not show by themselves how much trajectories disagree.
+#define FEWEST_COMPARED 5
+// Of a normal distribution: the standard deviation divided by the median absolute value.
+#define NORMAL_MEDIAN 1.4826022185056018
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for uncertainties");
@@ -56,6 +60,48 @@ static double samples_per_residual(const pm_shooting *s) {
         sum += 2 * r;
     }
     return sum;
+}
+
+// --- independent noise ---
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Returns the standard deviation of the part of the residuals of a column that differs from sample
+// to sample, from the median difference of neighbouring residuals. `size` is work space for all
+// samples.
+static double independent_noise(const pm_shooting *s, int column, double *size) {
+    size_t n = 0;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        const pm_track *t = &s->tracks->track[i];
+        for (int k = 0; k + 1 < t->count; ++k) {
+            const ptrdiff_t at = (ptrdiff_t)k * s->ny + column, next = at + s->ny;
+            if (isfinite(t->y[at]) && isfinite(t->y[next])) {
+                size[n++] = fabs(s->residual[i][next] - s->residual[i][at]);
+            }
+        }
+    }
+    qsort(size, n, sizeof *size, compare);
+    const double all = s->noise[column];
+    return n == 0 ? all : fmin(NORMAL_MEDIAN / sqrt(2) * size[n / 2], all);
+}
+
+static pm_status find_independent_noise(pm_uncertainty *u, const pm_shooting *s) {
+    size_t most = 1;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        most += (size_t)s->tracks->track[i].count;
+    }
+    double *size = malloc(most * sizeof *size);
+    if (size == NULL) {
+        return no_memory();
+    }
+    for (int c = 0; c < u->ny; ++c) {
+        u->independent[c] = independent_noise(s, c, size);
+    }
+    free(size);
+    return PM_OK;
 }
 
 // --- disagreement of trajectories ---
@@ -160,11 +206,13 @@ static pm_status allocate(pm_uncertainty *u) {
     u->covariance = pm_arena_array(&u->arena, n * n + 1, sizeof *u->covariance);
     u->weights = pm_arena_array(&u->arena, n + 1, sizeof *u->weights);
     u->noise = pm_arena_array(&u->arena, (size_t)u->ny, sizeof *u->noise);
+    u->independent = pm_arena_array(&u->arena, (size_t)u->ny, sizeof *u->independent);
     u->start = pm_arena_array(&u->arena, nz, sizeof *u->start);
     u->spread = pm_arena_array(&u->arena, nz, sizeof *u->spread);
     u->unknown = pm_arena_array(&u->arena, nz, sizeof *u->unknown);
-    return u->covariance == NULL || u->weights == NULL || u->noise == NULL || u->start == NULL ||
-                   u->spread == NULL || u->unknown == NULL
+    return u->covariance == NULL || u->weights == NULL || u->noise == NULL ||
+                   u->independent == NULL || u->start == NULL || u->spread == NULL ||
+                   u->unknown == NULL
                ? no_memory()
                : PM_OK;
 }
@@ -213,8 +261,11 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s) {
     invert(s, 1, u->covariance);
     pm_shooting_weights(s, u->weights);
     memcpy(u->noise, s->noise, (size_t)u->ny * sizeof *u->noise);
+    PM_TRY(find_independent_noise(u, s));
     PM_TRY(describe_starts(u, s));
-    u->inflation = fmax(u->samples_per_residual, disagreement(s, u->covariance));
+    const double ratio = disagreement(s, u->covariance);
+    const bool compared = ratio > 0 && s->nwindow >= FEWEST_COMPARED;
+    u->inflation = fmax(compared ? 1 : u->samples_per_residual, ratio);
     for (size_t i = 0; i < (size_t)u->nweight * (size_t)u->nweight; ++i) {
         u->covariance[i] *= u->inflation;
     }
@@ -222,7 +273,7 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s) {
 }
 
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s) {
-    *u = (pm_uncertainty){.nweight = s->nweight, .ny = s->ny, .nz = s->nz};
+    *u = (pm_uncertainty){.nweight = s->nweight, .ny = s->ny, .nz = s->nz, .scale = 1};
     const pm_status status = make(u, s);
     if (status != PM_OK) {
         pm_uncertainty_free(u);
@@ -244,10 +295,12 @@ static pm_status write_content(const pm_uncertainty *u, pm_hdf5 *file) {
         PM_TRY(pm_hdf5_write(file, "/weights", 1, square, u->weights));
     }
     PM_TRY(pm_hdf5_write(file, "/noise", 1, &u->ny, u->noise));
+    PM_TRY(pm_hdf5_write(file, "/independent", 1, &u->ny, u->independent));
     PM_TRY(pm_hdf5_write(file, "/start", 1, &u->nz, u->start));
     PM_TRY(pm_hdf5_write(file, "/spread", 1, &u->nz, u->spread));
     PM_TRY(pm_hdf5_write(file, "/unknown", 1, &u->nz, u->unknown));
     PM_TRY(pm_hdf5_write_number(file, "/", "inflation", u->inflation));
+    PM_TRY(pm_hdf5_write_number(file, "/", "scale", u->scale));
     return pm_hdf5_write_number(file, "/", "samples_per_residual", u->samples_per_residual);
 }
 
@@ -272,10 +325,12 @@ static pm_status read_content(pm_uncertainty *u, const pm_hdf5 *file) {
         PM_TRY(pm_hdf5_read(file, "/weights", 1, square, u->weights));
     }
     PM_TRY(pm_hdf5_read(file, "/noise", 1, &u->ny, u->noise));
+    PM_TRY(pm_hdf5_read(file, "/independent", 1, &u->ny, u->independent));
     PM_TRY(pm_hdf5_read(file, "/start", 1, &u->nz, u->start));
     PM_TRY(pm_hdf5_read(file, "/spread", 1, &u->nz, u->spread));
     PM_TRY(pm_hdf5_read(file, "/unknown", 1, &u->nz, u->unknown));
     PM_TRY(pm_hdf5_read_number(file, "/", "inflation", &u->inflation));
+    PM_TRY(pm_hdf5_read_number(file, "/", "scale", &u->scale));
     return pm_hdf5_read_number(file, "/", "samples_per_residual", &u->samples_per_residual);
 }
 
@@ -351,6 +406,9 @@ void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s) {
     printf("What the measurements fix (variances are %.3g times those of independent noise; %.3g "
            "samples in a row count as one):\n",
            u->inflation, u->samples_per_residual);
+    printf(
+        "  bands: the variance of unseen trajectories counts as %.3g times that of the weights\n",
+        u->scale);
     for (int c = 0; c < s->ny; ++c) {
         printf("  %s: residual %.3g\n", s->observation->name[c], u->noise[c]);
     }

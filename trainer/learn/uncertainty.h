@@ -12,22 +12,28 @@ typedef struct pm_uncertainty {
     double *covariance; // [nweight][nweight] of all trained weights
     double *weights;    // [nweight] the weights at which the covariance was computed
     double *noise;      // [ny] standard deviation of the residuals, in the unit of each column
+    // [ny] the part of `noise` that differs from sample to sample; the rest is error of the model
+    double *independent;
     // The number of samples that carry as much information as one sample with independent noise: 1
     // plus twice the sum of the autocorrelation of the residuals. It exceeds 1 where the model is
     // wrong, since residuals of neighbouring samples then agree.
     double samples_per_residual;
-    // The factor by which the covariance is larger than with independent noise: the larger of
-    // samples_per_residual and of the ratio by which trajectories disagree about the weights more
-    // than independent noise explains. `covariance` includes this factor.
+    // The factor by which the covariance is larger than with independent noise: the ratio by which
+    // trajectories disagree about the weights more than independent noise explains. Where there are
+    // too few trajectories to compare, it is at least samples_per_residual. `covariance` includes
+    // this factor.
     double inflation;
+    // The factor by which the variance of a prediction is larger than that which `covariance`
+    // causes (learn/calibration.h); 1: not known.
+    double scale;
     double *start;   // [nz] mean start of all trajectories
     double *spread;  // [nz] standard deviation of the starts among trajectories
     double *unknown; // [nz] standard deviation of the start after the fit, divided by that of its
                      // prior; 0: the component has no prior
 } pm_uncertainty;
 
-// Computes the uncertainty at the present weights and starts. The caller frees. PM_ENUMERIC: the
-// data and the priors do not fix the weights; PM_ENOMEM.
+// Computes the uncertainty at the present weights and starts, with a scale of 1. The caller frees.
+// PM_ENUMERIC: the data and the priors do not fix the weights; PM_ENOMEM.
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
 void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
 

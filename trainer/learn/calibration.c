@@ -1,0 +1,259 @@
+// Predicts trajectories that a fit has not seen and compares their errors with what the covariance
+// of the weights leads to expect.
+#include "learn/calibration.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "learn/shooting_schedule.h"
+
+#define FEWEST_HELD 4   // trajectories that replace cross-validation
+#define MOST_HELD 24    // trajectories; more tell nothing new
+#define MOST_FOLDS 5    // continued fits
+#define START_PART 0.1  // of a trajectory, from which its start is estimated
+#define ITERATIONS 6    // of a continued fit, at most
+#define ENOUGH 1e-3     // it ends when a step lowers the objective by less
+#define OUTLIER 6       // deviations of the noise between an outlier and its neighbours
+#define NOISE_KNOWN 0.1 // relative error of the variance of the noise
+#define ROUNDS 20       // of the weighted mean, whose weights depend on it
+#define LEAST_RATIO 0.01
+#define NORMAL 1.644854 // 95 % of a normal distribution lie below
+
+// The errors of one trajectory: mean squares in units of the variance of the noise.
+typedef struct excess {
+    double found;    // beyond noise and the estimate of the start
+    double expected; // what the covariance of the weights leads to expect
+    double samples;
+} excess;
+
+typedef struct calibration {
+    pm_uncertainty *u;
+    pm_shooting *s;
+    const pm_calibration_how *how;
+    double *weights;   // [nweight] of the fit
+    pm_window *window; // [nwindow] of the fit, and their starts [nwindow][nz]
+    double *z;
+    int nwindow;
+    excess excess[MOST_HELD]; // [count]
+    int count;
+} calibration;
+
+static pm_status no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for the calibration of bands");
+}
+
+// --- one trajectory ---
+
+// The predicted trajectory that is compared with its measurements.
+typedef struct comparison {
+    const pm_estimate *e;
+    const pm_dataset *data;
+    int trajectory, column, position; // column of the estimate, and its position in the data
+    double noise;
+} comparison;
+
+// Returns the error of sample k; NAN: there is none.
+static double error_of(const comparison *p, int k) {
+    if (k < 0 || k >= p->e->ntime) {
+        return NAN;
+    }
+    return p->e->y[(ptrdiff_t)k * p->e->ny + p->column] -
+           pm_dataset_state(p->data, p->trajectory, k)[p->position];
+}
+
+// Whether the error of sample k stands out from those of both neighbours, as that of an outlier
+// does.
+static bool stands_out(const comparison *p, int k) {
+    const double error = error_of(p, k), limit = OUTLIER * p->noise;
+    const double before = error - error_of(p, k - 1), after = error - error_of(p, k + 1);
+    const bool far_before = !(fabs(before) <= limit), far_after = !(fabs(after) <= limit);
+    return far_before && far_after && !(before * after < 0) && !(isnan(before) && isnan(after));
+}
+
+// Adds the samples of one column after the first seconds.
+static void add_column(const calibration *c, const comparison *p, double seconds, excess *x) {
+    const double first = pm_dataset_time(p->data, p->trajectory, 0), square = p->noise * p->noise;
+    for (int k = 0; k < p->e->ntime; ++k) {
+        const double t = pm_dataset_time(p->data, p->trajectory, k) - first;
+        const double error = error_of(p, k);
+        if (!(t > seconds && t <= p->e->until) || !isfinite(error) || stands_out(p, k)) {
+            continue;
+        }
+        const ptrdiff_t at = (ptrdiff_t)k * p->e->ny + p->column;
+        const double weights = p->e->by_weights[at], deviation = p->e->deviation[at];
+        const double other = deviation * deviation - c->u->scale * weights;
+        if (isfinite(other)) {
+            x->found += (error * error - other) / square;
+            x->expected += weights / square;
+            ++x->samples;
+        }
+    }
+}
+
+// Compares the errors of a predicted trajectory with what noise and the estimate of its start lead
+// to expect, and notes the mean square of the rest beside that which the weights cause.
+static void compare(calibration *c, const pm_estimate *e, int trajectory, double seconds) {
+    excess x = {0};
+    for (int i = 0; i < e->ny; ++i) {
+        const comparison p = {.e = e,
+                              .data = c->how->data,
+                              .trajectory = trajectory,
+                              .column = i,
+                              .position = c->s->observation->column[i],
+                              .noise = c->u->noise[i]};
+        add_column(c, &p, seconds, &x);
+    }
+    if (x.expected > 0) {
+        x.found /= x.samples;
+        x.expected /= x.samples;
+        c->excess[c->count++] = x;
+    }
+}
+
+// Returns how many seconds of a trajectory determine its start: as few as there may be in use, but
+// twice as many samples as a start needs.
+static double start_seconds(const calibration *c, int trajectory) {
+    const pm_dataset *d = c->how->data;
+    const double first = pm_dataset_time(d, trajectory, 0);
+    const int fewest = pm_shooting_first_length(c->s);
+    double length = 0, needed = 0;
+    int count = 0;
+    for (int k = 0; k < d->ntime && isfinite(pm_dataset_time(d, trajectory, k)); ++k) {
+        length = pm_dataset_time(d, trajectory, k) - first;
+        needed = ++count <= fewest ? length : needed;
+    }
+    return fmax(START_PART * length, fmax(needed, fewest * c->s->how.system->scene->dt));
+}
+
+// Predicts a trajectory with the present weights of the system. One that they cannot follow is left
+// out.
+static pm_status predict(calibration *c, int trajectory) {
+    const pm_estimate_how how = {.seconds = start_seconds(c, trajectory),
+                                 .uncertainty = c->u,
+                                 .stop = c->how->stop,
+                                 .until = c->how->until};
+    pm_estimate e;
+    const pm_status status = pm_estimate_make(&e, c->s->how.system, c->s->observation, c->how->data,
+                                              1, &trajectory, &how);
+    if (status == PM_OK) {
+        compare(c, &e, trajectory, how.seconds);
+        pm_estimate_free(&e);
+    }
+    return status == PM_ENUMERIC || status == PM_EDATA ? PM_OK : status;
+}
+
+// --- folds ---
+
+// Puts back the windows, starts and weights of the fit.
+static void restore(const calibration *c) {
+    const size_t n = (size_t)c->nwindow;
+    c->s->nwindow = c->nwindow;
+    memcpy(c->s->window, c->window, n * sizeof *c->window);
+    memcpy(c->s->z, c->z, n * (size_t)c->s->nz * sizeof *c->z);
+    pm_shooting_set_weights(c->s, c->weights);
+}
+
+// Keeps the windows of all trajectories that are not in the fold.
+static void leave_out(const calibration *c, int fold, int nfold) {
+    pm_shooting *s = c->s;
+    const size_t nz = (size_t)s->nz;
+    s->nwindow = 0;
+    for (int w = 0; w < c->nwindow; ++w) {
+        if (c->window[w].track % nfold != fold) {
+            s->window[s->nwindow] = c->window[w];
+            memcpy(s->z + (size_t)s->nwindow++ * nz, c->z + (size_t)w * nz, nz * sizeof *s->z);
+        }
+    }
+}
+
+static pm_status run_fold(calibration *c, int fold, int nfold) {
+    pm_shooting_progress progress;
+    double damping = 0;
+    leave_out(c, fold, nfold);
+    pm_status status =
+        pm_shooting_minimise(c->s, ITERATIONS, ENOUGH, &damping, c->how->stop, &progress);
+    for (int i = fold; i < c->s->tracks->count && status == PM_OK && c->count < MOST_HELD;
+         i += nfold) {
+        status = predict(c, c->how->which[i]);
+    }
+    restore(c);
+    return status == PM_ENUMERIC ? PM_OK : status;
+}
+
+static pm_status run_folds(calibration *c) {
+    const int ntrack = c->s->tracks->count, nfold = ntrack < MOST_FOLDS ? ntrack : MOST_FOLDS;
+    const size_t windows = (size_t)c->nwindow;
+    c->weights = malloc((size_t)c->u->nweight * sizeof *c->weights);
+    c->window = malloc(windows * sizeof *c->window);
+    c->z = malloc(windows * (size_t)c->s->nz * sizeof *c->z);
+    if (c->weights == NULL || c->window == NULL || c->z == NULL) {
+        return no_memory();
+    }
+    pm_shooting_weights(c->s, c->weights);
+    memcpy(c->window, c->s->window, windows * sizeof *c->window);
+    memcpy(c->z, c->s->z, windows * (size_t)c->s->nz * sizeof *c->z);
+    for (int fold = 0; fold < nfold; ++fold) {
+        PM_TRY(run_fold(c, fold, nfold));
+    }
+    return PM_OK;
+}
+
+// --- the whole ---
+
+// Returns the quantile of Student's distribution below which 95 % lie, by its expansion in the
+// inverse degrees of freedom (Abramowitz and Stegun, 26.7.5).
+static double student(double freedom) {
+    const double z = NORMAL, z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
+    return z + (z3 + z) / (4 * freedom) + (5 * z5 + 16 * z3 + 3 * z) / (96 * freedom * freedom) +
+           (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * freedom * freedom * freedom);
+}
+
+// Returns the weighted mean of found/expected over all trajectories. A trajectory counts by the
+// inverse variance of its ratio: its errors due to weights count as a single number, those due to
+// noise are independent, and the variance of the noise is known to NOISE_KNOWN.
+static double mean_ratio(const calibration *c) {
+    double ratio = 1;
+    for (int round = 0; round < ROUNDS; ++round) {
+        double sum = 0, weights = 0;
+        for (int i = 0; i < c->count; ++i) {
+            const excess *x = &c->excess[i];
+            const double own = ratio * x->expected, noise = NOISE_KNOWN * NOISE_KNOWN / 2;
+            const double weight = x->expected * x->expected / (own * own + 1 / x->samples + noise);
+            sum += weight * x->found / x->expected;
+            weights += weight;
+        }
+        ratio = fmax(sum / weights, LEAST_RATIO);
+    }
+    return ratio;
+}
+
+static pm_status run(calibration *c) {
+    const pm_calibration_how *how = c->how;
+    if (how->nheld < FEWEST_HELD) {
+        return run_folds(c);
+    }
+    for (int i = 0; i < how->nheld && i < MOST_HELD; ++i) {
+        PM_TRY(predict(c, how->held[i]));
+    }
+    return PM_OK;
+}
+
+pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibration_how *how) {
+    calibration c = {.u = u, .s = s, .how = how, .nwindow = s->nwindow};
+    u->scale = 1;
+    if (u->nweight == 0 || (s->tracks->count < 2 && how->nheld < FEWEST_HELD)) {
+        return PM_OK;
+    }
+    const pm_status status = run(&c);
+    if (status == PM_OK && c.count > 0) {
+        const double width = student(c.count) / NORMAL;
+        // Of weights that each trajectory has for itself, and of their mean in the fit.
+        const double own = 1 + s->tracks->count * (1 - 1 / u->inflation);
+        u->scale = width * width * fmax(mean_ratio(&c), own);
+    }
+    free(c.weights);
+    free(c.window);
+    free(c.z);
+    return status;
+}
