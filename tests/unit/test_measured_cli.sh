@@ -77,6 +77,20 @@ inside=$(awk '$1 == "angle" { print int($6) }' "$folder/out")
 [ "${inside:-0}" -ge 80 ] && [ "$inside" -le 97 ] || fail "evaluate: expected about 90 % inside the bands"
 h5dump -H -d /y "$folder/y.h5" | grep -q "( 1, 250, 1 )" || fail "record: expected /y [trajectory][time][column]"
 h5dump -H -d /deviation "$folder/y.h5" >/dev/null || fail "record: expected standard deviations"
+h5dump -H -d /state_deviation "$folder/y.h5" | grep -q "( 1, 250, 3 )" || fail "record: expected deviations of all states"
+
+# --- pictures of predictions with bands ---
+if command -v gnuplot >/dev/null; then
+    succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
+        --plot "$folder/pictures"
+    for name in prediction_3 coverage; do
+        [ -s "$folder/pictures/$name.png" ] || fail "evaluate --plot: expected $name.png"
+    done
+    # Columns are the time, measured, predicted, half the band, measured minus predicted.
+    awk '$2 != "nan" && ($2 - $3)/$4 < 1 && ($3 - $2)/$4 < 1 { ++inside } $2 != "nan" { ++all }
+        END { exit !(inside > 0.8*all && inside < 0.97*all) }' "$folder/pictures/prediction_3.txt" ||
+        fail "evaluate --plot: expected about 90 % inside the bands that are drawn"
+fi
 
 # --- a run from an estimated start ---
 succeed "Laws" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \

@@ -35,7 +35,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         {"--record", NULL, "FILE", NULL, &a->record, false,
          "write the predicted trajectories as a dataset like the given one"},
         {"--plot", NULL, "DIR", NULL, &a->plot, false,
-         "draw errors, error growth, laws and the first trajectory into DIR (gnuplot)"},
+         "draw errors, error growth, laws and trajectories into DIR (gnuplot); with bands after "
+         "--estimate"},
         {"--estimate", NULL, "SECONDS", NULL, &a->estimate, false,
          "the data are measurements: estimate each start from these first seconds"},
         {"--states", NULL, "FILE", NULL, &a->states, false,
@@ -202,6 +203,7 @@ static pm_status evaluate_measured(const arguments *a, const volatile sig_atomic
                                 .trajectories = a->trajectories,
                                 .record = a->record,
                                 .states = a->states,
+                                .plot = a->plot,
                                 .truth = a->truth,
                                 .json = a->json};
     pm_scene *scene = NULL;

@@ -7,13 +7,12 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "command/evaluate_bands.h"
 #include "command/evaluate_truth.h"
 #include "evaluate/evaluate.h"
 #include "evaluate/seen.h"
 #include "learn/estimate.h"
 #include "store/hdf5_io.h"
-
-#define NINETY_PER_CENT 1.6448536269514722 // deviations of a normal distribution
 
 // The objects of an evaluation, all owned by this structure.
 typedef struct prediction {
@@ -118,7 +117,7 @@ static pm_status check_laws(prediction *j) {
 
 static double coverage(const prediction *j, int column) {
     return pm_estimate_coverage(&j->estimate, &j->observation, j->data, j->which, j->how->seconds,
-                                column, NINETY_PER_CENT);
+                                column, PM_NINETY_PER_CENT);
 }
 
 static void print_errors(const prediction *j) {
@@ -233,6 +232,7 @@ static pm_status write_content(const prediction *j, pm_hdf5 *file) {
               (size_t)j->observation.column[i % (size_t)e->ny]] = e->deviation[i];
         }
         PM_TRY_DONE(pm_hdf5_write(file, "/deviation", 3, shape, y));
+        PM_TRY_DONE(pm_hdf5_write(file, "/state_deviation", 3, states, e->state_deviation));
     }
     PM_TRY_DONE(pm_hdf5_write(file, "/t", 2, shape, t));
     status = pm_hdf5_write(file, "/trajectory", 1, shape, number);
@@ -299,6 +299,10 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     }
     PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
     PM_TRY(j->how->states == NULL ? PM_OK : write_states(j));
+    if (j->how->plot != NULL) {
+        PM_TRY(pm_evaluate_bands_draw(&j->estimate, &j->observation, j->data, j->which,
+                                      j->how->seconds, j->how->plot));
+    }
     const pm_rollout *violating = j->laws == NULL ? NULL : pm_evaluation_violation(j->laws);
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
 }

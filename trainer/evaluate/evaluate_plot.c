@@ -12,7 +12,7 @@
 static const char *const colours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                       "#e69f00", "#56b4e9", "#666666"};
 
-static const char *colour_of(int i) {
+const char *pm_plot_colour(int i) {
     return colours[i % (int)(sizeof colours / sizeof *colours)];
 }
 
@@ -21,9 +21,8 @@ static const char *colour_of(int i) {
 
 // --- scripts ---
 
-// Opens the script of `name`.png with the given size in pixels and the common style.
-static pm_status open_script(FILE **file, const char *folder, const char *name, int width,
-                             int height) {
+pm_status pm_plot_open_script(FILE **file, const char *folder, const char *name, int width,
+                              int height) {
     char path[64];
     snprintf(path, sizeof path, "%s.gp", name);
     PM_TRY(pm_plot_open(file, folder, path));
@@ -61,14 +60,14 @@ static void write_boxes(FILE *file, const pm_evaluation *e, const char *data, do
         fprintf(file,
                 "%s'%s' using (%g):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s' "
                 "fillstyle solid %g",
-                g > 0 ? ", " : "", data, g + 1 + shift, g + 3, colour_of(g), opacity);
+                g > 0 ? ", " : "", data, g + 1 + shift, g + 3, pm_plot_colour(g), opacity);
     }
 }
 
 static pm_status script_errors(const pm_evaluation *e, const pm_evaluation *trained,
                                const char *folder) {
     FILE *file;
-    PM_TRY(open_script(&file, folder, "errors", 900, 450));
+    PM_TRY(pm_plot_open_script(&file, folder, "errors", 900, 450));
     fprintf(file, "set multiplot layout 1,2\n"
                   "set style data boxplot\n"
                   "set grid noxtics ytics\n"
@@ -105,7 +104,7 @@ static pm_status script_states(const pm_evaluation *e, const char *folder) {
     FILE *file;
     const pm_columns *c = &e->columns;
     const int every = e->truth->ntime / MOST_POINTS + 1;
-    PM_TRY(open_script(&file, folder, "trajectory", 1000, 50 + 250 * c->ngroup));
+    PM_TRY(pm_plot_open_script(&file, folder, "trajectory", 1000, 50 + 250 * c->ngroup));
     fprintf(file,
             "set multiplot layout %d,1 title 'Trajectory %d: predicted (lines), true (points)'\n"
             "set key outside right top\n"
@@ -119,7 +118,7 @@ static pm_status script_states(const pm_evaluation *e, const char *folder) {
         int count = 0;
         for (int i = 0; i < c->nz; ++i) {
             if (c->group[i] == g) {
-                const char *colour = colour_of(count++);
+                const char *colour = pm_plot_colour(count++);
                 fprintf(file,
                         "%s'states.txt' every %d using 1:%d with points pointtype 7 pointsize 0.45 "
                         "linecolor '%s', '' using 1:%d with lines linewidth 1.2 linecolor '%s' "
@@ -158,7 +157,7 @@ static void write_time_axis(FILE *file, const pm_evaluation *e) {
 static pm_status script_growth(const pm_evaluation *e, const char *folder) {
     FILE *file;
     const int ngroup = e->columns.ngroup;
-    PM_TRY(open_script(&file, folder, "growth", 1000, 60 + 250 * ngroup));
+    PM_TRY(pm_plot_open_script(&file, folder, "growth", 1000, 60 + 250 * ngroup));
     fprintf(file,
             "set multiplot layout %d,1 title 'Error growth over %d trajectories'\n"
             "set key outside right top\nset lmargin 11\nset rmargin 15\n",
@@ -170,14 +169,14 @@ static pm_status script_growth(const pm_evaluation *e, const char *folder) {
         write_log_axis(file, label);
         fprintf(file, "set xlabel '%s'\n%splot ", g + 1 < ngroup ? "" : "time, s",
                 g == 1 ? "set key off\n" : "");
-        write_band(file, "growth.txt", 2 + PM_PLOT_SPREAD * g, colour_of(g), false);
+        write_band(file, "growth.txt", 2 + PM_PLOT_SPREAD * g, pm_plot_colour(g), false);
     }
     return pm_plot_close(file, folder);
 }
 
 static pm_status script_laws(const pm_evaluation *e, const char *folder) {
     FILE *file;
-    PM_TRY(open_script(&file, folder, "laws", 1000, 640));
+    PM_TRY(pm_plot_open_script(&file, folder, "laws", 1000, 640));
     fprintf(file,
             "set multiplot layout 2,1 title 'Both laws over %d trajectories'\n"
             "set key outside right top\nset lmargin 13\nset rmargin 24\n",
@@ -186,11 +185,11 @@ static pm_status script_laws(const pm_evaluation *e, const char *folder) {
     fputs("set xlabel ''\nset title 'drift of the total energy'\n", file);
     write_log_axis(file, "|E(t) - E(0)|, J");
     fputs("plot ", file);
-    write_band(file, "laws.txt", 2, colour_of(0), true);
+    write_band(file, "laws.txt", 2, pm_plot_colour(0), true);
     fputs("unset logscale y\nset format y '%g'\nset xlabel 'time, s'\nset key off\n"
           "set title 'change of the total entropy'\nset ylabel 'S(t) - S(0), J/K'\nplot ",
           file);
-    write_band(file, "laws.txt", 2 + PM_PLOT_SPREAD, colour_of(2), true);
+    write_band(file, "laws.txt", 2 + PM_PLOT_SPREAD, pm_plot_colour(2), true);
     return pm_plot_close(file, folder);
 }
 
