@@ -92,6 +92,20 @@ if command -v gnuplot >/dev/null; then
         fail "evaluate --plot: expected about 90 % inside the bands that are drawn"
 fi
 
+# --- interrupted and resumed: the same bits ---
+# The signal comes as soon as the program catches it.
+for wait in 0.05 0.1 0.15 0.2 0.3 0.4 0.6 0.8 1.2 1.6 2.5 4; do
+    rm -rf "$folder/again"
+    timeout -s INT $wait "$train" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/again" >"$folder/out" 2>&1
+    grep -q -e "continue with --resume" "$folder/out" && break
+done
+[ -s "$folder/again/arm.h5" ] || fail "fit, interrupted: expected weights"
+succeed "res" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/again" --resume
+h5diff "$folder/weights/arm.h5" "$folder/again/arm.h5" /parameters || fail "fit --resume: other weights"
+h5diff "$folder/weights/measured.h5" "$folder/again/measured.h5" || fail "fit --resume: other uncertainties"
+succeed "resumes with windows" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/again" --resume
+h5diff "$folder/weights/arm.h5" "$folder/again/arm.h5" /parameters || fail "fit --resume after its end: other weights"
+
 # --- a run from an estimated start ---
 succeed "Laws" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
     --states "$folder/states.h5"

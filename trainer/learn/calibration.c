@@ -168,11 +168,12 @@ static void leave_out(const calibration *c, int fold, int nfold) {
 }
 
 static pm_status run_fold(calibration *c, int fold, int nfold) {
-    pm_shooting_progress progress;
+    pm_shooting_progress progress = {0};
+    const pm_shooting_limits limits = {
+        .iterations = ITERATIONS, .enough = ENOUGH, .stop = c->how->stop};
     double damping = 0;
     leave_out(c, fold, nfold);
-    pm_status status =
-        pm_shooting_minimise(c->s, ITERATIONS, ENOUGH, &damping, c->how->stop, &progress);
+    pm_status status = pm_shooting_minimise(c->s, &limits, &damping, &progress);
     for (int i = fold; i < c->s->tracks->count && status == PM_OK && c->count < MOST_HELD;
          i += nfold) {
         status = predict(c, c->how->which[i]);

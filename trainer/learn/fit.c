@@ -15,7 +15,6 @@
 #include "learn/start.h"
 #include "learn/symmetry.h"
 
-#define CHECKPOINT_INTERVAL 30.0 // s
 // Training begins again with other initial weights if the best rollouts on the validation part have
 // more than this fraction of the error of persistence.
 #define UNLUCKY 0.02
@@ -61,7 +60,7 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
     if (is_over(f)) {
         return pm_fail(PM_EINTERRUPTED, "the time for training is over");
     }
-    return pm_clock() - f->saved > CHECKPOINT_INTERVAL ? pm_fit_save(f, false) : PM_OK;
+    return pm_clock() - f->saved > PM_FIT_CHECKPOINT_INTERVAL ? pm_fit_save(f, false) : PM_OK;
 }
 
 // --- stages ---

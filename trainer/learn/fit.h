@@ -21,6 +21,8 @@ typedef struct pm_fit_arguments {
     char line[1024]; // the whole command, for the weights files
 } pm_fit_arguments;
 
+#define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s
+
 // The position of a fit, as a checkpoint stores it.
 enum {
     PM_FIT_STAGE,

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "learn/calibration.h"
-#include "learn/shooting_schedule.h"
 #include "learn/shooting_start.h"
 #include "learn/start.h"
 #include "learn/uncertainty.h"
@@ -175,6 +174,18 @@ static pm_status make_states(pm_fit *f) {
     return status;
 }
 
+// Makes room for the starts of the shortest windows.
+static pm_status allocate_level(struct pm_fit_measured *m, int nz) {
+    m->nz = nz;
+    m->level_gap = pm_arena_array(&m->arena, (size_t)nz, sizeof *m->level_gap);
+    m->nstart = m->data->ntrajectory * (m->data->ntime / PM_SHOOTING_SHORTEST + 1) * nz;
+    m->level_start = pm_arena_array(&m->arena, (size_t)m->nstart, sizeof *m->level_start);
+    m->level_noise =
+        pm_arena_array(&m->arena, (size_t)m->observation.count, sizeof *m->level_noise);
+    return m->level_start == NULL || m->level_noise == NULL || m->level_gap == NULL ? no_memory()
+                                                                                    : PM_OK;
+}
+
 pm_status pm_fit_measured_load(pm_fit *f, const char *path) {
     struct pm_fit_measured *m = calloc(1, sizeof *m);
     const char *name = f->arguments->data_set != NULL  ? f->arguments->data_set
@@ -198,7 +209,16 @@ pm_status pm_fit_measured_load(pm_fit *f, const char *path) {
     }
     memcpy(m->typical, m->observation.deviation,
            (size_t)f->training->scene->nz * sizeof *m->typical);
+    PM_TRY(allocate_level(m, f->training->scene->nz));
     return make_states(f);
+}
+
+void pm_fit_measured_fields(struct pm_fit_measured *m,
+                            pm_checkpoint_field field[PM_FIT_MEASURED_FIELDS]) {
+    field[0] = (pm_checkpoint_field){"level", PM_FIT_MEASURED_LEVEL, m->level};
+    field[1] = (pm_checkpoint_field){"noise", m->observation.count, m->level_noise};
+    field[2] = (pm_checkpoint_field){"gaps", m->nz, m->level_gap};
+    field[3] = (pm_checkpoint_field){"starts", m->nstart, m->level_start};
 }
 
 void pm_fit_measured_close(struct pm_fit_measured *m) {
@@ -287,19 +307,55 @@ static pm_status search_start(pm_fit *f, pm_shooting *s) {
     return PM_OK;
 }
 
-static pm_status shoot(pm_fit *f, pm_shooting *s) {
-    const struct pm_fit_measured *m = f->measured;
-    for (int c = 0; c < s->nz; ++c) {
-        s->prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
+// A fit in progress, as the schedule sees it.
+typedef struct course_context {
+    pm_fit *fit;
+    pm_shooting *shooting;
+} course_context;
+
+// Notes a point of the course, from which the fit goes on if it is interrupted.
+static pm_status keep_level(void *context, const pm_shooting_level *level) {
+    const course_context *c = context;
+    struct pm_fit_measured *m = c->fit->measured;
+    const pm_shooting *s = c->shooting;
+    const double number[PM_FIT_MEASURED_LEVEL] = {level->part,          level->length,
+                                                  level->round,         level->factor,
+                                                  level->damping,       level->progress.iterations,
+                                                  level->progress.idle, level->progress.before};
+    memcpy(m->level, number, sizeof number);
+    memcpy(m->level_gap, s->gap, (size_t)s->nz * sizeof *s->gap);
+    memcpy(m->level_noise, s->noise, (size_t)s->ny * sizeof *s->noise);
+    memcpy(m->level_start, s->z, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
+    pm_shooting_weights(s, c->fit->theta);
+    return pm_clock() - c->fit->saved > PM_FIT_CHECKPOINT_INTERVAL ? pm_fit_save(c->fit, false)
+                                                                   : PM_OK;
+}
+
+// Puts the shooting where keep_level found it; the system has the weights already.
+static pm_status restore_level(const struct pm_fit_measured *m, pm_shooting *s,
+                               pm_shooting_level *level) {
+    const double *number = m->level;
+    *level = (pm_shooting_level){
+        .part = (int)number[0],
+        .length = (int)number[1],
+        .round = (int)number[2],
+        .factor = number[3],
+        .damping = number[4],
+        .progress = {.iterations = (int)number[5], .idle = (int)number[6], .before = number[7]}};
+    if (level->part == PM_COURSE_NONE) {
+        return PM_OK;
     }
-    set_reach(f, s);
-    PM_TRY(search_start(f, s));
-    const pm_shooting_course course = {
-        .given = m->noise, .typical = m->typical, .loud = true, .stop = f->stop};
+    PM_TRY(pm_shooting_divide(s, level->length));
+    memcpy(s->z, m->level_start, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
+    memcpy(s->noise, m->level_noise, (size_t)s->ny * sizeof *s->noise);
+    memcpy(s->gap, m->level_gap, (size_t)s->nz * sizeof *s->gap);
+    pm_shooting_evaluate(s, s->z, false);
+    return PM_OK;
+}
+
+static pm_status find_uncertainty(pm_fit *f, pm_shooting *s) {
+    const struct pm_fit_measured *m = f->measured;
     pm_uncertainty u;
-    const pm_status status = pm_shooting_run(s, &course);
-    pm_shooting_weights(s, f->theta);
-    PM_TRY(status);
     PM_TRY(pm_uncertainty_make(&u, s));
     const pm_calibration_how how = {.data = m->data,
                                     .which = f->split.trajectory,
@@ -307,13 +363,34 @@ static pm_status shoot(pm_fit *f, pm_shooting *s) {
                                     .held = f->split.trajectory + f->split.ntraining,
                                     .until = f->training->seconds,
                                     .stop = f->stop};
-    pm_status saved = pm_calibration_make(&u, s, &how);
-    if (saved == PM_OK) {
+    pm_status status = pm_calibration_make(&u, s, &how);
+    if (status == PM_OK) {
         pm_uncertainty_print(&u, s);
-        saved = pm_uncertainty_save(&u, f->arguments->output);
+        status = pm_uncertainty_save(&u, f->arguments->output);
     }
     pm_uncertainty_free(&u);
-    return saved;
+    return status;
+}
+
+static pm_status shoot(pm_fit *f, pm_shooting *s) {
+    const struct pm_fit_measured *m = f->measured;
+    course_context context = {f, s};
+    pm_shooting_course course = {.given = m->noise,
+                                 .typical = m->typical,
+                                 .loud = true,
+                                 .stop = f->stop,
+                                 .keep = keep_level,
+                                 .context = &context};
+    for (int c = 0; c < s->nz; ++c) {
+        s->prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
+    }
+    set_reach(f, s);
+    if (m->level[0] == PM_COURSE_NONE) {
+        PM_TRY(search_start(f, s));
+    }
+    PM_TRY(restore_level(m, s, &course.first_level));
+    PM_TRY(pm_shooting_run(s, &course));
+    return find_uncertainty(f, s);
 }
 
 pm_status pm_fit_measured_run(pm_fit *f) {
@@ -335,6 +412,10 @@ pm_status pm_fit_measured_run(pm_fit *f) {
     }
     pm_shooting_close(&shooting);
     pm_tracks_free(&tracks);
+    if (status == PM_EINTERRUPTED) {
+        PM_TRY(pm_fit_save(f, false));
+        return pm_fail(PM_EINTERRUPTED, "interrupted; continue with --resume");
+    }
     return status;
 }
 

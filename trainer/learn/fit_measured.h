@@ -5,6 +5,12 @@
 
 #include "learn/fit.h"
 #include "learn/observation.h"
+#include "learn/shooting_schedule.h"
+#include "store/checkpoint.h"
+
+#define PM_FIT_MEASURED_FIELDS 4 // of a checkpoint
+
+#define PM_FIT_MEASURED_LEVEL 8 // numbers of a point in the course
 
 struct pm_fit_measured {
     pm_arena arena;
@@ -13,6 +19,11 @@ struct pm_fit_measured {
     double *noise; // [observation.count] given noise in the unit of the column; 0: to be estimated
     double *declared; // [weights] as declared, before random numbers are added to them
     double *typical;  // [nz] typical size of hidden components; 0: not known
+    // The point from which an interrupted fit goes on (pm_shooting_level, as numbers), with the
+    // noise [observation.count], the gaps [nz] and the starts [nstart] of all windows; f->theta has
+    // its weights.
+    double level[PM_FIT_MEASURED_LEVEL], *level_noise, *level_gap, *level_start;
+    int nz, nstart;
 };
 
 // Loads the measurements, and makes f->dataset: states at the steps of the scene, interpolated from
@@ -24,8 +35,13 @@ void pm_fit_measured_close(struct pm_fit_measured *m); // NULL is allowed
 // (learn/shooting_start.h), false if they are chosen by fits to rates (learn/start.h) or drawn
 // once.
 bool pm_fit_measured_searches(const pm_fit *f);
-// Runs multiple shooting on the training part. f->theta holds the result.
+// Runs multiple shooting on the training part, from the level of the checkpoint if the fit was
+// resumed. f->theta holds the result. When it is interrupted, it writes a checkpoint and the
+// weights with which the present level began.
 pm_status pm_fit_measured_run(pm_fit *f);
+// Lists what a checkpoint holds of the measurements' fit.
+void pm_fit_measured_fields(struct pm_fit_measured *m,
+                            pm_checkpoint_field field[PM_FIT_MEASURED_FIELDS]);
 // Estimates the starts of the validation part from the first quarter of each trajectory, and prints
 // how well the rest is predicted. The training part is used if there is no validation part.
 // PM_EUNFIT: predictions are not finite.

@@ -4,9 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "learn/fit.h"
+#include "learn/fit_measured.h"
 #include "learn/fold_tangent.h"
-#include "store/checkpoint.h"
 
 static const char *base_name(const char *path) {
     const char *slash = strrchr(path, '/');
@@ -132,20 +131,29 @@ static pm_status save_weights(pm_fit *f, bool loud) {
 
 // --- checkpoints ---
 
-static void fields_of(pm_fit *f, pm_checkpoint_field field[4]) {
+#define OWN_FIELDS 4
+#define MOST_FIELDS (OWN_FIELDS + PM_FIT_MEASURED_FIELDS)
+
+// Lists what a checkpoint holds and returns the number of fields.
+static int fields_of(pm_fit *f, pm_checkpoint_field field[MOST_FIELDS]) {
     field[0] = (pm_checkpoint_field){"position", PM_FIT_POSITION, f->position};
     field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
     field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
     field[3] = (pm_checkpoint_field){"best", f->size, f->best};
+    if (f->measured == NULL) {
+        return OWN_FIELDS;
+    }
+    pm_fit_measured_fields(f->measured, field + OWN_FIELDS);
+    return MOST_FIELDS;
 }
 
 pm_status pm_fit_save(pm_fit *f, bool loud) {
-    pm_checkpoint_field field[4];
+    pm_checkpoint_field field[MOST_FIELDS];
     const double now = pm_clock();
     f->position[PM_FIT_SECONDS] += now - f->saved;
     f->saved = now;
-    fields_of(f, field);
-    PM_TRY(pm_checkpoint_save(f->checkpoint, "fit", f->digest, 4, field));
+    const int count = fields_of(f, field);
+    PM_TRY(pm_checkpoint_save(f->checkpoint, "fit", f->digest, count, field));
     return save_weights(f, loud);
 }
 
@@ -164,12 +172,18 @@ static pm_status check_stages(const pm_fit *f, const double *own) {
 
 pm_status pm_fit_load(pm_fit *f) {
     double own[PM_MAX_TRAINING_STAGES];
-    pm_checkpoint_field field[4];
+    pm_checkpoint_field field[MOST_FIELDS];
     memcpy(own, f->position + PM_FIT_DIGEST, sizeof own);
-    fields_of(f, field);
-    PM_TRY(pm_checkpoint_load(f->checkpoint, "fit", f->digest, 4, field));
+    const int count = fields_of(f, field);
+    PM_TRY(pm_checkpoint_load(f->checkpoint, "fit", f->digest, count, field));
     PM_TRY(check_stages(f, own));
     memcpy(f->position + PM_FIT_DIGEST, own, sizeof own);
+    if (f->measured != NULL) {
+        printf(f->measured->level[0] == PM_COURSE_NONE ? "begins again: there are no windows yet\n"
+                                                       : "resumes with windows of %d\n",
+               (int)f->measured->level[1]);
+        return PM_OK;
+    }
     printf("resumes stage %d after %d iterations\n", (int)f->position[PM_FIT_STAGE] + 1,
            (int)f->position[PM_FIT_DONE]);
     return PM_OK;

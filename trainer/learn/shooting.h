@@ -103,18 +103,29 @@ bool pm_shooting_solve(pm_shooting *s, double damping, double *weights, double *
 // --- learn/shooting_minimise.c ---
 
 typedef struct pm_shooting_progress {
-    int iterations;
+    int iterations;       // steps so far
+    int idle;             // the last steps in a row that hardly lowered the objective
     double before, after; // the objective
-    double damping;
 } pm_shooting_progress;
 
-// Makes up to `iterations` Gauss-Newton steps. Each step raises the damping until the objective
-// falls. The function ends early when a step lowers the objective by less than the fraction
-// `enough`. The system and s->z then hold the resulting weights and starts. *damping is carried
-// over from call to call; 0 at first. PM_EINTERRUPTED if *stop becomes nonzero, PM_ENUMERIC if the
-// objective is not finite at the beginning, PM_ENOMEM.
-pm_status pm_shooting_minimise(pm_shooting *s, int iterations, double enough, double *damping,
-                               const volatile sig_atomic_t *stop, pm_shooting_progress *progress);
+// When the steps end, and who is told of them.
+typedef struct pm_shooting_limits {
+    int iterations; // at most
+    double enough;  // a step that lowers the objective by less than this fraction
+                    // hardly lowers it; two in a row end the steps
+    const volatile sig_atomic_t *stop; // ends the steps when nonzero; or NULL
+    // Called before each step, from which the same call goes on with the same bits; or NULL.
+    pm_status (*keep)(void *context, const pm_shooting_progress *progress);
+    void *context;
+} pm_shooting_limits;
+
+// Makes Gauss-Newton steps. Each step raises the damping until the objective falls. The system and
+// s->z then hold the resulting weights and starts. *damping is carried over from call to call; 0 at
+// first. *progress is all zero at first; otherwise the call goes on from there. PM_EINTERRUPTED if
+// *stop becomes nonzero, PM_ENUMERIC if the objective is not finite at the beginning, PM_ENOMEM.
+// Fails as `keep` does.
+pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits, double *damping,
+                               pm_shooting_progress *progress);
 // These functions copy all trained weights from the system to theta [nweight], and back.
 void pm_shooting_weights(const pm_shooting *s, double *theta);
 void pm_shooting_set_weights(const pm_shooting *s, const double *theta);

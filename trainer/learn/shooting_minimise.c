@@ -62,15 +62,13 @@ static bool step(pm_shooting *s, const descent *x, double *damping, double *obje
     return false;
 }
 
-static pm_status minimise(pm_shooting *s, const descent *x, int iterations, double enough,
-                          double *damping, const volatile sig_atomic_t *stop,
-                          pm_shooting_progress *progress) {
+static pm_status minimise(pm_shooting *s, const descent *x, const pm_shooting_limits *limits,
+                          double *damping, pm_shooting_progress *progress) {
     pm_shooting_weights(s, x->kept);
     memcpy(x->kept + s->nweight, s->z, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
     *damping = *damping == 0 ? FIRST_DAMPING : *damping;
-    *progress = (pm_shooting_progress){0};
-    int idle = 0; // steps in a row that hardly lowered the objective
-    while (progress->iterations < iterations && idle < 2) {
+    while (progress->iterations < limits->iterations && progress->idle < 2) {
+        PM_TRY(limits->keep == NULL ? PM_OK : limits->keep(limits->context, progress));
         double now = pm_shooting_evaluate(s, s->z, true);
         if (!isfinite(now)) {
             return pm_fail(PM_ENUMERIC, "multiple shooting: the objective is %g", now);
@@ -80,28 +78,27 @@ static pm_status minimise(pm_shooting *s, const descent *x, int iterations, doub
         const bool moved = step(s, x, damping, &now);
         ++progress->iterations;
         progress->after = now;
-        progress->damping = *damping;
-        if (stop != NULL && *stop) {
+        if (limits->stop != NULL && *limits->stop) {
             return pm_fail(PM_EINTERRUPTED, "interrupted");
         }
         if (!moved) {
             break;
         }
-        idle = now > before * (1 - enough) ? idle + 1 : 0;
+        progress->idle = now > before * (1 - limits->enough) ? progress->idle + 1 : 0;
     }
     // Residuals and ends of windows are those of the result.
     pm_shooting_evaluate(s, s->z, false);
     return PM_OK;
 }
 
-pm_status pm_shooting_minimise(pm_shooting *s, int iterations, double enough, double *damping,
-                               const volatile sig_atomic_t *stop, pm_shooting_progress *progress) {
+pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits, double *damping,
+                               pm_shooting_progress *progress) {
     const size_t n = (size_t)s->nweight + (size_t)s->nwindow * (size_t)s->nz;
     const descent x = {malloc(n * sizeof(double)), malloc(n * sizeof(double)),
                        malloc(n * sizeof(double))};
     const pm_status status = x.kept == NULL || x.step == NULL || x.trial == NULL
                                  ? pm_fail(PM_ENOMEM, "out of memory for multiple shooting")
-                                 : minimise(s, &x, iterations, enough, damping, stop, progress);
+                                 : minimise(s, &x, limits, damping, progress);
     free(x.kept);
     free(x.step);
     free(x.trial);

@@ -16,8 +16,7 @@
 // Windows double while their gaps, as large as they become until the end of the next window, stay
 // below this many deviations of the noise.
 #define MOST_GROWN_GAP 10
-#define SHORTEST 4 // samples of the first windows, at least
-#define COARSER 2  // the factor between the steps of the integrator in the first windows and later
+#define COARSER 2 // the factor between the steps of the integrator in the first windows and later
 #define LEVEL_ITERATIONS 12
 #define LEVEL_ENOUGH 1e-2
 #define LAST_ITERATIONS 40
@@ -152,22 +151,22 @@ static double growth(const pm_shooting *s) {
     return most;
 }
 
-static void print_level(const pm_shooting *s, int length, double factor,
-                        const pm_shooting_progress *p, double seconds) {
+static void print_level(const pm_shooting *s, const pm_shooting_level *level, int iterations,
+                        double before, double seconds) {
     double noise = 0;
     for (int c = 0; c < s->ny; ++c) {
         noise += log(s->noise[c] / s->tracks->deviation[c]) / s->ny;
     }
     printf("%s of %-6d %8d iterations %8.1f s   %d windows, objective %.4e to %.4e, residual "
            "%.3g %% of the deviation, gaps %.2g of the noise\n",
-           s->hold ? "starts, windows" : "windows", length, p->iterations, seconds, s->nwindow,
-           p->before, p->after, 100 * exp(noise), gap_size(s, factor));
+           s->hold ? "starts, windows" : "windows", level->length, iterations, seconds, s->nwindow,
+           before, level->after, 100 * exp(noise), gap_size(s, level->factor));
     fflush(stdout);
 }
 
 int pm_shooting_first_length(const pm_shooting *s) {
     const int length = (2 * s->nz + s->ny - 1) / s->ny;
-    return length > SHORTEST ? length : SHORTEST;
+    return length > PM_SHOOTING_SHORTEST ? length : PM_SHOOTING_SHORTEST;
 }
 
 static int longest_record(const pm_shooting *s) {
@@ -178,66 +177,120 @@ static int longest_record(const pm_shooting *s) {
     return longest;
 }
 
-static pm_status run_level(pm_shooting *s, const pm_shooting_course *course, int length,
-                           double factor, bool last, double *damping) {
-    pm_shooting_progress all = {0};
+// A level in progress.
+typedef struct running_level {
+    const pm_shooting_course *course;
+    pm_shooting_level *level;
+} running_level;
+
+static pm_status keep_progress(void *context, const pm_shooting_progress *progress) {
+    const running_level *r = context;
+    r->level->progress = *progress;
+    return r->course->keep == NULL ? PM_OK : r->course->keep(r->course->context, r->level);
+}
+
+static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
+                           pm_shooting_level *level) {
+    int iterations = 0;
+    double objective = NAN;
     const double started = pm_clock();
+    const bool last = level->part == PM_COURSE_LAST;
     bool settled = false;
-    for (int round = 0; round < (last ? LAST_ROUNDS : MOST_ROUNDS) && !settled; ++round) {
-        pm_shooting_progress progress;
-        set_gaps(s, course, factor);
-        PM_TRY(pm_shooting_minimise(s, last ? LAST_ITERATIONS : LEVEL_ITERATIONS,
-                                    last ? LAST_ENOUGH : LEVEL_ENOUGH, damping, course->stop,
-                                    &progress));
-        all.before = round == 0 ? progress.before : all.before;
-        all.after = progress.after;
-        all.iterations += progress.iterations;
+    running_level running = {course, level};
+    const pm_shooting_limits limits = {.iterations = last ? LAST_ITERATIONS : LEVEL_ITERATIONS,
+                                       .enough = last ? LAST_ENOUGH : LEVEL_ENOUGH,
+                                       .stop = course->stop,
+                                       .keep = keep_progress,
+                                       .context = &running};
+    pm_shooting_progress progress = level->progress;
+    for (; level->round < (last ? LAST_ROUNDS : MOST_ROUNDS) && !settled; ++level->round) {
+        if (progress.iterations == 0) {
+            set_gaps(s, course, level->factor);
+        }
+        PM_TRY(pm_shooting_minimise(s, &limits, &level->damping, &progress));
+        objective = isnan(objective) ? progress.before : objective;
+        iterations += progress.iterations;
+        level->after = progress.after;
+        progress = (pm_shooting_progress){0};
         double change = 0;
         PM_TRY(update_noise(s, course, last, &change));
         settled = change < (last ? LAST_SETTLED : LEVEL_SETTLED);
     }
+    level->round = 0;
+    level->progress = progress;
     if (course->loud) {
-        print_level(s, length, factor, &all, pm_clock() - started);
+        print_level(s, level, iterations, objective, pm_clock() - started);
+    }
+    return PM_OK;
+}
+
+// Prepares the shooting for a part of the course with `substeps` steps of the integrator at the
+// end.
+static pm_status begin_part(pm_shooting *s, int part, int substeps) {
+    // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
+    s->hold = part == PM_COURSE_STARTS;
+    // Where gaps hardly count, priors keep the starts of all windows from making up for the
+    // weights.
+    s->everywhere = part == PM_COURSE_STARTS || part == PM_COURSE_SHORT;
+    // Long windows multiply the errors of long steps: trajectories that were found with them would
+    // be too far from those with short steps to lead there.
+    const int own = s->everywhere ? (substeps + COARSER - 1) / COARSER : substeps;
+    return own == s->how.substeps ? PM_OK : pm_shooting_set_substeps(s, own);
+}
+
+// Divides the tracks into the first windows. Noise is at first what the model as it is leaves
+// unexplained, so that no residual counts as an outlier before the model is any good.
+static pm_status begin_course(pm_shooting *s, const pm_shooting_course *course, int substeps,
+                              pm_shooting_level *level) {
+    *level = (pm_shooting_level){.part = PM_COURSE_STARTS,
+                                 .length = course->first > 0 ? course->first
+                                                             : pm_shooting_first_length(s),
+                                 .factor = FIRST_GAP};
+    PM_TRY(begin_part(s, level->part, substeps));
+    PM_TRY(pm_shooting_divide(s, level->length));
+    pm_shooting_evaluate(s, s->z, false);
+    return update_noise(s, course, false, NULL);
+}
+
+// Chooses the level after one that has ended.
+static pm_status next_level(pm_shooting *s, const pm_shooting_course *course,
+                            pm_shooting_level *level) {
+    if (level->part == PM_COURSE_STARTS) {
+        level->part = PM_COURSE_SHORT;
+        level->damping = 0;
+        return PM_OK;
+    }
+    if (level->part == PM_COURSE_LAST) {
+        level->part = PM_COURSE_DONE;
+        return PM_OK;
+    }
+    level->part = PM_COURSE_GROW;
+    const bool closed = level->factor <= LAST_GAP;
+    const bool joins = growth(s) * gap_size(s, level->factor) < MOST_GROWN_GAP;
+    // Once every track is one window, there is no gap left to close.
+    if (level->length >= longest_record(s) || (closed && !joins)) {
+        level->part = PM_COURSE_LAST;
+        return update_noise(s, course, true, NULL);
+    }
+    level->factor = fmax(level->factor * GAP_FALLS, LAST_GAP);
+    if (joins) {
+        level->length *= 2;
+        PM_TRY(pm_shooting_divide(s, level->length));
     }
     return PM_OK;
 }
 
 pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
-    int length = course->first > 0 ? course->first : pm_shooting_first_length(s);
-    const int longest = longest_record(s), substeps = s->how.substeps;
-    double factor = FIRST_GAP, damping = 0;
-    PM_TRY(pm_shooting_set_substeps(s, (substeps + COARSER - 1) / COARSER));
-    PM_TRY(pm_shooting_divide(s, length));
-    // Noise is at first what the model as it is leaves unexplained, so that no residual counts as
-    // an outlier before the model is any good.
-    pm_shooting_evaluate(s, s->z, false);
-    PM_TRY(update_noise(s, course, false, NULL));
-    // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
-    // Where gaps hardly count, priors keep the starts of all windows from making up for the
-    // weights.
-    s->hold = s->everywhere = true;
-    PM_TRY(run_level(s, course, length, factor, false, &damping));
-    s->hold = false;
-    damping = 0;
-    PM_TRY(run_level(s, course, length, factor, false, &damping));
-    s->everywhere = false;
-    // Long windows multiply the errors of long steps: trajectories that were found with them would
-    // be too far from those with short steps to lead there.
-    PM_TRY(pm_shooting_set_substeps(s, substeps));
-    // Once every track is one window, there is no gap left to close.
-    while (length < longest) {
-        const bool closed = factor <= LAST_GAP;
-        const bool joins = growth(s) * gap_size(s, factor) < MOST_GROWN_GAP;
-        if (closed && !joins) {
-            break;
-        }
-        factor = fmax(factor * GAP_FALLS, LAST_GAP);
-        if (joins) {
-            length *= 2;
-            PM_TRY(pm_shooting_divide(s, length));
-        }
-        PM_TRY(run_level(s, course, length, factor, false, &damping));
+    const int substeps = s->how.substeps;
+    pm_shooting_level level = course->first_level;
+    if (level.part == PM_COURSE_NONE) {
+        PM_TRY(begin_course(s, course, substeps, &level));
     }
-    PM_TRY(update_noise(s, course, true, NULL));
-    return run_level(s, course, length, factor, true, &damping);
+    while (level.part != PM_COURSE_DONE) {
+        PM_TRY(begin_part(s, level.part, substeps));
+        PM_TRY(course->keep == NULL ? PM_OK : course->keep(course->context, &level));
+        PM_TRY(run_level(s, course, &level));
+        PM_TRY(next_level(s, course, &level));
+    }
+    return course->keep == NULL ? PM_OK : course->keep(course->context, &level);
 }

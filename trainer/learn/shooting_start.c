@@ -51,12 +51,13 @@ static void choose_windows(pm_shooting *s, int count) {
 static pm_status advance(race *r, contender *a, int iterations, bool hold) {
     pm_shooting *s = r->shooting;
     const size_t cells = (size_t)s->nwindow * (size_t)s->nz;
-    pm_shooting_progress progress;
+    pm_shooting_progress progress = {0};
+    const pm_shooting_limits limits = {
+        .iterations = iterations, .enough = ENOUGH, .stop = r->how->stop};
     pm_shooting_set_weights(s, a->theta);
     memcpy(s->z, a->z, cells * sizeof *s->z);
     s->hold = hold;
-    const pm_status status =
-        pm_shooting_minimise(s, iterations, ENOUGH, &a->damping, r->how->stop, &progress);
+    const pm_status status = pm_shooting_minimise(s, &limits, &a->damping, &progress);
     s->hold = false;
     a->objective = INFINITY; // a draw that cannot be evaluated is dropped
     PM_TRY(status == PM_ENUMERIC ? PM_OK : status);
