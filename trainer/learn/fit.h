@@ -10,6 +10,7 @@
 #include "evaluate/measure.h"
 #include "learn/split.h"
 #include "learn/training.h"
+#include "store/checkpoint.h"
 
 // The command line of a fit. Texts are borrowed; NULL: not given.
 typedef struct pm_fit_arguments {
@@ -22,6 +23,7 @@ typedef struct pm_fit_arguments {
 } pm_fit_arguments;
 
 #define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s
+#define PM_FIT_MOST_EXTRA 4
 
 // The position of a fit, as a checkpoint stores it.
 enum {
@@ -49,7 +51,9 @@ typedef struct pm_fit {
     pm_split split;
     uint64_t *seen; // [trajectories] their digests
     const volatile sig_atomic_t *stop;
-    char *checkpoint; // path
+    char *checkpoint;                             // path
+    pm_checkpoint_field extra[PM_FIT_MOST_EXTRA]; // [nextra] what else a checkpoint holds
+    int nextra;
     uint64_t digest;  // of all inputs that determine the result, except the stages
     int size;         // the number of weights
     double *theta;    // [size] the present weights

@@ -174,16 +174,24 @@ static pm_status make_states(pm_fit *f) {
     return status;
 }
 
-// Makes room for the starts of the shortest windows.
-static pm_status allocate_level(struct pm_fit_measured *m, int nz) {
-    m->nz = nz;
+// Makes room for a point of the course, with the starts of the shortest windows.
+static pm_status allocate_level(pm_fit *f) {
+    struct pm_fit_measured *m = f->measured;
+    const int nz = f->training->scene->nz;
     m->level_gap = pm_arena_array(&m->arena, (size_t)nz, sizeof *m->level_gap);
     m->nstart = m->data->ntrajectory * (m->data->ntime / PM_SHOOTING_SHORTEST + 1) * nz;
     m->level_start = pm_arena_array(&m->arena, (size_t)m->nstart, sizeof *m->level_start);
     m->level_noise =
         pm_arena_array(&m->arena, (size_t)m->observation.count, sizeof *m->level_noise);
-    return m->level_start == NULL || m->level_noise == NULL || m->level_gap == NULL ? no_memory()
-                                                                                    : PM_OK;
+    if (m->level_start == NULL || m->level_noise == NULL || m->level_gap == NULL) {
+        return no_memory();
+    }
+    f->extra[0] = (pm_checkpoint_field){"level", PM_FIT_MEASURED_LEVEL, m->level};
+    f->extra[1] = (pm_checkpoint_field){"noise", m->observation.count, m->level_noise};
+    f->extra[2] = (pm_checkpoint_field){"gaps", nz, m->level_gap};
+    f->extra[3] = (pm_checkpoint_field){"starts", m->nstart, m->level_start};
+    f->nextra = 4;
+    return PM_OK;
 }
 
 pm_status pm_fit_measured_load(pm_fit *f, const char *path) {
@@ -209,16 +217,8 @@ pm_status pm_fit_measured_load(pm_fit *f, const char *path) {
     }
     memcpy(m->typical, m->observation.deviation,
            (size_t)f->training->scene->nz * sizeof *m->typical);
-    PM_TRY(allocate_level(m, f->training->scene->nz));
+    PM_TRY(allocate_level(f));
     return make_states(f);
-}
-
-void pm_fit_measured_fields(struct pm_fit_measured *m,
-                            pm_checkpoint_field field[PM_FIT_MEASURED_FIELDS]) {
-    field[0] = (pm_checkpoint_field){"level", PM_FIT_MEASURED_LEVEL, m->level};
-    field[1] = (pm_checkpoint_field){"noise", m->observation.count, m->level_noise};
-    field[2] = (pm_checkpoint_field){"gaps", m->nz, m->level_gap};
-    field[3] = (pm_checkpoint_field){"starts", m->nstart, m->level_start};
 }
 
 void pm_fit_measured_close(struct pm_fit_measured *m) {
@@ -349,6 +349,7 @@ static pm_status restore_level(const struct pm_fit_measured *m, pm_shooting *s,
     memcpy(s->z, m->level_start, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
     memcpy(s->noise, m->level_noise, (size_t)s->ny * sizeof *s->noise);
     memcpy(s->gap, m->level_gap, (size_t)s->nz * sizeof *s->gap);
+    printf("resumes with windows of %d\n", level->length);
     pm_shooting_evaluate(s, s->z, false);
     return PM_OK;
 }

@@ -6,9 +6,6 @@
 #include "learn/fit.h"
 #include "learn/observation.h"
 #include "learn/shooting_schedule.h"
-#include "store/checkpoint.h"
-
-#define PM_FIT_MEASURED_FIELDS 4 // of a checkpoint
 
 #define PM_FIT_MEASURED_LEVEL 8 // numbers of a point in the course
 
@@ -23,25 +20,23 @@ struct pm_fit_measured {
     // noise [observation.count], the gaps [nz] and the starts [nstart] of all windows; f->theta has
     // its weights.
     double level[PM_FIT_MEASURED_LEVEL], *level_noise, *level_gap, *level_start;
-    int nz, nstart;
+    int nstart;
 };
 
 // Loads the measurements, and makes f->dataset: states at the steps of the scene, interpolated from
 // the measurements, with guesses for hidden groups. These states only serve to fix the scales of
-// the models (learn/normalization.h). PM_EDATA, PM_ECONFIG, PM_EFILE, PM_ENOMEM.
+// the models (learn/normalization.h). Adds what a checkpoint needs to f->extra. PM_EDATA,
+// PM_ECONFIG, PM_EFILE, PM_ENOMEM.
 pm_status pm_fit_measured_load(pm_fit *f, const char *path);
 void pm_fit_measured_close(struct pm_fit_measured *m); // NULL is allowed
 // Returns true if pm_fit_measured_run chooses the initial weights by short fits to windows
 // (learn/shooting_start.h), false if they are chosen by fits to rates (learn/start.h) or drawn
 // once.
 bool pm_fit_measured_searches(const pm_fit *f);
-// Runs multiple shooting on the training part, from the level of the checkpoint if the fit was
+// Runs multiple shooting on the training part, from the step of the checkpoint if the fit was
 // resumed. f->theta holds the result. When it is interrupted, it writes a checkpoint and the
-// weights with which the present level began.
+// weights with which the present step began.
 pm_status pm_fit_measured_run(pm_fit *f);
-// Lists what a checkpoint holds of the measurements' fit.
-void pm_fit_measured_fields(struct pm_fit_measured *m,
-                            pm_checkpoint_field field[PM_FIT_MEASURED_FIELDS]);
 // Estimates the starts of the validation part from the first quarter of each trajectory, and prints
 // how well the rest is predicted. The training part is used if there is no validation part.
 // PM_EUNFIT: predictions are not finite.

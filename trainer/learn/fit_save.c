@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "learn/fit_measured.h"
+#include "learn/fit.h"
 #include "learn/fold_tangent.h"
 
 static const char *base_name(const char *path) {
@@ -132,7 +132,7 @@ static pm_status save_weights(pm_fit *f, bool loud) {
 // --- checkpoints ---
 
 #define OWN_FIELDS 4
-#define MOST_FIELDS (OWN_FIELDS + PM_FIT_MEASURED_FIELDS)
+#define MOST_FIELDS (OWN_FIELDS + PM_FIT_MOST_EXTRA)
 
 // Lists what a checkpoint holds and returns the number of fields.
 static int fields_of(pm_fit *f, pm_checkpoint_field field[MOST_FIELDS]) {
@@ -140,11 +140,8 @@ static int fields_of(pm_fit *f, pm_checkpoint_field field[MOST_FIELDS]) {
     field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
     field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
     field[3] = (pm_checkpoint_field){"best", f->size, f->best};
-    if (f->measured == NULL) {
-        return OWN_FIELDS;
-    }
-    pm_fit_measured_fields(f->measured, field + OWN_FIELDS);
-    return MOST_FIELDS;
+    memcpy(field + OWN_FIELDS, f->extra, (size_t)f->nextra * sizeof *field);
+    return OWN_FIELDS + f->nextra;
 }
 
 pm_status pm_fit_save(pm_fit *f, bool loud) {
@@ -179,10 +176,7 @@ pm_status pm_fit_load(pm_fit *f) {
     PM_TRY(check_stages(f, own));
     memcpy(f->position + PM_FIT_DIGEST, own, sizeof own);
     if (f->measured != NULL) {
-        printf(f->measured->level[0] == PM_COURSE_NONE ? "begins again: there are no windows yet\n"
-                                                       : "resumes with windows of %d\n",
-               (int)f->measured->level[1]);
-        return PM_OK;
+        return PM_OK; // which says where it goes on (learn/fit_measured.h)
     }
     printf("resumes stage %d after %d iterations\n", (int)f->position[PM_FIT_STAGE] + 1,
            (int)f->position[PM_FIT_DONE]);
