@@ -92,6 +92,14 @@ if command -v gnuplot >/dev/null; then
         fail "evaluate --plot: expected about 90 % inside the bands that are drawn"
 fi
 
+# --- constants that only appear together are named together ---
+sed -e 's/useless: .*/mass: {learned: 2.0, positive: true}/' -e 's/p^2\/2 - stiffness\*cos(q) + useless/p^2\/(2*mass) - stiffness*cos(q)/' \
+    "$folder/training.yaml" >"$folder/scale.yaml"
+succeed "cannot be identified" fit "$folder/scale.yaml" --data "$folder/swing.h5" -o "$folder/scale"
+for name in mass stiffness viscous; do
+    grep "cannot be identified" "$folder/out" | grep -q " arm.$name x " || fail "fit: expected arm.$name to be named"
+done
+
 # --- interrupted and resumed: the same bits ---
 # The signal comes as soon as the program catches it.
 for wait in 0.05 0.1 0.15 0.2 0.3 0.4 0.6 0.8 1.2 1.6 2.5 4; do

@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "learn/calibration.h"
+#include "learn/directions.h"
 #include "learn/shooting_start.h"
 #include "learn/start.h"
-#include "learn/uncertainty.h"
 #include "scene/columns.h"
 
 #define NETWORK_REACH 10.0    // of weights, whose inputs have deviations of 1
@@ -367,6 +367,9 @@ static pm_status find_uncertainty(pm_fit *f, pm_shooting *s) {
     pm_status status = pm_calibration_make(&u, s, &how);
     if (status == PM_OK) {
         pm_uncertainty_print(&u, s);
+        status = pm_directions_print(&u, s);
+    }
+    if (status == PM_OK) {
         status = pm_uncertainty_save(&u, f->arguments->output);
     }
     pm_uncertainty_free(&u);

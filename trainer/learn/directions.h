@@ -1,0 +1,15 @@
+// Names combinations of constants that measurements do not tell apart, such as a stiffness and a
+// mass of which only the ratio matters.
+#ifndef PM_TRAINER_LEARN_DIRECTIONS_H
+#define PM_TRAINER_LEARN_DIRECTIONS_H
+
+#include "learn/uncertainty.h"
+
+// Prints a line for each direction in the space of all weights along which the standard deviation
+// is large: a factor of 1.6 for positive constants, half their size for others. The directions are
+// the eigenvectors of the covariance in these units. A line says by how much each constant changes
+// over one standard deviation. Directions of single constants, which pm_uncertainty_print names,
+// and of network weights are left out. PM_ENOMEM.
+pm_status pm_directions_print(const pm_uncertainty *u, const pm_shooting *s);
+
+#endif
