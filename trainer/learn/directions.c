@@ -10,7 +10,7 @@
 
 #define MOST_WEIGHTS 500 // beyond which eigenvectors take too long
 #define MOST_PRINTED 6   // directions
-#define UNFIXED 0.5      // standard deviation along a direction that the data do not fix
+#define UNFIXED 0.25     // standard deviation along a direction that the data do not fix
 #define SINGLE 0.95      // part of the square of a direction that makes it one constant
 #define NAMED 0.15       // of the largest change, at least, of the constants that are named
 

@@ -6,10 +6,10 @@
 #include "learn/uncertainty.h"
 
 // Prints a line for each direction in the space of all weights along which the standard deviation
-// is large: a factor of 1.6 for positive constants, half their size for others. The directions are
-// the eigenvectors of the covariance in these units. A line says by how much each constant changes
-// over one standard deviation. Directions of single constants, which pm_uncertainty_print names,
-// and of network weights are left out. PM_ENOMEM.
+// is large: a factor of 1.28 for positive constants, a quarter of their size for others. The
+// directions are the eigenvectors of the covariance in these units. A line says by how much each
+// constant changes over one standard deviation. Directions of single constants, which
+// pm_uncertainty_print names, and of network weights are left out. PM_ENOMEM.
 pm_status pm_directions_print(const pm_uncertainty *u, const pm_shooting *s);
 
 #endif
