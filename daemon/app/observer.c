@@ -150,6 +150,16 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
     };
 }
 
+// Fails if the integrator promises to keep the energy and has not kept it on every step.
+static pm_status check_promise(const pm_observer *observer, const pm_ledger *ledger) {
+    return ledger->unbalanced == 0
+               ? PM_OK
+               : pm_fail(PM_ELAW,
+                         "the energy was not kept on %ld of %ld steps, because %s has not "
+                         "converged there: take a smaller dt or more substeps",
+                         ledger->unbalanced, ledger->steps, observer->scene->integrator->name);
+}
+
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
                              const pm_pace *pace, const char *how) {
     pm_progress_finish(&observer->progress);
@@ -160,7 +170,10 @@ pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_l
         pm_report_print(observer->report, ledger, how, pm_clock() - observer->started);
         pm_report_print_pace(observer->report, pace);
     }
-    return status != PM_OK ? status : closed;
+    if (status != PM_OK || closed != PM_OK) {
+        return status != PM_OK ? status : closed;
+    }
+    return check_promise(observer, ledger);
 }
 
 void pm_observer_close(pm_observer *observer) {

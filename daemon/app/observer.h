@@ -37,8 +37,8 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
 
 // Closes the recording after a run that ended with `status`, and prints the tables of the steps
 // done, unless --quiet. `pace` tells how the run kept its pace; `how` names the transport for the
-// tables. Returns `status`, or PM_EFILE if
-// the run succeeded but the recording cannot be completed.
+// tables. Returns `status`. If the run succeeded: PM_EFILE if the recording cannot be completed,
+// and PM_ELAW if the integrator promises to keep the energy and has not kept it on every step.
 pm_status pm_observer_finish(pm_observer *observer, pm_status status, const pm_ledger *ledger,
                              const pm_pace *pace, const char *how);
 

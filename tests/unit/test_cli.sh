@@ -188,6 +188,17 @@ succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced
 
+# An integrator that promises to keep the energy, and cannot, since the springs are a hundred times too hot for its step:
+# the run goes to its end, counts the steps and says so.
+configs=$(cd "$(dirname "$0")/../../configs" && pwd)
+sed -e 's/^time: .*/time: {dt: 0.3, steps: 60, integrator: discrete_gradient, substeps: 1}/' -e 's/Tr: 300.0/Tr: 30000.0/' \
+    -e "s|file: reference|file: $configs/reference|" "$configs/analytic_double_pendulum.yaml" >"$folder/hot.yaml"
+expect 10 "of 60 steps, because discrete_gradient has not converged there" run "$folder/hot.yaml" --in-process
+unconverged=$(sed -n 's/^  discrete_gradient has not converged on \([0-9]*\) of 60 steps.*/\1/p' "$folder/out")
+grep -q "steps in violation: ${unconverged:-none};" "$folder/out" || fail "hot.yaml: expected the steps in violation"
+sed -i 's/substeps: 1}/substeps: 64}/' "$folder/hot.yaml"
+succeed "steps in violation: 0;" run "$folder/hot.yaml" --in-process
+
 # A recording takes the place of no other file, and never of one that the run reads.
 echo "a letter" >"$folder/letter"
 expect 4 "$folder/letter: this file exists and is not a recording" run "$scene" --in-process --record "$folder/letter"
