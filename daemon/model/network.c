@@ -8,7 +8,11 @@
 
 // Standard deviations of the initial values. Random biases spread the units of the hidden layers
 // over the data. Beside a skip the output weights start at zero, so that training first fits the
-// skip; second-order training is slow if hidden layers contribute from the start.
+// skip; second-order training is slow if hidden layers contribute from the start. Beside a quartic
+// skip of an energy they even wait until the initial weights have been chosen. What the polynomial
+// can represent is then left to it, and it continues beyond the data where hidden units saturate:
+// on a spring of the force k x + c x^3, rollouts that start 5 % beyond the training data were off
+// by 0.02 instead of 17 %.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
 // The standard deviation of the output weights without a skip. They do not start at zero, since a
@@ -32,6 +36,7 @@ static const char *join(parameter_name buffer, const char *prefix, const char *n
 typedef struct declaration {
     pm_params *params;
     const char *prefix;
+    bool late; // whether the hidden layers stay as they start while initial weights are compared
 } declaration;
 
 static pm_status declare(const declaration *d, const char *name, int rows, int cols, bool trained,
@@ -46,12 +51,32 @@ static pm_status declare(const declaration *d, const char *name, int rows, int c
     return PM_OK;
 }
 
+static pm_status declare_hidden(const declaration *d, const char *name, int rows, int cols,
+                                double spread) {
+    parameter_name full;
+    PM_TRY(declare(d, name, rows, cols, true, spread, NULL));
+    pm_params_find(d->params, join(full, d->prefix, name))->late = d->late;
+    return PM_OK;
+}
+
 static pm_status declare_layer(const declaration *d, int layer, int nin, int nout) {
     char name[64];
     snprintf(name, sizeof name, "layer%d.weight", layer);
-    PM_TRY(declare(d, name, nin, nout, true, 1 / sqrt(nin), NULL));
+    PM_TRY(declare_hidden(d, name, nin, nout, 1 / sqrt(nin)));
     snprintf(name, sizeof name, "layer%d.bias", layer);
-    return declare(d, name, 1, nout, true, BIAS_SPREAD, NULL);
+    return declare_hidden(d, name, 1, nout, BIAS_SPREAD);
+}
+
+// Declares the hidden layers, with one network output for each of `nout`.
+static pm_status declare_layers(const declaration *d, const pm_network_spec *spec, int nfeature,
+                                int nout) {
+    int width = nfeature;
+    for (int i = 0; i < spec->nhidden; ++i) {
+        PM_TRY(declare_layer(d, i, width, spec->hidden[i]));
+        width = spec->hidden[i];
+    }
+    const double spread = spec->skip == PM_SKIP_NONE ? OUTPUT_SPREAD / sqrt(width) : 0;
+    return spec->nhidden > 0 ? declare_hidden(d, "output.weight", width, nout, spread) : PM_OK;
 }
 
 // Starts the quadratic skip of an energy, the first output, with a positive curvature, so that the
@@ -66,9 +91,28 @@ static void start_convex(const pm_network_spec *spec, pm_param_entry *quadratic)
     }
 }
 
+// Declares the skip. That of an energy with a quadratic term starts convex.
+static pm_status declare_skip(const declaration *d, const pm_network_spec *spec, int nfeature,
+                              int nout, double spread) {
+    parameter_name full;
+    if (spec->skip != PM_SKIP_NONE) {
+        PM_TRY(declare(d, "linear", nfeature, nout, true, spread, NULL));
+    }
+    if (spec->skip >= PM_SKIP_QUADRATIC) {
+        PM_TRY(declare(d, "quadratic", nfeature * nfeature, nout, true, spread, NULL));
+        start_convex(spec, pm_params_find(d->params, join(full, d->prefix, "quadratic")));
+    }
+    if (spec->skip == PM_SKIP_QUARTIC) {
+        PM_TRY(declare(d, "cubic", nfeature, nout, true, 0, NULL));
+        PM_TRY(declare(d, "quartic", nfeature, nout, true, 0, NULL));
+    }
+    return PM_OK;
+}
+
 pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                              const double *start, pm_params *params, const char *prefix) {
-    const declaration d = {params, prefix};
+    const bool late = spec->scaled && spec->skip == PM_SKIP_QUARTIC;
+    const declaration d = {params, prefix, late};
     const double spread = spec->spread > 0 ? spec->spread : SKIP_SPREAD;
     parameter_name full;
     if (spec->nfeature == 0) {
@@ -77,31 +121,16 @@ pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symb
     int nfeature = 0;
     PM_TRY(pm_spec_locate(spec->at,
                           pm_features_size(spec->nfeature, spec->feature, symbols, &nfeature)));
-    if (spec->skip == PM_SKIP_QUADRATIC && nfeature > MAX_SQUARED) {
+    if (spec->skip >= PM_SKIP_QUADRATIC && nfeature > MAX_SQUARED) {
         return pm_spec_locate(spec->at,
                               pm_fail(PM_ECONFIG, "%s: %d features, at most %d can be squared",
                                       prefix, nfeature, MAX_SQUARED));
     }
     PM_TRY(declare(&d, "mean", 1, nfeature, false, 0, NULL));
     PM_TRY(pm_params_add(params, join(full, prefix, "deviation"), 1, nfeature, false, 0, 1));
-    int width = nfeature;
-    for (int i = 0; i < spec->nhidden; ++i) {
-        PM_TRY(declare_layer(&d, i, width, spec->hidden[i]));
-        width = spec->hidden[i];
-    }
-    if (spec->nhidden > 0) {
-        const double out = spec->skip == PM_SKIP_NONE ? OUTPUT_SPREAD / sqrt(width) : 0;
-        PM_TRY(declare(&d, "output.weight", width, nout, true, out, NULL));
-    }
+    PM_TRY(declare_layers(&d, spec, nfeature, nout));
     PM_TRY(declare(&d, "output.bias", 1, nout, true, spec->scaled ? 0 : spec->spread, start));
-    if (spec->skip != PM_SKIP_NONE) {
-        PM_TRY(declare(&d, "linear", nfeature, nout, true, spread, NULL));
-    }
-    if (spec->skip == PM_SKIP_QUADRATIC) {
-        PM_TRY(declare(&d, "quadratic", nfeature * nfeature, nout, true, spread, NULL));
-        start_convex(spec, pm_params_find(params, join(full, prefix, "quadratic")));
-    }
-    return PM_OK;
+    return declare_skip(&d, spec, nfeature, nout, spread);
 }
 
 // --- building ---
@@ -166,10 +195,17 @@ static pm_node build_layers(pm_graph *g, const pm_network_spec *spec, pm_node fe
         const pm_node weight = pm_network_param(g, params, prefix, "linear");
         out = pm_add_or(g, out, pm_matmul(g, x, false, weight, false));
     }
-    if (spec->skip == PM_SKIP_QUADRATIC) {
+    if (spec->skip >= PM_SKIP_QUADRATIC) {
         const pm_node products = pm_reshape(g, pm_matmul(g, x, true, x, false), 1, n * n);
         const pm_node weight = pm_network_param(g, params, prefix, "quadratic");
         out = pm_add_or(g, out, pm_matmul(g, products, false, weight, false));
+    }
+    if (spec->skip == PM_SKIP_QUARTIC) {
+        const pm_node square = pm_square(g, x);
+        const pm_node cubic = pm_network_param(g, params, prefix, "cubic");
+        const pm_node quartic = pm_network_param(g, params, prefix, "quartic");
+        out = pm_add_or(g, out, pm_matmul(g, pm_mul(g, x, square), false, cubic, false));
+        out = pm_add_or(g, out, pm_matmul(g, pm_square(g, square), false, quartic, false));
     }
     const pm_node bias = pm_network_param(g, params, prefix, "output.bias");
     // A network without hidden layers and without a skip is its bias.

@@ -148,7 +148,7 @@ static pm_node discrete_slope(pm_graph *g, const pm_network_spec *network, pm_no
     pm_node slope;
     pm_gradient(g, at_mean, PM_NO_NODE, 1, &mean, &slope);
     const bool linear =
-        network->nhidden == 0 && network->nthermal == 0 && network->skip != PM_SKIP_QUADRATIC;
+        network->nhidden == 0 && network->nthermal == 0 && network->skip < PM_SKIP_QUADRATIC;
     if (slope == PM_NO_NODE || linear) {
         return slope;
     }

@@ -106,9 +106,10 @@ typedef struct pm_derived_spec {
 typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU } pm_activation;
 
 // The skip connection of a network adds to the output of the hidden layers nothing, a linear form
-// of the normalised features, or a linear and a quadratic form. The hidden layers then learn only
-// the remainder, and the network extrapolates better.
-typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC } pm_skip;
+// of the normalised features, a linear and a quadratic form, or these with the third and fourth
+// power of each feature. The hidden layers then learn only the remainder, and the network
+// extrapolates better.
+typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC, PM_SKIP_QUARTIC } pm_skip;
 
 // The additional settings of a network on the graph of a mesh (mesh/message.h).
 typedef struct pm_message_spec {

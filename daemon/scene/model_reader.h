@@ -18,7 +18,7 @@
 //   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh/mesh.h)
 //
 // A network without features is a constant. Its defaults are: no hidden layers, activation tanh (or
-// softplus, silu), skip none (or linear, quadratic), rank 1. A network on the mesh has, in the
+// softplus, silu), skip none (or linear, quadratic, quartic), rank 1. A network on the mesh has, in the
 // place of features, activation and skip, {nodes: [u], width: 8, passes: 1, patterns: 16, hidden:
 // [48]} and, as a rate, driven_by: other.dE.f, within: 0.05. A thermal energy {features: [x, p],
 // thermal: [s], hidden: [8], exponentials: 2, temperature: 300.0} increases with the entropies s

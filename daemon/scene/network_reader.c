@@ -14,8 +14,11 @@
 
 static const char *const activation_names[] = {
     [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", NULL};
-static const char *const skip_names[] = {
-    [PM_SKIP_NONE] = "none", [PM_SKIP_LINEAR] = "linear", [PM_SKIP_QUADRATIC] = "quadratic", NULL};
+static const char *const skip_names[] = {[PM_SKIP_NONE] = "none",
+                                         [PM_SKIP_LINEAR] = "linear",
+                                         [PM_SKIP_QUADRATIC] = "quadratic",
+                                         [PM_SKIP_QUARTIC] = "quartic",
+                                         NULL};
 
 // --- meshes ---
 

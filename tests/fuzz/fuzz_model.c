@@ -42,7 +42,7 @@ static bool is_small_network(const pm_network_spec *spec) {
                          LARGEST_MODEL) {
         return false;
     }
-    long numbers = spec->skip == PM_SKIP_QUADRATIC ? 100L * spec->nfeature * spec->nfeature : 0;
+    long numbers = spec->skip >= PM_SKIP_QUADRATIC ? 100L * spec->nfeature * spec->nfeature : 0;
     int width = 5 * spec->nfeature;
     for (int i = 0; i < spec->nhidden; ++i) {
         numbers += (long)width * spec->hidden[i];

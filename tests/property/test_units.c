@@ -330,8 +330,8 @@ static void shared_constants_are_one_weight(void **state) {
 
 static void no_start_is_dead(void **state) {
     (void)state;
-    static const char *const skips[] = {"none", "linear", "quadratic"};
-    for (int i = 0; i < 3; ++i) {
+    static const char *const skips[] = {"none", "linear", "quadratic", "quartic"};
+    for (int i = 0; i < 4; ++i) {
         char part[1024];
         snprintf(
             part, sizeof part,

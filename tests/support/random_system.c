@@ -88,14 +88,14 @@ static void add_choice(char *text, pm_rng *rng, const char *key, int certain, in
 static void add_network(char *text, pm_rng *rng, int certain, int count,
                         const char *const *feature) {
     static const char *const activation[] = {"tanh", "softplus", "silu"};
-    static const char *const skip[] = {"none", "linear", "quadratic"};
+    static const char *const skip[] = {"none", "linear", "quadratic", "quartic"};
     add_choice(text, rng, "features", certain, count, feature);
     const bool hidden = toss(rng);
     if (hidden) {
         add(text, toss(rng) ? ", hidden: [4, 3]" : ", hidden: [5]");
     }
     add(text, ", activation: %s, skip: %s", activation[between(rng, 0, 2)],
-        skip[between(rng, hidden ? 0 : 1, 2)]);
+        skip[between(rng, hidden ? 0 : 1, 3)]);
 }
 
 // What an operator may act on and along, and what its network may see.

@@ -178,21 +178,24 @@ static void set(pm_params *params, const char *name, int count, const double *va
     memcpy(entry->value, value, (size_t)count * sizeof *value);
 }
 
-// f = W1 act(W0 x + b0) + b1 + linear x + quadratic x x, x = (features - mean) / deviation.
+// f = W1 act(W0 x + b0) + b1 + linear x + quadratic x x + cubic x^3 + quartic x^4, where
+// x = (features - mean) / deviation.
 static void networks_are_their_formulas(void **state) {
     (void)state;
     static const char *const feature[] = {"|q|", "s"};
     static const int hidden[] = {1};
     static const double mean[] = {4, -0.5}, deviation[] = {2, 0.25}, w0[] = {0.3, -0.7},
                         b0[] = {0.1}, w1[] = {1.5}, b1[] = {-0.2}, linear[] = {0.4, 0.6},
-                        quadratic[] = {1, 2, 3, 4};
+                        quadratic[] = {1, 2, 3, 4}, cubic[] = {0.7, -0.9}, quartic[] = {-2, 0.8};
     const double x[] = {0.5, 1}; // (5 - 4) / 2, (-0.25 + 0.5) / 0.25
     const double h = 0.3 * x[0] - 0.7 * x[1] + 0.1;
     const double act[] = {tanh(h), log1p(exp(h)), h / (1 + exp(-h))};
-    const double skip[] = {0, 0.4 * x[0] + 0.6 * x[1],
-                           0.4 * x[0] + 0.6 * x[1] + x[0] * x[0] + 5 * x[0] * x[1] +
-                               4 * x[1] * x[1]};
-    for (int i = 0; i < 9; ++i) {
+    const double form = 0.4 * x[0] + 0.6 * x[1];
+    const double square = form + x[0] * x[0] + 5 * x[0] * x[1] + 4 * x[1] * x[1];
+    const double fourth =
+        square + 0.7 * pow(x[0], 3) - 0.9 * pow(x[1], 3) - 2 * pow(x[0], 4) + 0.8 * pow(x[1], 4);
+    const double skip[] = {0, form, square, fourth};
+    for (int i = 0; i < 12; ++i) {
         const pm_network_spec spec = {.nfeature = 2,
                                       .feature = feature,
                                       .nhidden = 1,
@@ -215,8 +218,12 @@ static void networks_are_their_formulas(void **state) {
         if (spec.skip != PM_SKIP_NONE) {
             set(&params, "n.linear", 2, linear);
         }
-        if (spec.skip == PM_SKIP_QUADRATIC) {
+        if (spec.skip >= PM_SKIP_QUADRATIC) {
             set(&params, "n.quadratic", 4, quadratic);
+        }
+        if (spec.skip == PM_SKIP_QUARTIC) {
+            set(&params, "n.cubic", 2, cubic);
+            set(&params, "n.quartic", 2, quartic);
         }
         const pm_node node = pm_network_build(g, &spec, &symbols, 1, &params, "n");
         pm_program *p = NULL;
@@ -225,6 +232,35 @@ static void networks_are_their_formulas(void **state) {
         pm_program_run(p, 1);
         check("network", *pm_program_value(p, node), 1.5 * act[i % 3] - 0.2 + skip[i / 3], 1e-14);
         pm_program_close(p);
+        pm_params_free(&params);
+        pm_graph_close(g);
+    }
+}
+
+// Beside a quartic skip the hidden layers of an energy wait while initial weights are compared, so
+// that the polynomial comes first. Other networks learn all their weights together.
+static void polynomials_come_first(void **state) {
+    (void)state;
+    static const char *const feature[] = {"s"};
+    static const int hidden[] = {2};
+    for (int i = 0; i < 4; ++i) {
+        const pm_network_spec spec = {.nfeature = 1,
+                                      .feature = feature,
+                                      .nhidden = 1,
+                                      .hidden = hidden,
+                                      .skip = i % 2 == 0 ? PM_SKIP_QUARTIC : PM_SKIP_QUADRATIC,
+                                      .scaled = i < 2};
+        pm_params params = {0};
+        pm_symbols symbols = {0};
+        pm_graph *g = NULL;
+        assert_int_equal(pm_graph_open(&g), PM_OK);
+        pm_symbols_add(&symbols, g, &layout, "", pm_input(g, true, 1, 5));
+        assert_int_equal(pm_network_declare(&spec, &symbols, 1, NULL, &params, "n"), PM_OK);
+        assert_true(pm_params_find(&params, "n.layer0.weight")->late == (i == 0));
+        assert_true(pm_params_find(&params, "n.layer0.bias")->late == (i == 0));
+        assert_true(pm_params_find(&params, "n.output.weight")->late == (i == 0));
+        assert_false(pm_params_find(&params, "n.linear")->late);
+        assert_false(pm_params_find(&params, "n.quadratic")->late);
         pm_params_free(&params);
         pm_graph_close(g);
     }
@@ -364,6 +400,7 @@ int main(void) {
         cmocka_unit_test(features_are_their_formulas),
         cmocka_unit_test(features_stay_finite_at_zero),
         cmocka_unit_test(networks_are_their_formulas),
+        cmocka_unit_test(polynomials_come_first),
         cmocka_unit_test(networks_with_zero_at_origin_are_flat_there),
         cmocka_unit_test(mistakes_are_named),
     };

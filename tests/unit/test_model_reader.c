@@ -248,7 +248,7 @@ static const yaml_case bad[] = {
     {"hidden: [16, 8]", "hidden: [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[1", "hidden: 17 layers"},
     {"hidden: [16, 8]", "layers: [16, 8]", "layers", "allowed: features, hidden, activation, skip"},
     {"activation: silu", "activation: relu", "relu", "one of tanh, softplus, silu, found \"relu\""},
-    {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, found \"cubic\""},
+    {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, quartic, found \"cubic\""},
     {"zero_at_origin: true", "zero_at_origin: often", "often",
      "zero_at_origin: expected one of false, true"},
     {"{features: [\"|p|^2\"], skip: linear}", "{zero_at_origin: true}", "true",

@@ -155,7 +155,7 @@ static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
     for (int g = 0; g < v->count; ++g) {
         if (v->kind[g] == PM_VIEW_SPIN && alone) { // rotation alone does not warm a body
             done[g] = true;
-            fprintf(d->file, "      - {features: [%s], hidden: [8], skip: quadratic}\n",
+            fprintf(d->file, "      - {features: [%s], hidden: [8], skip: quartic}\n",
                     pm_draft_name(v, g));
         }
         if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g]) {
@@ -167,7 +167,7 @@ static void write_apart(const pm_draft *d, const pm_part_view *v, bool *done) {
             fprintf(d->file, "      - {features: [\"|%s|^2\"], skip: linear}", pm_draft_name(v, p));
             fprintf(d->file, "                  # kinetic: velocities are linear in momenta\n");
         } else {
-            fprintf(d->file, "      - {features: [%s], hidden: %s, skip: quadratic}\n",
+            fprintf(d->file, "      - {features: [%s], hidden: %s, skip: quartic}\n",
                     pm_draft_name(v, p), hidden_of(v->group[p].group->size));
         }
     }
@@ -193,7 +193,7 @@ static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, co
     pm_draft_add(&l, "", pm_draft_name(v, entropy));
     if (coupled) {
         fprintf(d->file,
-                "], hidden: [%d], skip: quadratic}   # heat, and its dependence on the rest: "
+                "], hidden: [%d], skip: quartic}   # heat, and its dependence on the rest: "
                 "temperatures are positive\n",
                 HEAT_WIDTH);
     } else {
@@ -216,7 +216,7 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
                 inputs += d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size;
             }
         }
-        fprintf(f, "], hidden: %s, skip: quadratic}\n", hidden_of(inputs));
+        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(inputs));
     }
     for (int k = 0; k < v->count; ++k) {
         if (v->kind[k] == PM_VIEW_ENTROPY) {
