@@ -285,10 +285,13 @@ grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yam
 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/soft.yaml" --form soft >"$folder/out" 2>"$folder/err" ||
     fail "propose --form soft"
 grep -q 'law: exchange' "$folder/soft_scene.yaml" || fail "soft_scene.yaml: expected law: exchange"
-timeout 600 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box \
+timeout 600 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
     >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
 says 'times (better than|WORSE than) the black box|the black box is not finite'
 [ -s "$folder/beside/black_box/training.yaml" ] || fail "--black-box: no training file"
+for box in "$folder"/beside/black_box/*.h5; do
+    h5dump -a /seed "$box" | grep -q '(0): 5$' || fail "--black-box: $box does not have the seed 5 of --seed"
+done
 data=$three
 
 # --- an energy becomes thermal by the defaults, from the temperature that it names; another seed ---

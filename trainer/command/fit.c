@@ -98,6 +98,7 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
         .output = folder,
         .trajectories = f->split.training,
         .validation = f->split.nvalidation > 0 ? f->split.validation : "none",
+        .seed = f->arguments->seed,
         .limit = pm_fit_processor_time(f),
     };
     snprintf(a.line, sizeof a.line, "%s", f->arguments->line);
