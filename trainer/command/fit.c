@@ -39,7 +39,9 @@ static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool
             "validation part are kept. The same command gives the same weights. DIR/fit.csv\n"
             "records the losses and, with gnuplot, DIR/fit.png draws them. At the end a table\n"
             "of errors and a verdict are printed. The exit code is 13 if rollouts are not finite\n"
-            "or worse than persistence, a state that stays as it is.",
+            "or worse than persistence, a state that stays as it is. `mpirun -n N portmet-train "
+            "fit`\n"
+            "trains with 1, 2, 4 or 8 processes, which give the same weights.",
         .positional_name = "CONFIG",
         .positional = &a->config,
         .count = sizeof option / sizeof *option,
@@ -65,11 +67,16 @@ static pm_status propose(pm_fit_arguments *a, char **training) {
         return pm_fail(PM_ENOMEM, "out of memory for a path");
     }
     snprintf(*training, size, "%s/training.yaml", a->output);
-    if (!a->resume || access(*training, R_OK) != 0) {
-        PM_TRY(pm_propose_files(a->config, a->data, PM_HARD, *training));
+    pm_status status = PM_OK;
+    if (pm_team_leads(a->team) && (!a->resume || access(*training, R_OK) != 0)) {
+        status = pm_propose_files(a->config, a->data, PM_HARD, *training);
     }
     a->config = *training;
-    return PM_OK;
+    // The others of a team read what the first one has written.
+    if (pm_team_any(a->team, status != PM_OK) && status == PM_OK) {
+        status = pm_fail(PM_ECONFIG, "%s was not written", *training);
+    }
+    return status;
 }
 
 static pm_status train(pm_fit *f, const pm_fit_arguments *a, const volatile sig_atomic_t *stop,
@@ -115,6 +122,10 @@ static pm_status fit(const pm_fit_arguments *a, const volatile sig_atomic_t *sto
     pm_fit f;
     pm_measure black_box = {.ncell = 0};
     pm_status status = train(&f, a, stop, true);
+    if (!pm_team_leads(a->team)) {
+        pm_fit_close(&f);
+        return status;
+    }
     if (status == PM_OK) {
         pm_fit_draw_curves(&f);
         status = a->black_box ? train_black_box(&f, stop, &black_box) : PM_OK;
@@ -127,6 +138,34 @@ static pm_status fit(const pm_fit_arguments *a, const volatile sig_atomic_t *sto
     return status;
 }
 
+static pm_status propose_and_fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
+    char *training = NULL;
+    pm_status status = propose(a, &training);
+    if (status == PM_OK) {
+        status = fit(a, stop);
+    }
+    free(training);
+    return status;
+}
+
+// Trains in a team. Its first process prints, and says why a training has failed.
+static pm_status fit_in_team(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
+    pm_team team = {0};
+    pm_status status = pm_team_join(&team);
+    if (status != PM_OK) {
+    } else if (!pm_team_leads(&team) && freopen("/dev/null", "w", stdout) == NULL) {
+        status = pm_fail(PM_EFILE, "/dev/null: cannot be opened");
+    } else if (a->black_box) {
+        status = pm_fail(PM_EUSAGE, "--black-box compares CPU times: start it without mpirun");
+    } else {
+        a->team = &team;
+        status = propose_and_fit(a, stop);
+    }
+    const bool together = pm_team_leave(&team, status != PM_OK);
+    return status != PM_OK && together && !pm_team_leads(&team) ? pm_fail(status, "%s", "")
+                                                                : status;
+}
+
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_fit_arguments a = {0};
     bool helped = false;
@@ -134,11 +173,5 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
     if (helped) {
         return PM_OK;
     }
-    char *training = NULL;
-    pm_status status = propose(&a, &training);
-    if (status == PM_OK) {
-        status = fit(&a, stop);
-    }
-    free(training);
-    return status;
+    return pm_team_is_called() ? fit_in_team(&a, stop) : propose_and_fit(&a, stop);
 }

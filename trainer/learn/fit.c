@@ -53,7 +53,7 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
             pm_fit_write_curves(f, f->training->stage[f->stage].optimiser->name, loss, score);
         }
     }
-    if (*f->stop) {
+    if (pm_team_any(f->arguments->team, *f->stop)) {
         PM_TRY(pm_fit_save(f, false));
         return pm_fail(PM_EINTERRUPTED, "interrupted; continue with --resume");
     }
@@ -371,12 +371,25 @@ static pm_status replace_seed(pm_training *training, const char *text) {
     return PM_OK;
 }
 
+// Lets the team evaluate the losses of all stages.
+static pm_status join_team(pm_fit *f) {
+    if (f->arguments->team != NULL && pm_training_is_measured(f->training)) {
+        return pm_fail(PM_EUSAGE,
+                       "measurements are fitted by one process: start it without mpirun");
+    }
+    for (int i = 0; i < f->training->nstage; ++i) {
+        f->training->stage[i].loss.team = f->arguments->team;
+    }
+    return PM_OK;
+}
+
 pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
                       const volatile sig_atomic_t *stop) {
     *f = (pm_fit){.arguments = arguments, .stop = stop};
     f->processor = pm_fit_processor_time(f);
     PM_TRY(pm_training_load(&f->training, arguments->config));
     PM_TRY(replace_seed(f->training, arguments->seed));
+    PM_TRY(join_team(f));
     PM_TRY(pm_fit_check_names(f->training->scene));
     PM_TRY(load_data(f));
     PM_TRY(pm_options_folder(arguments->output));

@@ -18,8 +18,9 @@ typedef struct pm_fit_arguments {
     const char *data_set; // name of the dataset of measurements; NULL: as the training file says
     const char *seed;     // of first weights and batches; NULL: as the training file says
     bool resume, black_box;
-    double limit;    // s of CPU time, after which the fit ends with the weights it has; 0: none
-    char line[1024]; // the whole command, for the weights files
+    const pm_team *team; // the processes that train together; NULL: this one alone
+    double limit;        // s of CPU time, after which the fit ends with the weights it has; 0: none
+    char line[1024];     // the whole command, for the weights files
 } pm_fit_arguments;
 
 #define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s

@@ -149,6 +149,9 @@ pm_status pm_fit_save(pm_fit *f, bool loud) {
     const double now = pm_clock();
     f->position[PM_FIT_SECONDS] += now - f->saved;
     f->saved = now;
+    if (!pm_team_leads(f->arguments->team)) {
+        return PM_OK;
+    }
     const int count = fields_of(f, field);
     PM_TRY(pm_checkpoint_save(f->checkpoint, "fit", f->digest, count, field));
     return save_weights(f, loud);

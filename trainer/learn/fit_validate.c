@@ -80,7 +80,9 @@ pm_status pm_fit_validate(pm_fit *f, double *score) {
 // --- curves ---
 
 pm_status pm_fit_open_curves(pm_fit *f) {
-    const char *path = pm_arena_printf(&f->arena, "%s/fit.csv", f->arguments->output);
+    const char *path = pm_team_leads(f->arguments->team)
+                           ? pm_arena_printf(&f->arena, "%s/fit.csv", f->arguments->output)
+                           : "/dev/null";
     if (path == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a path");
     }

@@ -1,6 +1,5 @@
 // Computes Jacobians by reverse accumulation: one pass for each residual, with the weights repeated
-// for each sample so that the gradients of samples stay separate. Two lanes, one thread each, as in
-// learn/objective.c.
+// for each sample so that the gradients of samples stay separate. Lanes as in learn/objective.c.
 #include "learn/gauss_newton_matrix.h"
 
 #include <math.h>
@@ -12,7 +11,6 @@
 #include "graph/program.h"
 #include "learn/residuals.h"
 
-#define LANES 2
 #define CHUNK 32
 
 typedef struct jacobian_lane {
@@ -33,7 +31,8 @@ struct pm_gauss_newton_matrix {
     pm_node input, residual; // residual [1][nresidual]
     pm_node *derivative;     // [nresidual][nentry], PM_NO_NODE where independent
     int *entry_size;         // [nentry]
-    jacobian_lane lane[LANES];
+    pm_lanes lanes;
+    jacobian_lane lane[PM_TEAM_LANES]; // those of this process
 };
 
 // --- opening ---
@@ -56,12 +55,17 @@ static pm_status build_derivatives(pm_gauss_newton_matrix *n, pm_graph *g, const
 static pm_status open_lanes(pm_gauss_newton_matrix *n, pm_graph *g, int noutput,
                             const pm_node *output) {
     const size_t size = (size_t)n->size;
-    for (int i = 0; i < LANES; ++i) {
+    for (int i = 0; i < n->lanes.own; ++i) {
         jacobian_lane *l = &n->lane[i];
         l->normal = n;
-        l->id = i;
-        PM_TRY(pm_program_open(&l->program, g, noutput, output, CHUNK));
-        l->jacobian = malloc((size_t)CHUNK * (size_t)n->nresidual * size * sizeof *l->jacobian);
+        l->id = n->lanes.first + i;
+        if (n->context.loss->team == NULL || i == 0) {
+            PM_TRY(pm_program_open(&l->program, g, noutput, output, CHUNK));
+            l->jacobian = malloc((size_t)CHUNK * (size_t)n->nresidual * size * sizeof *l->jacobian);
+        } else { // the lanes of a member of a team take turns
+            l->program = n->lane[0].program;
+            l->jacobian = n->lane[0].jacobian;
+        }
         l->hessian = malloc(size * size * sizeof *l->hessian);
         l->gradient = malloc(size * sizeof *l->gradient);
         if (l->jacobian == NULL || l->hessian == NULL || l->gradient == NULL) {
@@ -104,6 +108,7 @@ pm_status pm_gauss_newton_matrix_open(pm_gauss_newton_matrix **normal, pm_object
     }
     n->objective = objective;
     n->context = pm_objective_context(objective);
+    n->lanes = pm_team_lanes(n->context.loss->team);
     n->size = pm_objective_size(objective);
     pm_graph *g = NULL;
     pm_status status = pm_graph_open(&g);
@@ -121,9 +126,11 @@ pm_status pm_gauss_newton_matrix_open(pm_gauss_newton_matrix **normal, pm_object
 
 void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal) {
     if (normal != NULL) {
-        for (int i = 0; i < LANES; ++i) {
-            pm_program_close(normal->lane[i].program);
-            free(normal->lane[i].jacobian);
+        for (int i = 0; i < normal->lanes.own; ++i) {
+            if (normal->context.loss->team == NULL || i == 0) {
+                pm_program_close(normal->lane[i].program);
+                free(normal->lane[i].jacobian);
+            }
             free(normal->lane[i].hessian);
             free(normal->lane[i].gradient);
         }
@@ -177,7 +184,7 @@ static void *work(void *context) {
     const size_t width = (size_t)pm_samples_width(samples);
     memset(l->hessian, 0, (size_t)n->size * (size_t)n->size * sizeof *l->hessian);
     memset(l->gradient, 0, (size_t)n->size * sizeof *l->gradient);
-    for (int first = l->id * CHUNK; first < l->count; first += LANES * CHUNK) {
+    for (int first = l->id * CHUNK; first < l->count; first += n->lanes.count * CHUNK) {
         const int batch = l->count - first < CHUNK ? l->count - first : CHUNK;
         double root[CHUNK];
         double *input = pm_program_value(l->program, n->input);
@@ -196,26 +203,39 @@ static void *work(void *context) {
     return NULL;
 }
 
+// Runs the lanes of this process: alone in a thread each, in a team one after the other.
+static void run_lanes(pm_gauss_newton_matrix *n) {
+    const bool alone = n->context.loss->team == NULL;
+    pthread_t thread;
+    const bool started = alone && pthread_create(&thread, NULL, work, &n->lane[1]) == 0;
+    for (int i = 0; i < n->lanes.own; ++i) {
+        if (i != 1 || !started) {
+            work(&n->lane[i]);
+        }
+    }
+    if (started) {
+        pthread_join(thread, NULL);
+    }
+}
+
 void pm_gauss_newton_matrix_evaluate(pm_gauss_newton_matrix *normal, int count, const int *index,
                                      double *gradient, double *hessian) {
     pm_gauss_newton_matrix *n = normal;
-    pthread_t thread;
-    for (int i = 0; i < LANES; ++i) {
+    const size_t size = (size_t)n->size;
+    double *first[PM_TEAM_LANES], *second[PM_TEAM_LANES];
+    for (int i = 0; i < n->lanes.own; ++i) {
         n->lane[i].count = count;
         n->lane[i].index = index;
+        first[i] = n->lane[i].gradient;
+        second[i] = n->lane[i].hessian;
     }
-    const bool started = pthread_create(&thread, NULL, work, &n->lane[1]) == 0;
-    work(&n->lane[0]);
-    if (started) {
-        pthread_join(thread, NULL);
-    } else {
-        work(&n->lane[1]);
-    }
-    const size_t size = (size_t)n->size;
+    run_lanes(n);
+    pm_team_add(n->context.loss->team, size, first);
+    pm_team_add(n->context.loss->team, size * size, second);
     for (size_t i = 0; i < size; ++i) {
-        gradient[i] = (n->lane[0].gradient[i] + n->lane[1].gradient[i]) / count;
+        gradient[i] = first[0][i] / count;
     }
     for (size_t i = 0; i < size * size; ++i) {
-        hessian[i] = (n->lane[0].hessian[i] + n->lane[1].hessian[i]) / count;
+        hessian[i] = second[0][i] / count;
     }
 }

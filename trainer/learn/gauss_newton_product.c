@@ -1,4 +1,4 @@
-// Two programs for each of two lanes, one thread each, as in learn/objective.c: one for the
+// Two programs for each lane, as in learn/objective.c: one for the
 // gradient and for the squares that estimate the diagonal, and one for products.
 #include "learn/gauss_newton_product.h"
 
@@ -11,7 +11,6 @@
 #include "graph/program.h"
 #include "learn/residuals.h"
 
-#define LANES 2 // threads; a fixed number, so that the order of sums is fixed
 // The most samples per run of a program, and the most bytes that its values may take, so that they
 // stay in the cache.
 #define CHUNK 128
@@ -38,7 +37,8 @@ struct pm_gauss_newton_product {
     pm_node *gradient, *estimate, *result; // [nentry], PM_NO_NODE where independent
     int *entry_size;                       // [nentry]
     double *vector;                        // [size] read by the programs
-    product_lane lane[LANES];
+    pm_lanes lanes;
+    product_lane lane[PM_TEAM_LANES]; // those of this process
 };
 
 // --- opening ---
@@ -94,9 +94,14 @@ static pm_status open_lane(pm_gauss_newton_product *p, int id, const pm_graph *g
                            pm_node *const output[2]) {
     product_lane *l = &p->lane[id];
     l->product = p;
-    l->id = id;
-    PM_TRY(pm_program_open(&l->linear, g, count[0], output[0], p->chunk));
-    PM_TRY(pm_program_open(&l->multiply, g, count[1], output[1], p->chunk));
+    l->id = p->lanes.first + id;
+    if (p->context.loss->team == NULL || id == 0) {
+        PM_TRY(pm_program_open(&l->linear, g, count[0], output[0], p->chunk));
+        PM_TRY(pm_program_open(&l->multiply, g, count[1], output[1], p->chunk));
+    } else { // the lanes of a member of a team take turns
+        l->linear = p->lane[0].linear;
+        l->multiply = p->lane[0].multiply;
+    }
     l->sum = malloc(((size_t)p->size + 1) * sizeof *l->sum);
     l->square = malloc(((size_t)p->size + 1) * sizeof *l->square);
     return l->sum != NULL && l->square != NULL
@@ -118,7 +123,7 @@ static pm_status open_lanes(pm_gauss_newton_product *p, const pm_graph *g) {
     count[1] = list_outputs(p->nentry, p->result, output[1], 0);
     PM_TRY_DONE(choose_chunk(p, g, count[0], output[0]));
     PM_TRY_DONE(choose_chunk(p, g, count[1], output[1]));
-    for (int i = 0; i < LANES; ++i) {
+    for (int i = 0; i < p->lanes.own; ++i) {
         PM_TRY_DONE(open_lane(p, i, g, count, output));
     }
 done:
@@ -166,6 +171,7 @@ pm_status pm_gauss_newton_product_open(pm_gauss_newton_product **product, pm_obj
     }
     p->objective = objective;
     p->context = pm_objective_context(objective);
+    p->lanes = pm_team_lanes(p->context.loss->team);
     p->size = pm_objective_size(objective);
     pm_graph *g = NULL;
     pm_status status = pm_graph_open(&g);
@@ -183,9 +189,11 @@ pm_status pm_gauss_newton_product_open(pm_gauss_newton_product **product, pm_obj
 
 void pm_gauss_newton_product_close(pm_gauss_newton_product *product) {
     if (product != NULL) {
-        for (int i = 0; i < LANES; ++i) {
-            pm_program_close(product->lane[i].linear);
-            pm_program_close(product->lane[i].multiply);
+        for (int i = 0; i < product->lanes.own; ++i) {
+            if (product->context.loss->team == NULL || i == 0) {
+                pm_program_close(product->lane[i].linear);
+                pm_program_close(product->lane[i].multiply);
+            }
             free(product->lane[i].sum);
             free(product->lane[i].square);
         }
@@ -248,18 +256,21 @@ static void *work(void *context) {
     const size_t size = (size_t)l->product->size;
     memset(l->sum, 0, size * sizeof *l->sum);
     memset(l->square, 0, size * sizeof *l->square);
-    for (int first = l->id * l->chunk; first < l->count; first += LANES * l->chunk) {
+    const int stride = l->product->lanes.count * l->chunk;
+    for (int first = l->id * l->chunk; first < l->count; first += stride) {
         run_chunk(l, first, l->count - first < l->chunk ? l->count - first : l->chunk);
     }
     return NULL;
 }
 
-// Runs both lanes, with chunks of about equal size, at least `runs` of them.
+// Runs the lanes of this process, with chunks of about equal size, at least `runs` of them: alone
+// in a thread each, in a team one after the other.
 static void run_lanes(pm_gauss_newton_product *p, int count, const int *index, uint64_t seed,
                       int runs, const double *vector) {
-    const int needed = LANES * ((count + LANES * p->chunk - 1) / (LANES * p->chunk));
+    const int most = p->lanes.count * p->chunk;
+    const int needed = p->lanes.count * ((count + most - 1) / most);
     const int total = needed < runs ? runs : needed;
-    for (int i = 0; i < LANES; ++i) {
+    for (int i = 0; i < p->lanes.own; ++i) {
         product_lane *l = &p->lane[i];
         l->vector = vector;
         l->count = count;
@@ -268,34 +279,41 @@ static void run_lanes(pm_gauss_newton_product *p, int count, const int *index, u
         l->chunk = (count + total - 1) / total;
     }
     pthread_t thread;
-    const bool started = pthread_create(&thread, NULL, work, &p->lane[1]) == 0;
-    work(&p->lane[0]);
+    const bool started =
+        p->context.loss->team == NULL && pthread_create(&thread, NULL, work, &p->lane[1]) == 0;
+    for (int i = 0; i < p->lanes.own; ++i) {
+        if (i != 1 || !started) {
+            work(&p->lane[i]);
+        }
+    }
     if (started) {
         pthread_join(thread, NULL);
-    } else {
-        work(&p->lane[1]);
     }
 }
 
-static void take_mean(const double *a, const double *b, int size, int count, double *mean) {
-    for (int i = 0; i < size; ++i) {
-        mean[i] = (a[i] + b[i]) / count;
+// Writes the mean [size] of the sums, or of the squares, of all lanes.
+static void take_mean(pm_gauss_newton_product *p, bool squares, int count, double *mean) {
+    double *value[PM_TEAM_LANES];
+    for (int i = 0; i < p->lanes.own; ++i) {
+        value[i] = squares ? p->lane[i].square : p->lane[i].sum;
+    }
+    pm_team_add(p->context.loss->team, (size_t)p->size, value);
+    for (int i = 0; i < p->size; ++i) {
+        mean[i] = value[0][i] / count;
     }
 }
 
 void pm_gauss_newton_product_linearise(pm_gauss_newton_product *product, int count,
                                        const int *index, uint64_t seed, double *gradient,
                                        double *diagonal) {
-    const product_lane *l = product->lane;
     run_lanes(product, count, index, seed, FEWEST_ESTIMATES, NULL);
-    take_mean(l[0].sum, l[1].sum, product->size, count, gradient);
-    take_mean(l[0].square, l[1].square, product->size, count, diagonal);
+    take_mean(product, false, count, gradient);
+    take_mean(product, true, count, diagonal);
 }
 
 void pm_gauss_newton_product_apply(pm_gauss_newton_product *product, int count, const int *index,
                                    const double *vector, double *result) {
-    const product_lane *l = product->lane;
     memcpy(product->vector, vector, (size_t)product->size * sizeof *vector);
-    run_lanes(product, count, index, 0, LANES, product->vector);
-    take_mean(l[0].sum, l[1].sum, product->size, count, result);
+    run_lanes(product, count, index, 0, product->lanes.count, product->vector);
+    take_mean(product, false, count, result);
 }

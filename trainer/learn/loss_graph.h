@@ -5,6 +5,7 @@
 
 #include "graph/graph.h"
 #include "learn/samples.h"
+#include "learn/team.h"
 #include "scene/integrator.h"
 #include "scene/system.h"
 
@@ -16,6 +17,7 @@ typedef struct pm_loss {
     double degeneracy;               // weight of the degeneracy penalty in the soft form
     const double *scale; // [nz] replaces the scale of the samples where it is > 0; or NULL
     double robust;       // d, in units of the root of the median squared residual; 0: not robust
+    const pm_team *team; // the processes that evaluate it together, borrowed; NULL: this one alone
 } pm_loss;
 
 // The nodes that pm_loss_graph_build makes.

@@ -1,5 +1,5 @@
-// Builds the graph of the loss and its gradient, and evaluates it over chunks of samples in two
-// lanes, one thread each.
+// Builds the graph of the loss and its gradient, and evaluates it over chunks of samples in
+// lanes (learn/team.h).
 #include "learn/objective.h"
 
 #include <math.h>
@@ -13,13 +13,12 @@
 // Keeps the robust scale away from zero when the fit is exact to rounding.
 #define SMALLEST_MEDIAN 1e-28
 #define VALUES 2 // the outputs of a run without gradient
-#define LANES 2  // threads; a fixed number, so that the order of sums is fixed
 // The most samples per run of the graph, and the most bytes that its values may take, so that they
 // stay in the cache.
 #define CHUNK 128
 #define CHUNK_BYTES 33554432
 
-// One thread: its own program of the graph, and its share of the sums.
+// One lane (learn/team.h): its program of the graph, and its share of the sums.
 typedef struct loss_lane {
     pm_objective *objective;
     int id;
@@ -46,9 +45,11 @@ struct pm_objective {
     int nentry;
     pm_node *entry_gradient; // [nentry] per trained entry, PM_NO_NODE if the loss ignores it
     const pm_param_entry **entry;
-    loss_lane lane[LANES];
-    double *square;           // [samples->count] per-sample residuals
-    const double *importance; // [samples->count], borrowed; NULL: 1 for all
+    pm_lanes lanes;
+    loss_lane lane[PM_TEAM_LANES]; // those of this process
+    double *exchange;              // [samples->count] residuals, for a team
+    double *square;                // [samples->count] per-sample residuals
+    const double *importance;      // [samples->count], borrowed; NULL: 1 for all
 };
 
 // --- the graph ---
@@ -105,12 +106,17 @@ static pm_status plan_lanes(pm_objective *o, pm_graph *g) {
         }
     }
     PM_TRY_DONE(choose_chunk(o, g, count, output));
-    for (int i = 0; i < LANES; ++i) {
+    for (int i = 0; i < o->lanes.own; ++i) {
         loss_lane *l = &o->lane[i];
         l->objective = o;
-        l->id = i;
-        PM_TRY_DONE(pm_program_open(&l->program, g, count, output, o->chunk));
-        PM_TRY_DONE(pm_program_open(&l->value_only, g, VALUES, output, o->chunk));
+        l->id = o->lanes.first + i;
+        if (o->loss.team == NULL || i == 0) {
+            PM_TRY_DONE(pm_program_open(&l->program, g, count, output, o->chunk));
+            PM_TRY_DONE(pm_program_open(&l->value_only, g, VALUES, output, o->chunk));
+        } else { // the lanes of a member of a team take turns
+            l->program = o->lane[0].program;
+            l->value_only = o->lane[0].value_only;
+        }
         l->gradient = calloc((size_t)o->size + 1, sizeof *l->gradient);
         if (l->gradient == NULL) {
             status = pm_fail(PM_ENOMEM, "out of memory for a gradient");
@@ -148,7 +154,8 @@ static pm_status list_entries(pm_objective *o) {
     o->entry = calloc((size_t)capacity + 1, sizeof *o->entry);
     o->entry_gradient = calloc((size_t)capacity + 1, sizeof *o->entry_gradient);
     o->square = calloc((size_t)o->samples->count, sizeof *o->square);
-    if (o->entry == NULL || o->entry_gradient == NULL || o->square == NULL) {
+    o->exchange = calloc((size_t)o->samples->count, sizeof *o->exchange);
+    if (o->entry == NULL || o->entry_gradient == NULL || o->square == NULL || o->exchange == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a loss");
     }
     for (int i = 0; i < o->ncomponent; ++i) {
@@ -170,6 +177,7 @@ pm_status pm_objective_open(pm_objective **objective, pm_system *system, const p
     o->system = system;
     o->samples = samples;
     o->loss = *loss;
+    o->lanes = pm_team_lanes(loss->team);
     o->robust_square = 1;
     pm_status status = list_entries(o);
     if (status == PM_OK) {
@@ -185,15 +193,18 @@ pm_status pm_objective_open(pm_objective **objective, pm_system *system, const p
 
 void pm_objective_close(pm_objective *objective) {
     if (objective != NULL) {
-        for (int i = 0; i < LANES; ++i) {
-            pm_program_close(objective->lane[i].program);
-            pm_program_close(objective->lane[i].value_only);
+        for (int i = 0; i < objective->lanes.own; ++i) {
+            if (objective->loss.team == NULL || i == 0) {
+                pm_program_close(objective->lane[i].program);
+                pm_program_close(objective->lane[i].value_only);
+            }
             free(objective->lane[i].gradient);
         }
         free(objective->params);
         free(objective->entry);
         free(objective->entry_gradient);
         free(objective->square);
+        free(objective->exchange);
         free(objective);
     }
 }
@@ -266,21 +277,21 @@ static void add_gradient(loss_lane *l) {
 }
 
 // Returns the number of samples per run such that all lanes have about the same number.
-static int chunk_of(int count, int most) {
-    const int runs = LANES * ((count + LANES * most - 1) / (LANES * most));
+static int chunk_of(int count, int most, int lanes) {
+    const int runs = lanes * ((count + lanes * most - 1) / (lanes * most));
     return (count + runs - 1) / runs;
 }
 
 static void *work(void *context) {
     loss_lane *l = context;
-    const int chunk = chunk_of(l->count, l->objective->chunk);
     const pm_objective *o = l->objective;
+    const int chunk = chunk_of(l->count, o->chunk, o->lanes.count);
     const size_t width = (size_t)pm_samples_width(o->samples);
     pm_program *program = l->short_run ? l->value_only : l->program;
     double *window = pm_program_value(program, o->input); // [chunk][width]
     l->loss = 0;
     memset(l->gradient, 0, (size_t)o->size * sizeof *l->gradient);
-    for (int first = l->id * chunk; first < l->count; first += LANES * chunk) {
+    for (int first = l->id * chunk; first < l->count; first += o->lanes.count * chunk) {
         const int batch = l->count - first < chunk ? l->count - first : chunk;
         for (int i = 0; i < batch; ++i) {
             const int sample = l->index == NULL ? first + i : l->index[first + i];
@@ -300,36 +311,61 @@ static void *work(void *context) {
     return NULL;
 }
 
-double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient) {
-    pthread_t thread[LANES];
-    bool started[LANES] = {false};
-    for (int i = 0; i < LANES; ++i) {
-        o->lane[i].count = index == NULL ? o->samples->count : count;
-        o->lane[i].index = index;
-        o->lane[i].short_run = gradient == NULL;
-    }
-    for (int i = 1; i < LANES; ++i) {
+// Runs the lanes of this process: alone in a thread each, in a team one after the other.
+static void run_lanes(pm_objective *o) {
+    pthread_t thread[PM_TEAM_LANES];
+    bool started[PM_TEAM_LANES] = {false};
+    for (int i = 1; i < o->lanes.own && o->loss.team == NULL; ++i) {
         started[i] = pthread_create(&thread[i], NULL, work, &o->lane[i]) == 0;
     }
     work(&o->lane[0]);
-    double loss = o->lane[0].loss;
-    for (int i = 1; i < LANES; ++i) {
+    for (int i = 1; i < o->lanes.own; ++i) {
         if (started[i]) {
             pthread_join(thread[i], NULL);
         } else {
             work(&o->lane[i]); // no thread could be started: compute the same sums here
         }
-        loss += o->lane[i].loss;
+    }
+}
+
+// Gives every process of a team the residuals that the others have computed.
+static void share_squares(pm_objective *o) {
+    const loss_lane *l = &o->lane[0];
+    const int chunk = chunk_of(l->count, o->chunk, o->lanes.count);
+    for (int i = 0; i < l->count; ++i) {
+        const int lane = i / chunk % o->lanes.count - o->lanes.first;
+        const int sample = (l->index == NULL ? i : l->index[i]) % o->samples->count;
+        o->exchange[i] = lane >= 0 && lane < o->lanes.own ? o->square[sample] : 0;
+    }
+    pm_team_sum(o->loss.team, (size_t)l->count, o->exchange);
+    for (int i = 0; i < l->count; ++i) {
+        const int sample = (l->index == NULL ? i : l->index[i]) % o->samples->count;
+        o->square[sample] = o->exchange[i];
+    }
+}
+
+double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient) {
+    double *loss[PM_TEAM_LANES], *sum[PM_TEAM_LANES];
+    for (int i = 0; i < o->lanes.own; ++i) {
+        o->lane[i].count = index == NULL ? o->samples->count : count;
+        o->lane[i].index = index;
+        o->lane[i].short_run = gradient == NULL;
+        loss[i] = &o->lane[i].loss;
+        sum[i] = o->lane[i].gradient;
+    }
+    run_lanes(o);
+    pm_team_add(o->loss.team, 1, loss);
+    if (o->loss.team != NULL) {
+        share_squares(o);
     }
     const double mean = 1.0 / o->lane[0].count;
-    for (int j = 0; gradient != NULL && j < o->size; ++j) {
-        gradient[j] = o->lane[0].gradient[j];
-        for (int i = 1; i < LANES; ++i) {
-            gradient[j] += o->lane[i].gradient[j];
-        }
-        gradient[j] *= mean;
+    if (gradient != NULL) {
+        pm_team_add(o->loss.team, (size_t)o->size, sum);
     }
-    return loss * mean;
+    for (int j = 0; gradient != NULL && j < o->size; ++j) {
+        gradient[j] = sum[0][j] * mean;
+    }
+    return *loss[0] * mean;
 }
 
 static int compare(const void *a, const void *b) {

@@ -4,8 +4,9 @@
 //            + degeneracy weight * mean squared degeneracy residual (soft form)
 //     rho(x) = x, or with a robust loss: D^2 ln(1 + x / D^2), which reduces the weight of outliers
 //
-// Two threads work on chunks of samples. The chunks are summed in a fixed order, so that the result
-// does not depend on the number of processors.
+// Two threads, or the processes of a team (learn/team.h), work on chunks of samples. The chunks are
+// summed in a fixed order, so that the result does not depend on the number of processors, nor of
+// processes in the team. All processes of a team must call the same functions in the same order.
 #ifndef PM_TRAINER_LEARN_OBJECTIVE_H
 #define PM_TRAINER_LEARN_OBJECTIVE_H
 

@@ -63,8 +63,10 @@ static pm_status report(void *context, const pm_optimisation *o, double loss) {
     (void)o;
     snprintf(detail, sizeof detail, "%d starts left, loss %.3e", s->count, loss);
     pm_progress_update(&s->progress, ++s->iterations, detail);
-    return *s->stop ? pm_fail(PM_EINTERRUPTED, "interrupted while choosing the initial weights")
-                    : PM_OK;
+    const pm_team *team = s->training->stage[0].loss.team;
+    return pm_team_any(team, *s->stop)
+               ? pm_fail(PM_EINTERRUPTED, "interrupted while choosing the initial weights")
+               : PM_OK;
 }
 
 // Runs some more iterations of one candidate and computes its loss after them.
@@ -178,7 +180,8 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
     const pm_loss loss = {.residual = PM_RESIDUAL_DERIVATIVE,
                           .integrator = training->stage[0].loss.integrator,
                           .substeps = 1,
-                          .degeneracy = training->stage[0].loss.degeneracy};
+                          .degeneracy = training->stage[0].loss.degeneracy,
+                          .team = training->stage[0].loss.team};
     if (s.count <= 1) {
         return PM_OK;
     }
