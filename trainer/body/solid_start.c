@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "body/solid_fit.h"
 
@@ -34,9 +35,11 @@ static void add_state(const pm_solid_data *data, const double *u, const double *
         if (!pm_brick_make(&brick, x)) {
             continue;
         }
+        double F[PM_BRICK_POINTS][9];
+        pm_brick_deform(&brick, w, F);
         for (int p = 0; p < PM_BRICK_POINTS; ++p) {
             pm_solid_shape shape;
-            pm_brick_deform(&brick, p, w, shape.F);
+            memcpy(shape.F, F[p], sizeof F[p]);
             if (pm_solid_shape_make(&shape)) {
                 const double square = pm_sym_trace(shape.Cbar) - 3;
                 strain += square / (PM_BRICK_POINTS * mesh->nelement);

@@ -41,7 +41,7 @@ bool pm_brick_make(pm_brick *brick, const double *x) {
             for (int j = 0; j < 3; ++j) {
                 // The columns of the inverse are cross products of rows of the Jacobian.
                 const double *a = jacobian + 3 * ((j + 1) % 3), *b = jacobian + 3 * ((j + 2) % 3);
-                brick->gradient[p][n][j] = (local[n][0] * (a[1] * b[2] - a[2] * b[1]) +
+                brick->gradient[n][j][p] = (local[n][0] * (a[1] * b[2] - a[2] * b[1]) +
                                             local[n][1] * (a[2] * b[0] - a[0] * b[2]) +
                                             local[n][2] * (a[0] * b[1] - a[1] * b[0])) /
                                            det;
@@ -51,16 +51,17 @@ bool pm_brick_make(pm_brick *brick, const double *x) {
     return true;
 }
 
-void pm_brick_deform(const pm_brick *brick, int point, const double *u, double *F) {
+void pm_brick_deform(const pm_brick *brick, const double *u, double F[PM_BRICK_POINTS][9]) {
     for (int i = 0; i < 9; ++i) {
-        F[i] = i % 4 == 0;
-    }
-    for (int n = 0; n < PM_BRICK_NODES; ++n) {
-        const double *g = brick->gradient[point][n];
-        for (int i = 0; i < 3; ++i) {
-            F[3 * i] += u[3 * n + i] * g[0];
-            F[3 * i + 1] += u[3 * n + i] * g[1];
-            F[3 * i + 2] += u[3 * n + i] * g[2];
+        double sum[PM_BRICK_POINTS] = {0};
+        for (int n = 0; n < PM_BRICK_NODES; ++n) {
+            const double *g = brick->gradient[n][i % 3];
+            for (int p = 0; p < PM_BRICK_POINTS; ++p) {
+                sum[p] += u[3 * n + i / 3] * g[p];
+            }
+        }
+        for (int p = 0; p < PM_BRICK_POINTS; ++p) {
+            F[p][i] = sum[p] + (i % 4 == 0);
         }
     }
 }

@@ -13,7 +13,7 @@
 #define PM_BRICK_POINTS 8
 
 typedef struct pm_brick {
-    double gradient[PM_BRICK_POINTS][PM_BRICK_NODES][3]; // 1/m, of the shape functions, undeformed
+    double gradient[PM_BRICK_NODES][3][PM_BRICK_POINTS]; // 1/m, of the shape functions, undeformed
     double weight[PM_BRICK_POINTS];                      // m^3, of the points in integrals
     double volume;                                       // m^3, undeformed
 } pm_brick;
@@ -22,7 +22,8 @@ typedef struct pm_brick {
 // Returns false if it has no positive volume at one of its points.
 bool pm_brick_make(pm_brick *brick, const double *x);
 
-// Computes the deformation gradient F [9] at a point from the displacements u [PM_BRICK_NODES][3].
-void pm_brick_deform(const pm_brick *brick, int point, const double *u, double *F);
+// Computes the deformation gradients F [PM_BRICK_POINTS][9] from the displacements u
+// [PM_BRICK_NODES][3].
+void pm_brick_deform(const pm_brick *brick, const double *u, double F[PM_BRICK_POINTS][9]);
 
 #endif

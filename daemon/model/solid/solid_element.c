@@ -20,10 +20,11 @@ static ptrdiff_t inner_at(const pm_solid *s, int element, int point) {
 static bool shape_element(const pm_solid *s, int element, const double *u, pm_solid_shape *shape,
                           double *J) {
     const pm_brick *brick = &s->brick[element];
-    double x[3 * PM_BRICK_NODES], volume = 0;
+    double x[3 * PM_BRICK_NODES], F[PM_BRICK_POINTS][9], volume = 0;
     pm_solid_gather(s, element, u, x);
+    pm_brick_deform(brick, x, F);
     for (int p = 0; p < PM_BRICK_POINTS; ++p) {
-        pm_brick_deform(brick, p, x, shape[p].F);
+        memcpy(shape[p].F, F[p], sizeof F[p]);
         if (!pm_solid_shape_make(&shape[p])) {
             return false;
         }
@@ -54,21 +55,26 @@ void pm_solid_piola(const pm_solid_shape *shape, const double *T, double pressur
 // Relaxes the branches of a point from `before` to `after`. If `sums` is not NULL, it adds their
 // work and heat, and the work of the spring, times the weight of the point.
 static void relax_point(const pm_solid *s, const pm_solid_relaxation *step,
-                        const pm_solid_start *start, const pm_solid_shape *shape,
+                        const pm_solid_start *start, int p, const pm_solid_shape *shape,
                         const double *before, double *after, double weight, pm_solid_sums *sums) {
-    const pm_solid_change change = {{start->Cbar, shape->Cbar}, {start->inverse, shape->inverse}};
+    double Cbar[PM_SYM], inverse[PM_SYM];
+    for (int i = 0; i < PM_SYM; ++i) {
+        Cbar[i] = start->Cbar[i][p];
+        inverse[i] = start->inverse[i][p];
+    }
+    const pm_solid_change change = {{Cbar, shape->Cbar}, {inverse, shape->inverse}};
     if (sums != NULL) {
         const double spring = pm_solid_spring(s->material, shape->Cbar, NULL, NULL);
-        sums->work += weight * (spring - start->spring);
+        sums->work += weight * (spring - start->spring[p]);
     }
     for (int b = 0; b < s->material->nbranch; ++b) {
         const pm_solid_branch *branch = &s->material->branch[b];
         double energy[3], *A = after + PM_SYM * b;
         pm_solid_branch_relax(branch, &step[b], &change, before + PM_SYM * b, A);
         if (sums != NULL) {
-            sums->heat += weight * pm_solid_branch_lose(branch, &change, start->branch[b],
+            sums->heat += weight * pm_solid_branch_lose(branch, &change, start->branch[b][p],
                                                         before + PM_SYM * b, A, energy);
-            sums->work += weight * (energy[1] - energy[0] + energy[2] - start->branch[b]) / 2;
+            sums->work += weight * (energy[1] - energy[0] + energy[2] - start->branch[b][p]) / 2;
         }
     }
 }
@@ -83,9 +89,10 @@ static void add_force(const pm_brick *brick, int p, const pm_solid_shape *shape,
         P[i] = brick->weight[p] * (F[0] * S[at[0]] + F[1] * S[at[1]] + F[2] * S[at[2]]);
     }
     for (int n = 0; n < PM_BRICK_NODES; ++n) {
-        const double *g = brick->gradient[p][n];
+        const double(*g)[PM_BRICK_POINTS] = brick->gradient[n];
         for (int i = 0; i < 3; ++i) {
-            force[3 * n + i] += P[3 * i] * g[0] + P[3 * i + 1] * g[1] + P[3 * i + 2] * g[2];
+            force[3 * n + i] +=
+                P[3 * i] * g[0][p] + P[3 * i + 1] * g[1][p] + P[3 * i + 2] * g[2][p];
         }
     }
 }
@@ -113,7 +120,7 @@ bool pm_solid_evaluate(pm_solid *s, double h, pm_solid_sums *sums) {
         for (int p = 0; p < PM_BRICK_POINTS; ++p) {
             const ptrdiff_t at = inner_at(s, e, p);
             double T[PM_SYM], S[PM_SYM];
-            relax_point(s, step, &s->start[e][p], &shape[p], s->inner + at, s->after + at,
+            relax_point(s, step, &s->start[e], p, &shape[p], s->inner + at, s->after + at,
                         brick->weight[p], sums);
             pm_solid_point_stress(s, &shape[p], s->after + at, T, &modulus);
             pm_solid_piola(&shape[p], T, pressure, S);
@@ -134,16 +141,19 @@ double pm_solid_begin(pm_solid *s) {
         double J = 1, pressure, modulus, energy = 0;
         shape_element(s, e, s->u, shape, &J);
         for (int p = 0; p < PM_BRICK_POINTS; ++p) {
-            pm_solid_start *start = &s->start[e][p];
+            pm_solid_start *start = &s->start[e];
             const double *inner = s->inner + inner_at(s, e, p);
-            memcpy(start->Cbar, shape[p].Cbar, sizeof start->Cbar);
-            memcpy(start->inverse, shape[p].inverse, sizeof start->inverse);
-            double psi = pm_solid_spring(s->material, start->Cbar, NULL, NULL);
-            start->spring = psi;
+            for (int i = 0; i < PM_SYM; ++i) {
+                start->Cbar[i][p] = shape[p].Cbar[i];
+                start->inverse[i][p] = shape[p].inverse[i];
+            }
+            double psi = pm_solid_spring(s->material, shape[p].Cbar, NULL, NULL);
+            start->spring[p] = psi;
             for (int b = 0; b < s->material->nbranch; ++b) {
-                start->branch[b] = pm_solid_branch_energy(&s->material->branch[b], start->Cbar,
-                                                          start->inverse, inner + PM_SYM * b, NULL);
-                psi += start->branch[b];
+                start->branch[b][p] =
+                    pm_solid_branch_energy(&s->material->branch[b], shape[p].Cbar, shape[p].inverse,
+                                           inner + PM_SYM * b, NULL);
+                psi += start->branch[b][p];
             }
             energy += s->brick[e].weight[p] * psi;
         }

@@ -2,6 +2,7 @@
 // header:
 //     solid.c           opens a body, sets and moves its state
 //     solid_element.c   evaluates all elements: forces, energies, stresses
+//     solid_lanes.c     evaluates the forces alone, faster
 //     solid_stiffness.c numbers the free components and factorises the stiffness
 //     solid_step.c      finds the balance of forces
 #ifndef PM_MODEL_SOLID_SOLID_PARTS_H
@@ -10,34 +11,36 @@
 #include "model/solid/solid.h"
 
 // The pairs of displacements and forces of which the balance keeps at most so many (solid_step.c).
-#define PM_SOLID_PAIRS 6
+#define PM_SOLID_PAIRS 12
 
-// The shape without volume at a point, with the energies of the spring and of the branches there.
+// The shapes without volume at the points of an element, with the energies of the spring and of the
+// branches there.
 typedef struct pm_solid_start {
-    double Cbar[PM_SYM], inverse[PM_SYM];
-    double spring, branch[PM_SOLID_MAX_BRANCHES]; // J/m^3
+    double Cbar[PM_SYM][PM_BRICK_POINTS], inverse[PM_SYM][PM_BRICK_POINTS];
+    double spring[PM_BRICK_POINTS]; // J/m^3
+    double branch[PM_SOLID_MAX_BRANCHES][PM_BRICK_POINTS];
 } pm_solid_start;
 
 struct pm_solid {
     pm_arena arena;
     const pm_solid_mesh *mesh;
     const pm_solid_material *material;
-    pm_brick *brick;                          // [nelement]
-    int ninner, nfree;                        // numbers
-    int *free;                                // [nfree] component of each free number
-    int *number;                              // [nnode] first free number of a node, or -1
-    int width;                                // of the band below the diagonal of the stiffness
-    double *stiffness;                        // [nfree][width + 1] by columns, or its factor
-    double *u, *inner;                        // the state
-    pm_solid_start (*start)[PM_BRICK_POINTS]; // [nelement] at the state
-    double *volume_energy;                    // [nelement] J, at the state
-    double stiff_for;                         // s, step of the factor in `stiffness`; NAN: none
-    double *stiff_u, *stiff_inner;            // the state to which this factor belongs
-    double *trial, *after;                    // the same as u and inner, of the step under way
-    double *force;                            // [nnode][3] N, of the elements at `trial`
-    double *residual, *move, *last;           // [nfree]
-    int npair;                                // pairs known of the factor in `stiffness`
-    double *pair_u, *pair_f;                  // [PM_SOLID_PAIRS][nfree]
+    pm_brick *brick;                // [nelement]
+    int ninner, nfree;              // numbers
+    int *free;                      // [nfree] component of each free number
+    int *number;                    // [nnode] first free number of a node, or -1
+    int width;                      // of the band below the diagonal of the stiffness
+    double *stiffness;              // [nfree][width + 1] by columns, or its factor
+    double *u, *inner;              // the state
+    pm_solid_start *start;          // [nelement] at the state
+    double *volume_energy;          // [nelement] J, at the state
+    double stiff_for;               // s, step of the factor in `stiffness`; NAN: none
+    double *stiff_u, *stiff_inner;  // the state to which this factor belongs
+    double *trial, *after;          // the same as u and inner, of the step under way
+    double *force;                  // [nnode][3] N, of the elements at `trial`
+    double *residual, *move, *last; // [nfree]
+    int npair;                      // pairs known of the factor in `stiffness`
+    double *pair_u, *pair_f;        // [PM_SOLID_PAIRS][nfree]
     pm_solid_books books;
 };
 
@@ -50,6 +53,8 @@ typedef struct pm_solid_sums {
 // s->after and the forces s->force. If `sums` is not NULL, it also makes sure that no branch gains
 // energy, and computes the sums. Returns false if an element is turned inside out.
 bool pm_solid_evaluate(pm_solid *s, double h, pm_solid_sums *sums);
+// Computes the same forces, up to rounding, and nothing else.
+bool pm_solid_forces(pm_solid *s, double h);
 // Computes s->start and returns the stored energy of the state, J, which is not turned inside out.
 double pm_solid_begin(pm_solid *s);
 // Copies the displacements of an element's nodes to x [PM_BRICK_NODES][3].

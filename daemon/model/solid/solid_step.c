@@ -14,13 +14,13 @@
 #define MOST_ITERATIONS 30
 // The stiffness is assembled again after a step of more iterations than this; it takes as long as
 // about five of them.
-#define FEW_ITERATIONS 6
+#define FEW_ITERATIONS 9
 // The number of times that a move is halved because an element was turned inside out.
 #define MOST_SHORTER 8
 // The number of times that a step is halved because no balance was found.
 #define MOST_HALVES 8
 // A move this many times as long as the one before means that the stiffness is no longer right.
-#define GROWTH 1.5
+#define GROWTH 3
 
 static double dot(int n, const double *a, const double *b) {
     double sum = 0;
@@ -92,7 +92,7 @@ static bool move(pm_solid *s, double h) {
         for (int i = 0; i < s->nfree; ++i) {
             s->trial[s->free[i]] += s->move[i];
         }
-        if (pm_solid_evaluate(s, h, NULL)) {
+        if (pm_solid_forces(s, h)) {
             return true;
         }
         for (int i = 0; i < s->nfree; ++i) {
@@ -110,7 +110,7 @@ static bool iterate(pm_solid *s, double h, const double *f) {
     const double size = cbrt(s->brick[0].volume);
     double before = INFINITY;
     memcpy(s->trial, s->u, 3 * (size_t)s->mesh->nnode * sizeof *s->trial);
-    if (!pm_solid_evaluate(s, h, NULL)) {
+    if (!pm_solid_forces(s, h)) {
         return false;
     }
     find_residual(s, f);

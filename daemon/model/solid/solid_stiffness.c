@@ -152,7 +152,9 @@ static void add_point(const pm_brick *brick, int p, const pm_solid_shape *shape,
     double B[FREEDOMS][PM_SYM], DB[FREEDOMS][PM_SYM];
     const double weight = brick->weight[p];
     for (int a = 0; a < FREEDOMS; ++a) {
-        const double *g = brick->gradient[p][a / 3], *F = shape->F + a % 3 * 3;
+        const double(*gradient)[PM_BRICK_POINTS] = brick->gradient[a / 3];
+        const double g[3] = {gradient[0][p], gradient[1][p], gradient[2][p]},
+                     *F = shape->F + a % 3 * 3;
         for (int m = 0; m < PM_SYM; ++m) {
             const int i = pm_sym_row[m], j = pm_sym_column[m];
             B[a][m] = i == j ? F[i] * g[i] : F[i] * g[j] + F[j] * g[i];
@@ -177,9 +179,11 @@ static void add_point(const pm_brick *brick, int p, const pm_solid_shape *shape,
         }
     }
     for (int a = 0; a < PM_BRICK_NODES; ++a) {
-        const double *g = brick->gradient[p][a];
+        const double(*of_a)[PM_BRICK_POINTS] = brick->gradient[a];
+        const double g[3] = {of_a[0][p], of_a[1][p], of_a[2][p]};
         for (int b = 0; b <= a; ++b) {
-            const double *h = brick->gradient[p][b];
+            const double(*of_b)[PM_BRICK_POINTS] = brick->gradient[b];
+            const double h[3] = {of_b[0][p], of_b[1][p], of_b[2][p]};
             double sum = 0;
             for (int i = 0; i < 3; ++i) {
                 const int *at = pm_sym_at[i];
@@ -201,9 +205,11 @@ static void stiffen_element(const pm_solid *s, int e, double h, bool stressed,
     pm_solid_shape shape[PM_BRICK_POINTS];
     double x[FREEDOMS], J = 0, growth[FREEDOMS] = {0}, pressure, bulk, branches = 0;
     memset(K, 0, FREEDOMS * sizeof *K);
+    double F[PM_BRICK_POINTS][9];
     pm_solid_gather(s, e, s->u, x);
+    pm_brick_deform(brick, x, F);
     for (int p = 0; p < PM_BRICK_POINTS; ++p) {
-        pm_brick_deform(brick, p, x, shape[p].F);
+        memcpy(shape[p].F, F[p], sizeof F[p]);
         pm_solid_shape_make(&shape[p]); // the state is not turned inside out
         J += brick->weight[p] * shape[p].J / brick->volume;
     }
