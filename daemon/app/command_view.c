@@ -168,7 +168,9 @@ static pm_status open_outputs(view *v) {
 static pm_status open_view(view *v) {
     PM_TRY(check_options(v->options));
     PM_TRY(pm_scene_load(&v->scene, v->options->scene));
-    PM_TRY(pm_view_graph_init(&v->graph, &v->arena, v->scene));
+    // A recording may have some subsystems alone.
+    const bool *shown = v->options->recording == NULL ? NULL : v->scene->recorded;
+    PM_TRY(pm_view_graph_init(&v->graph, &v->arena, v->scene, shown));
     const int width = pm_view_frame_size(&v->graph);
     PM_TRY(pm_view_history_init(&v->history, &v->arena, width));
     v->frame = pm_arena_array(&v->arena, (size_t)width, sizeof *v->frame);

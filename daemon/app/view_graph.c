@@ -7,11 +7,27 @@
 
 // --- the graph ---
 
-static void add_nodes(pm_view_graph *g) {
-    const pm_scene *scene = g->scene;
+// Returns true if subsystem i is shown.
+static bool is_shown(const bool *shown, int i) {
+    return shown == NULL || shown[i];
+}
+
+static int count_shown(const pm_scene *scene, const bool *shown) {
+    int count = 0;
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        const int node =
-            g->npart == scene->nsubsystem ? i : (int)((long)i * g->npart / scene->nsubsystem);
+        count += is_shown(shown, i);
+    }
+    return count;
+}
+
+static void add_nodes(pm_view_graph *g, const bool *shown, int nshown) {
+    const pm_scene *scene = g->scene;
+    for (int i = 0, k = 0; i < scene->nsubsystem; ++i) {
+        if (!is_shown(shown, i)) {
+            g->node_of[i] = -1;
+            continue;
+        }
+        const int node = (int)((long)k++ * g->npart / nshown);
         if (g->node[node].count++ == 0) {
             g->node[node].name = scene->subsystem[i].name;
         }
@@ -28,8 +44,7 @@ static int node_at(const pm_view_graph *g, const pm_scene_port *port, int end) {
 }
 
 // Returns the edge that the port belongs to, which may be a new one.
-static int edge_for(pm_view_graph *g, int a, int b) {
-    const bool summed = g->npart < g->scene->nsubsystem;
+static int edge_for(pm_view_graph *g, int a, int b, bool summed) {
     for (int k = 0; summed && k < g->nedge; ++k) {
         if (g->edge[k].end[0] == a && g->edge[k].end[1] == b) {
             return k;
@@ -39,16 +54,16 @@ static int edge_for(pm_view_graph *g, int a, int b) {
     return g->nedge++;
 }
 
-static void add_edges(pm_view_graph *g) {
+static void add_edges(pm_view_graph *g, bool summed) {
     for (int i = 0; i < g->scene->nport; ++i) {
         const pm_scene_port *port = &g->scene->port[i];
         const int a = node_at(g, port, 0), b = node_at(g, port, 1);
-        if (a == b) {
+        if (a == b || a < 0 || b < 0) {
             g->edge_of[i] = -1;
             continue;
         }
         g->first_end[i] = a < b ? 0 : 1;
-        const int k = a < b ? edge_for(g, a, b) : edge_for(g, b, a);
+        const int k = a < b ? edge_for(g, a, b, summed) : edge_for(g, b, a, summed);
         g->edge_of[i] = k;
         if (g->edge[k].count++ == 0) {
             g->edge[k].name = port->name;
@@ -56,11 +71,13 @@ static void add_edges(pm_view_graph *g) {
     }
 }
 
-pm_status pm_view_graph_init(pm_view_graph *graph, pm_arena *arena, const pm_scene *scene) {
-    const bool all = scene->nsubsystem <= PM_VIEW_MOST;
+pm_status pm_view_graph_init(pm_view_graph *graph, pm_arena *arena, const pm_scene *scene,
+                             const bool *shown) {
+    const int nshown = count_shown(scene, shown);
+    const bool summed = nshown > PM_VIEW_MOST;
     const size_t nport = (size_t)scene->nport + 1;
     graph->scene = scene;
-    graph->npart = all ? scene->nsubsystem : PM_VIEW_GROUPS;
+    graph->npart = summed ? PM_VIEW_GROUPS : nshown;
     graph->nnode = graph->npart + scene->nboundary_input;
     graph->node = pm_arena_array(arena, (size_t)graph->nnode, sizeof *graph->node);
     graph->node_of = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof *graph->node_of);
@@ -71,8 +88,8 @@ pm_status pm_view_graph_init(pm_view_graph *graph, pm_arena *arena, const pm_sce
         graph->edge_of == NULL || graph->first_end == NULL) {
         return pm_fail(PM_ENOMEM, "view: out of memory");
     }
-    add_nodes(graph);
-    add_edges(graph);
+    add_nodes(graph, shown, nshown);
+    add_edges(graph, summed);
     return PM_OK;
 }
 
@@ -98,6 +115,9 @@ void pm_view_frame_fill(const pm_view_graph *graph, const pm_sample *sample, dou
     memset(part, 0, (size_t)count * sizeof *part);
     for (int i = 0; i < graph->scene->nsubsystem; ++i) {
         const int k = graph->node_of[i];
+        if (k < 0) {
+            continue;
+        }
         part[k] += sample->energy[i];
         part[npart + k] += sample->entropy[i];
         part[2 * npart + k] += sample->bulk_entropy[i];

@@ -1,7 +1,8 @@
 // A view shows a scene as a graph: nodes are subsystems or groups of subsystems, and edges are
 // ports. A scene with more than PM_VIEW_MOST subsystems is summarised: consecutive
 // subsystems form a group, whose energies and entropies are sums, and the ports between two groups
-// form one edge, whose fluxes are sums. Ports within a group are not shown.
+// form one edge, whose fluxes are sums. Ports within a group are not shown. The graph may also be
+// that of some subsystems alone, with the ports between them.
 #ifndef PM_APP_VIEW_GRAPH_H
 #define PM_APP_VIEW_GRAPH_H
 
@@ -30,13 +31,15 @@ typedef struct pm_view_graph {
     pm_view_node *node; // [nnode]
     int nedge;
     pm_view_edge *edge; // [nedge]
-    int *node_of;       // [nsubsystem]
-    int *edge_of;       // [nport]; -1: the port is within a group
+    int *node_of;       // [nsubsystem]; -1: the subsystem is not shown
+    int *edge_of;       // [nport]; -1: the port is within a group, or not shown
     int *first_end;     // [nport] the end of the port at end 0 of its edge
 } pm_view_graph;
 
-// Makes the graph of a scene, which must outlive it, with memory from the arena. PM_ENOMEM.
-pm_status pm_view_graph_init(pm_view_graph *graph, pm_arena *arena, const pm_scene *scene);
+// Makes the graph of a scene, which must outlive it, with memory from the arena. `shown`
+// [nsubsystem] says which subsystems it has; NULL: all. PM_ENOMEM.
+pm_status pm_view_graph_init(pm_view_graph *graph, pm_arena *arena, const pm_scene *scene,
+                             const bool *shown);
 
 // The numbers of a frame, in this order: the PM_VIEW_TOTALS numbers below; then the energy (J), the
 // entropy (J/K) and the entropy production within (W/K) of each part; then the energy flux (W) into

@@ -107,7 +107,8 @@ static pm_status add_parts(const recording_reader *r, const pm_recorded_families
         const pm_recorded_family *family = &families->subsystem[i / PM_VIEW_PER_PART];
         const int first = PM_VIEW_TOTALS + i % PM_VIEW_PER_PART * graph->npart;
         for (int k = 0; k < family->count; ++k) {
-            at[k] = first + graph->node_of[family->first + k];
+            const int node = graph->node_of[family->first + k];
+            at[k] = node < 0 ? -1 : first + node;
         }
         PM_TRY(add_family(r, "subsystems", family, series[i % PM_VIEW_PER_PART], at));
     }
@@ -133,27 +134,6 @@ static pm_status add_edges(const recording_reader *r, const pm_recorded_families
     return PM_OK;
 }
 
-// The numbers of nodes and edges of which the recording does not keep every member become NaN.
-static void spoil_incomplete(const recording_reader *r) {
-    const pm_view_graph *graph = r->graph;
-    const int first = PM_VIEW_TOTALS + PM_VIEW_PER_PART * graph->npart;
-    for (int i = 0; i < r->count; ++i) {
-        double *frame = r->frame + (long)i * r->width;
-        for (int id = 0; id < graph->scene->nsubsystem; ++id) {
-            for (int k = 0; k < PM_VIEW_PER_PART && !pm_scene_records(graph->scene, id); ++k) {
-                frame[PM_VIEW_TOTALS + k * graph->npart + graph->node_of[id]] = NAN;
-            }
-        }
-        for (int id = 0; id < graph->scene->nport; ++id) {
-            const int edge = graph->edge_of[id];
-            const bool kept = edge < 0 || pm_scene_records_port(graph->scene, id);
-            for (int k = 0; k < PM_VIEW_PER_EDGE && !kept; ++k) {
-                frame[first + k * graph->nedge + edge] = NAN;
-            }
-        }
-    }
-}
-
 static pm_status add_components(const recording_reader *r) {
     const pm_scene *scene = r->graph->scene;
     pm_arena arena = {0};
@@ -165,7 +145,6 @@ static pm_status add_components(const recording_reader *r) {
     PM_TRY_DONE(pm_recorded_families_find(&families, &arena, scene));
     PM_TRY_DONE(add_parts(r, &families, at));
     PM_TRY_DONE(add_edges(r, &families, at));
-    spoil_incomplete(r);
 done:
     pm_arena_free(&arena);
     return status;

@@ -142,6 +142,40 @@ expect "m['step'] == 0 and m['violations'] is None"
 client last
 expect "m['step'] == 30 and abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
 
+# --- a large scene, of which a run records some parts ---
+cat >"$folder/many.yaml" <<END
+scene: many
+time: {dt: 0.1, steps: 4, integrator: rk4, substeps: 2}
+models:
+  part: {energy: '|p|^2/2 + |q|^2/2', reversible: {given: [[q, p, 1.0]]}}
+  joint: {law: bracket, reversible: {given: [[a.p, b.q, 1.0]]}}
+subsystems:
+  "m[0:1000]": {model: part, initial: {q: 0.1, p: 1.0}, state: {q: {unit: m, size: 1}, p: {unit: kg m/s, size: 1}}}
+ports:
+  "j[0:999]": {law: bracket, between: ["m[i]", "m[i+1]"], model: joint, expose: {"m[i]": p, "m[i+1]": q}}
+record: {parts: [m0, "m[500:503]"]}
+END
+sed 's/^record:.*//' "$folder/many.yaml" >"$folder/all.yaml"
+for name in many all; do
+    "$portmetd" run "$folder/$name.yaml" --in-process --quiet --record "$folder/$name.h5" || fail "$name: run"
+    start $name view "$folder/$name.yaml" --recording "$folder/$name.h5" --port 8082
+    port=8082
+    wait_until 30 serves $name || fail "$name: no page"
+    client listen scene
+    if [ $name = many ]; then
+        expect "[n['name'] for n in m['nodes']] == ['m0', 'm500', 'm501', 'm502'] and m['subsystems'] == 1000"
+        expect "[e['name'] for e in m['edges']] == ['j500', 'j501']"
+    else
+        expect "len(m['nodes']) == 64 and m['nodes'][1]['count'] in (15, 16) and len(m['edges']) == 63"
+    fi
+    client last
+    expect "m['step'] == 4 and all(e > 0 for e in m['parts'][0])"
+    expect "all(a + b == 0 != a for a, b in zip(m['edges'][0], m['edges'][1]))"
+    kill -TERM $pid
+    ends $name $pid 12 "interrupted"
+done
+port=8081
+
 # --- a browser ---
 # The browser's own clock may run ahead of a slow machine: then it draws again, for longer.
 draws() {
