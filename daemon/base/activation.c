@@ -1,5 +1,7 @@
-// Loops over the functions of elementary.h, which the compiler vectorises.
+// Loops over the functions of elementary.h and square roots, which the compiler vectorises.
 #include "base/activation.h"
+
+#include <math.h>
 
 #include "base/elementary.h"
 #include "base/simd.h"
@@ -25,5 +27,17 @@ PM_SIMD_CLONES void pm_array_softplus(size_t n, const double *x, double *y) {
 PM_SIMD_CLONES void pm_array_exp(size_t n, const double *x, double *y) {
     for (size_t i = 0; i < n; ++i) {
         y[i] = pm_exp_of(x[i]);
+    }
+}
+
+PM_SIMD_CLONES void pm_array_log(size_t n, const double *x, double *y) {
+    for (size_t i = 0; i < n; ++i) {
+        y[i] = pm_log_of(x[i]);
+    }
+}
+
+PM_SIMD_CLONES void pm_array_sqrt(size_t n, const double *x, double *y) {
+    for (size_t i = 0; i < n; ++i) {
+        y[i] = sqrt(x[i]);
     }
 }

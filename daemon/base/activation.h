@@ -1,5 +1,5 @@
-// These loops apply the functions of elementary.h to every entry of an array. The compiler
-// vectorises them, which does not change a bit of the results.
+// These loops apply the functions of elementary.h, and the square root, to every entry of an array.
+// The compiler vectorises them, which does not change a bit of the results.
 #ifndef PM_BASE_ACTIVATION_H
 #define PM_BASE_ACTIVATION_H
 
@@ -10,5 +10,7 @@ void pm_array_tanh(size_t n, const double *x, double *y);
 void pm_array_sigmoid(size_t n, const double *x, double *y);  // 1 / (1 + exp(-x))
 void pm_array_softplus(size_t n, const double *x, double *y); // log(1 + exp(x))
 void pm_array_exp(size_t n, const double *x, double *y);
+void pm_array_log(size_t n, const double *x, double *y);
+void pm_array_sqrt(size_t n, const double *x, double *y);
 
 #endif

@@ -67,13 +67,10 @@ static inline double pm_sigmoid_of(double x) {
     return 1.0 / (1.0 + pm_exp_of(-x));
 }
 
-// log(1 + u) for 0 <= u <= 1. The function writes 1 + u as 1 + f with f = u or, if u exceeds
-// sqrt(2) - 1, as 2 (1 + f) with f = (u - 1)/2. With s = f/(2 + f) it evaluates the series of
-// log(1 + f) = log((1 + s)/(1 - s)), with the coefficients of FDLIBM, s_log1p.c.
-static inline double pm_log1p_of(double u) {
-    const double fold = u > 0.41421356237309503 ? 1.0 : 0.0;
-    const double f = fold * (0.5 * (u - 1.0)) + (1.0 - fold) * u;
-    const double s = f / (2.0 + f), z = s * s, half = 0.5 * f * f;
+// R(f) of log(1 + f) = f - f^2/2 + s (f^2/2 + R) for sqrt(1/2) - 1 <= f <= sqrt(2) - 1: with
+// s = f/(2 + f) it is the series of log((1 + s)/(1 - s)) from s^2 on, with the coefficients of
+// FDLIBM, e_log.c and s_log1p.c. z is s^2.
+static inline double pm_log_series(double z) {
     double p = 1.479819860511658591e-01;
     p = p * z + 1.531383769920937332e-01;
     p = p * z + 1.818357216161805012e-01;
@@ -81,8 +78,40 @@ static inline double pm_log1p_of(double u) {
     p = p * z + 2.857142874366239149e-01;
     p = p * z + 3.999999999940941908e-01;
     p = p * z + 6.666666666666735130e-01;
-    const double series = f - (half - s * (half + p * z));
+    return p * z;
+}
+
+// log(1 + u) for 0 <= u <= 1. The function writes 1 + u as 1 + f with f = u or, if u exceeds
+// sqrt(2) - 1, as 2 (1 + f) with f = (u - 1)/2.
+static inline double pm_log1p_of(double u) {
+    const double fold = u > 0.41421356237309503 ? 1.0 : 0.0;
+    const double f = fold * (0.5 * (u - 1.0)) + (1.0 - fold) * u;
+    const double s = f / (2.0 + f), half = 0.5 * f * f;
+    const double series = f - (half - s * (half + pm_log_series(s * s)));
     return fold * 6.93147180369123816490e-01 + (series + fold * 1.90821492927058770002e-10);
+}
+
+// log(x), with x = 2^n (1 + f) and sqrt(1/2) <= 1 + f <= sqrt(2). The result is not a number for x
+// below 0, and -infinity for 0.
+static inline double pm_log_of(double x) {
+    const double tiny = x < 2.2250738585072014e-308 ? 1.0 : 0.0;  // has no exponent of its own
+    const double normal = x * (1.0 + tiny * 18014398509481983.0); // times 2^54
+    uint64_t bits, exponent, mantissa;
+    double shifted, m;
+    memcpy(&bits, &normal, sizeof bits);
+    // The exponent becomes the lowest bits of a number from 2^52 on.
+    exponent = (bits >> 52) | 0x4330000000000000u;
+    mantissa = (bits & 0x000fffffffffffffu) | 0x3ff0000000000000u;
+    memcpy(&shifted, &exponent, sizeof shifted);
+    memcpy(&m, &mantissa, sizeof m);
+    const double fold = m > 1.4142135623730951 ? 1.0 : 0.0;
+    const double n = (shifted - (4503599627370496.0 + 1023.0)) + (fold - 54.0 * tiny);
+    const double f = (m - 0.5 * fold * m) - 1.0;
+    const double s = f / (2.0 + f), half = 0.5 * f * f;
+    const double series = s * (half + pm_log_series(s * s)) + n * 1.90821492927058770002e-10;
+    const double y = n * 6.93147180369123816490e-01 - ((half - series) - f);
+    const double limit = x == 0 ? -1.0 / 0.0 : 0.0 / 0.0;
+    return x > 0 ? (x < 1.0 / 0.0 ? y : x) : limit;
 }
 
 // log(1 + exp(x)) = max(x, 0) + log(1 + exp(-|x|)), which does not overflow.

@@ -105,11 +105,14 @@ void pm_run_scale(const pm_instruction *x, int batch) {
     scale_array(entries(x->shape, batch), x->number, x->a, x->out);
 }
 
-void pm_run_offset(const pm_instruction *x, int batch) {
-    const size_t n = entries(x->shape, batch);
+PM_SIMD_CLONES static void offset_array(size_t n, double term, const double *a, double *out) {
     for (size_t i = 0; i < n; ++i) {
-        x->out[i] = x->a[i] + x->number;
+        out[i] = a[i] + term;
     }
+}
+
+void pm_run_offset(const pm_instruction *x, int batch) {
+    offset_array(entries(x->shape, batch), x->number, x->a, x->out);
 }
 
 void pm_run_tanh(const pm_instruction *x, int batch) {
@@ -129,17 +132,11 @@ void pm_run_exp(const pm_instruction *x, int batch) {
 }
 
 void pm_run_log(const pm_instruction *x, int batch) {
-    const size_t n = entries(x->shape, batch);
-    for (size_t i = 0; i < n; ++i) {
-        x->out[i] = log(x->a[i]);
-    }
+    pm_array_log(entries(x->shape, batch), x->a, x->out);
 }
 
 void pm_run_sqrt(const pm_instruction *x, int batch) {
-    const size_t n = entries(x->shape, batch);
-    for (size_t i = 0; i < n; ++i) {
-        x->out[i] = sqrt(x->a[i]);
-    }
+    pm_array_sqrt(entries(x->shape, batch), x->a, x->out);
 }
 
 void pm_run_sin(const pm_instruction *x, int batch) {

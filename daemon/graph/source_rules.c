@@ -163,7 +163,7 @@ static frame frame_of(const pm_graph_node *node, char text[64]) {
                                               [PM_OP_SIGMOID] = {"pm_sigmoid_of(", ")"},
                                               [PM_OP_SOFTPLUS] = {"pm_softplus_of(", ")"},
                                               [PM_OP_EXP] = {"pm_exp_of(", ")"},
-                                              [PM_OP_LOG] = {"log(", ")"},
+                                              [PM_OP_LOG] = {"pm_log_of(", ")"},
                                               [PM_OP_SQRT] = {"sqrt(", ")"},
                                               [PM_OP_SIN] = {"sin(", ")"},
                                               [PM_OP_COS] = {"cos(", ")"},

@@ -42,6 +42,11 @@ static const function functions[] = {
     {"exp, small", pm_exp_of, pm_array_exp, expl, -1, 1},
     {"sigmoid", pm_sigmoid_of, pm_array_sigmoid, exact_sigmoid, -40, 40},
     {"softplus", pm_softplus_of, pm_array_softplus, exact_softplus, -40, 40},
+    {"log", pm_log_of, pm_array_log, logl, 0, 1e3},
+    {"log, near 1", pm_log_of, pm_array_log, logl, 0.6, 1.6},
+    {"log, very near 1", pm_log_of, pm_array_log, logl, 1 - 1e-6, 1 + 1e-6},
+    {"log, subnormal", pm_log_of, pm_array_log, logl, 0, 1e-307},
+    {"log, large", pm_log_of, pm_array_log, logl, 1e300, 1.7e308},
 };
 
 static void test_accuracy(void **state) {
@@ -96,6 +101,9 @@ static void test_limits(void **state) {
     assert_true(pm_softplus_of(1000) == 1000 && pm_softplus_of(-1000) >= 0);
     assert_true(isnan(pm_tanh_of(NAN)) && isnan(pm_exp_of(NAN)) && isnan(pm_sigmoid_of(NAN)));
     assert_true(isnan(pm_softplus_of(NAN)));
+    assert_true(pm_log_of(1) == 0 && pm_log_of(0) == -INFINITY && pm_log_of(-0.0) == -INFINITY);
+    assert_true(pm_log_of(INFINITY) == INFINITY && isnan(pm_log_of(-1)) && isnan(pm_log_of(NAN)));
+    assert_true(isnan(pm_log_of(-INFINITY)) && isnan(pm_log_of(-1e-310)));
     for (double x = 1e-300; x < 1; x *= 7) {
         assert_true(pm_tanh_of(-x) == -pm_tanh_of(x));
     }
