@@ -1,4 +1,5 @@
-// Inner loops run over PM_LANES lanes, which the compiler keeps in registers.
+// The numbers of PM_LANES lanes are one vector, which the compiler splits into as many registers as
+// the processor's instruction set needs.
 #include "sim/lanes.h"
 
 #include <math.h>
@@ -8,10 +9,24 @@
 #include "base/linalg.h"
 #include "base/simd.h"
 
+// A number, or the bits of a number, of each of PM_LANES lanes.
+typedef double vector __attribute__((vector_size(PM_LANES * sizeof(double))));
+typedef uint64_t bits __attribute__((vector_size(PM_LANES * sizeof(uint64_t))));
+
+#define SIGN ((uint64_t)1 << 63)
+
+static inline void load(vector *x, const double *from) {
+    memcpy(x, from, sizeof *x);
+}
+
+static inline void store(const vector *x, double *to) {
+    memcpy(to, x, sizeof *x);
+}
+
 static inline uint64_t bits_of(double x) {
-    uint64_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
+    uint64_t result;
+    memcpy(&result, &x, sizeof result);
+    return result;
 }
 
 pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes) {
@@ -24,23 +39,24 @@ pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes) {
     return PM_OK;
 }
 
-// Notes in bit `row` % 64 of renewed [PM_LANES] where two rows of PM_LANES numbers differ.
-static inline void note(int row, const double *now, const double *before, uint64_t *renewed) {
-    for (int l = 0; l < PM_LANES; ++l) {
-        renewed[l] |= (uint64_t)(bits_of(now[l]) != bits_of(before[l])) << (row & 63);
-    }
+// Sets bit `row` % 64 of `renewed` in the lanes in which two numbers differ.
+static inline void note(int row, const vector *now, const vector *before, bits *renewed) {
+    *renewed |= (bits)((bits)*now != (bits)*before) & ((uint64_t)1 << (row & 63));
 }
 
 PM_SIMD_CLONES void pm_lanes_renew(int rows, int lanes, const double *now, double *before,
                                    uint64_t *renewed) {
     for (int v = 0; v < lanes; v += PM_LANES) {
-        uint64_t mask[PM_LANES] = {0};
+        bits mask = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
-            note(r, now + at, before + at, mask);
-            memcpy(before + at, now + at, PM_LANES * sizeof *now);
+            vector a, b;
+            load(&a, now + at);
+            load(&b, before + at);
+            note(r, &a, &b, &mask);
+            store(&a, before + at);
         }
-        memcpy(renewed + v, mask, sizeof mask);
+        memcpy(renewed + v, &mask, sizeof mask);
     }
 }
 
@@ -48,22 +64,21 @@ PM_SIMD_CLONES void pm_lanes_combine(int rows, int lanes, int count, const doubl
                                      const double *z, const double *k, int64_t stride,
                                      const double *before, double *to, uint64_t *renewed) {
     for (int v = 0; v < lanes; v += PM_LANES) {
-        uint64_t mask[PM_LANES] = {0};
+        bits mask = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
-            double sum[PM_LANES] = {0}, next[PM_LANES];
+            vector sum = {0}, rate, next, old;
             for (int i = 0; i < count; ++i) {
-                for (int l = 0; l < PM_LANES; ++l) {
-                    sum[l] += weight[i] * k[i * stride + at + l];
-                }
+                load(&rate, k + i * stride + at);
+                sum += weight[i] * rate;
             }
-            for (int l = 0; l < PM_LANES; ++l) {
-                next[l] = z[at + l] + h * sum[l];
-            }
-            note(r, next, before + at, mask);
-            memcpy(to + at, next, sizeof next);
+            load(&next, z + at);
+            next += h * sum;
+            load(&old, before + at);
+            note(r, &next, &old, &mask);
+            store(&next, to + at);
         }
-        memcpy(renewed + v, mask, sizeof mask);
+        memcpy(renewed + v, &mask, sizeof mask);
     }
 }
 
@@ -71,19 +86,23 @@ PM_SIMD_CLONES void pm_lanes_combine(int rows, int lanes, int count, const doubl
 PM_SIMD_CLONES static void book_one(int rows, int lanes, double weight, bool anew, const double *e,
                                     const double *rate, double *flux, double *gross) {
     for (int v = 0; v < lanes; v += PM_LANES) {
-        double sum[PM_LANES] = {0}, magnitude[PM_LANES] = {0};
+        vector sum = {0}, magnitude = {0}, net = {0}, all = {0}, a, b;
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
-            for (int l = 0; l < PM_LANES; ++l) {
-                const double power = weight * (e[at + l] * rate[at + l]);
-                sum[l] += power;
-                magnitude[l] += fabs(power);
-            }
+            load(&a, e + at);
+            load(&b, rate + at);
+            a = weight * (a * b);
+            sum += a;
+            magnitude += (vector)((bits)a & ~SIGN);
         }
-        for (int l = 0; l < PM_LANES; ++l) {
-            flux[v + l] = (anew ? 0 : flux[v + l]) + sum[l];
-            gross[v + l] = (anew ? 0 : gross[v + l]) + magnitude[l];
+        if (!anew) {
+            load(&net, flux + v);
+            load(&all, gross + v);
         }
+        net += sum;
+        all += magnitude;
+        store(&net, flux + v);
+        store(&all, gross + v);
     }
 }
 
@@ -146,9 +165,11 @@ PM_SIMD_CLONES void pm_lanes_add(int count, int lanes, const int *component,
         if (row.neighbours && l % PM_LANES == 0 && l + PM_LANES <= end) {
             for (int c = 0; c < count; ++c) {
                 double *at = to + row.first + (ptrdiff_t)component[c] * row.step;
-                for (int i = 0; i < PM_LANES; ++i) {
-                    at[i] += rate[(ptrdiff_t)c * lanes + l + i];
-                }
+                vector sum, term;
+                load(&sum, at);
+                load(&term, rate + (ptrdiff_t)c * lanes + l);
+                sum += term;
+                store(&sum, at);
             }
             l += PM_LANES;
             continue;
@@ -167,17 +188,20 @@ PM_SIMD_CLONES static void note_outside(const pm_group *group, double low, doubl
                                         const double *z, uint64_t *outside) {
     const double *x = z + (ptrdiff_t)group->first * lanes;
     for (int v = 0; v < lanes; v += PM_LANES) {
-        double value[PM_LANES] = {0};
-        for (int c = 0; c < group->size; ++c) {
-            for (int l = 0; l < PM_LANES; ++l) {
-                const double one = x[(ptrdiff_t)c * lanes + v + l];
-                value[l] += one * one;
-            }
+        vector square = {0}, measure;
+        bits before;
+        load(&measure, x + v);
+        for (int c = 0; c < group->size && group->size > 1; ++c) {
+            vector one;
+            load(&one, x + (ptrdiff_t)c * lanes + v);
+            square += one * one;
         }
-        for (int l = 0; l < PM_LANES; ++l) {
-            const double measure = group->size == 1 ? x[v + l] : sqrt(value[l]);
-            outside[v + l] |= (uint64_t)(low > measure) | (uint64_t)(measure > high);
+        for (int l = 0; l < PM_LANES && group->size > 1; ++l) {
+            measure[l] = sqrt(square[l]);
         }
+        memcpy(&before, outside + v, sizeof before);
+        before |= ((bits)(low > measure) | (bits)(measure > high)) & 1;
+        memcpy(outside + v, &before, sizeof before);
     }
 }
 
@@ -189,11 +213,11 @@ void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint6
 }
 
 PM_SIMD_CLONES int pm_lanes_any(int lanes, const uint64_t *x) {
-    uint64_t bits = 0;
+    uint64_t any = 0;
     for (int l = 0; l < lanes; ++l) {
-        bits |= x[l];
+        any |= x[l];
     }
-    return bits != 0;
+    return any != 0;
 }
 
 PM_SIMD_CLONES int pm_lanes_all(int lanes, const uint64_t *x) {
