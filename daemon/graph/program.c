@@ -17,8 +17,8 @@ struct pm_program {
     pm_arena arena;
     double *memory;
     size_t memory_size; // numbers
-    int ninstruction;
-    pm_instruction *instruction;
+    int ninstruction, nfixed;
+    pm_instruction *instruction; // [ninstruction]; the first `nfixed` depend on weights alone
     int nnode;
     double **value; // [nnode] where a node's numbers live; NULL: not part of the program
     bool *needed;   // [nnode] whether an output needs the node
@@ -27,9 +27,8 @@ struct pm_program {
 
 // --- a free list of memory intervals ---
 
-// An interval of memory, in numbers.
 typedef struct interval {
-    size_t first, size;
+    size_t first, size; // numbers
 } interval;
 
 typedef struct memory_pool {
@@ -38,8 +37,7 @@ typedef struct memory_pool {
     size_t end; // of all memory handed out so far, in numbers
 } memory_pool;
 
-// Takes an interval of `size` numbers: the smallest free one that fits, or new memory. Returns its
-// first number.
+// Returns the first of `size` numbers: of the smallest free interval that fits, or of new memory.
 static size_t pool_take(memory_pool *pool, size_t size) {
     int best = -1;
     for (int i = 0; i < pool->count; ++i) {
@@ -103,6 +101,7 @@ static bool pool_give(memory_pool *pool, size_t first, size_t size) {
 // view.
 typedef struct node_memory {
     bool needed, pinned;
+    bool fixed; // the numbers depend on weights alone
     pm_node root;
     int last_use;
     size_t offset, size;
@@ -137,6 +136,17 @@ static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
     return node->op == PM_OP_SLICE && one_row;
 }
 
+// Returns true if the numbers of a node depend on weights alone, and keeping them between runs
+// takes no more memory than one item does.
+static bool is_fixed(const memory_plan *plan, const pm_graph_node *node) {
+    bool fixed =
+        node->op != PM_OP_INPUT && (!node->shape.batched || plan->lanes || plan->capacity == 1);
+    for (int i = 0; i < node->noperand && fixed; ++i) {
+        fixed = plan->place[node->operand[i]].fixed;
+    }
+    return fixed;
+}
+
 // Finds the nodes that the outputs need, from the last one down, and the last reader of each.
 static void find_needed(memory_plan *plan, int count, const pm_node *output) {
     for (int i = 0; i < count; ++i) {
@@ -154,9 +164,10 @@ static void find_needed(memory_plan *plan, int count, const pm_node *output) {
         node_memory *place = &plan->place[x];
         place->root = is_view(plan, node) ? plan->place[node->operand[0]].root : x;
         place->last_use = x;
+        place->fixed = is_fixed(plan, node);
         // Leaves keep their memory: callers write inputs before a run, and constants are filled
-        // once.
-        place->pinned = place->pinned || is_leaf(node->op);
+        // once. So does what later runs leave out.
+        place->pinned = place->pinned || place->fixed || is_leaf(node->op);
         node_memory *root = &plan->place[place->root];
         root->pinned = root->pinned || (place->needed && place->pinned);
         for (int i = 0; place->needed && i < node->noperand; ++i) {
@@ -223,15 +234,19 @@ static void place_own(memory_plan *plan, pm_node x) {
 }
 
 static bool place_nodes(memory_plan *plan) {
-    // Leaves come first: their numbers are written before a run, so they share memory with nothing.
+    // Inputs, and what depends on weights alone, come first: their numbers are written before a
+    // run, so they share memory with nothing.
     for (pm_node x = 0; x < plan->nnode; ++x) {
+        const node_memory *place = &plan->place[x];
         const pm_op op = pm_graph_node_at(plan->g, x)->op;
-        if (op == PM_OP_INPUT || (op == PM_OP_CONSTANT && plan->place[x].needed)) {
+        if (op == PM_OP_INPUT ||
+            (op != PM_OP_PARAM && place->needed && place->fixed && place->root == x)) {
             place_own(plan, x);
         }
     }
     for (pm_node x = 0; x < plan->nnode; ++x) {
-        if (!plan->place[x].needed || is_leaf(pm_graph_node_at(plan->g, x)->op)) {
+        if (!plan->place[x].needed || plan->place[x].fixed ||
+            pm_graph_node_at(plan->g, x)->op == PM_OP_INPUT) {
             continue;
         }
         if (plan->place[x].root == x) {
@@ -338,6 +353,19 @@ static void resolve_values(pm_program *p, const memory_plan *plan) {
     }
 }
 
+// Emits the nodes that depend on weights alone, or all others.
+static pm_status emit_all(pm_program *p, const memory_plan *plan, bool fixed) {
+    for (pm_node x = 0; x < plan->nnode; ++x) {
+        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+        p->needed[x] = plan->place[x].needed;
+        if (p->needed[x] && plan->place[x].fixed == fixed && !is_leaf(node->op) &&
+            !is_view(plan, node)) {
+            PM_TRY(emit(p, plan->g, x));
+        }
+    }
+    return PM_OK;
+}
+
 static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_node *output) {
     const size_t nnode = (size_t)plan->nnode;
     plan->place = calloc(nnode, sizeof *plan->place);
@@ -358,14 +386,9 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     }
     memset(p->memory, 0, p->memory_size * sizeof(double));
     resolve_values(p, plan);
-    for (pm_node x = 0; x < plan->nnode; ++x) {
-        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-        p->needed[x] = plan->place[x].needed;
-        if (p->needed[x] && !is_leaf(node->op) && !is_view(plan, node)) {
-            PM_TRY(emit(p, plan->g, x));
-        }
-    }
-    return PM_OK;
+    PM_TRY(emit_all(p, plan, true));
+    p->nfixed = p->ninstruction;
+    return emit_all(p, plan, false);
 }
 
 static pm_status open_program(pm_program **program, const pm_graph *graph, int count,
@@ -436,16 +459,24 @@ bool pm_program_depends(const pm_program *program, pm_node input) {
     return program->needed[input];
 }
 
-void pm_program_run(pm_program *program, int batch) {
-    assert(batch > 0 && batch <= program->capacity);
-    for (int i = 0; i < program->ninstruction; ++i) {
-        const pm_instruction *x = &program->instruction[i];
-        x->run(x, batch);
+static void run(const pm_program *program, int begin, int end, int batch) {
+    for (int i = begin; i < end; ++i) {
+        program->instruction[i].run(&program->instruction[i], batch);
     }
 }
 
-void pm_program_run_lanes(pm_program *program) {
-    pm_program_run(program, program->capacity);
+void pm_program_prepare(pm_program *program) {
+    run(program, 0, program->nfixed, program->capacity);
+}
+
+void pm_program_run_prepared(pm_program *program, int batch) {
+    assert(batch > 0 && batch <= program->capacity);
+    run(program, program->nfixed, program->ninstruction, batch);
+}
+
+void pm_program_run(pm_program *program, int batch) {
+    pm_program_prepare(program);
+    pm_program_run_prepared(program, batch);
 }
 
 double pm_program_multiply_adds(const pm_program *program, int batch) {

@@ -16,13 +16,12 @@ pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count
 void pm_program_close(pm_program *program); // NULL is allowed
 
 // Plans a program for `lanes` items (a multiple of 8) that keeps the items innermost: the values of
-// its batched nodes are [rows][cols][lanes]. pm_program_run_lanes runs it for all lanes at once,
-// vectorised across items, and gives each item the bits that a program for one item gives it.
-// *program is NULL if the graph has an operation that cannot run so: a sum over the batch, or a
-// product for which BLAS is faster. PM_ENOMEM.
+// its batched nodes are [rows][cols][lanes]. A run treats all lanes at once, vectorised across
+// items, and gives each item the bits that a program for one item gives it. *program is NULL if the
+// graph has an operation that cannot run so: a sum over the batch, or a product for which BLAS is
+// faster. PM_ENOMEM.
 pm_status pm_program_open_lanes(pm_program **program, const pm_graph *graph, int count,
                                 const pm_node *output, int lanes);
-void pm_program_run_lanes(pm_program *program);
 
 // Returns the numbers of an input or an output, [capacity][rows][cols] if batched, else
 // [rows][cols]. The program owns them. Outputs keep the result of the last run until the next one.
@@ -35,6 +34,11 @@ bool pm_program_depends(const pm_program *program, pm_node input);
 // Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch sum these
 // items.
 void pm_program_run(pm_program *program, int batch);
+
+// pm_program_prepare computes what depends on the weights alone. pm_program_run_prepared computes
+// the rest, for callers whose weights have not changed since. Together they are pm_program_run.
+void pm_program_prepare(pm_program *program);
+void pm_program_run_prepared(pm_program *program, int batch);
 
 // Returns the number of multiply-adds in the matrix products of one run.
 double pm_program_multiply_adds(const pm_program *program, int batch);

@@ -290,6 +290,19 @@ static void clear(const pm_lane_flux *flux, long *rested, bool *kept, int nblock
     memset(kept, 0, (size_t)nblock * sizeof *kept);
 }
 
+// The weights may have changed since the last run.
+static void prepare_all(const pm_batch *b) {
+    for (int i = 0; i < b->npart; ++i) {
+        pm_program_prepare(b->part[i].exposure);
+        if (b->part[i].bulk_term != NULL) {
+            pm_program_prepare(b->part[i].bulk_term);
+        }
+    }
+    for (int i = 0; i < b->nport; ++i) {
+        pm_program_prepare(b->port[i].law);
+    }
+}
+
 static void clear_all(pm_batch *b) {
     b->part_calls = b->bulk_calls = b->port_calls = b->step = 0;
     for (int i = 0; i < b->npart; ++i) {
@@ -319,6 +332,7 @@ void pm_batch_set_state(pm_batch *batch, const double *z) {
             }
         }
     }
+    prepare_all(b);
     expose_anew(b);
     clear_all(b);
 }

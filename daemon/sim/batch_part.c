@@ -126,7 +126,7 @@ void pm_batch_part_expose(pm_batch *b, pm_batch_part *p, int block) {
         return;
     }
     copy(p->exposure_z, b->stage_z + first, block_size);
-    pm_program_run_lanes(p->exposure);
+    pm_program_run_prepared(p->exposure, p->width);
     copy(p->E + lane, p->exposure_E, p->width);
     copy(p->S + lane, p->exposure_S, p->width);
     pm_lanes_renew(p->nz, p->width, p->exposure_dE, b->dE + first, renewed[PM_SHOWN_DE]);
@@ -155,7 +155,7 @@ static void run_bulk(const pm_batch *b, const pm_batch_part *p, ptrdiff_t first,
     for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
         copy(p->bulk_input[i], from[i] + first, block_size);
     }
-    pm_program_run_lanes(p->bulk_term);
+    pm_program_run_prepared(p->bulk_term, p->width);
     copy(rate, p->bulk_rate, block_size);
 }
 

@@ -113,7 +113,7 @@ static void run_block(const pm_batch *b, pm_batch_port *p, int block) {
     }
     const bool runs = any || !p->kept[block];
     if (runs) {
-        pm_program_run_lanes(p->law);
+        pm_program_run_prepared(p->law, p->width);
     }
     p->kept[block] = !any || !b->ordered;
     for (int i = 0; i < 2 && runs && p->kept[block]; ++i) {

@@ -155,7 +155,10 @@ pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, cons
     if (!renewed) {
         return PM_EXPOSURE_SAME;
     }
-    pm_program_run(t->exposure, 1);
+    if (!t->exposure_known) {
+        pm_program_prepare(t->exposure);
+    }
+    pm_program_run_prepared(t->exposure, 1);
     t->exposure_known = true;
     enclose(t, rate);
     return PM_EXPOSURE_EVALUATED;
@@ -176,8 +179,11 @@ bool pm_local_dynamics_evaluate_bulk(pm_local_dynamics *t, const double *z) {
     renewed |= pm_renew(t->bulk_z, z, t->nz);
     renewed |= pm_renew(t->bulk_dE, t->dE, t->nz);
     renewed |= pm_renew(t->bulk_dS, t->dS, t->nz);
+    if (renewed && !t->bulk_known) {
+        pm_program_prepare(t->bulk);
+    }
     if (renewed) {
-        pm_program_run(t->bulk, 1);
+        pm_program_run_prepared(t->bulk, 1);
         t->bulk_known = true;
     }
     return renewed;

@@ -195,8 +195,11 @@ static bool renew_inputs(pm_port_instance *j, const pm_port_values *other, bool 
 
 static void evaluate(pm_port_instance *j, const pm_port_values *other, bool first) {
     j->renewed = renew_inputs(j, other, first) || !j->known;
+    if (!j->known) {
+        pm_program_prepare(j->program);
+    }
     if (j->renewed) {
-        pm_program_run(j->program, 1);
+        pm_program_run_prepared(j->program, 1);
         j->known = true;
     }
 }

@@ -307,11 +307,41 @@ static void test_dead_and_shared_results(void **state) {
     pm_graph_close(g);
 }
 
+// What depends on weights alone keeps its numbers until it is prepared again, though the memory of
+// other nodes is reused around it.
+static void test_prepared_weights(void **state) {
+    (void)state;
+    pm_graph *g = NULL;
+    pm_program *p = NULL;
+    double weight[2] = {1, 2};
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node x = pm_input(g, true, 1, 2), w = pm_param(g, weight, 1, 2);
+    const pm_node early = pm_exp(g, pm_mul(g, x, x));
+    const pm_node fixed = pm_scale(g, pm_offset(g, w, 1), 10); // 20, 30
+    const pm_node y = pm_add(g, pm_mul(g, pm_log(g, early), fixed), pm_sqrt(g, early));
+    assert_int_equal(pm_program_open(&p, g, 1, &y, 1), PM_OK);
+    double *input = pm_program_value(p, x);
+    const double *result = pm_program_value(p, y);
+    pm_program_prepare(p);
+    weight[0] = 7;
+    for (int i = 1; i < 4; ++i) {
+        input[0] = input[1] = i;
+        pm_program_run_prepared(p, 1);
+        assert_true(fabs(result[0] - (20 * i * i + exp(0.5 * i * i))) < 1e-10);
+        assert_true(fabs(result[1] - (30 * i * i + exp(0.5 * i * i))) < 1e-10);
+    }
+    pm_program_run(p, 1);
+    assert_true(fabs(result[0] - (80 * 9 + exp(4.5))) < 1e-10);
+    pm_program_close(p);
+    pm_graph_close(g);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_derivatives),
         cmocka_unit_test(test_memory_reuse),
         cmocka_unit_test(test_dead_and_shared_results),
+        cmocka_unit_test(test_prepared_weights),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
