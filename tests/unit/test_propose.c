@@ -270,6 +270,43 @@ static void a_rotor_shares_the_energy_of_its_body(void **state) {
     pm_dataset_free(d);
 }
 
+// Two capacitors in a loop with a coil, one of them beside a resistor: the flux moves both charges,
+// and only one of them is its conjugate variable.
+static void a_flux_moves_two_charges(void **state) {
+    (void)state;
+    static const char *const column[] = {"q", "q1", "phi", "s"};
+    static const char loop[] = "scene: loop\n"
+                               "time: {dt: 0.1, steps: 49, integrator: rk4, substeps: 1}\n"
+                               "subsystems:\n"
+                               "  loop:\n"
+                               "    weights: loop.h5\n"
+                               "    state:\n"
+                               "      q: {unit: C, columns: [q]}\n"
+                               "      q1: {unit: C, columns: [q1]}\n"
+                               "      phi: {unit: Wb, columns: [phi]}\n"
+                               "      s: {unit: J/K, columns: [s]}\n";
+    char text[MOST_TEXT];
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 3, 50, 4, 0.1, column), PM_OK);
+    for (int k = 0; k < 3; ++k) {
+        double q = 1 + k, q1 = 2 - k, phi = 0.3 * k, s = 0;
+        for (int i = 0; i < 50; ++i) {
+            memcpy(pm_dataset_state(d, k, i), (const double[]){q, q1, phi, s}, 4 * sizeof(double));
+            for (int fine = 0; fine < 100; ++fine) {
+                const double h = 0.001, loss = 0.3 * q1 * q1 + 0.1 * phi * phi;
+                phi -= h * (q + q1 + 0.1 * phi);
+                q += h * phi;
+                q1 += h * (phi - 0.3 * q1);
+                s += h * loss / 300;
+            }
+        }
+    }
+    propose(loop, d, text);
+    assert_says(text, "given: [[q, phi, 1.0]]");
+    assert_says(text, "learned: {acts_on: [q1, phi]}");
+    pm_dataset_free(d);
+}
+
 // Two species react, so that the rate of one follows the amount of the other. Amounts keep their
 // signs when time runs backwards: nothing couples them without loss.
 static void amounts_are_not_coupled_without_loss(void **state) {
@@ -329,6 +366,7 @@ int main(void) {
         cmocka_unit_test(a_proposal_names_them),
         cmocka_unit_test(units_with_prefixes_give_coefficients),
         cmocka_unit_test(a_rotor_shares_the_energy_of_its_body),
+        cmocka_unit_test(a_flux_moves_two_charges),
         cmocka_unit_test(amounts_are_not_coupled_without_loss),
         cmocka_unit_test(a_scene_of_one_has_all_groups),
     };

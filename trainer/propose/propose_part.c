@@ -275,9 +275,27 @@ static void write_entropy(const pm_draft *d, const pm_part_view *v) {
 
 // --- operators of parts ---
 
+static bool is_free(const pm_part_view *v, int g) {
+    return v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant;
+}
+
+// Whether a momentum may also move variables besides its position, such as the charge of a second
+// capacitor in a loop or the stretch of a spring in series with a dashpot.
+static bool moves_more(const pm_part_view *v, int momentum) {
+    const pm_unit action = pm_unit_parse("J s");
+    for (int g = 0; g < v->count && v->kind[momentum] == PM_VIEW_MOMENTUM; ++g) {
+        const pm_unit product = pm_unit_product(&v->unit[g], &v->unit[momentum]);
+        if (is_free(v, g) && v->group[g].group->size == v->group[momentum].group->size &&
+            pm_unit_equal(&product, &action)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 // Whether the lossless coupling of this group with others, or among its components, is learned.
 static bool is_coupled(const pm_part_view *v, int g) {
-    return (v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant) || v->gyroscopic[g];
+    return is_free(v, g) || v->gyroscopic[g] || moves_more(v, g);
 }
 
 // Writes L = m x. In other units than kg m^2/s the cross product has a factor.
