@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
+#include "learn/fit.h"
 #include "learn/fold_tangent.h"
 #include "learn/normalization.h"
 #include "learn/samples.h"
@@ -395,6 +396,15 @@ static void settled_networks_are_the_same(void **state) {
     random_system_close(&w);
 }
 
+// A single group that has not been learned is enough for a model not to be good.
+static void a_bad_group_spoils_the_verdict(void **state) {
+    (void)state;
+    assert_string_equal(pm_fit_grade(0.01, 0.2), "good");
+    assert_string_equal(pm_fit_grade(0.017, 0.44), "fair");
+    assert_string_equal(pm_fit_grade(0.1, 0.1), "fair");
+    assert_string_equal(pm_fit_grade(0.4, 0.5), "poor");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(windows_are_cut_in_order),
@@ -407,6 +417,7 @@ int main(void) {
         cmocka_unit_test(windows_carry_their_loads),
         cmocka_unit_test(boundary_inputs_scale_like_the_subsystem),
         cmocka_unit_test(settled_networks_are_the_same),
+        cmocka_unit_test(a_bad_group_spoils_the_verdict),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

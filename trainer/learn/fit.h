@@ -125,6 +125,11 @@ void pm_fit_draw_curves(const pm_fit *fit);
 // a measure of a model without structure on the validation part, or NULL. PM_EUNFIT if rollouts are
 // not finite or worse than persistence, a state that stays as it is.
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box);
+
+// Returns the verdict on a model that is better than persistence: "good", "fair" or "poor". `score`
+// is the geometric mean over groups of the errors of rollouts relative to persistence, `worst` the
+// largest of these ratios among groups whose error is not negligible.
+const char *pm_fit_grade(double score, double worst);
 // Measures the system on the validation part if `validation` is true, else on the training part.
 // The caller frees *measure. Fails as the functions of evaluate/measure.h do.
 pm_status pm_fit_measure(const pm_fit *fit, bool validation, pm_measure *measure);

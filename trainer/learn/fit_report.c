@@ -8,6 +8,10 @@
 // A group that is worse than persistence is unfit only above this relative error. Below, the group
 // hardly changes.
 #define NEGLIGIBLE 0.01
+// Errors relative to persistence below which a verdict is good or fair. A model is not good if one
+// group alone is not fair.
+#define GOOD 0.05
+#define FAIR 0.3
 
 typedef struct report {
     const pm_fit *fit;
@@ -114,6 +118,46 @@ static const pm_measure_cell *find_worse(const pm_measure *m) {
     return NULL;
 }
 
+// Returns the group whose rollouts have the largest error relative to persistence, with that ratio,
+// or NULL if no group has more than a negligible error.
+static const pm_measure_cell *find_worst(const pm_measure *m, double *ratio) {
+    const pm_measure_cell *worst = NULL;
+    *ratio = 0;
+    for (int c = 0; c < m->ncell; ++c) {
+        const pm_measure_cell *cell = &m->cell[c];
+        const double own = cell->rollout.median / cell->persistence.median;
+        if (cell->rollout.median > NEGLIGIBLE && own > *ratio) {
+            worst = cell;
+            *ratio = own;
+        }
+    }
+    return worst;
+}
+
+const char *pm_fit_grade(double score, double worst) {
+    return score < GOOD && worst < FAIR ? "good" : score < FAIR ? "fair" : "poor";
+}
+
+static void print_verdict(const report *r, const char *where) {
+    const pm_measure *m = r->judged;
+    double ratio;
+    const pm_measure_cell *worst = find_worst(m, &ratio);
+    printf("Verdict: %s. On the %s part rollouts have %.3g %% of the error of a state that stays "
+           "as it is (geometric mean over groups",
+           pm_fit_grade(m->score, ratio), where, 100 * m->score);
+    if (worst != NULL && ratio >= GOOD) {
+        printf("; %s of %s is the worst with %.3g %%", worst->group, worst->part, 100 * ratio);
+    }
+    printf(")");
+    if (r->black_box != NULL) {
+        const double times = r->black_box->score / m->score;
+        printf(times >= 1 ? "; %.3g times better than the black box"
+                          : "; %.3g times WORSE than the black box",
+               times >= 1 ? times : 1 / times);
+    }
+    printf(".\n");
+}
+
 static pm_status judge(const report *r) {
     const pm_measure *m = r->judged;
     const char *where = m == &r->validation ? "validation" : "training";
@@ -135,21 +179,7 @@ static pm_status judge(const report *r) {
                        "of %s",
                        where, group, part);
     }
-    printf(
-        "Verdict: %s. On the %s part rollouts have %.3g %% of the error of a state that stays as "
-        "it is (geometric mean over groups)",
-        m->score < 0.05  ? "good"
-        : m->score < 0.3 ? "fair"
-                         : "poor",
-        where, 100 * m->score);
-    if (r->black_box != NULL) {
-        const double ratio = r->black_box->score / m->score;
-        printf(ratio >= 1 ? "; %.3g times better than the black box"
-                          : "; %.3g times WORSE than the "
-                            "black box",
-               ratio >= 1 ? ratio : 1 / ratio);
-    }
-    printf(".\n");
+    print_verdict(r, where);
     return PM_OK;
 }
 
