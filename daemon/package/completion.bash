@@ -10,6 +10,8 @@ _portmet() {
         words=$("$program" "${COMP_WORDS[1]}" --help 2>/dev/null |
             sed -nE 's/^ +(-[a-z], )?(--[a-z-]+).*/\2/p')
         mapfile -t COMPREPLY < <(compgen -W "$words" -- "$current")
+    elif [ "$COMP_CWORD" -eq 2 ] && [ "${COMP_WORDS[1]}" = emit ]; then
+        mapfile -t COMPREPLY < <(compgen -W "systemd procman" -- "$current")
     else
         compopt -o filenames 2>/dev/null
         mapfile -t COMPREPLY < <(compgen -f -- "$current")

@@ -67,6 +67,7 @@ complete() {
 }
 case " $(complete ch) " in *" check "*) ;; *) fail "completion of ch: $(complete ch)" ;; esac
 case " $(complete run --in) " in *" --in-process "*) ;; *) fail "completion of --in: $(complete run --in)" ;; esac
+case " $(complete emit sys) $(complete emit procman x --ho) " in *" systemd "*" --hosts "*) ;; *) fail "completion of emit" ;; esac
 case " $(complete export --o) " in *" --output "*) ;; *) fail "completion of --o: $(complete export --o)" ;; esac
 
 finish

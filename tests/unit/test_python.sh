@@ -24,6 +24,14 @@ for options in -n -rn; do
     fi
 done
 export PM_PRIVATE_NETWORK="${network:+yes}"
+# A copy of the package, such as pip makes, finds what was built.
+copy=$(mktemp -d)
+trap 'rm -rf "$copy"' EXIT
+cp -r "$build/daemon/python/portmet" "$copy"
+PYTHONPATH=$copy PATH=/usr/bin:/bin "$(command -v "$found")" -c "import portmet, portmet._places as places, os
+portmet.Scene('configs/double_pendulum.yaml').step(1)
+assert all(os.path.exists(portmet._library.place('', p, '')) for p in (places.TRAINER, places.DAEMON))" ||
+    { echo "FAILED: a copy of the package"; exit 1; }
 for script in "$@"; do
     ${network:-} "$found" "$script" || exit 1
 done
