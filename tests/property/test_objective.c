@@ -384,52 +384,6 @@ static void conjugate_gradients_find_the_step(void **state) {
     bench_close(&b);
 }
 
-// Lets every other trained entry of a system decay.
-static void mark_decaying(const pm_objective *objective) {
-    pm_system *system = pm_objective_context(objective).system;
-    int count = 0;
-    for (int i = 0; i < pm_system_components(system); ++i) {
-        pm_params *params = pm_system_params(system, i);
-        for (int k = 0; k < params->count; ++k) {
-            params->entry[k].decays = params->entry[k].trained && count++ % 2 == 0;
-        }
-    }
-}
-
-// A penalty that outweighs the loss takes weights that decay to zero in one step, with both
-// solvers. Others hardly move.
-static void a_large_penalty_removes_weights_that_decay(void **state) {
-    (void)state;
-    bench b;
-    bench_open(&b, 3, true, 0);
-    mark_decaying(b.objective);
-    for (int matrix = 0; matrix < 2; ++matrix) {
-        pm_damped_equations e;
-        double *step = vector(b.size);
-        pm_objective_set_weights(b.objective, b.theta);
-        const double loss = pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-        assert_int_equal(pm_damped_equations_open(&e, b.objective, matrix == 1), PM_OK);
-        e.near = 1e14 * loss;
-        e.decay = 1e10 * e.near;
-        pm_damped_equations_linearise(&e, b.theta, COUNT, b.index, 1, loss);
-        assert_true(pm_damped_equations_solve(&e, b.theta, 0, 100, step));
-        int decaying = 0;
-        double sum = 0;
-        for (int i = 0; i < b.size; ++i) {
-            const double expected = e.decays[i] > 0 ? -b.theta[i] : 0;
-            random_system_check(&b.w, "step", step[i], expected, 1e-6 * (1 + fabs(b.theta[i])));
-            decaying += e.decays[i] > 0;
-            sum += e.decays[i] > 0 ? b.theta[i] * b.theta[i] : 0;
-        }
-        assert_true(decaying > 0 && decaying < b.size);
-        const double penalty = pm_damped_equations_penalty(&e, b.theta);
-        random_system_check(&b.w, "penalty", penalty, 0.5 * e.decay * sum, 1e-12 * penalty);
-        pm_damped_equations_close(&e);
-        free(step);
-    }
-    bench_close(&b);
-}
-
 // --- threads ---
 
 static void threads_do_not_change_a_bit(void **state) {
@@ -538,7 +492,6 @@ int main(void) {
         cmocka_unit_test(normal_equations_are_those_of_the_residuals),
         cmocka_unit_test(products_are_those_of_the_matrix),
         cmocka_unit_test(conjugate_gradients_find_the_step),
-        cmocka_unit_test(a_large_penalty_removes_weights_that_decay),
         cmocka_unit_test(training_by_products_lowers_the_loss_and_resumes),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(training_lowers_the_penalty),
