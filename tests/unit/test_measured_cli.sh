@@ -75,6 +75,8 @@ succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --
     --record "$folder/y.h5"
 inside=$(awk '$1 == "angle" { print int($6) }' "$folder/out")
 [ "${inside:-0}" -ge 80 ] && [ "$inside" -le 97 ] || fail "evaluate: expected about 90 % inside the bands"
+grep -q "arm.s: predictions depend on the guess" "$folder/out" || fail "evaluate: nothing measures the entropy"
+grep -q "arm.p: predictions depend" "$folder/out" && fail "evaluate: the angle determines the momentum"
 h5dump -H -d /y "$folder/y.h5" | grep -q "( 1, 250, 1 )" || fail "record: expected /y [trajectory][time][column]"
 h5dump -H -d /deviation "$folder/y.h5" >/dev/null || fail "record: expected standard deviations"
 h5dump -H -d /state_deviation "$folder/y.h5" | grep -q "( 1, 250, 3 )" || fail "record: expected deviations of all states"

@@ -14,6 +14,9 @@
 #include "learn/estimate.h"
 #include "store/hdf5_io.h"
 
+// A hidden component is marked if its deviation is more than this part of that of its guess.
+#define GUESSED 0.5
+
 // The objects of an evaluation, all owned by this structure.
 typedef struct prediction {
     pm_arena arena;
@@ -143,6 +146,35 @@ static void print_errors(const prediction *j) {
             printf(" %s %.3g", j->observation.name[c], 100 * j->error[i * ny + c]);
         }
         printf("\n");
+    }
+}
+
+// The root mean square of the predicted deviation of a state component after the estimate, NAN if
+// there is none.
+static double state_deviation(const prediction *j, int component) {
+    const pm_estimate *e = &j->estimate;
+    double sum = 0;
+    long n = 0;
+    for (ptrdiff_t i = 0; i < (ptrdiff_t)e->count * e->ntime && e->state_deviation != NULL; ++i) {
+        const double deviation = e->state_deviation[i * e->nz + component];
+        if (isfinite(deviation)) {
+            sum += deviation * deviation;
+            ++n;
+        }
+    }
+    return n > 0 ? sqrt(sum / (double)n) : NAN;
+}
+
+// Marks hidden components of which the measurements tell no more than the scene.
+static void print_guesses(const prediction *j) {
+    for (int c = 0; c < j->estimate.nz; ++c) {
+        const double deviation = state_deviation(j, c), prior = j->observation.deviation[c];
+        if (j->observation.hidden[c] && deviation > GUESSED * prior) {
+            printf("  %s: predictions depend on the guess in the scene, as the measurements do not "
+                   "fix "
+                   "it (deviation %.2g, that of the guess %.2g)\n",
+                   j->observation.component_name[c], deviation, prior);
+        }
     }
 }
 
@@ -294,6 +326,7 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
         print_json(j);
     } else {
         print_errors(j);
+        print_guesses(j);
         PM_TRY(j->how->truth == NULL ? PM_OK : pm_truth_errors_print(&j->truth));
         print_laws(j);
     }

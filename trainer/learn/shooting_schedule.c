@@ -6,8 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "base/progress.h"
+#include <time.h>
 
 // Gaps count like residuals of this many deviations of the noise, first and at the end.
 #define FIRST_GAP 3.0
@@ -157,10 +156,11 @@ static void print_level(const pm_shooting *s, const pm_shooting_level *level, in
     for (int c = 0; c < s->ny; ++c) {
         noise += log(s->noise[c] / s->tracks->deviation[c]) / s->ny;
     }
-    printf("%s of %-6d %8d iterations %8.1f s   %d windows, objective %.4e to %.4e, residual "
-           "%.3g %% of the deviation, gaps %.2g of the noise\n",
-           s->hold ? "starts, windows" : "windows", level->length, iterations, seconds, s->nwindow,
-           before, level->after, 100 * exp(noise), gap_size(s, level->factor));
+    printf(
+        "%s of %-6d %8d iterations %8.2f s of CPU   %d windows, objective %.4e to %.4e, residual "
+        "%.3g %% of the deviation, gaps %.2g of the noise\n",
+        s->hold ? "starts, windows" : "windows", level->length, iterations, seconds, s->nwindow,
+        before, level->after, 100 * exp(noise), gap_size(s, level->factor));
     fflush(stdout);
 }
 
@@ -193,7 +193,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
                            pm_shooting_level *level) {
     int iterations = 0;
     double objective = NAN;
-    const double started = pm_clock();
+    const clock_t started = clock();
     const bool last = level->part == PM_COURSE_LAST;
     bool settled = false;
     running_level running = {course, level};
@@ -219,7 +219,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
     level->round = 0;
     level->progress = progress;
     if (course->loud) {
-        print_level(s, level, iterations, objective, pm_clock() - started);
+        print_level(s, level, iterations, objective, (double)(clock() - started) / CLOCKS_PER_SEC);
     }
     return PM_OK;
 }

@@ -53,7 +53,7 @@ weights=$out/single_all
             printf "%.3f %.6f %.6f %.6f\n", v, f, f - w, f + w
         }
     }' >"$out/friction.txt"
-# A straight line for comparison: viscous friction alone, fitted to the same pieces.
+# A straight line for comparison: linear friction, which the authors of the data assume, fitted to the same pieces.
 sed -e '/  dry: /d; /  drag: /d; /  slow: /d' -e 's/"(viscous + .*dE.s"/"viscous*dE.s"/' -e "s|^scene: .*|scene: $root/configs/measured_single_pendulum.yaml|" \
     "$root/configs/train/measured_single_pendulum.yaml" >"$out/line.yaml"
 "$train" fit "$out/line.yaml" --data "$data/measured_single_pendulum.h5" -o "$out/line" >"$out/line.txt"
@@ -71,6 +71,6 @@ set xlabel 'velocity, rad/s'
 set ylabel 'friction torque over moment of inertia, rad/s^2'
 plot 'friction.txt' using 1:3:4 with filledcurves linecolor '#a6cee3' title 'band of 90 %', \
      'friction.txt' using 1:2 with lines linewidth 2 linecolor '#0072b2' title 'learned friction', \
-     $line*x with lines linewidth 1.5 dashtype 2 linecolor '#d55e00' title 'straight line, fitted alone'
+     $line*x with lines linewidth 1.5 dashtype 2 linecolor '#d55e00' title "linear friction, the data's authors' form, fitted to the same pieces"
 END
 (cd "$out" && gnuplot friction.gp) && echo "drew $out/friction.png"
