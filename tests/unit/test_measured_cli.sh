@@ -102,6 +102,10 @@ for name in mass stiffness viscous; do
     grep "cannot be identified" "$folder/out" | grep -q " arm.$name x " || fail "fit: expected arm.$name to be named"
 done
 
+# --- a model that cannot follow is called poor ---
+sed -e 's/stiffness\*cos(q)/0.1*cos(q)/' -e '/stiffness:/d' "$folder/training.yaml" >"$folder/poor.yaml"
+succeed "Verdict: poor" fit "$folder/poor.yaml" --data "$folder/swing.h5" -o "$folder/poor"
+
 # --- interrupted and resumed: the same bits ---
 # The signal comes as soon as the program catches it.
 for wait in 0.05 0.1 0.15 0.2 0.3 0.4 0.6 0.8 1.2 1.6 2.5 4; do

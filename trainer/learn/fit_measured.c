@@ -13,9 +13,10 @@
 
 #define NETWORK_REACH 10.0    // of weights, whose inputs have deviations of 1
 #define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
-#define MOST_REPORTED 8       // trajectories whose starts the report estimates
-#define FAR_REACH 1e6         // of constants whose unit and size are not known
-#define SWING 16 // steps in which hidden components swing once, in states that fix scales
+#define POOR 0.3        // median error of a column in its deviation, of which the report warns
+#define MOST_REPORTED 8 // trajectories whose starts the report estimates
+#define FAR_REACH 1e6   // of constants whose unit and size are not known
+#define SWING 16        // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
 #define MOST_SEARCHED 400   // weights; with more, short fits to windows take too long
 #define SEARCHED 2          // first window lengths of the windows that choose initial weights
@@ -438,11 +439,19 @@ pm_status pm_fit_measured_report(pm_fit *f) {
            "column's deviation: median and largest\n",
            validation ? "validation" : "training", seconds);
     bool finite = true;
+    double worst = 0;
     for (int c = 0; c < m->observation.count; ++c) {
         const pm_box box = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
         printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median,
                100 * box.largest);
         finite = finite && isfinite(box.median);
+        worst = fmax(worst, box.median);
+    }
+    if (finite && worst > POOR) {
+        printf("Verdict: poor. Predictions miss %.0f %% of the deviation of a column. Other first "
+               "values of the constants may help, and larger deviations of hidden starts in the "
+               "scene: at least as large as what a variable changes during a trajectory.\n",
+               100 * worst);
     }
     pm_estimate_free(&e);
     return finite ? PM_OK
