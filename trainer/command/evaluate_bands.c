@@ -140,12 +140,13 @@ static pm_status script_prediction(const drawing *d, int id) {
     char name[64];
     snprintf(name, sizeof name, "prediction_%d", d->which[id]);
     PM_TRY(pm_plot_open_script(&file, d->folder, name, 1100, 80 + ROW_HEIGHT * d->e->ny));
-    fprintf(file,
-            "set multiplot layout %d,2 title 'Trajectory %d'\n"
-            "set key at screen 0.98, screen 0.99 right top horizontal maxrows 1\n"
-            "set lmargin 12\nset rmargin 2\nset xrange [0:%.9g]\n"
-            "set arrow from %.9g, graph 0 to %.9g, graph 1 nohead dashtype 3 linecolor '#555555'\n",
-            d->e->ny, d->which[id], d->until, d->seconds, d->seconds);
+    fprintf(
+        file,
+        "set multiplot layout %d,2 title 'Trajectory %d'\n"
+        "set key at screen 0.98, screen 0.99 right top horizontal font ',10' samplen 1.2 width -1\n"
+        "set lmargin 12\nset rmargin 2\nset xrange [0:%.9g]\n"
+        "set arrow from %.9g, graph 0 to %.9g, graph 1 nohead dashtype 3 linecolor '#555555'\n",
+        d->e->ny, d->which[id], d->until, d->seconds, d->seconds);
     for (int c = 0; c < d->e->ny; ++c) {
         write_panel(d, file, id, c, false);
         fputs("unset key\n", file);

@@ -406,9 +406,11 @@ void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s) {
     printf("What the measurements fix (variances are %.3g times those of independent noise; %.3g "
            "samples in a row count as one):\n",
            u->inflation, u->samples_per_residual);
-    printf(
-        "  bands: the variance of unseen trajectories counts as %.3g times that of the weights\n",
-        u->scale);
+    if (u->scale != 1) {
+        printf("  bands: the variance that the weights cause counts %.3g times, as predictions of "
+               "trajectories that were left out show\n",
+               u->scale);
+    }
     for (int c = 0; c < s->ny; ++c) {
         printf("  %s: residual %.3g\n", s->observation->name[c], u->noise[c]);
     }

@@ -38,8 +38,10 @@ numbers() {
 weights=$out/single_all
 "$train" fit "$root/configs/train/measured_single_pendulum.yaml" --data "$data/measured_single_pendulum.h5" -o "$weights" \
     >"$weights.txt" || exit 1
+# The band is that of a piece that the fit has not seen: the variance of the weights counts `scale` times.
+scale=$(h5dump -a /scale -y -m %.9g "$weights/measured.h5" | sed -n '/DATA {/,/}/p' | grep -oE '[0-9][0-9.e+]*' | head -n 1)
 # Weights in their order: stiffness, zero, viscous, dry, drag, slow; all but zero are logarithms.
-{ numbers "$weights/measured.h5" /weights; numbers "$weights/measured.h5" /covariance; } | awk '
+{ numbers "$weights/measured.h5" /weights; numbers "$weights/measured.h5" /covariance; } | awk -v scale="$scale" '
     { x[NR - 1] = $1 }
     END {
         n = 6
@@ -49,7 +51,7 @@ weights=$out/single_all
             g[0] = g[1] = 0; g[2] = m*v; g[3] = d*v/r; g[4] = a*r*v; g[5] = (-d/(r*r*r) + a/r)*s2*v
             variance = 0
             for (i = 0; i < n; i++) for (j = 0; j < n; j++) variance += g[i]*g[j]*x[n + n*i + j]
-            w = 1.645*sqrt(variance > 0 ? variance : 0)
+            w = 1.645*sqrt(variance > 0 ? scale*variance : 0)
             printf "%.3f %.6f %.6f %.6f\n", v, f, f - w, f + w
         }
     }' >"$out/friction.txt"
@@ -66,10 +68,11 @@ set output 'friction.png'
 set border 3 linecolor '#555555'
 set tics nomirror out
 set grid linetype 1 linecolor '#e4e4e4'
-set key left top
+set key left top Left reverse
+set yrange [-0.75:0.95]
 set xlabel 'velocity, rad/s'
 set ylabel 'friction torque over moment of inertia, rad/s^2'
-plot 'friction.txt' using 1:3:4 with filledcurves linecolor '#a6cee3' title 'band of 90 %', \
+plot 'friction.txt' using 1:3:4 with filledcurves linecolor '#a6cee3' title 'band of 90 % for a piece that the fit has not seen', \
      'friction.txt' using 1:2 with lines linewidth 2 linecolor '#0072b2' title 'learned friction', \
      $line*x with lines linewidth 1.5 dashtype 2 linecolor '#d55e00' title "linear friction, the data's authors' form, fitted to the same pieces"
 END
