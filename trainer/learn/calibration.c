@@ -12,7 +12,7 @@
 #define MOST_HELD 24    // trajectories; more tell nothing new
 #define MOST_FOLDS 5    // continued fits
 #define START_PART 0.1  // of a trajectory, from which its start is estimated
-#define ITERATIONS 6    // of a continued fit, at most
+#define ITERATIONS 12   // of a continued fit, at most
 #define ENOUGH 1e-3     // it ends when a step lowers the objective by less
 #define OUTLIER 6       // deviations of the noise between an outlier and its neighbours
 #define NOISE_KNOWN 0.1 // relative error of the variance of the noise
@@ -49,7 +49,8 @@ static pm_status no_memory(void) {
 typedef struct comparison {
     const pm_estimate *e;
     const pm_dataset *data;
-    int trajectory, column, position; // column of the estimate, and its position in the data
+    int id, trajectory;   // in the estimate and in the data
+    int column, position; // in the estimate and in the data
     double noise;
 } comparison;
 
@@ -58,7 +59,7 @@ static double error_of(const comparison *p, int k) {
     if (k < 0 || k >= p->e->ntime) {
         return NAN;
     }
-    return p->e->y[(ptrdiff_t)k * p->e->ny + p->column] -
+    return p->e->y[((ptrdiff_t)p->id * p->e->ntime + k) * p->e->ny + p->column] -
            pm_dataset_state(p->data, p->trajectory, k)[p->position];
 }
 
@@ -80,7 +81,7 @@ static void add_column(const calibration *c, const comparison *p, double seconds
         if (!(t > seconds && t <= p->e->until) || !isfinite(error) || stands_out(p, k)) {
             continue;
         }
-        const ptrdiff_t at = (ptrdiff_t)k * p->e->ny + p->column;
+        const ptrdiff_t at = ((ptrdiff_t)p->id * p->e->ntime + k) * p->e->ny + p->column;
         const double weights = p->e->by_weights[at], deviation = p->e->deviation[at];
         const double other = deviation * deviation - c->u->scale * weights;
         if (isfinite(other)) {
@@ -93,11 +94,12 @@ static void add_column(const calibration *c, const comparison *p, double seconds
 
 // Compares the errors of a predicted trajectory with what noise and the estimate of its start lead
 // to expect, and notes the mean square of the rest beside that which the weights cause.
-static void compare(calibration *c, const pm_estimate *e, int trajectory, double seconds) {
+static void compare(calibration *c, const pm_estimate *e, int id, int trajectory, double seconds) {
     excess x = {0};
     for (int i = 0; i < e->ny; ++i) {
         const comparison p = {.e = e,
                               .data = c->how->data,
+                              .id = id,
                               .trajectory = trajectory,
                               .column = i,
                               .position = c->s->observation->column[i],
@@ -126,18 +128,24 @@ static double start_seconds(const calibration *c, int trajectory) {
     return fmax(START_PART * length, fmax(needed, fewest * c->s->how.system->scene->dt));
 }
 
-// Predicts a trajectory with the present weights of the system. One that they cannot follow is left
-// out.
-static pm_status predict(calibration *c, int trajectory) {
-    const pm_estimate_how how = {.seconds = start_seconds(c, trajectory),
-                                 .uncertainty = c->u,
-                                 .stop = c->how->stop,
-                                 .until = c->how->until};
+// Predicts trajectories with the present weights of the system, as many as may still be compared.
+// If the weights cannot follow them, they are left out.
+static pm_status predict(calibration *c, int count, const int *trajectory) {
+    pm_estimate_how how = {.uncertainty = c->u, .stop = c->how->stop, .until = c->how->until};
+    const int left = MOST_HELD - c->count, n = count < left ? count : left;
+    for (int i = 0; i < n; ++i) {
+        how.seconds = fmax(how.seconds, start_seconds(c, trajectory[i]));
+    }
     pm_estimate e;
+    if (n == 0) {
+        return PM_OK;
+    }
     const pm_status status = pm_estimate_make(&e, c->s->how.system, c->s->observation, c->how->data,
-                                              1, &trajectory, &how);
+                                              n, trajectory, &how);
     if (status == PM_OK) {
-        compare(c, &e, trajectory, how.seconds);
+        for (int i = 0; i < n; ++i) {
+            compare(c, &e, i, trajectory[i], how.seconds);
+        }
         pm_estimate_free(&e);
     }
     return status == PM_ENUMERIC || status == PM_EDATA ? PM_OK : status;
@@ -174,10 +182,11 @@ static pm_status run_fold(calibration *c, int fold, int nfold) {
     double damping = 0;
     leave_out(c, fold, nfold);
     pm_status status = pm_shooting_minimise(c->s, &limits, &damping, &progress);
-    for (int i = fold; i < c->s->tracks->count && status == PM_OK && c->count < MOST_HELD;
-         i += nfold) {
-        status = predict(c, c->how->which[i]);
+    int list[MOST_HELD], count = 0;
+    for (int i = fold; i < c->s->tracks->count && count < MOST_HELD / MOST_FOLDS + 1; i += nfold) {
+        list[count++] = c->how->which[i];
     }
+    status = status == PM_OK ? predict(c, count, list) : status;
     restore(c);
     return status == PM_ENUMERIC ? PM_OK : status;
 }
@@ -234,10 +243,7 @@ static pm_status run(calibration *c) {
     if (how->nheld < FEWEST_HELD) {
         return run_folds(c);
     }
-    for (int i = 0; i < how->nheld && i < MOST_HELD; ++i) {
-        PM_TRY(predict(c, how->held[i]));
-    }
-    return PM_OK;
+    return predict(c, how->nheld, how->held);
 }
 
 pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibration_how *how) {
