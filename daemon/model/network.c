@@ -12,8 +12,7 @@
 // skip of an energy they even wait until the initial weights have been chosen. What the polynomial
 // can represent is then left to it, and it continues beyond the data where hidden units saturate:
 // on a spring of the force k x + c x^3, rollouts that start 5 % beyond the training data were off
-// by 0.02 instead of 17 %. Their weights decay (learn/damped_equations.h), so that the remainder is
-// smooth where samples are rare.
+// by 0.02 instead of 17 %.
 #define BIAS_SPREAD 0.5
 #define SKIP_SPREAD 0.01
 // The standard deviation of the output weights without a skip. They do not start at zero, since a
@@ -37,9 +36,7 @@ static const char *join(parameter_name buffer, const char *prefix, const char *n
 typedef struct declaration {
     pm_params *params;
     const char *prefix;
-    // Whether the hidden layers learn what a polynomial leaves: they stay as they start while
-    // initial weights are compared, and their weights decay.
-    bool remainder;
+    bool late; // whether the hidden layers stay as they start while initial weights are compared
 } declaration;
 
 static pm_status declare(const declaration *d, const char *name, int rows, int cols, bool trained,
@@ -55,21 +52,19 @@ static pm_status declare(const declaration *d, const char *name, int rows, int c
 }
 
 static pm_status declare_hidden(const declaration *d, const char *name, int rows, int cols,
-                                double spread, bool decays) {
+                                double spread) {
     parameter_name full;
     PM_TRY(declare(d, name, rows, cols, true, spread, NULL));
-    pm_param_entry *entry = pm_params_find(d->params, join(full, d->prefix, name));
-    entry->late = d->remainder;
-    entry->decays = d->remainder && decays;
+    pm_params_find(d->params, join(full, d->prefix, name))->late = d->late;
     return PM_OK;
 }
 
 static pm_status declare_layer(const declaration *d, int layer, int nin, int nout) {
     char name[64];
     snprintf(name, sizeof name, "layer%d.weight", layer);
-    PM_TRY(declare_hidden(d, name, nin, nout, 1 / sqrt(nin), true));
+    PM_TRY(declare_hidden(d, name, nin, nout, 1 / sqrt(nin)));
     snprintf(name, sizeof name, "layer%d.bias", layer);
-    return declare_hidden(d, name, 1, nout, BIAS_SPREAD, false);
+    return declare_hidden(d, name, 1, nout, BIAS_SPREAD);
 }
 
 // Declares the hidden layers, with one network output for each of `nout`.
@@ -81,8 +76,7 @@ static pm_status declare_layers(const declaration *d, const pm_network_spec *spe
         width = spec->hidden[i];
     }
     const double spread = spec->skip == PM_SKIP_NONE ? OUTPUT_SPREAD / sqrt(width) : 0;
-    return spec->nhidden > 0 ? declare_hidden(d, "output.weight", width, nout, spread, true)
-                             : PM_OK;
+    return spec->nhidden > 0 ? declare_hidden(d, "output.weight", width, nout, spread) : PM_OK;
 }
 
 // Starts the quadratic skip of an energy, the first output, with a positive curvature, so that the
@@ -117,8 +111,8 @@ static pm_status declare_skip(const declaration *d, const pm_network_spec *spec,
 
 pm_status pm_network_declare(const pm_network_spec *spec, const pm_symbols *symbols, int nout,
                              const double *start, pm_params *params, const char *prefix) {
-    const bool remainder = spec->scaled && spec->skip == PM_SKIP_QUARTIC;
-    const declaration d = {params, prefix, remainder};
+    const bool late = spec->scaled && spec->skip == PM_SKIP_QUARTIC;
+    const declaration d = {params, prefix, late};
     const double spread = spec->spread > 0 ? spec->spread : SKIP_SPREAD;
     parameter_name full;
     if (spec->nfeature == 0) {

@@ -16,7 +16,6 @@ typedef struct pm_param_entry {
     int rows, cols;
     bool trained;  // true: the optimiser changes it; false: it is fixed from the data
     bool late;     // stays as it starts while the trainer compares several initial weights
-    bool decays;   // training prefers small values (learn/damped_equations.h)
     double spread; // standard deviation of the numbers that pm_params_randomise adds
     double *value; // [rows][cols], owned unless borrowed; the pointer stays valid until
                    // pm_params_free

@@ -347,7 +347,7 @@ static double decrease(bench *b, bool matrix, const double *H, double damping) {
     double *step = vector(2 * b->size), *Hx = step + b->size;
     pm_objective_evaluate(b->objective, COUNT, b->index, b->gradient);
     assert_int_equal(pm_damped_equations_open(&e, b->objective, matrix), PM_OK);
-    pm_damped_equations_linearise(&e, b->theta, COUNT, b->index, 1, 0);
+    pm_damped_equations_linearise(&e, COUNT, b->index, 1, 0);
     assert_true(pm_damped_equations_solve(&e, b->theta, damping, 100, step));
     matrix_times(b->size, H, step, Hx);
     double model = dot(b->size, e.gradient, step) + 0.5 * dot(b->size, step, Hx);

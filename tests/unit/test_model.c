@@ -237,9 +237,8 @@ static void networks_are_their_formulas(void **state) {
     }
 }
 
-// Beside a quartic skip the hidden layers of an energy wait while initial weights are compared, and
-// their weights decay, so that the polynomial comes first. Other networks learn all their weights
-// together.
+// Beside a quartic skip the hidden layers of an energy wait while initial weights are compared, so
+// that the polynomial comes first. Other networks learn all their weights together.
 static void polynomials_come_first(void **state) {
     (void)state;
     static const char *const feature[] = {"s"};
@@ -260,11 +259,7 @@ static void polynomials_come_first(void **state) {
         assert_true(pm_params_find(&params, "n.layer0.weight")->late == (i == 0));
         assert_true(pm_params_find(&params, "n.layer0.bias")->late == (i == 0));
         assert_true(pm_params_find(&params, "n.output.weight")->late == (i == 0));
-        assert_true(pm_params_find(&params, "n.layer0.weight")->decays == (i == 0));
-        assert_true(pm_params_find(&params, "n.output.weight")->decays == (i == 0));
-        assert_false(pm_params_find(&params, "n.layer0.bias")->decays);
         assert_false(pm_params_find(&params, "n.linear")->late);
-        assert_false(pm_params_find(&params, "n.linear")->decays);
         assert_false(pm_params_find(&params, "n.quadratic")->late);
         pm_params_free(&params);
         pm_graph_close(g);

@@ -43,7 +43,7 @@ static pm_status open_product(pm_damped_equations *e, pm_objective *objective) {
     return pm_gauss_newton_product_open(&e->product, objective);
 }
 
-static void mark_weights(pm_damped_equations *e) {
+static void mark_held(pm_damped_equations *e) {
     const pm_system *system = pm_objective_context(e->objective).system;
     size_t at = 0;
     for (int i = 0; i < pm_system_components(system); ++i) {
@@ -52,7 +52,6 @@ static void mark_weights(pm_damped_equations *e) {
             const pm_param_entry *entry = &params->entry[k];
             const size_t size = (size_t)entry->rows * (size_t)entry->cols;
             for (size_t j = 0; entry->trained && j < size; ++j) {
-                e->decays[at] = entry->decays;
                 e->held[at++] = entry->held;
             }
         }
@@ -65,11 +64,10 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
     e->gradient = malloc(n * sizeof *e->gradient);
     e->diagonal = malloc(n * sizeof *e->diagonal);
     e->held = calloc(n, sizeof *e->held);
-    e->decays = calloc(n, sizeof *e->decays);
-    if (e->gradient == NULL || e->diagonal == NULL || e->held == NULL || e->decays == NULL) {
+    if (e->gradient == NULL || e->diagonal == NULL || e->held == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the normal equations of %zu weights", n);
     }
-    mark_weights(e);
+    mark_held(e);
     return matrix ? open_matrix(e, objective) : open_product(e, objective);
 }
 
@@ -79,7 +77,6 @@ void pm_damped_equations_close(pm_damped_equations *e) {
     free(e->gradient);
     free(e->diagonal);
     free(e->held);
-    free(e->decays);
     free(e->hessian);
     free(e->damped);
     free(e->residual);
@@ -88,8 +85,8 @@ void pm_damped_equations_close(pm_damped_equations *e) {
     free(e->image);
 }
 
-void pm_damped_equations_linearise(pm_damped_equations *e, const double *theta, int count,
-                                   const int *index, uint64_t seed, double loss) {
+void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
+                                   uint64_t seed, double loss) {
     e->count = count;
     e->index = index;
     e->hold = loss / (HELD_WIDTH * HELD_WIDTH);
@@ -107,21 +104,7 @@ void pm_damped_equations_linearise(pm_damped_equations *e, const double *theta, 
     }
     for (int i = 0; i < e->size; ++i) {
         e->diagonal[i] += SMALLEST_DIAGONAL * largest;
-        e->gradient[i] += e->decay * e->decays[i] * theta[i];
     }
-}
-
-double pm_damped_equations_penalty(const pm_damped_equations *e, const double *theta) {
-    double sum = 0;
-    for (int i = 0; i < e->size; ++i) {
-        sum += e->decays[i] * theta[i] * theta[i];
-    }
-    return 0.5 * e->decay * sum;
-}
-
-// Returns what is added to a diagonal entry of H besides the damping.
-static double stiffness(const pm_damped_equations *e, size_t i) {
-    return e->hold * e->held[i] + e->decay * e->decays[i] + e->near;
 }
 
 // --- Cholesky ---
@@ -130,7 +113,7 @@ static bool solve_by_factors(pm_damped_equations *e, double damping, double *ste
     const size_t n = (size_t)e->size;
     memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
     for (size_t i = 0; i < n; ++i) {
-        e->damped[i * n + i] += stiffness(e, i) + damping * e->diagonal[i];
+        e->damped[i * n + i] += e->hold * e->held[i] + damping * e->diagonal[i] + e->near;
         step[i] = -e->gradient[i];
     }
     for (size_t i = 0; i < n && e->frozen != NULL; ++i) {
@@ -156,12 +139,11 @@ static bool is_frozen(const pm_damped_equations *e, int i) {
     return e->frozen != NULL && e->frozen[i];
 }
 
-// Computes image = (H + R + decay W + damping D + near I) vector without the rows of frozen
-// weights.
+// Computes image = (H + R + damping D + near I) vector without the rows of frozen weights.
 static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
     pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
     for (int i = 0; i < e->size; ++i) {
-        image[i] += (stiffness(e, (size_t)i) + damping * e->diagonal[i]) * vector[i];
+        image[i] += (e->hold * e->held[i] + damping * e->diagonal[i] + e->near) * vector[i];
         image[i] = is_frozen(e, i) ? 0 : image[i];
     }
 }
@@ -170,14 +152,13 @@ static void multiply(pm_damped_equations *e, double damping, const double *vecto
 static double condition(pm_damped_equations *e, double damping) {
     for (int i = 0; i < e->size; ++i) {
         e->conditioned[i] =
-            e->residual[i] / (stiffness(e, (size_t)i) + (1 + damping) * e->diagonal[i]);
+            e->residual[i] / (e->hold * e->held[i] + (1 + damping) * e->diagonal[i] + e->near);
     }
     return dot(e->size, e->residual, e->conditioned);
 }
 
 // Starts with the guess if that is better than zero, and returns the quadratic model of the loss
-// there, g.x + x.(H + R + decay W + damping D + near I)x / 2. The guess must be zero for frozen
-// weights.
+// there, g.x + x.(H + damping D + near I)x / 2. The guess must be zero for frozen weights.
 static double start(pm_damped_equations *e, double damping, double *step) {
     const int n = e->size;
     double model = 0;

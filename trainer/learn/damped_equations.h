@@ -1,10 +1,8 @@
 // The damped normal equations of Levenberg-Marquardt,
-//     (H + R + decay W + damping D + near I) step = -gradient - decay W theta,
-// where H is the Gauss-Newton matrix of a loss on a batch, D its diagonal, and theta the weights. W
-// is 1 for weights that decay (model/params.h) and 0 for others: what is minimised is the loss plus
-// the penalty decay theta.W theta/2. The equations are solved by a Cholesky factorisation of the
-// matrix (gauss_newton_matrix.h), or by conjugate gradients, which need products with H alone
-// (gauss_newton_product.h).
+//     (H + R + damping D + near I) step = -gradient,
+// where H is the Gauss-Newton matrix of a loss on a batch and D its diagonal. They are solved by a
+// Cholesky factorisation of the matrix (gauss_newton_matrix.h), or by conjugate gradients, which
+// need products with H alone (gauss_newton_product.h).
 //
 // R is zero except for weights that are held (model/params.h), such as a common size of
 // temperatures, which data determine weakly. While the rest of a model is wrong, a step without R
@@ -24,13 +22,12 @@ typedef struct pm_damped_equations {
     pm_objective *objective;          // borrowed
     pm_gauss_newton_matrix *matrix;   // NULL: conjugate gradients
     pm_gauss_newton_product *product; // NULL: Cholesky
-    double *gradient, *diagonal;      // [size] of the loss with the penalty; of the loss alone
+    double *gradient, *diagonal;      // [size]
     double *held;                     // [size] 1 for weights that are held, else 0
     double hold;                      // the diagonal of R where held is 1
     double *hessian, *damped;         // [size][size] H and the damped matrix, for Cholesky
     double *residual, *conditioned, *direction, *image; // [size] vectors of conjugate gradients
-    double *decays;     // [size] the diagonal of W
-    double decay, near; // as in the equation; 0 at first, the caller may change them
+    double near;        // `near` in the equation; 0 at first, the caller may change it
     const bool *frozen; // [size] weights whose step is zero, borrowed; NULL: none
     int count;          // the batch of the last linearisation
     const int *index;   // [count], borrowed
@@ -43,14 +40,11 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
 void pm_damped_equations_close(pm_damped_equations *e);
 
 // Computes the gradient and the matrix, or its diagonal, on the samples index [count], at the
-// present weights theta [size]. The last call of pm_objective_evaluate must have covered these
-// samples at these weights, and returned `loss`. `seed` decides the estimate of the diagonal.
-// `index` is borrowed until the next call.
-void pm_damped_equations_linearise(pm_damped_equations *e, const double *theta, int count,
-                                   const int *index, uint64_t seed, double loss);
-
-// Returns the penalty of the weights theta [size], in the unit of the loss.
-double pm_damped_equations_penalty(const pm_damped_equations *e, const double *theta);
+// present weights. The last call of pm_objective_evaluate must have covered these samples at these
+// weights, and returned `loss`. `seed` decides the estimate of the diagonal. `index` is borrowed
+// until the next call.
+void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
+                                   uint64_t seed, double loss);
 
 #define PM_MOST_CONJUGATE_GRADIENTS 100
 

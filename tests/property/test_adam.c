@@ -1,5 +1,4 @@
-// Weights that decay: what adam takes from each weight, apart from the step along the gradient, and
-// the penalty of Gauss-Newton.
+// Adam with decay: what it takes from each weight, apart from the step along the gradient.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,7 +9,6 @@
 
 #include <cmocka.h>
 
-#include "learn/damped_equations.h"
 #include "learn/optimiser.h"
 #include "tests/support/random_system.h"
 
@@ -111,69 +109,9 @@ static void decay_shrinks_weights_apart_from_the_gradient(void **state) {
     }
 }
 
-// Lets every other trained entry of a system decay.
-static void mark_decaying(const pm_objective *objective) {
-    pm_system *system = pm_objective_context(objective).system;
-    int count = 0;
-    for (int i = 0; i < pm_system_components(system); ++i) {
-        pm_params *params = pm_system_params(system, i);
-        for (int k = 0; k < params->count; ++k) {
-            params->entry[k].decays = params->entry[k].trained && count++ % 2 == 0;
-        }
-    }
-}
-
-// Checks that the step takes weights that decay to zero and leaves the others as they are.
-static void check_step(bench *b, const pm_damped_equations *e, const double *theta,
-                       const double *step) {
-    size_t decaying = 0;
-    double sum = 0;
-    for (size_t i = 0; i < b->size; ++i) {
-        const double expected = e->decays[i] > 0 ? -theta[i] : 0;
-        random_system_check(&b->w, "step", step[i], expected, 1e-6 * (1 + fabs(theta[i])));
-        decaying += e->decays[i] > 0;
-        sum += e->decays[i] * theta[i] * theta[i];
-    }
-    assert_true(decaying > 0 && decaying < b->size);
-    const double penalty = pm_damped_equations_penalty(e, theta);
-    random_system_check(&b->w, "penalty", penalty, 0.5 * e->decay * sum, 1e-12 * penalty);
-}
-
-// A penalty that outweighs the loss takes weights that decay to zero in one step, with a matrix and
-// without.
-static void a_large_penalty_removes_weights(void **state) {
-    (void)state;
-    bench b;
-    bench_open(&b, 3);
-    mark_decaying(b.objective);
-    double *theta = vector(b.size), *step = vector(b.size);
-    int index[COUNT];
-    for (int i = 0; i < COUNT; ++i) {
-        index[i] = i;
-    }
-    pm_objective_weights(b.objective, theta);
-    for (int matrix = 0; matrix < 2; ++matrix) {
-        pm_damped_equations e;
-        memset(step, 0, b.size * sizeof *step);
-        pm_objective_set_weights(b.objective, theta);
-        const double loss = pm_objective_evaluate(b.objective, COUNT, index, NULL);
-        assert_int_equal(pm_damped_equations_open(&e, b.objective, matrix == 1), PM_OK);
-        e.near = 1e14 * loss;
-        e.decay = 1e10 * e.near;
-        pm_damped_equations_linearise(&e, theta, COUNT, index, 1, loss);
-        assert_true(pm_damped_equations_solve(&e, theta, 0, 100, step));
-        check_step(&b, &e, theta, step);
-        pm_damped_equations_close(&e);
-    }
-    free(theta);
-    free(step);
-    bench_close(&b);
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(decay_shrinks_weights_apart_from_the_gradient),
-        cmocka_unit_test(a_large_penalty_removes_weights),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
