@@ -16,6 +16,16 @@ void pm_ledger_init(pm_ledger *ledger, const pm_system *system) {
     *ledger = (pm_ledger){.system = system};
 }
 
+// fmax and fmin without a call into the C library, which took a tenth of a run of many links. If
+// one number is not a number, the result is `b`.
+static inline double larger(double a, double b) {
+    return b > a ? b : a;
+}
+
+static inline double smaller(double a, double b) {
+    return b < a ? b : a;
+}
+
 // The residuals of one port or bulk term over a step, relative to its gross flux.
 typedef struct residual {
     double energy, entropy;
@@ -32,19 +42,19 @@ static turnover turnover_of(const pm_scene *scene, const pm_sample *sample) {
     turnover t = {0, 0};
     for (int i = 0; i < scene->nport; ++i) {
         for (int end = 0; end < 2; ++end) {
-            t.energy = fmax(t.energy, sample->flux[i][end].energy_gross);
-            t.entropy = fmax(t.entropy, sample->flux[i][end].entropy_gross);
+            t.energy = larger(t.energy, sample->flux[i][end].energy_gross);
+            t.entropy = larger(t.entropy, sample->flux[i][end].entropy_gross);
         }
     }
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        t.energy = fmax(t.energy, sample->bulk_gross[2 * i]);
-        t.entropy = fmax(t.entropy, sample->bulk_gross[2 * i + 1]);
+        t.energy = larger(t.energy, sample->bulk_gross[2 * i]);
+        t.entropy = larger(t.entropy, sample->bulk_gross[2 * i + 1]);
     }
     return t;
 }
 
 static double relative(double value, double gross, double largest) {
-    return gross > fmax(SMALLEST_SHARE * largest, SMALLEST_FLUX) ? value / gross : 0;
+    return gross > larger(SMALLEST_SHARE * largest, SMALLEST_FLUX) ? value / gross : 0;
 }
 
 static residual residual_of_port(const pm_ledger *ledger, const pm_sample *sample, turnover t,
@@ -52,8 +62,8 @@ static residual residual_of_port(const pm_ledger *ledger, const pm_sample *sampl
     const pm_flux *a = &sample->flux[i][0], *b = &sample->flux[i][1];
     const pm_port_model *model = ledger->system->port[i];
     return (residual){
-        relative(fabs(a->energy + b->energy), fmax(a->energy_gross, b->energy_gross), t.energy),
-        relative(a->entropy + b->entropy, fmax(a->entropy_gross, b->entropy_gross), t.entropy),
+        relative(fabs(a->energy + b->energy), larger(a->energy_gross, b->energy_gross), t.energy),
+        relative(a->entropy + b->entropy, larger(a->entropy_gross, b->entropy_gross), t.entropy),
         model->law->conservative && model->spec.form == PM_HARD,
         ledger->system->scene->port[i].name,
     };
@@ -72,8 +82,8 @@ static residual residual_of_bulk(const pm_ledger *ledger, const pm_sample *sampl
 
 // Enters one residual in the ledger. Returns true if it exceeds the scene's tolerances.
 static bool book_residual(pm_ledger *ledger, pm_sample *sample, const residual *b) {
-    sample->energy_residual = fmax(sample->energy_residual, b->energy);
-    sample->entropy_residual = fmin(sample->entropy_residual, b->entropy);
+    sample->energy_residual = larger(sample->energy_residual, b->energy);
+    sample->entropy_residual = smaller(sample->entropy_residual, b->entropy);
     if (b->energy > ledger->worst_energy) {
         ledger->worst_energy = b->energy;
         ledger->worst_energy_step = sample->step;
@@ -169,10 +179,10 @@ static bool book_totals(pm_ledger *ledger, pm_sample *sample) {
         ledger->first_energy = energy;
         ledger->first_entropy = entropy;
     } else {
-        ledger->worst_entropy_fall = fmax(ledger->worst_entropy_fall, ledger->entropy - entropy);
+        ledger->worst_entropy_fall = larger(ledger->worst_entropy_fall, ledger->entropy - entropy);
         unbalanced = book_step(ledger, sample, energy);
     }
-    ledger->energy_drift = fmax(ledger->energy_drift, fabs(energy - ledger->first_energy));
+    ledger->energy_drift = larger(ledger->energy_drift, fabs(energy - ledger->first_energy));
     ledger->energy = energy;
     ledger->entropy = entropy;
     ledger->steps = sample->step;
