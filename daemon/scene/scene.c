@@ -79,7 +79,7 @@ static pm_status read_time(pm_scene_reader *r) {
 static pm_status read_laws(pm_scene_reader *r) {
     static const char *const keys[] = {"energy", "entropy", NULL};
     r->scene->energy_tolerance = 1e-12;
-    r->scene->entropy_tolerance = 1e-15;
+    r->scene->entropy_tolerance = 1e-12;
     const pm_yaml laws = pm_yaml_get(r->root, "laws");
     if (!pm_yaml_exists(laws)) {
         return PM_OK;

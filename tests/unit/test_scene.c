@@ -183,7 +183,7 @@ static void test_defaults(void **state) {
     assert_null(scene->url);
     assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10 &&
                 scene->checkpoint == 100);
-    assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-15);
+    assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-12);
     assert_true(isinf(scene->largest_drift) && isinf(scene->largest_departure));
     assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
     assert_null(scene->key_file);
