@@ -222,7 +222,8 @@ static pm_status emit(emission *e, const char *kind) {
     return pm_fail(PM_EUSAGE, "emit: expected systemd or procman, found \"%s\"", kind);
 }
 
-// Of the two positional arguments the first is the kind, and the second the scene.
+// Writes what the command line asks for: the first positional argument is the kind of file, the
+// second one the scene.
 static pm_status execute(const pm_run_options *options) {
     emission e = {.options = options};
     char path[PATH_MAX];

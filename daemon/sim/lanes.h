@@ -40,15 +40,15 @@ void pm_lanes_combine(int rows, int lanes, int count, const double *weight, doub
 void pm_lanes_book(int rows, int lanes, double weight, bool anew, const double *e,
                    const double *eta, const double *rate, const pm_lane_flux *flux);
 
-// Where PM_LANES items lie that neighbouring lanes refer to, in arrays of [rows][lanes] of their
-// own.
+// The places of PM_LANES items to which neighbouring lanes refer. The items lie in arrays of
+// [rows][lanes] of their own.
 typedef struct pm_lane_row {
     int first, step; // of the first item: where its numbers begin, and their distance
     int lane;        // its lane, counted through all blocks of all arrays
     bool neighbours; // all items lie beside each other, the first one first
 } pm_lane_row;
 
-// Where the items lie that the lanes of a block refer to.
+// The places of the items to which the lanes of a block refer.
 typedef struct pm_lane_places {
     const pm_lane_row *row;         // [lanes / PM_LANES]
     const int *first, *step, *lane; // [lanes] the same for each item

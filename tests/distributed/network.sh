@@ -163,3 +163,26 @@ no_orphans() {
 
 "$make_scene" "$folder" || { echo "FAILED: make_scene"; exit 1; }
 scene=$folder/scene.yaml
+
+# links COUNT: the sections `subsystems` and `ports` of a scene, for a chain of COUNT learned links.
+links() {
+    configs=$(realpath "$(dirname "$0")/../../configs")
+    state="state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}"
+    cat <<EOF
+subsystems:
+  link0:
+    weights: $configs/weights/double_pendulum/upper.h5
+    $state
+    initial: {q: [4.5, 4.4], p: [-0.5, 1.4], s: [-0.1]}
+  "link[1:$1]":
+    weights: $configs/weights/double_pendulum/lower.h5
+    $state
+    initial: {q: [-2.7, 0.1], p: [1.4, -0.2], s: [0.1]}
+ports:
+  "joint[0:$(($1 - 1))]":
+    law: bracket
+    between: ["link[i]", "link[i+1]"]
+    weights: $configs/weights/double_pendulum/joint.h5
+    expose: {"link[i]": [q, p, s], "link[i+1]": [q, p, s]}
+EOF
+}

@@ -2,8 +2,6 @@
 # test_cut.sh PORTMETD MAKE_SCENE SAME_RECORDING: a chain records the same bits in one process and over LCM
 # in 1, 2 and 8 processes, cut by METIS, and with another cut. A cut that was written to a file repeats the run.
 . "$(dirname "$0")/network.sh"
-configs=$(realpath "$(dirname "$0")/../../configs")
-state="state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}"
 
 # chain NAME: the scene NAME with the section `processes` from the file NAME.processes.
 chain() {
@@ -12,21 +10,7 @@ scene: chain
 url: "udpm://239.255.76.67:7667?ttl=0"
 time: {dt: 1.0e-2, steps: 20, integrator: rk4}
 lockstep: {patience: 60}
-subsystems:
-  link0:
-    weights: $configs/weights/double_pendulum/upper.h5
-    $state
-    initial: {q: [4.5, 4.4], p: [-0.5, 1.4], s: [-0.1]}
-  "link[1:40]":
-    weights: $configs/weights/double_pendulum/lower.h5
-    $state
-    initial: {q: [-2.7, 0.1], p: [1.4, -0.2], s: [0.1]}
-ports:
-  "joint[0:39]":
-    law: bracket
-    between: ["link[i]", "link[i+1]"]
-    weights: $configs/weights/double_pendulum/joint.h5
-    expose: {"link[i]": [q, p, s], "link[i+1]": [q, p, s]}
+$(links 40)
 EOF
 }
 

@@ -6,28 +6,12 @@
 kills=${4:-4}
 steps=${5:-60}
 seed=${6:-$(date +%s)}
-configs=$(realpath "$(dirname "$0")/../../configs")
-state="state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}"
 cat >"$folder/scene_many.yaml" <<EOF
 scene: many
 time: {dt: 1.0e-3, steps: $steps, integrator: heun}
 lockstep: {window: 4, patience: 1000, checkpoint: 10}
 laws: {entropy: 1.0e-13}
-subsystems:
-  link0:
-    weights: $configs/weights/double_pendulum/upper.h5
-    $state
-    initial: {q: [4.5, 4.4], p: [-0.5, 1.4], s: [-0.1]}
-  "link[1:1000]":
-    weights: $configs/weights/double_pendulum/lower.h5
-    $state
-    initial: {q: [-2.7, 0.1], p: [1.4, -0.2], s: [0.1]}
-ports:
-  "joint[0:999]":
-    law: bracket
-    between: ["link[i]", "link[i+1]"]
-    weights: $configs/weights/double_pendulum/joint.h5
-    expose: {"link[i]": [q, p, s], "link[i+1]": [q, p, s]}
+$(links 1000)
 processes: {p0: "link[0:125]", p1: "link[125:250]", p2: "link[250:375]", p3: "link[375:500]",
             p4: "link[500:625]", p5: "link[625:750]", p6: "link[750:875]", p7: "link[875:1000]"}
 EOF

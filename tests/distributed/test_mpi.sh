@@ -7,8 +7,6 @@ if ! command -v mpirun >/dev/null; then
     exit 77
 fi
 . "$(dirname "$0")/network.sh"
-configs=$(realpath "$(dirname "$0")/../../configs")
-state="state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}"
 # Open MPI refuses root, and more ranks than cores, unless it is told otherwise.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
 
@@ -19,21 +17,7 @@ scene: chain
 time: {dt: 1.0e-2, steps: 20, integrator: rk4}
 lockstep: {patience: ${patience-1000}}
 tap: [LEDGER, HEALTH, "FLUX_[b-d]"]
-subsystems:
-  link0:
-    weights: $configs/weights/double_pendulum/upper.h5
-    $state
-    initial: {q: [4.5, 4.4], p: [-0.5, 1.4], s: [-0.1]}
-  "link[1:40]":
-    weights: $configs/weights/double_pendulum/lower.h5
-    $state
-    initial: {q: [-2.7, 0.1], p: [1.4, -0.2], s: [0.1]}
-ports:
-  "joint[0:39]":
-    law: bracket
-    between: ["link[i]", "link[i+1]"]
-    weights: $configs/weights/double_pendulum/joint.h5
-    expose: {"link[i]": [q, p, s], "link[i+1]": [q, p, s]}
+$(links 40)
 processes: $2
 EOF
 }

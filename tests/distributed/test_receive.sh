@@ -26,27 +26,11 @@ fragments() {
 ip link set lo mtu 1500
 before=$(fragments)
 "$4" || fail "hears_the_same in small packets"
-configs=$(realpath "$(dirname "$0")/../../configs")
-state="state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}"
 cat >"$folder/chain.yaml" <<EOF
 scene: chain
 time: {dt: 1.0e-2, steps: 20, integrator: rk4}
 lockstep: {patience: 60}
-subsystems:
-  link0:
-    weights: $configs/weights/double_pendulum/upper.h5
-    $state
-    initial: {q: [4.5, 4.4], p: [-0.5, 1.4], s: [-0.1]}
-  "link[1:40]":
-    weights: $configs/weights/double_pendulum/lower.h5
-    $state
-    initial: {q: [-2.7, 0.1], p: [1.4, -0.2], s: [0.1]}
-ports:
-  "joint[0:39]":
-    law: bracket
-    between: ["link[i]", "link[i+1]"]
-    weights: $configs/weights/double_pendulum/joint.h5
-    expose: {"link[i]": [q, p, s], "link[i+1]": [q, p, s]}
+$(links 40)
 processes:
   even: [$(seq -s ', ' -f 'link%g' 0 2 38)]
   odd: [$(seq -s ', ' -f 'link%g' 1 2 39)]

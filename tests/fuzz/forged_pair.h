@@ -27,7 +27,7 @@ typedef enum forged_end {
     FORGED_ENDS
 } forged_end;
 
-// What runs came to. The caller initialises it with zeros.
+// The counts of what happened in a number of runs. The caller initialises it with zeros.
 typedef struct forged_figures {
     long runs, messages;   // messages: forged ones that were published into a run
     long end[FORGED_ENDS]; // number of runs with each end

@@ -307,8 +307,8 @@ static void test_dead_and_shared_results(void **state) {
     pm_graph_close(g);
 }
 
-// What depends on weights alone keeps its numbers until it is prepared again, though the memory of
-// other nodes is reused around it.
+// A node that depends on weights alone keeps its numbers until the program is prepared again,
+// though the memory of other nodes is reused around it.
 static void test_prepared_weights(void **state) {
     (void)state;
     pm_graph *g = NULL;

@@ -50,7 +50,7 @@ static void test_utf8(void **state) {
     }
 }
 
-// Whatever the size, the string ends with a quotation mark after a whole character.
+// A string that is cut to any size ends with a quotation mark after a whole character.
 static void test_cut(void **state) {
     (void)state;
     static const char text[] = "a\nb\xe2\x82\xac"

@@ -59,7 +59,7 @@ static void nodes_that_move_by_rounding_are_clamped(void **state) {
     pm_field *field = make_field();
     pm_arena arena = {0};
     pm_solid_data data;
-    // Where the positions of the clamped nodes are zero, the rounding errors survive.
+    // Rounding errors survive at clamped nodes whose positions are zero.
     assert_true(pm_field_state(field, 0, 0)[0] != 0);
     assert_int_equal(pm_solid_data_open(&data, field, &arena), PM_OK);
     for (int i = 0; i < NODES; ++i) {

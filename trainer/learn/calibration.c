@@ -255,7 +255,8 @@ pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibr
     const pm_status status = run(&c);
     if (status == PM_OK && c.count > 0) {
         const double width = student(c.count) / NORMAL;
-        // Of weights that each trajectory has for itself, and of their mean in the fit.
+        // The variance of weights that each trajectory has for itself, with that of their mean in
+        // the fit.
         const double own = 1 + s->tracks->count * (1 - 1 / u->inflation);
         u->scale = width * width * fmax(mean_ratio(&c), own);
     }
