@@ -118,7 +118,7 @@ static void a_step_balances_the_forces(void **state) {
     for (int i = 0; i < 3 * NODES; ++i) {
         largest = fmax(largest, b.clamped[i / 3] ? 0 : fabs(force[i] - f[i]));
     }
-    assert_true(largest < 1e-2);
+    assert_true(largest < 1e-3);
     close_bar(&b);
 }
 

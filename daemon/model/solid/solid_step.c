@@ -8,7 +8,7 @@
 #include "model/solid/solid_parts.h"
 
 // The iteration ends when a move is shorter than this share of the largest displacement.
-#define PRECISE 1e-5
+#define PRECISE 3e-6
 // The displacement below which a body counts as undeformed, relative to its size.
 #define UNDEFORMED 1e-9
 #define MOST_ITERATIONS 30
