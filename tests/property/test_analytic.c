@@ -58,14 +58,14 @@ static void require(pm_status status) {
     }
 }
 
+static const pm_chain_link two_links[] = {{.mass = 1, .C = 0.027, .l0 = 2, .b = 0.0869, .c = 5.08},
+                                          {.mass = 2, .C = 0.192, .l0 = 1, .b = 0.0869, .c = 5.08}};
+
 static void pendula_open(pendula *p, double K) {
     char text[4096];
     snprintf(text, sizeof text, scene_format, K);
-    *p = (pendula){.chain = {.n = 2,
-                             .conductivity = K,
-                             .reference_temperature = 300,
-                             .link = {{.mass = 1, .C = 0.027, .l0 = 2, .b = 0.0869, .c = 5.08},
-                                      {.mass = 2, .C = 0.192, .l0 = 1, .b = 0.0869, .c = 5.08}}}};
+    *p = (pendula){
+        .chain = {.n = 2, .conductivity = K, .reference_temperature = 300, .link = two_links}};
     require(pm_scene_parse(&p->scene, text, "pendula.yaml"));
     require(pm_system_load(&p->system, p->scene, NULL));
 }
@@ -125,7 +125,7 @@ static void chain_rate(const void *data, const double *z, double *zdot) {
 // Computes the motion of the pendula with the truth simulator.
 static void simulate(const pendula *p, double z[STEPS + 1][NZ]) {
     double truth[STEPS + 1][NZ];
-    const pm_ode ode = {NZ, chain_rate, &p->chain};
+    const pm_ode ode = {NZ, chain_rate, &p->chain, NULL};
     const pm_ode_family family = p->chain.conductivity > 1 ? PM_ODE_BDF : PM_ODE_ADAMS;
     start_of(&p->chain, truth[0]);
     require(pm_ode_solve(&ode, (pm_ode_method){family, 1e-12, 1e-13}, STEPS + 1, DT, truth[0]));

@@ -28,7 +28,7 @@ static void chain_rate(const void *data, const double *z, double *zdot) {
 }
 
 static void solve(const pm_chain *chain, pm_ode_method method, int ntime, double dt, double *z) {
-    const pm_ode ode = {5 * chain->n, chain_rate, chain};
+    const pm_ode ode = {5 * chain->n, chain_rate, chain, NULL};
     if (pm_ode_solve(&ode, method, ntime, dt, z) != PM_OK) {
         fail_msg("%s", pm_error());
     }
@@ -48,10 +48,8 @@ static double bessel_i0(double x) {
 // returns after the period 2 pi l0 sqrt(m/C) I0(u), and is shortest, l0 exp(-u), after half of it.
 static void radial_period(void **state) {
     (void)state;
-    const pm_chain chain = {.n = 1,
-                            .conductivity = 5,
-                            .reference_temperature = 300,
-                            .link = {{.mass = 1.5, .C = 0.3, .l0 = 2, .b = 0, .c = 5}}};
+    const pm_chain_link link = {.mass = 1.5, .C = 0.3, .l0 = 2, .b = 0, .c = 5};
+    const pm_chain chain = {.n = 1, .conductivity = 5, .reference_temperature = 300, .link = &link};
     const double u = 0.7, period = 2 * PI * 2 * sqrt(1.5 / 0.3) * bessel_i0(u);
     double z[3][5] = {{2 * exp(u) * 0.6, 2 * exp(u) * 0.8, 0, 0, 0.01}};
     solve(&chain, adams, 3, period / 2, z[0]);
@@ -65,7 +63,7 @@ static void radial_period(void **state) {
 static void circular_orbit(void **state) {
     (void)state;
     const pm_chain_link link = {.mass = 2, .C = 0.2, .l0 = 1, .b = 0.09, .c = 5};
-    const pm_chain chain = {.n = 1, .reference_temperature = 300, .link = {link}};
+    const pm_chain chain = {.n = 1, .reference_temperature = 300, .link = &link};
     const double l = 3, T = 296;
     const double tension = (link.C * log(l / link.l0) - link.b * (T - 300)) / l;
     const double speed = sqrt(tension * l / link.mass), turn = speed / l * 7;
@@ -82,11 +80,12 @@ static void circular_orbit(void **state) {
 static void conduction_alone(void **state) {
     (void)state;
     const pm_chain_link link = {.mass = 1, .C = 0.1, .l0 = 1, .b = 0, .c = 5};
+    const pm_chain_link links[2] = {link, link};
     const double T[2] = {310, 280};
     for (int stiff = 0; stiff < 2; ++stiff) {
         const double K = stiff ? 3000 : 0.5, dt = 5 / K;
         const pm_chain chain = {
-            .n = 2, .conductivity = K, .reference_temperature = 300, .link = {link, link}};
+            .n = 2, .conductivity = K, .reference_temperature = 300, .link = links};
         double z[2][10] = {{1, 1, 2, 3, 0, 0, 0, 0, 0, 0}};
         pm_chain_set_temperatures(&chain, T, z[0]);
         solve(&chain, stiff ? bdf : adams, 2, dt, z[0]);
@@ -96,11 +95,10 @@ static void conduction_alone(void **state) {
     }
 }
 
+static const pm_chain_link three[] = {
+    {1, 0.03, 2, 0.09, 5}, {2, 0.2, 1, 0.07, 4}, {0.5, 0.1, 1.5, 0.05, 6}};
 static const pm_chain three_links = {
-    .n = 3,
-    .conductivity = 2,
-    .reference_temperature = 300,
-    .link = {{1, 0.03, 2, 0.09, 5}, {2, 0.2, 1, 0.07, 4}, {0.5, 0.1, 1.5, 0.05, 6}}};
+    .n = 3, .conductivity = 2, .reference_temperature = 300, .link = three};
 
 static void random_state(pm_rng *rng, double *z) {
     for (int k = 0; k < 3; ++k) {
@@ -190,7 +188,7 @@ static void run_into_a_wall(const void *data, const double *z, double *zdot) {
 
 static void failing_solver_is_reported(void **state) {
     (void)state;
-    const pm_ode ode = {1, run_into_a_wall, NULL};
+    const pm_ode ode = {1, run_into_a_wall, NULL, NULL};
     double z[4] = {0.8};
     assert_int_equal(pm_ode_solve(&ode, adams, 4, 0.5, z), PM_ENUMERIC);
     assert_non_null(strstr(pm_error(), "between t = 0.5 and 1 s"));
@@ -207,6 +205,11 @@ static void failing_solver_is_reported(void **state) {
     "simulator: pendulum_chain\nseed: 5\ntrajectories: 3\nstates: 20\ndt: 0.2\nsystem:\n" \
     "  reference_temperature: 300\n  conductivity: 1\n"
 static const char good[] = HEAD "  links:\n" LINK ", temperature: {mean: 300, deviation: 1}}\n";
+
+#define EQUAL                                           \
+    "{mass: 1, C: 0.02, l0: 2, b: 0.09, c: 5, "         \
+    "momentum: {mean: [0, 1], deviation: [0.1, 0.1]}, " \
+    "temperature: {mean: 300, deviation: 1}, position: {deviation: [0.1, 0.2], mean: "
 
 static pm_status load(scratch *folder, const char *text, pm_truth **truth) {
     const char *path = scratch_path(folder, "truth.yaml");
@@ -226,6 +229,28 @@ static void trajectories_are_their_own(void **state) {
     assert_int_equal(pm_truth_run(truth, 2, z[1][0], check[0]), PM_OK);
     assert_memory_equal(z[0], z[1], sizeof z[0]);
     pm_truth_free(truth);
+}
+
+// An item with `count` stands for as many links, which are `spacing` apart.
+static void equal_links_are_counted(void **state) {
+    static const char *const text[] = {HEAD "  links:\n    - " EQUAL "[4, 4]}}\n    - " EQUAL
+                                            "[6, 4]}}\n    - " EQUAL "[7.5, 4.25]}}\n    - " EQUAL
+                                            "[9, 4.5]}}\n",
+                                       HEAD "  links:\n    - " EQUAL "[4, 4]}}\n    - " EQUAL
+                                            "[6, 4]}, count: 3, spacing: [1.5, 0.25]}\n"};
+    double z[2][20][20], check[20][20];
+    for (int i = 0; i < 2; ++i) {
+        pm_truth *truth = NULL;
+        if (load(*state, text[i], &truth) != PM_OK) {
+            fail_msg("%s", pm_error());
+        }
+        assert_int_equal(truth->model.ode.nz, 20);
+        assert_string_equal(truth->model.column[19], "s4");
+        assert_non_null(strstr(truth->model.parameters, "link 1 to 4: m 1 kg"));
+        assert_int_equal(pm_truth_run(truth, 1, z[i][0], check[0]), PM_OK);
+        pm_truth_free(truth);
+    }
+    assert_memory_equal(z[0], z[1], sizeof z[0]);
 }
 
 static void report_tells_what_is_wrong(void **state) {
@@ -277,9 +302,8 @@ static void drive(scratch *folder, const char *text, int trajectory, double z[20
 static void a_steady_pivot_is_at_rest(void **state) {
     double z[20][DRIVEN_NZ], still[20][5];
     drive(*state, DRIVEN("0.5", "0", "0", "[0, 0]", "C: 0.1, b: 0"), 1, z);
-    const pm_chain chain = {.n = 1,
-                            .reference_temperature = 300,
-                            .link = {{.mass = 2, .C = 0.1, .l0 = 2, .b = 0, .c = 5}}};
+    const pm_chain_link link = {.mass = 2, .C = 0.1, .l0 = 2, .b = 0, .c = 5};
+    const pm_chain chain = {.n = 1, .reference_temperature = 300, .link = &link};
     memcpy(still[0], z[0], sizeof still[0]);
     const double *v = z[0] + 5;
     assert_true(fabs(v[0]) > 0.01 && fabs(v[1]) > 0.01);
@@ -409,6 +433,7 @@ int main(void) {
         cmocka_unit_test(failing_solver_is_reported),
         cmocka_unit_test_setup_teardown(trajectories_are_their_own, scratch_setup,
                                         scratch_teardown),
+        cmocka_unit_test_setup_teardown(equal_links_are_counted, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(report_tells_what_is_wrong, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(a_steady_pivot_is_at_rest, scratch_setup, scratch_teardown),

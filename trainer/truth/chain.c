@@ -45,26 +45,73 @@ static void mechanical_rate(const pm_chain *chain, const double *z, const double
     }
 }
 
-// Sets sdot by heat conduction between neighbours.
-static void thermal_rate(const pm_chain *chain, const double *T, double *zdot) {
-    double *sdot = zdot + pm_chain_s(chain, 0);
+// Replaces the temperatures T [n] by sdot, which heat conduction between neighbours gives.
+static void thermal_rate(const pm_chain *chain, double *T) {
+    double heat_before = 0; // W, into the link before
     for (int k = 0; k < chain->n; ++k) {
-        sdot[k] = 0;
-    }
-    for (int k = 0; k + 1 < chain->n; ++k) {
-        const double heat = chain->conductivity * (T[k + 1] - T[k]); // W, into link k
-        sdot[k] += heat / T[k];
-        sdot[k + 1] -= heat / T[k + 1];
+        const double heat = k + 1 < chain->n ? chain->conductivity * (T[k + 1] - T[k]) : 0;
+        T[k] = heat / T[k] - heat_before / T[k];
+        heat_before = heat;
     }
 }
 
 void pm_chain_rate(const pm_chain *chain, const double *z, double *zdot) {
-    double T[PM_CHAIN_MAX_LINKS];
+    double *T = zdot + pm_chain_s(chain, 0); // in the place of sdot
     for (int k = 0; k < chain->n; ++k) {
         T[k] = pm_chain_temperature(chain, z, k);
     }
     mechanical_rate(chain, z, T, zdot);
-    thermal_rate(chain, T, zdot);
+    thermal_rate(chain, T);
+}
+
+// --- the pattern of the Jacobian ---
+
+// Adds the rates of the components `first` to `first + count - 1` of each link from number `begin`
+// to number `end` - 1 that there is; the components of a link lie `step` apart from those of the
+// next.
+static void add_rows(const pm_chain *chain, int begin, int end, int first, int step, int count,
+                     int *row, int *n) {
+    for (int k = begin < 0 ? 0 : begin; k < end && k < chain->n; ++k) {
+        for (int i = 0; i < count; ++i) {
+            row[(*n)++] = first + step * k + i;
+        }
+    }
+}
+
+// Lists the rates that depend on component `column` of the state, in ascending order, in row.
+static int list_rows(const pm_chain *chain, int column, int *row) {
+    const int p = pm_chain_p(chain, 0), s = pm_chain_s(chain, 0);
+    int n = 0;
+    if (column < p) { // q_k stretches links k and k+1, which pull and conduct heat
+        const int k = column / 2;
+        row[n++] = column;
+        add_rows(chain, k - 1, k + 2, p, 2, 2, row, &n);
+        add_rows(chain, k - 1, k + 3, s, 1, 1, row, &n);
+    } else if (column < s) { // p_k moves mass k
+        row[n++] = column - p;
+        row[n++] = column;
+    } else { // s_k warms link k
+        const int k = column - s;
+        add_rows(chain, k - 1, k + 1, p, 2, 2, row, &n);
+        add_rows(chain, k - 1, k + 2, s, 1, 1, row, &n);
+    }
+    return n;
+}
+
+const pm_ode_pattern *pm_chain_pattern(const pm_chain *chain, pm_arena *arena) {
+    enum { MOST_ROWS = 11 };
+    const int nz = 5 * chain->n;
+    pm_ode_pattern *pattern = pm_arena_alloc(arena, sizeof *pattern);
+    int *start = pm_arena_array(arena, (size_t)nz + 1, sizeof *start);
+    int *row = pm_arena_array(arena, (size_t)nz * MOST_ROWS, sizeof *row);
+    if (pattern == NULL || start == NULL || row == NULL) {
+        return NULL;
+    }
+    for (int j = 0; j < nz; ++j) {
+        start[j + 1] = start[j] + list_rows(chain, j, row + start[j]);
+    }
+    *pattern = (pm_ode_pattern){.start = start, .row = row};
+    return pattern;
 }
 
 double pm_chain_energy(const pm_chain *chain, const double *z) {
@@ -112,7 +159,7 @@ void pm_chain_equilibrate(const pm_chain *chain, double total, double *z) {
         elastic += chain->link[k].b * log_stretch(chain, z, k);
         capacity += chain->link[k].c;
     }
-    double T[PM_CHAIN_MAX_LINKS];
+    double *T = z + pm_chain_s(chain, 0);
     for (int k = 0; k < chain->n; ++k) {
         T[k] = chain->reference_temperature * exp((total - elastic) / capacity);
     }

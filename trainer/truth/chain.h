@@ -12,7 +12,8 @@
 #ifndef PM_TRAINER_TRUTH_CHAIN_H
 #define PM_TRAINER_TRUTH_CHAIN_H
 
-#define PM_CHAIN_MAX_LINKS 32
+#include "base/arena.h"
+#include "truth/ode.h"
 
 typedef struct pm_chain_link {
     double mass; // kg, at the link's far end
@@ -24,11 +25,12 @@ typedef struct pm_chain_link {
 
 // The state z [5n] of a chain of n links holds the positions q_1 to q_n (m, two components each),
 // then the momenta p_1 to p_n (kg m/s, two components each), then the entropies s_1 to s_n (J/K).
+// The links are borrowed.
 typedef struct pm_chain {
     int n;
     double conductivity;          // K, W/K
     double reference_temperature; // Tr, K
-    pm_chain_link link[PM_CHAIN_MAX_LINKS];
+    const pm_chain_link *link;    // [n]
 } pm_chain;
 
 // Returns the first component of position, momentum and entropy of link k in the state.
@@ -45,6 +47,11 @@ static inline int pm_chain_s(const pm_chain *chain, int k) {
 // Computes zdot [5n] at the state z [5n].
 void pm_chain_rate(const pm_chain *chain, const double *z, double *zdot);
 
+// Returns, in the arena, on which components of the state each rate depends. A link depends on its
+// two neighbours on either side, so that the work for a Jacobian grows with n and not with its
+// square. NULL: out of memory.
+const pm_ode_pattern *pm_chain_pattern(const pm_chain *chain, pm_arena *arena);
+
 double pm_chain_energy(const pm_chain *chain, const double *z);  // total energy, J
 double pm_chain_entropy(const pm_chain *chain, const double *z); // total entropy, J/K
 double pm_chain_angular_momentum(const pm_chain *chain,
@@ -52,6 +59,7 @@ double pm_chain_angular_momentum(const pm_chain *chain,
 double pm_chain_temperature(const pm_chain *chain, const double *z, int k); // of link k, K
 
 // Sets the entropies of z, given its positions, such that link k has the temperature T[k], T [n] K.
+// T may be the place of the entropies in z.
 void pm_chain_set_temperatures(const pm_chain *chain, const double *T, double *z);
 // Sets the entropies of z, given its positions, such that all links have the same temperature and
 // the entropies sum to `total` J/K.

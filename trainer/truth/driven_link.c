@@ -21,7 +21,8 @@ enum { Q, P = 2, S = 4, V, F = 7, T_BATH = 9, NCOLUMN, W_ENERGY = NCOLUMN, W_ENT
 #define NLOAD (NCOLUMN - V)
 
 typedef struct driven_link {
-    pm_chain chain; // of one link
+    pm_chain_link link;
+    pm_chain chain; // of this link
     pm_spread position, momentum, temperature;
     int nsine;
     double frequency[2];   // rad/s, drawn uniformly between these
@@ -108,7 +109,7 @@ static pm_status read_link(pm_yaml block, pm_arena *arena, driven_link *system) 
     pm_yaml link;
     PM_TRY(pm_yaml_require(block, "link", &link));
     PM_TRY(pm_yaml_allow(link, keys));
-    PM_TRY(pm_truth_link(link, &system->chain.link[0]));
+    PM_TRY(pm_truth_link(link, &system->link));
     PM_TRY(pm_truth_spread(link, "position", 2, arena, &system->position));
     PM_TRY(pm_truth_spread(link, "momentum", 2, arena, &system->momentum));
     return pm_truth_spread(link, "temperature", 1, arena, &system->temperature);
@@ -145,6 +146,7 @@ static pm_status read_system(pm_yaml block, pm_arena *arena, driven_link *system
         pm_truth_number(block, "reference_temperature", 1e-3, 1e6, &chain->reference_temperature));
     PM_TRY(pm_truth_number(block, "conductivity", 0, 1e9, &chain->conductivity));
     chain->n = 1;
+    chain->link = &system->link;
     PM_TRY(read_link(block, arena, system));
     return read_load(block, arena, system);
 }

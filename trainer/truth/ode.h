@@ -8,14 +8,23 @@
 // Computes zdot [nz] at the state z [nz].
 typedef void (*pm_ode_rate)(const void *data, const double *z, double *zdot);
 
+// The rates that depend on each component of the state: those of component j are row[start[j]] to
+// row[start[j + 1] - 1], in ascending order, and j is always among them.
+typedef struct pm_ode_pattern {
+    const int *start; // [nz + 1]
+    const int *row;   // [start[nz]]
+} pm_ode_pattern;
+
 typedef struct pm_ode {
     int nz;
     pm_ode_rate rate;
-    const void *data; // passed to `rate`
+    const void *data;              // passed to `rate`
+    const pm_ode_pattern *pattern; // borrowed; NULL: any rate may depend on any component
 } pm_ode;
 
-// adams: orders 1-12 with fixed-point iteration. bdf: orders 1-5 with Newton's method and a dense
-// Jacobian by differences, for stiff problems.
+// adams: orders 1-12 with fixed-point iteration. bdf: orders 1-5 with Newton's method and a
+// Jacobian by differences, for stiff problems. The Jacobian is dense, or sparse where the ODE has a
+// pattern.
 typedef enum pm_ode_family { PM_ODE_ADAMS, PM_ODE_BDF } pm_ode_family;
 
 // The local error of a step is kept below relative |z_i| + absolute, in the root mean square over

@@ -3,33 +3,90 @@
 // drawn per link, or, with `total_entropy`, from one common temperature.
 #include "truth/truth.h"
 
+#include <stdio.h>
+#include <string.h>
+
 #include "truth/link.h"
 #include "truth/numbers.h"
 
+#define MOST_LINKS 100000
+
+// What a link starts with.
+typedef struct link_start {
+    pm_spread position;    // m, absolute
+    pm_spread momentum;    // kg m/s
+    pm_spread temperature; // K; unused if equilibrated
+} link_start;
+
 typedef struct pendulum_chain {
     pm_chain chain;
-    pm_spread position[PM_CHAIN_MAX_LINKS];    // m, absolute
-    pm_spread momentum[PM_CHAIN_MAX_LINKS];    // kg m/s
-    pm_spread temperature[PM_CHAIN_MAX_LINKS]; // K; unused if equilibrated
+    pm_chain_link *link; // [chain.n]
+    link_start *start;   // [chain.n]
     bool equilibrated;
     double total_entropy; // J/K, if equilibrated
 } pendulum_chain;
 
 static const char *const conserved[] = {"energy", "angular momentum"};
 
-static pm_status read_link(pm_yaml map, int k, pm_arena *arena, pendulum_chain *system) {
-    static const char *const keys[] = {"mass",     "C",        "l0",          "b", "c",
-                                       "position", "momentum", "temperature", NULL};
-    PM_TRY(pm_yaml_allow(map, keys));
-    PM_TRY(pm_truth_link(map, &system->chain.link[k]));
-    PM_TRY(pm_truth_spread(map, "position", 2, arena, &system->position[k]));
-    PM_TRY(pm_truth_spread(map, "momentum", 2, arena, &system->momentum[k]));
-    if (!system->equilibrated) {
-        return pm_truth_spread(map, "temperature", 1, arena, &system->temperature[k]);
+// Reads how many equal links an item of the list stands for.
+static pm_status read_count(pm_yaml map, int *count) {
+    pm_yaml value = pm_yaml_get(map, "count");
+    *count = 1;
+    return pm_yaml_exists(value) ? pm_yaml_int(value, 1, MOST_LINKS, count) : PM_OK;
+}
+
+static pm_status read_start(pm_yaml map, bool equilibrated, pm_arena *arena, link_start *start) {
+    PM_TRY(pm_truth_spread(map, "position", 2, arena, &start->position));
+    PM_TRY(pm_truth_spread(map, "momentum", 2, arena, &start->momentum));
+    if (!equilibrated) {
+        return pm_truth_spread(map, "temperature", 1, arena, &start->temperature);
     }
     pm_yaml temperature = pm_yaml_get(map, "temperature");
     return pm_yaml_exists(temperature)
                ? pm_yaml_fail(temperature, "`total_entropy` already sets the temperatures")
+               : PM_OK;
+}
+
+// Reads an item of the list, which stands for the links from number k on. `count` receives how many
+// these are.
+static pm_status read_links(pm_yaml map, int k, pm_arena *arena, pendulum_chain *system,
+                            int *count) {
+    static const char *const keys[] = {"mass",  "C",        "l0",       "b",
+                                       "c",     "position", "momentum", "temperature",
+                                       "count", "spacing",  NULL};
+    double spacing[2] = {0, 0};
+    PM_TRY(pm_yaml_allow(map, keys));
+    PM_TRY(read_count(map, count));
+    if (*count > 1) {
+        PM_TRY(pm_truth_numbers(map, "spacing", 2, arena, spacing));
+    }
+    PM_TRY(pm_truth_link(map, &system->link[k]));
+    PM_TRY(read_start(map, system->equilibrated, arena, &system->start[k]));
+    for (int i = 1; i < *count; ++i) {
+        system->link[k + i] = system->link[k];
+        system->start[k + i] = system->start[k];
+        system->start[k + i].position.mean[0] += i * spacing[0];
+        system->start[k + i].position.mean[1] += i * spacing[1];
+    }
+    return PM_OK;
+}
+
+// Counts the links and makes room for them.
+static pm_status make_links(pm_yaml links, pm_arena *arena, pendulum_chain *system) {
+    int n = 0;
+    for (int i = 0; pm_yaml_is_list(links) && i < pm_yaml_count(links); ++i) {
+        int count;
+        PM_TRY(read_count(pm_yaml_item(links, i), &count));
+        n = count <= MOST_LINKS - n ? n + count : MOST_LINKS + 1;
+    }
+    if (n < 1 || n > MOST_LINKS) {
+        return pm_yaml_fail(links, "expected a list of 1 to %d links", MOST_LINKS);
+    }
+    system->chain.n = n;
+    system->chain.link = system->link = pm_arena_array(arena, (size_t)n, sizeof *system->link);
+    system->start = pm_arena_array(arena, (size_t)n, sizeof *system->start);
+    return system->link == NULL || system->start == NULL
+               ? pm_fail(PM_ENOMEM, "truth: out of memory")
                : PM_OK;
 }
 
@@ -47,12 +104,9 @@ static pm_status read_system(pm_yaml block, pm_arena *arena, pendulum_chain *sys
     }
     pm_yaml links;
     PM_TRY(pm_yaml_require(block, "links", &links));
-    chain->n = pm_yaml_count(links);
-    if (!pm_yaml_is_list(links) || chain->n < 1 || chain->n > PM_CHAIN_MAX_LINKS) {
-        return pm_yaml_fail(links, "expected a list of 1 to %d links", PM_CHAIN_MAX_LINKS);
-    }
-    for (int k = 0; k < chain->n; ++k) {
-        PM_TRY(read_link(pm_yaml_item(links, k), k, arena, system));
+    PM_TRY(make_links(links, arena, system));
+    for (int i = 0, k = 0, count; i < pm_yaml_count(links); ++i, k += count) {
+        PM_TRY(read_links(pm_yaml_item(links, i), k, arena, system, &count));
     }
     return PM_OK;
 }
@@ -66,13 +120,14 @@ static void rate(const void *data, const double *z, double *zdot) {
 static void draw(const void *data, pm_rng *rng, double *z) {
     const pendulum_chain *system = data;
     const pm_chain *chain = &system->chain;
-    double T[PM_CHAIN_MAX_LINKS];
+    double *T = z + pm_chain_s(chain, 0); // in the place of the entropies
     for (int k = 0; k < chain->n; ++k) {
+        const link_start *start = &system->start[k];
         for (int i = 0; i < 2; ++i) {
-            z[pm_chain_q(k) + i] = pm_spread_draw(rng, &system->position[k], i);
-            z[pm_chain_p(chain, k) + i] = pm_spread_draw(rng, &system->momentum[k], i);
+            z[pm_chain_q(k) + i] = pm_spread_draw(rng, &start->position, i);
+            z[pm_chain_p(chain, k) + i] = pm_spread_draw(rng, &start->momentum, i);
         }
-        T[k] = pm_spread_draw(rng, &system->temperature[k], 0);
+        T[k] = pm_spread_draw(rng, &start->temperature, 0);
     }
     if (system->equilibrated) {
         pm_chain_equilibrate(chain, system->total_entropy, z);
@@ -97,31 +152,49 @@ static double entropy(const void *data, const double *z) {
 static pm_status name_columns(const pm_chain *chain, pm_arena *arena, pm_truth_model *model) {
     const int n = chain->n;
     const char **column = pm_arena_array(arena, (size_t)(5 * n), sizeof *column);
-    const char *units = "";
-    for (int i = 0; column != NULL && i < 5 * n; ++i) {
+    char *units = pm_arena_alloc(arena, (size_t)(5 * n) * sizeof "kg m/s;"), *end = units;
+    if (column == NULL || units == NULL) {
+        return pm_fail(PM_ENOMEM, "truth: out of memory");
+    }
+    for (int i = 0; i < 5 * n; ++i) {
         const char kind = i < 2 * n ? 'q' : i < 4 * n ? 'p' : 's';
         const char *axis = kind == 's' ? "" : i % 2 == 0 ? "x" : "y";
         const int link = kind == 's' ? i - 4 * n : i % (2 * n) / 2;
         const char *unit = kind == 'q' ? "m" : kind == 'p' ? "kg m/s" : "J/K";
         column[i] = pm_arena_printf(arena, "%c%d%s", kind, link + 1, axis);
-        units = pm_arena_printf(arena, "%s%s%s", units, i > 0 ? ";" : "", unit);
-        if (column[i] == NULL || units == NULL) {
+        end = stpcpy(stpcpy(end, i > 0 ? ";" : ""), unit);
+        if (column[i] == NULL) {
             return pm_fail(PM_ENOMEM, "truth: out of memory");
         }
     }
     model->ncolumn = 5 * n;
     model->column = column;
     model->units = units;
-    return column == NULL ? pm_fail(PM_ENOMEM, "truth: out of memory") : PM_OK;
+    return PM_OK;
+}
+
+// Returns the number of links from number k on that have the constants of link k.
+static int count_equal(const pm_chain *chain, int k) {
+    int count = 1;
+    while (k + count < chain->n &&
+           memcmp(&chain->link[k], &chain->link[k + count], sizeof *chain->link) == 0) {
+        ++count;
+    }
+    return count;
 }
 
 static pm_status describe(const pm_chain *chain, pm_arena *arena, pm_truth_model *model) {
     const char *text = pm_arena_printf(arena, "conductivity %g W/K, reference temperature %g K",
                                        chain->conductivity, chain->reference_temperature);
-    for (int k = 0; text != NULL && k < chain->n; ++k) {
+    for (int k = 0, count; text != NULL && k < chain->n; k += count) {
         const pm_chain_link *link = &chain->link[k];
-        text = pm_arena_printf(arena, "%s; link %d: m %g kg, C %g J, l0 %g m, b %g J/K, c %g J/K",
-                               text, k + 1, link->mass, link->C, link->l0, link->b, link->c);
+        char last[32] = "";
+        count = count_equal(chain, k);
+        if (count > 1) {
+            snprintf(last, sizeof last, " to %d", k + count);
+        }
+        text = pm_arena_printf(arena, "%s; link %d%s: m %g kg, C %g J, l0 %g m, b %g J/K, c %g J/K",
+                               text, k + 1, last, link->mass, link->C, link->l0, link->b, link->c);
     }
     model->parameters = text;
     model->title = "Chain of thermoelastic pendula";
@@ -136,7 +209,13 @@ pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model 
     PM_TRY(read_system(block, arena, system));
     PM_TRY(name_columns(&system->chain, arena, model));
     PM_TRY(describe(&system->chain, arena, model));
-    model->ode = (pm_ode){.nz = 5 * system->chain.n, .rate = rate, .data = system};
+    model->ode = (pm_ode){.nz = 5 * system->chain.n,
+                          .rate = rate,
+                          .data = system,
+                          .pattern = pm_chain_pattern(&system->chain, arena)};
+    if (model->ode.pattern == NULL) {
+        return pm_fail(PM_ENOMEM, "truth: out of memory");
+    }
     model->draw = draw;
     model->nconserved = 2;
     model->conserved = conserved;
