@@ -14,7 +14,7 @@ int64_t pm_checkpoint_ring_interval(const pm_scene *scene) {
 // Lists the numbers of a checkpoint, the step first.
 static void list(pm_record *record, long *step, pm_process_subsystems *subsystems) {
     pm_record_put_long(record, "step", step);
-    pm_process_subsystems_record(subsystems, record);
+    pm_local_subsystems_record(subsystems->local, record);
 }
 
 // Saves the state of the subsystems after `step` steps to a checkpoint [size].

@@ -6,32 +6,42 @@
 #include "scene/integrator.h"
 #include "transport/channel.h"
 
-// Counts the ends and components that precede one end in a process's messages; with port_id -1
-// counts all of them. The ends are ordered by subsystem, then by port, as in the scene.
-static void measure(const pm_scene *scene, int process_id, int port_id, pm_end end, int *nend,
-                    int *ny) {
+pm_flux_place pm_flux_place_begin(const pm_scene *scene, int process_id) {
     const pm_scene_process *process = &scene->process[process_id];
-    *nend = *ny = 0;
-    for (int i = 0; i < process->count; ++i) {
-        for (int k = 0; k < 2 * scene->nport; ++k) {
-            const pm_scene_port *port = &scene->port[k / 2];
-            if (port->subsystem[k % 2] != process->subsystem[i] ||
-                !pm_scene_joins_processes(scene, port)) {
-                continue;
+    return (pm_flux_place){.scene = scene,
+                           .process_id = process_id,
+                           .position = -1,
+                           .next = scene->first_end[process->subsystem[0]]};
+}
+
+bool pm_flux_place_next(pm_flux_place *p) {
+    const pm_scene *scene = p->scene;
+    const pm_scene_process *process = &scene->process[p->process_id];
+    p->position += 1;
+    p->first += p->ny;
+    p->ny = 0;
+    while (p->subsystem < process->count) {
+        while (p->next < scene->first_end[process->subsystem[p->subsystem] + 1]) {
+            p->end_at = scene->end_at[p->next++];
+            const pm_scene_port *port = &scene->port[p->end_at / 2];
+            if (pm_scene_joins_processes(scene, port)) {
+                p->ny = port->layout[p->end_at % 2].nz;
+                return true;
             }
-            if (k / 2 == port_id && k % 2 == (int)end) {
-                return;
-            }
-            *nend += 1;
-            *ny += port->layout[k % 2].nz;
         }
+        p->subsystem += 1;
+        p->next =
+            p->subsystem < process->count ? scene->first_end[process->subsystem[p->subsystem]] : 0;
     }
+    return false;
 }
 
 pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                                 int process_id) {
-    int nend, ny;
-    measure(scene, process_id, -1, PM_END_A, &nend, &ny);
+    pm_flux_place place = pm_flux_place_begin(scene, process_id);
+    while (pm_flux_place_next(&place)) {
+    }
+    const int nend = place.position, ny = place.first;
     const pm_integrator *integrator = scene->integrator;
     const int nresponse = integrator != NULL && integrator->discrete ? ny : 0;
     const int nknown = nresponse > 0 ? nend : 0;
@@ -53,13 +63,6 @@ pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_
                              .nknown = nknown,
                              .known = known};
     return PM_OK;
-}
-
-int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end, int *position) {
-    const int subsystem_id = scene->port[port_id].subsystem[end];
-    int ny;
-    measure(scene, scene->subsystem[subsystem_id].process, port_id, end, position, &ny);
-    return ny;
 }
 
 pm_status pm_flux_link_init(pm_flux_link *link, pm_arena *arena, const pm_scene *scene,

@@ -58,9 +58,20 @@ const portmet_flux_t *pm_flux_link_take(const pm_flux_link *link, int64_t key);
 pm_status pm_flux_message_alloc(portmet_flux_t *flux, pm_arena *arena, const pm_scene *scene,
                                 int process_id);
 
-// Returns the index at which the components of one end of a port begin in the arrays y, e, eta and
-// response of the messages of the process that owns this end. `position` receives the index of the
-// end itself, in the array `known`. The other end of the port must belong to another process.
-int pm_flux_message_offset(const pm_scene *scene, int port_id, pm_end end, int *position);
+// The place of one end of a port in the flux messages of its process. The ends are ordered by
+// subsystem, then by port, as in the scene.
+typedef struct pm_flux_place {
+    const pm_scene *scene; // borrowed
+    int process_id;
+    int end_at;          // 2 * position of the port in the scene + end
+    int position;        // index of the end in the arrays energy_flux, entropy_flux and known
+    int first, ny;       // first index and number of its components in y, e, eta and response
+    int subsystem, next; // where to look for the next end: subsystem of the process, end of a port
+} pm_flux_place;
+
+// Returns a place before the first end. pm_flux_place_next goes to the next end; it returns false
+// if there is none, and `position` and `first` are then the numbers of ends and of components.
+pm_flux_place pm_flux_place_begin(const pm_scene *scene, int process_id);
+bool pm_flux_place_next(pm_flux_place *place);
 
 #endif

@@ -233,7 +233,7 @@ static pm_status prepare(pm_lockstep_node *node, int process_id,
     PM_TRY(open_vitals(node, process_id));
     node->alive = options->alive;
     node->alive_context = options->context;
-    node->rounds = pm_subsystem_most_rounds(node->subsystems.part[0].subsystem);
+    node->rounds = pm_local_subsystems_most_rounds(node->subsystems.local);
     node->fluxes_show_progress =
         node->subsystems.nlink > 0 && pm_lookahead_uses_fluxes(node->endpoint.system->scene);
     PM_TRY(pm_node_listen(node, options->session));

@@ -83,7 +83,7 @@ pm_status pm_node_start_run(pm_lockstep_node *node) {
 
 static pm_status start_round(pm_lockstep_node *node) {
     if (node->round == 0) {
-        pm_process_subsystems_set_substeps(&node->subsystems, node->substeps);
+        pm_local_subsystems_set_substeps(node->subsystems.local, node->substeps);
     }
     const portmet_flux_t head = {
         .session = node->endpoint.session,
@@ -99,13 +99,13 @@ static pm_status start_round(pm_lockstep_node *node) {
 }
 
 static pm_status finish_round(pm_lockstep_node *node) {
-    pm_process_subsystems_advance(&node->subsystems);
+    bool complete;
+    PM_TRY(pm_process_subsystems_end_round(&node->subsystems, &complete));
     node->started = false;
     node->round += 1;
-    if (!pm_process_subsystems_complete_step(&node->subsystems)) {
+    if (!complete) {
         return PM_OK;
     }
-    PM_TRY(pm_process_subsystems_end_step(&node->subsystems));
     node->step += 1;
     node->round = 0;
     node->furthest = node->step > node->furthest ? node->step : node->furthest;

@@ -1,5 +1,5 @@
-// The rounds of all subsystems of a process: every one exposes before any is coupled, and all are
-// coupled before any advances.
+// The rounds of a process: what the subsystems show at their remote ends is packed into one flux
+// message, and what the neighbours' messages show there is unpacked, end by end.
 #include "lockstep/process_subsystems.h"
 
 #include <string.h>
@@ -12,80 +12,86 @@ static pm_status no_memory(const pm_scene *scene, int process_id) {
 
 // --- opening ---
 
-// Finds the link to a process, or makes it; `link` receives its position.
-static pm_status find_link(pm_process_subsystems *subsystems, pm_arena *arena,
-                           const pm_scene *scene, int process_id, int *link) {
-    for (*link = 0; *link < subsystems->nlink; ++*link) {
-        if (subsystems->link[*link].process_id == process_id) {
-            return PM_OK;
+// Returns the process at the other side of a remote end.
+static int process_beyond(const pm_scene *scene, pm_remote_end end) {
+    const int id = scene->port[end.port_id].subsystem[1 - (int)end.end];
+    return scene->subsystem[id].process;
+}
+
+// Makes a link to each neighbouring process, in the order of the first remote ends. link_of
+// [nprocess] receives the position of each link, plus one.
+static pm_status open_links(pm_process_subsystems *s, pm_arena *arena, const pm_scene *scene,
+                            int *link_of) {
+    const int nremote = pm_local_subsystems_nremote(s->local);
+    int *beyond[2] = {NULL, NULL}; // of each link: the process, and the number of its remote ends
+    for (int i = 0; i < 2; ++i) {
+        beyond[i] = pm_arena_array(arena, (size_t)scene->nprocess, sizeof(int));
+    }
+    if (beyond[0] == NULL || beyond[1] == NULL) {
+        return pm_fail(PM_ENOMEM, "flux links: out of memory");
+    }
+    for (int i = 0; i < nremote; ++i) {
+        const int process_id = process_beyond(scene, pm_local_subsystems_remote(s->local, i));
+        if (link_of[process_id] == 0) {
+            beyond[0][s->nlink] = process_id;
+            link_of[process_id] = ++s->nlink;
+        }
+        ++beyond[1][link_of[process_id] - 1];
+    }
+    s->link = pm_arena_array(arena, (size_t)s->nlink, sizeof *s->link);
+    s->neighbour = pm_arena_array(arena, (size_t)s->nlink, sizeof *s->neighbour);
+    if (s->link == NULL || s->neighbour == NULL) {
+        return pm_fail(PM_ENOMEM, "flux links: out of memory");
+    }
+    for (int i = 0; i < s->nlink; ++i) {
+        PM_TRY(pm_flux_link_init(&s->link[i], arena, scene, beyond[0][i]));
+        s->neighbour[i].remote =
+            pm_arena_array(arena, (size_t)beyond[1][i], sizeof *s->neighbour[i].remote);
+        if (s->neighbour[i].remote == NULL) {
+            return pm_fail(PM_ENOMEM, "flux links: out of memory");
         }
     }
-    return pm_flux_link_init(&subsystems->link[subsystems->nlink++], arena, scene, process_id);
+    return PM_OK;
 }
 
-static int position_of(const pm_scene_process *process, int subsystem_id) {
-    int i = 0;
-    while (process->subsystem[i] != subsystem_id) {
-        ++i;
+// Notes where the messages of one neighbour have the other sides of remote ends here. `remote_at`
+// [2 nport] has the remote end at each end of a port, plus one.
+static void find_remote(pm_process_neighbour *n, const pm_scene *scene, int process_id,
+                        const int *remote_at) {
+    pm_flux_place place = pm_flux_place_begin(scene, process_id);
+    while (pm_flux_place_next(&place)) {
+        const int remote = remote_at[place.end_at ^ 1] - 1;
+        if (remote >= 0) {
+            n->remote[n->count++] =
+                (pm_process_remote){remote, place.first, place.ny, place.position};
+        }
     }
-    return i;
 }
 
-// Returns the index of a port among the ports of a subsystem, in the scene's order.
-static int port_position(const pm_subsystem *subsystem, int port_id) {
-    int i = 0;
-    while (pm_subsystem_port_id(subsystem, i) != port_id) {
-        ++i;
+static pm_status find_all_remote(pm_process_subsystems *s, pm_arena *arena, const pm_scene *scene,
+                                 int process_id) {
+    const int nremote = pm_local_subsystems_nremote(s->local);
+    pm_arena scratch = {0};
+    int *remote_at = pm_arena_array(&scratch, 2 * (size_t)scene->nport, sizeof *remote_at);
+    int *link_of = pm_arena_array(&scratch, (size_t)scene->nprocess, sizeof *link_of);
+    s->ny = pm_arena_array(arena, (size_t)nremote, sizeof *s->ny);
+    pm_status status = PM_OK;
+    if (remote_at == NULL || link_of == NULL || s->ny == NULL) {
+        status = no_memory(scene, process_id);
+        goto done;
     }
-    return i;
-}
-
-static pm_status open_port(pm_process_subsystems *subsystems, pm_arena *arena,
-                           const pm_scene *scene, int process_id, const pm_subsystem *subsystem,
-                           int position, pm_process_port *port) {
-    const int port_id = pm_subsystem_port_id(subsystem, position);
-    const pm_end own = pm_subsystem_end(subsystem, position);
-    const pm_end other = own == PM_END_A ? PM_END_B : PM_END_A;
-    const int neighbour = scene->port[port_id].subsystem[other];
-    port->boundary_input = pm_subsystem_has_boundary_input(subsystem, position);
-    if (port->boundary_input) {
-        return PM_OK;
+    for (int i = 0; i < nremote; ++i) {
+        const pm_remote_end end = pm_local_subsystems_remote(s->local, i);
+        remote_at[2 * end.port_id + (int)end.end] = i + 1;
+        s->ny[i] = scene->port[end.port_id].layout[end.end].nz;
     }
-    if (!pm_scene_joins_processes(scene, &scene->port[port_id])) {
-        port->peer = position_of(&scene->process[process_id], neighbour);
-        port->peer_port = port_position(subsystems->part[port->peer].subsystem, port_id);
-        return PM_OK;
+    PM_TRY_DONE(open_links(s, arena, scene, link_of));
+    for (int i = 0; i < s->nlink; ++i) {
+        find_remote(&s->neighbour[i], scene, s->link[i].process_id, remote_at);
     }
-    port->peer = -1;
-    port->first = pm_flux_message_offset(scene, port_id, other, &port->end);
-    port->ny = scene->port[port_id].layout[other].nz;
-    return find_link(subsystems, arena, scene, scene->subsystem[neighbour].process, &port->link);
-}
-
-// Lets the first of two subsystems of this process evaluate the port between them for both.
-static pm_status share_port(const pm_process_subsystems *subsystems, int part_id, int position) {
-    const pm_process_subsystem *part = &subsystems->part[part_id];
-    const pm_process_port *port = &part->port[position];
-    if (port->boundary_input || port->peer <= part_id) {
-        return PM_OK;
-    }
-    return pm_subsystem_share(part->subsystem, position, subsystems->part[port->peer].subsystem,
-                              port->peer_port);
-}
-
-static pm_status open_part(pm_process_subsystem *part, pm_arena *arena, const pm_system *system,
-                           int subsystem_id, const double *z,
-                           const pm_boundary_input *boundary_input) {
-    PM_TRY(pm_subsystem_open(&part->subsystem, system, subsystem_id));
-    pm_subsystem_set_boundary_input(part->subsystem, boundary_input);
-    if (z != NULL) {
-        pm_subsystem_set_state(part->subsystem, z + system->scene->subsystem[subsystem_id].first);
-    }
-    part->nport = pm_subsystem_nport(part->subsystem);
-    part->port = pm_arena_array(arena, (size_t)part->nport, sizeof *part->port);
-    return part->port == NULL
-               ? no_memory(system->scene, system->scene->subsystem[subsystem_id].process)
-               : PM_OK;
+done:
+    pm_arena_free(&scratch);
+    return status;
 }
 
 pm_status pm_process_subsystems_init(pm_process_subsystems *subsystems, pm_arena *arena,
@@ -93,62 +99,34 @@ pm_status pm_process_subsystems_init(pm_process_subsystems *subsystems, pm_arena
                                      const pm_boundary_input *boundary_input, int depth) {
     const pm_scene *scene = system->scene;
     const pm_scene_process *process = &scene->process[process_id];
-    subsystems->part = pm_arena_array(arena, (size_t)process->count, sizeof *subsystems->part);
-    subsystems->link = pm_arena_array(arena, (size_t)scene->nprocess, sizeof *subsystems->link);
-    if (subsystems->part == NULL || subsystems->link == NULL) {
-        return no_memory(scene, process_id);
+    subsystems->count = process->count;
+    PM_TRY(
+        pm_local_subsystems_open(&subsystems->local, system, process->count, process->subsystem));
+    pm_local_subsystems_set_boundary_input(subsystems->local, boundary_input);
+    if (z != NULL) {
+        pm_local_subsystems_set_state(subsystems->local, z);
     }
-    for (int i = 0; i < process->count; ++i) {
-        subsystems->count = i + 1;
-        PM_TRY(open_part(&subsystems->part[i], arena, system, process->subsystem[i], z,
-                         boundary_input));
-    }
-    for (int i = 0; i < subsystems->count; ++i) {
-        const pm_process_subsystem *part = &subsystems->part[i];
-        for (int k = 0; k < part->nport; ++k) {
-            PM_TRY(open_port(subsystems, arena, scene, process_id, part->subsystem, k,
-                             &part->port[k]));
-            PM_TRY(share_port(subsystems, i, k));
-        }
-    }
+    PM_TRY(find_all_remote(subsystems, arena, scene, process_id));
     PM_TRY(pm_flux_message_alloc(&subsystems->flux, arena, scene, process_id));
     PM_TRY(pm_channel_process(subsystems->sent.channel, scene, "FLUX", process_id));
     return pm_resend_buffer_init(&subsystems->sent, arena, depth, pm_flux_size(&subsystems->flux));
 }
 
 void pm_process_subsystems_free(pm_process_subsystems *subsystems) {
-    for (int i = 0; i < subsystems->count; ++i) {
-        pm_subsystem_close(subsystems->part[i].subsystem);
-    }
+    pm_local_subsystems_close(subsystems->local);
 }
 
 // --- a round ---
 
-// Fills the flux message, with the ends in the order of pm_flux_message_offset.
+// Fills the flux message with the remote ends in their order.
 static void fill_flux(pm_process_subsystems *subsystems) {
     portmet_flux_t *flux = &subsystems->flux;
-    int end = 0, first = 0;
-    for (int i = 0; i < subsystems->count; ++i) {
-        const pm_process_subsystem *part = &subsystems->part[i];
-        const pm_books books = pm_subsystem_books(part->subsystem);
-        for (int k = 0; k < part->nport; ++k) {
-            if (part->port[k].boundary_input || part->port[k].peer >= 0) {
-                continue;
-            }
-            const pm_port_values *values = pm_subsystem_values(part->subsystem, k);
-            const size_t size = (size_t)values->ny * sizeof(double);
-            flux->energy_flux[end] = books.flux[k].energy;
-            flux->entropy_flux[end] = books.flux[k].entropy;
-            memcpy(flux->y + first, values->y, size);
-            memcpy(flux->e + first, values->e, size);
-            memcpy(flux->eta + first, values->eta, size);
-            if (values->response != NULL) {
-                memcpy(flux->response + first, values->response, size);
-                flux->known[end] = (int64_t)values->known;
-            }
-            end += 1;
-            first += values->ny;
-        }
+    for (int i = 0, first = 0; i < flux->nend; first += subsystems->ny[i++]) {
+        const pm_flux through =
+            pm_local_subsystems_show(subsystems->local, i, flux->y + first, flux->e + first,
+                                     flux->eta + first, flux->response + first, flux->known + i);
+        flux->energy_flux[i] = through.energy;
+        flux->entropy_flux[i] = through.entropy;
     }
 }
 
@@ -172,56 +150,52 @@ static pm_status publish_flux(pm_process_subsystems *subsystems, pm_transport *t
 pm_status pm_process_subsystems_start_round(pm_process_subsystems *subsystems,
                                             pm_transport *transport, int64_t key,
                                             const portmet_flux_t *head) {
-    for (int i = 0; i < subsystems->count; ++i) {
-        pm_subsystem_expose(subsystems->part[i].subsystem);
-    }
+    pm_local_subsystems_expose(subsystems->local);
     if (subsystems->nlink > 0) {
         PM_TRY(publish_flux(subsystems, transport, key, head));
     }
-    for (int i = 0; i < subsystems->count; ++i) {
-        pm_subsystem_bulk(subsystems->part[i].subsystem);
+    pm_local_subsystems_bulk(subsystems->local);
+    for (int i = 0; i < subsystems->nlink; ++i) {
+        subsystems->neighbour[i].heard = false;
     }
-    subsystems->part_id = subsystems->port_id = 0;
     return PM_OK;
 }
 
-bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key, bool *used) {
-    *used = false;
-    for (; subsystems->part_id < subsystems->count;
-         ++subsystems->part_id, subsystems->port_id = 0) {
-        const pm_process_subsystem *part = &subsystems->part[subsystems->part_id];
-        for (; subsystems->port_id < part->nport; ++subsystems->port_id) {
-            const pm_process_port *port = &part->port[subsystems->port_id];
-            if (port->boundary_input) {
-                pm_subsystem_couple(part->subsystem, subsystems->port_id, NULL);
-                continue;
-            }
-            if (port->peer >= 0) {
-                const pm_subsystem *peer = subsystems->part[port->peer].subsystem;
-                pm_subsystem_couple(part->subsystem, subsystems->port_id,
-                                    pm_subsystem_values(peer, port->peer_port));
-                continue;
-            }
-            const pm_flux_link *link = &subsystems->link[port->link];
-            const portmet_flux_t *flux = pm_flux_link_take(link, key);
-            if (flux == NULL) {
-                return false;
-            }
-            const int first = port->first;
-            const bool iterates = flux->nknown > 0;
-            const pm_port_values values = {
-                port->ny,
-                flux->y + first,
-                flux->e + first,
-                flux->eta + first,
-                iterates ? flux->response + first : NULL,
-                iterates ? (uint64_t)flux->known[port->end] : 0,
-            };
-            pm_subsystem_couple(part->subsystem, subsystems->port_id, &values);
-            *used = true;
-        }
+// Hands over what a neighbour's message shows at the other sides of the remote ends.
+static void unpack(pm_local_subsystems *local, const pm_process_neighbour *neighbour,
+                   const portmet_flux_t *flux) {
+    const bool iterates = flux->nknown > 0;
+    for (int i = 0; i < neighbour->count; ++i) {
+        const pm_process_remote *r = &neighbour->remote[i];
+        const pm_port_values values = {
+            r->ny,
+            flux->y + r->first,
+            flux->e + r->first,
+            flux->eta + r->first,
+            iterates ? flux->response + r->first : NULL,
+            iterates ? (uint64_t)flux->known[r->end] : 0,
+        };
+        pm_local_subsystems_hear(local, r->remote, &values);
     }
-    return true;
+}
+
+bool pm_process_subsystems_couple(pm_process_subsystems *subsystems, int64_t key, bool *used) {
+    bool all = true;
+    *used = false;
+    for (int i = 0; i < subsystems->nlink; ++i) {
+        pm_process_neighbour *neighbour = &subsystems->neighbour[i];
+        const portmet_flux_t *flux =
+            neighbour->heard ? NULL : pm_flux_link_take(&subsystems->link[i], key);
+        if (flux != NULL) {
+            unpack(subsystems->local, neighbour, flux);
+            neighbour->heard = *used = true;
+        }
+        all = all && neighbour->heard;
+    }
+    if (all) {
+        pm_local_subsystems_couple(subsystems->local);
+    }
+    return all;
 }
 
 const pm_flux_link *pm_process_subsystems_missing(const pm_process_subsystems *subsystems,
@@ -234,33 +208,8 @@ const pm_flux_link *pm_process_subsystems_missing(const pm_process_subsystems *s
     return NULL;
 }
 
-void pm_process_subsystems_advance(pm_process_subsystems *subsystems) {
-    for (int i = 0; i < subsystems->count; ++i) {
-        pm_subsystem_advance(subsystems->part[i].subsystem);
-    }
-}
-
-pm_status pm_process_subsystems_end_step(pm_process_subsystems *subsystems) {
-    for (int i = 0; i < subsystems->count; ++i) {
-        PM_TRY(pm_subsystem_end_step(subsystems->part[i].subsystem));
-    }
-    return PM_OK;
-}
-
-void pm_process_subsystems_set_substeps(pm_process_subsystems *subsystems, int substeps) {
-    for (int i = 0; i < subsystems->count; ++i) {
-        pm_subsystem_set_substeps(subsystems->part[i].subsystem, substeps);
-    }
-}
-
-bool pm_process_subsystems_complete_step(const pm_process_subsystems *subsystems) {
-    return pm_subsystem_completes_step(subsystems->part[0].subsystem);
-}
-
-// --- checkpoints ---
-
-void pm_process_subsystems_record(pm_process_subsystems *subsystems, pm_record *record) {
-    for (int i = 0; i < subsystems->count; ++i) {
-        pm_subsystem_record(subsystems->part[i].subsystem, record);
-    }
+pm_status pm_process_subsystems_end_round(pm_process_subsystems *subsystems, bool *complete) {
+    pm_local_subsystems_advance(subsystems->local);
+    *complete = pm_local_subsystems_completes_step(subsystems->local);
+    return *complete ? pm_local_subsystems_end_step(subsystems->local) : PM_OK;
 }

@@ -13,24 +13,28 @@
 static pm_status list_ends(pm_remote_process *remote, pm_arena *arena) {
     const pm_scene *scene = remote->scene;
     const pm_scene_process *process = &scene->process[remote->id];
-    remote->end = pm_arena_array(arena, 2 * (size_t)scene->nport, sizeof *remote->end);
+    const int *first_end = scene->first_end;
+    size_t count = 0; // of ends at most
+    for (int i = 0; i < process->count; ++i) {
+        count +=
+            2 * (size_t)(first_end[process->subsystem[i] + 1] - first_end[process->subsystem[i]]);
+    }
+    remote->end = pm_arena_array(arena, count, sizeof *remote->end);
     if (remote->end == NULL) {
         return pm_fail(PM_ENOMEM, "coordinator: out of memory for %s", remote->name);
     }
     for (int i = 0; i < process->count; ++i) {
-        const int first = remote->nend;
-        for (int k = 0; k < 2 * scene->nport; ++k) {
-            if (scene->port[k / 2].subsystem[k % 2] == process->subsystem[i]) {
-                remote->end[remote->nend++] = k;
-            }
+        const int first = remote->nend, id = process->subsystem[i];
+        for (int k = first_end[id]; k < first_end[id + 1]; ++k) {
+            remote->end[remote->nend++] = scene->end_at[k];
         }
-        for (int k = first, count = remote->nend; k < count; ++k) {
+        for (int k = first, last = remote->nend; k < last; ++k) {
             const int other = remote->end[k] ^ 1;
             if (scene->port[other / 2].boundary_input[other % 2] >= 0) {
                 remote->end[remote->nend++] = other;
             }
         }
-        remote->nz += scene->subsystem[process->subsystem[i]].layout.nz;
+        remote->nz += scene->subsystem[id].layout.nz;
     }
     return PM_OK;
 }

@@ -150,7 +150,7 @@ static bool is_finite(const pm_books *books) {
 static pm_status check_books(pm_reporter *r, int64_t step,
                              const pm_process_subsystems *subsystems) {
     for (int i = 0; i < subsystems->count; ++i) {
-        const pm_books books = pm_subsystem_books(subsystems->part[i].subsystem);
+        const pm_books books = pm_local_subsystems_books(subsystems->local, i);
         if (!is_finite(&books)) {
             PM_TRY(pm_reporter_flush(r));
             return pm_fail(PM_ENUMERIC, "subsystem %s: a flux is not finite in step %lld",
@@ -174,12 +174,11 @@ pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *he
     }
     int end = r->rows * r->nend;
     for (int i = 0; i < subsystems->count; ++i) {
-        const pm_process_subsystem *part = &subsystems->part[i];
-        const pm_books books = pm_subsystem_books(part->subsystem);
+        const pm_books books = pm_local_subsystems_books(subsystems->local, i);
         end = add_books(m, r->rows * r->npart + i, end, &books);
         if (with_state) {
             const int nz = r->scene->subsystem[r->process->subsystem[i]].layout.nz;
-            memcpy(m->z + m->nz, pm_subsystem_state(part->subsystem), (size_t)nz * sizeof *m->z);
+            pm_local_subsystems_state(subsystems->local, i, m->z + m->nz);
             m->nz += nz;
         }
     }

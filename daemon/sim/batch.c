@@ -42,7 +42,19 @@ static bool can_serve(const pm_system *system) {
     return can;
 }
 
-pm_status pm_batch_open(pm_batch **batch, const pm_system *system) {
+// Takes room for the fluxes of the subsystem with the most ports.
+static pm_status open_books(pm_batch *b) {
+    const int *first_end = b->system->scene->first_end;
+    int most = 0;
+    for (int i = 0; i < b->count; ++i) {
+        const int count = first_end[b->id[i] + 1] - first_end[b->id[i]];
+        most = count > most ? count : most;
+    }
+    b->flux = pm_arena_array(&b->arena, (size_t)most, sizeof *b->flux);
+    return b->flux == NULL ? no_memory() : PM_OK;
+}
+
+pm_status pm_batch_open(pm_batch **batch, const pm_system *system, int count, const int *id) {
     *batch = NULL;
     if (!can_serve(system)) {
         return PM_OK;
@@ -52,9 +64,12 @@ pm_status pm_batch_open(pm_batch **batch, const pm_system *system) {
         return no_memory();
     }
     b->system = system;
+    b->count = count;
+    b->id = id;
     b->integrator = system->scene->integrator;
     b->h = system->scene->dt / system->scene->substeps;
-    pm_status status = pm_batch_open_parts(b);
+    pm_status status = open_books(b);
+    status = status == PM_OK ? pm_batch_open_parts(b) : status;
     bool served = status == PM_OK;
     for (int i = 0; i < b->npart && served; ++i) {
         served = b->part[i].exposure != NULL;
@@ -155,32 +170,62 @@ static void advance(pm_batch *b, int stage, bool ends_step) {
     }
 }
 
-// One round: the rates at a stage, then the state of the next stage.
-static void step_stage(pm_batch *b, int substep, int stage) {
-    const pm_integrator *rk = b->integrator;
-    const int substeps = b->system->scene->substeps;
-    const double weight = rk->b[stage] / substeps;
-    const bool anew = substep == 0 && stage == 0;
-    double *k = b->k + stage * b->size;
+// Returns the weight of the present stage in the mean over a step.
+static double stage_weight(const pm_batch *b) {
+    return b->integrator->b[b->stage] / b->system->scene->substeps;
+}
+
+// Returns true in the first round of a step.
+static bool is_first(const pm_batch *b) {
+    return b->substep == 0 && b->stage == 0;
+}
+
+void pm_batch_bulk(pm_batch *b) {
+    double *k = b->k + b->stage * b->size;
     for (int i = 0; i < b->npart; ++i) {
-        pm_batch_part_bulk(b, &b->part[i], weight, anew, k + b->part[i].first);
+        pm_batch_part_bulk(b, &b->part[i], stage_weight(b), is_first(b), k + b->part[i].first);
     }
+    memset(k + b->parts_size, 0, (size_t)(b->size - b->parts_size) * sizeof *k);
+    ++b->bulk_calls;
+}
+
+void pm_batch_couple(pm_batch *b) {
+    double *k = b->k + b->stage * b->size;
     for (int i = 0; i < b->nport; ++i) {
-        pm_batch_port_couple(b, &b->port[i], weight, anew, k);
+        pm_batch_port_couple(b, &b->port[i], stage_weight(b), is_first(b), k);
     }
     if (!b->ordered) {
         pm_batch_ports_add(b, k);
     }
-    ++b->bulk_calls;
     ++b->port_calls;
-    advance(b, stage, substep + 1 == substeps && stage + 1 == rk->nstage);
+}
+
+// Marks what the ghosts show as known, until they show something else.
+static void rest_ghosts(pm_batch *b) {
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        memset(b->renewed[i] + b->parts_lanes, 0,
+               (size_t)(b->lanes - b->parts_lanes) * sizeof *b->renewed[i]);
+    }
+}
+
+void pm_batch_advance(pm_batch *b) {
+    const int nstage = b->integrator->nstage;
+    const bool last = b->stage + 1 == nstage;
+    advance(b, b->stage, last && b->substep + 1 == b->system->scene->substeps);
+    rest_ghosts(b);
+    b->stage = last ? 0 : b->stage + 1;
+    b->substep += last;
+}
+
+bool pm_batch_completes_step(const pm_batch *b) {
+    return b->substep == b->system->scene->substeps;
 }
 
 // Returns the failure of the first subsystem, in the scene's order, whose step has failed.
 static pm_status check_all(const pm_batch *b) {
-    for (int i = 0; i < b->system->scene->nsubsystem; ++i) {
-        PM_TRY(
-            pm_batch_part_check(b, &b->part[b->part_at[i].group], b->part_at[i].lane, b->step + 1));
+    for (int i = 0; i < b->count; ++i) {
+        const pm_batch_place at = b->part_at[b->id[i]];
+        PM_TRY(pm_batch_part_check(b, &b->part[at.group], at.lane, b->step + 1));
     }
     return PM_OK;
 }
@@ -192,9 +237,10 @@ static void mark_renewed(pm_batch *b, int count) {
     }
 }
 
-// Exposes all subsystems at z, as if they had never been exposed.
-static void expose_anew(pm_batch *b) {
+void pm_batch_expose_anew(pm_batch *b) {
     b->stage_z = b->z;
+    b->stage = b->substep = 0;
+    b->doubtful = false;
     mark_renewed(b, 1);
     for (int i = 0; i < b->npart; ++i) {
         for (int block = 0; block < b->part[i].nblock; ++block) {
@@ -204,23 +250,28 @@ static void expose_anew(pm_batch *b) {
     mark_renewed(b, PM_SHOWN_COUNT);
 }
 
-pm_status pm_batch_step(pm_batch *batch) {
-    pm_batch *b = batch;
-    b->doubtful = false;
-    for (int i = 0; i < b->system->scene->substeps; ++i) {
-        for (int stage = 0; stage < b->integrator->nstage; ++stage) {
-            step_stage(b, i, stage);
-        }
-    }
+pm_status pm_batch_end_step(pm_batch *b) {
     const pm_status status = b->doubtful ? check_all(b) : PM_OK;
     if (status != PM_OK) {
         b->z = b->safe_z;
-        expose_anew(b);
+        pm_batch_expose_anew(b);
         return status;
     }
+    pm_batch_keep_remote_fluxes(b);
+    b->substep = 0;
+    b->doubtful = false;
     b->safe_z = b->z;
     ++b->step;
     return PM_OK;
+}
+
+pm_status pm_batch_step(pm_batch *b) {
+    while (!pm_batch_completes_step(b)) {
+        pm_batch_bulk(b);
+        pm_batch_couple(b);
+        pm_batch_advance(b);
+    }
+    return pm_batch_end_step(b);
 }
 
 // --- samples ---
@@ -262,9 +313,7 @@ static void fill_ports(const pm_batch *b, const pm_batch_port *p, pm_sample *sam
         const int id = p->id[lane];
         const long evaluated = b->port_calls - p->rested[lane];
         for (int e = 0; e < 2; ++e) {
-            const pm_lane_flux *flux = &p->end[e].flux;
-            sample->flux[id][e] = (pm_flux){flux->energy[lane], flux->entropy[lane],
-                                            flux->energy_gross[lane], flux->entropy_gross[lane]};
+            sample->flux[id][e] = pm_lane_flux_at(&p->end[e].flux, lane);
             const int part = scene->port[id].subsystem[e];
             sample->evaluated[part] += evaluated;
             sample->skipped[part] -= evaluated;
@@ -278,6 +327,39 @@ void pm_batch_fill_sample(const pm_batch *b, pm_sample *sample) {
     }
     for (int i = 0; i < b->nport; ++i) {
         fill_ports(b, &b->port[i], sample);
+    }
+}
+
+pm_books pm_batch_books(pm_batch *b, int i) {
+    const int *first_end = b->system->scene->first_end + b->id[i];
+    const int *end_at = b->system->scene->end_at + first_end[0];
+    const pm_batch_place at = b->part_at[b->id[i]];
+    const pm_batch_part *p = &b->part[at.group];
+    const int nflux = first_end[1] - first_end[0];
+    long calls = b->part_calls + b->bulk_calls, evaluated = b->part_calls - p->rested[at.lane];
+    evaluated += p->bulk_term == NULL ? 0 : b->bulk_calls;
+    for (int k = 0; k < nflux; ++k) {
+        const pm_batch_place port_at = b->port_at[end_at[k] / 2];
+        const pm_batch_port *port = &b->port[port_at.group];
+        b->flux[k] = pm_lane_flux_at(&port->end[end_at[k] % 2].flux, port_at.lane);
+        calls += b->port_calls;
+        evaluated += b->port_calls - port->rested[port_at.lane];
+    }
+    return (pm_books){.energy = p->E[at.lane],
+                      .entropy = p->S[at.lane],
+                      .bulk = pm_lane_flux_at(&p->bulk, at.lane),
+                      .evaluated = evaluated,
+                      .skipped = calls - evaluated,
+                      .outside = p->outside[at.lane],
+                      .nflux = nflux,
+                      .flux = b->flux};
+}
+
+void pm_batch_state(const pm_batch *b, int i, double *z) {
+    const pm_batch_address at = pm_batch_address_of(b, b->id[i]);
+    const int nz = b->system->scene->subsystem[b->id[i]].layout.nz;
+    for (int c = 0; c < nz; ++c) {
+        z[c] = b->z[at.first + c * at.step];
     }
 }
 
@@ -303,7 +385,7 @@ static void prepare_all(const pm_batch *b) {
     }
 }
 
-static void clear_all(pm_batch *b) {
+void pm_batch_clear(pm_batch *b) {
     b->part_calls = b->bulk_calls = b->port_calls = b->step = 0;
     for (int i = 0; i < b->npart; ++i) {
         pm_batch_part *p = &b->part[i];
@@ -314,6 +396,9 @@ static void clear_all(pm_batch *b) {
         pm_batch_port *p = &b->port[i];
         clear(&p->end[0].flux, p->rested, p->kept, p->nblock, p->width);
         clear(&p->end[1].flux, p->rested, p->kept, p->nblock, p->width);
+    }
+    for (int i = 0; i < b->nremote; ++i) {
+        b->remote[i].flux = (pm_flux){0};
     }
 }
 
@@ -333,6 +418,6 @@ void pm_batch_set_state(pm_batch *batch, const double *z) {
         }
     }
     prepare_all(b);
-    expose_anew(b);
-    clear_all(b);
+    pm_batch_expose_anew(b);
+    pm_batch_clear(b);
 }

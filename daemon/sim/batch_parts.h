@@ -3,6 +3,8 @@
 //     batch_layout.c  groups subsystems and ports, and lays out their arrays
 //     batch_part.c    evaluates the subsystems of one model
 //     batch_port.c    evaluates the ports of one model
+//     batch_remote.c  exchanges the values of ports with other processes
+//     batch_record.c  saves and restores it
 #ifndef PM_SIM_BATCH_PARTS_H
 #define PM_SIM_BATCH_PARTS_H
 
@@ -78,21 +80,48 @@ typedef struct pm_batch_port {
 
 // The place of a subsystem or port in a batch.
 typedef struct pm_batch_place {
-    int group; // index in part or port of pm_batch
-    int lane;  // counted through all blocks of the group
+    int group; // index in part or port of pm_batch; PM_BATCH_NOWHERE: in another process
+    int lane;  // counted through all blocks of the group; of a subsystem in another process the
+               // index of its ghost, or PM_BATCH_NOWHERE
 } pm_batch_place;
+
+#define PM_BATCH_NOWHERE (-1)
+
+// Where the numbers of a subsystem or of a ghost lie in the batch's arrays: component c of its
+// state is number `first` + c `step`, and its lane, counted through all parts, is `lane`.
+typedef struct pm_batch_address {
+    int first, step, lane;
+} pm_batch_address;
+
+// An end of a port at a subsystem of the batch, if the subsystem at the port's other end is in
+// another process.
+typedef struct pm_batch_remote {
+    int port, end;               // position in the scene; 0: end A, 1: end B
+    pm_batch_address own, ghost; // of the subsystem at this end, and of what the other end shows
+    pm_flux flux;                // into the subsystem through this end during the last step
+} pm_batch_remote;
 
 struct pm_batch {
     const pm_system *system; // borrowed
+    int count;               // number of subsystems
+    const int *id;           // [count] their positions in the scene, borrowed
     const pm_integrator *integrator;
     double h; // s, length of a substep
     pm_arena arena;
     int npart, nport;
     pm_batch_part *part; // [npart]
     pm_batch_port *port; // [nport]
-    int64_t size;        // number of components of all lanes of all parts
-    int64_t lanes;       // number of lanes of all parts
-    double *state[3];    // [size] each: memory for the states below
+    int njoint;
+    int *joint; // [njoint] positions in the scene of all ports at these subsystems, ascending
+    int nghost;
+    int *ghost_first; // [nghost] where the ghost begins in the batch's arrays of states
+    double *ghost_z;  // [size - parts_size] what the ghosts have shown last of z
+    int nremote;
+    pm_batch_remote *remote; // [nremote] by subsystem, then by port, as in the scene
+    int64_t size;            // number of components of all lanes of all parts, and of all ghosts
+    int64_t lanes;           // number of lanes of all parts, and of ghosts
+    int64_t parts_size, parts_lanes; // the same without ghosts, which lie behind all parts
+    double *state[3];                // [size] each: memory for the states below
     // States after the last substep, at the present stage, and after the last completed step. Each
     // is one of `state`, two may be the same.
     double *z, *stage_z, *safe_z;
@@ -108,9 +137,36 @@ struct pm_batch {
     // How often in this run each subsystem's exposure and bulk term, and each port's law, could
     // have been evaluated.
     long part_calls, bulk_calls, port_calls;
-    bool doubtful; // a check of the present step has found something
-    long step;     // steps completed in this run
+    bool doubtful;      // a check of the present step has found something
+    int substep, stage; // of the present round
+    long step;          // steps completed in this run
+    pm_flux *flux;      // [largest number of ports of a subsystem] of pm_batch_books
 };
+
+// Returns the address of a subsystem of the batch, or of the ghost of another one.
+static inline pm_batch_address pm_batch_address_of(const pm_batch *b, int id) {
+    const pm_batch_place at = b->part_at[id];
+    if (at.group == PM_BATCH_NOWHERE) {
+        return (pm_batch_address){b->ghost_first[at.lane], 1, (int)b->parts_lanes + at.lane};
+    }
+    const pm_batch_part *p = &b->part[at.group];
+    const int64_t block = p->first + (int64_t)(at.lane / p->width) * p->nz * p->width;
+    return (pm_batch_address){(int)block + at.lane % p->width, p->width,
+                              (int)p->first_lane + at.lane};
+}
+
+// Exposes all subsystems at z, as if they had never been exposed.
+void pm_batch_expose_anew(pm_batch *b);
+// Sets all counts and fluxes to those of step 0.
+void pm_batch_clear(pm_batch *b);
+
+// Finds the ports between the batch and other processes. It sets `remote`, `nremote`, `nghost` and
+// the places of the ghosts in part_at, with memory from the batch's arena. PM_ENOMEM.
+pm_status pm_batch_find_remote(pm_batch *b);
+// Sets the addresses in `remote` when all arrays have been laid out.
+void pm_batch_open_remote(pm_batch *b);
+// Keeps the fluxes through the remote ends during the step that ends.
+void pm_batch_keep_remote_fluxes(pm_batch *b);
 
 // Builds the graphs of a part and takes its other arrays from the arena. The caller has set
 // `count`, `width`, `nblock`, `nz`, `id`, `first` and `first_lane`, and closes the part, after a

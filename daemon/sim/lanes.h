@@ -12,12 +12,19 @@
 
 #include "base/arena.h"
 #include "model/training_range.h"
+#include "scene/recording.h"
 
 // The parts of a flux (pm_flux in scene/recording.h) for each lane: [lanes] each, energy in W and
 // entropy in W/K. The arena owns the arrays.
 typedef struct pm_lane_flux {
     double *energy, *entropy, *energy_gross, *entropy_gross;
 } pm_lane_flux;
+
+// Returns the flux of one lane.
+static inline pm_flux pm_lane_flux_at(const pm_lane_flux *flux, int lane) {
+    return (pm_flux){flux->energy[lane], flux->entropy[lane], flux->energy_gross[lane],
+                     flux->entropy_gross[lane]};
+}
 
 // Takes the four arrays of a flux, zeroed, from the arena. They lie one after the other in memory
 // and begin with `energy`. PM_ENOMEM.

@@ -68,9 +68,11 @@ static pm_status roll_out(const bench *b, setting how, double *z, double *drift,
     for (const double start = bench_clock(); steps < STEPS || elapsed < TIMING; ++steps) {
         if (steps % STEPS == 0) {
             pm_monolithic_set_state(assembly, b->start);
+            sample = pm_monolithic_sample(assembly);
             first = sample->energy[0] + sample->energy[1];
         }
         PM_TRY_DONE(pm_monolithic_step(assembly));
+        sample = pm_monolithic_sample(assembly);
         *drift = fmax(*drift, fabs(sample->energy[0] + sample->energy[1] - first));
         if (steps == STEPS - 1) {
             memcpy(z, sample->z, (size_t)b->scene->nz * sizeof *z);

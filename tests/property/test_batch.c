@@ -1,4 +1,5 @@
-// A batch gives every subsystem the bits, fluxes and counts that it has when it is stepped alone.
+// A batch gives every subsystem the bits, fluxes and counts that it has when it is stepped alone,
+// in one process and in several.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,6 +13,7 @@
 #include "base/linalg.h"
 #include "base/rng.h"
 #include "sim/batch.h"
+#include "sim/local_subsystems.h"
 #include "sim/monolithic.h"
 
 #define SEED 1807u
@@ -33,6 +35,15 @@ static void require(pm_status status) {
     if (status != PM_OK) {
         fail_msg("%s", pm_error());
     }
+}
+
+// Returns the positions of all subsystems.
+static const int *all(void) {
+    static int id[MOST_LINKS];
+    for (int i = 0; i < MOST_LINKS; ++i) {
+        id[i] = i;
+    }
+    return id;
 }
 
 // Joints of a tangled chain beside those between neighbours. Each link has several joints, whose
@@ -117,7 +128,7 @@ static void a_batch_has_the_bits_of_its_parts(void **state) {
         pm_monolithic *alone = NULL;
         pm_sample *sample = NULL;
         open_chain(&s, integrators[i % 3], LINKS, i % 2 == 0, i >= 6);
-        require(pm_batch_open(&batch, s.system));
+        require(pm_batch_open(&batch, s.system, s.scene->nsubsystem, all()));
         assert_non_null(batch);
         require(pm_monolithic_open(&alone, s.system));
         require(pm_sample_new(&sample, s.scene));
@@ -216,7 +227,7 @@ static void compare_web(const char *integrator) {
     snprintf(text, sizeof text, web, integrator);
     require(pm_scene_parse(&s.scene, text, "web.yaml"));
     require(pm_system_load(&s.system, s.scene, NULL));
-    require(pm_batch_open(&batch, s.system));
+    require(pm_batch_open(&batch, s.system, s.scene->nsubsystem, all()));
     assert_non_null(batch);
     open_alone(&a, s.system);
     require(pm_sample_new(&one, s.scene));
@@ -251,6 +262,154 @@ static void blocks_rest_and_sum_in_the_order_of_the_scene(void **state) {
     (void)state;
     compare_web("euler");
     compare_web("rk4");
+}
+
+// --- several processes ---
+
+#define PROCESSES 3
+
+// Subsystems of several processes that exchange their values in memory.
+typedef struct process {
+    int id[NODES];
+    pm_local_subsystems *local;
+} process;
+
+// Opens the processes. A subsystem belongs to the process whose number is the rest of its block.
+static void open_processes(process *p, const pm_system *system, int block, const double *z) {
+    int count[PROCESSES] = {0};
+    for (int i = 0; i < NODES; ++i) {
+        const int owner = i / block % PROCESSES;
+        p[owner].id[count[owner]++] = i;
+    }
+    for (int i = 0; i < PROCESSES; ++i) {
+        require(pm_local_subsystems_open(&p[i].local, system, count[i], p[i].id));
+        pm_local_subsystems_set_state(p[i].local, z);
+    }
+}
+
+static void close_processes(process *p) {
+    for (int i = 0; i < PROCESSES; ++i) {
+        pm_local_subsystems_close(p[i].local);
+    }
+}
+
+// Hands over to a process what the others show at the other side of one of its remote ends.
+static void hand_over(const process *p, pm_local_subsystems *to, int remote) {
+    const pm_remote_end end = pm_local_subsystems_remote(to, remote);
+    for (int i = 0; i < PROCESSES; ++i) {
+        for (int k = 0; k < pm_local_subsystems_nremote(p[i].local); ++k) {
+            const pm_remote_end other = pm_local_subsystems_remote(p[i].local, k);
+            if (other.port_id == end.port_id && other.end != end.end) {
+                double y[2], e[2], eta[2];
+                pm_local_subsystems_show(p[i].local, k, y, e, eta, NULL, NULL);
+                const pm_port_values values = {.ny = 2, .y = y, .e = e, .eta = eta};
+                pm_local_subsystems_hear(to, remote, &values);
+            }
+        }
+    }
+}
+
+// Copies the books and the state of subsystem number `i` of a process into the sample.
+static void fill_sample(const pm_local_subsystems *local, int i, int id, const pm_scene *scene,
+                        pm_sample *sample) {
+    const pm_books books = pm_local_subsystems_books(local, i);
+    sample->energy[id] = books.energy;
+    sample->entropy[id] = books.entropy;
+    sample->bulk_energy[id] = books.bulk.energy;
+    sample->bulk_entropy[id] = books.bulk.entropy;
+    sample->bulk_gross[2 * id] = books.bulk.energy_gross;
+    sample->bulk_gross[2 * id + 1] = books.bulk.entropy_gross;
+    sample->evaluated[id] = books.evaluated;
+    sample->skipped[id] = books.skipped;
+    sample->outside[id] = books.outside;
+    for (int k = 0; k < books.nflux; ++k) {
+        const int at = scene->end_at[scene->first_end[id] + k];
+        sample->flux[at / 2][at % 2] = books.flux[k];
+    }
+    pm_local_subsystems_state(local, i, sample->z + scene->subsystem[id].first);
+}
+
+static void step_processes(process *p, const pm_scene *scene, pm_sample *sample) {
+    while (!pm_local_subsystems_completes_step(p[0].local)) {
+        for (int i = 0; i < PROCESSES; ++i) {
+            pm_local_subsystems_expose(p[i].local);
+            pm_local_subsystems_bulk(p[i].local);
+            for (int k = 0; k < pm_local_subsystems_nremote(p[i].local); ++k) {
+                hand_over(p, p[i].local, k);
+            }
+        }
+        for (int i = 0; i < PROCESSES; ++i) {
+            pm_local_subsystems_couple(p[i].local);
+        }
+        for (int i = 0; i < PROCESSES; ++i) {
+            pm_local_subsystems_advance(p[i].local);
+        }
+    }
+    for (int i = 0; i < PROCESSES; ++i) {
+        require(pm_local_subsystems_end_step(p[i].local));
+    }
+    for (int i = 0; i < PROCESSES; ++i) {
+        for (int k = 0; k < NODES && (k == 0 || p[i].id[k] > 0); ++k) {
+            fill_sample(p[i].local, k, p[i].id[k], scene, sample);
+        }
+    }
+}
+// Replaces every process by a new one that continues from its checkpoint.
+static void replace_processes(process *p, const pm_system *system, int block, const double *z) {
+    double *saved[PROCESSES];
+    for (int i = 0; i < PROCESSES; ++i) {
+        pm_record count = pm_record_count("process");
+        pm_local_subsystems_record(p[i].local, &count);
+        saved[i] = calloc((size_t)count.count, sizeof(double));
+        assert_non_null(saved[i]);
+        pm_record save = pm_record_save("process", saved[i]);
+        pm_local_subsystems_record(p[i].local, &save);
+    }
+    close_processes(p);
+    memset(p, 0, PROCESSES * sizeof *p);
+    open_processes(p, system, block, z);
+    for (int i = 0; i < PROCESSES; ++i) {
+        pm_record restore = pm_record_restore("process", saved[i]);
+        pm_local_subsystems_record(p[i].local, &restore);
+        free(saved[i]);
+    }
+}
+
+static void compare_processes(const char *integrator, int block) {
+    char text[4096];
+    subject s = {0};
+    pm_monolithic *whole = NULL;
+    pm_sample *sample = NULL;
+    process p[PROCESSES] = {0};
+    snprintf(text, sizeof text, web, integrator);
+    require(pm_scene_parse(&s.scene, text, "web.yaml"));
+    require(pm_system_load(&s.system, s.scene, NULL));
+    require(pm_monolithic_open(&whole, s.system));
+    require(pm_sample_new(&sample, s.scene));
+    for (int i = 0; i < 2 * NODES; ++i) {
+        s.z[i] = i < 12 ? 0.3 + 0.1 * i : 1;
+    }
+    open_processes(p, s.system, block, s.z);
+    pm_monolithic_set_state(whole, s.z);
+    for (long step = 1; step <= 30; ++step) {
+        step_processes(p, s.scene, sample);
+        require(pm_monolithic_step(whole));
+        check_equal(s.scene, sample, pm_monolithic_sample(whole), step);
+        if (step % 7 == 0) {
+            replace_processes(p, s.system, block, s.z);
+        }
+    }
+    close_processes(p);
+    pm_sample_free(sample);
+    pm_monolithic_close(whole);
+    close_chain(&s);
+}
+
+static void several_processes_have_the_bits_of_one(void **state) {
+    (void)state;
+    compare_processes("euler", 1);
+    compare_processes("rk4", 7);
+    compare_processes("heun", 54);
 }
 
 // --- company and failures ---
@@ -289,7 +448,7 @@ static void a_failure_names_its_subsystem(void **state) {
     open_chain(&s, "euler", LINKS, false, false);
     s.scene->largest_departure = 0.5;
     s.z[7 * NZ + 2] = 1e3;
-    require(pm_batch_open(&batch, s.system));
+    require(pm_batch_open(&batch, s.system, s.scene->nsubsystem, all()));
     require(pm_monolithic_open(&alone, s.system));
     require(pm_sample_new(&sample, s.scene));
     pm_batch_set_state(batch, s.z);
@@ -311,6 +470,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_batch_has_the_bits_of_its_parts),
         cmocka_unit_test(blocks_rest_and_sum_in_the_order_of_the_scene),
+        cmocka_unit_test(several_processes_have_the_bits_of_one),
         cmocka_unit_test(company_changes_no_bit),
         cmocka_unit_test(a_failure_names_its_subsystem),
     };

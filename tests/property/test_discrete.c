@@ -134,6 +134,7 @@ static double energy_drift(const random_system *w, const char *integrator, doubl
             drift = INFINITY;
             break;
         }
+        sample = pm_monolithic_sample(assembly);
         const double S = total(2, sample->entropy);
         if (strcmp(integrator, "discrete_gradient") == 0) {
             random_system_check(w, "fall of S", fmin(S - entropy, 0), 0, 1e-9);

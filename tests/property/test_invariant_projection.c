@@ -61,6 +61,7 @@ static departure roll_out(const random_system *w, const char *integrator, double
         if (pm_monolithic_step(assembly) != PM_OK) {
             random_system_fail(w, "%s", pm_error());
         }
+        sample = pm_monolithic_sample(assembly);
         for (int part = 0; part < 2; ++part) {
             E[part] += dt * energy_of(sample, part);
             S[part] += dt * entropy_of(sample, part);

@@ -48,6 +48,7 @@ static outcome roll_out(const char *integrator, int substeps, double tolerance) 
         // An exposure, a bulk term and a port's in every round.
         const long before = sample->evaluated[0] + sample->skipped[0];
         require(pm_monolithic_step(assembly));
+        sample = pm_monolithic_sample(assembly);
         const long now = (sample->evaluated[0] + sample->skipped[0] - before) / (3 * nstage);
         o.substeps += now;
         o.least = now < o.least ? now : o.least;

@@ -124,6 +124,7 @@ static void rest_is_skipped(void **state) {
     long before[COUNT] = {0};
     for (int step = 1; step <= STEPS; ++step) {
         assert_int_equal(pm_monolithic_step(assembly), PM_OK);
+        sample = pm_monolithic_sample(assembly);
         for (int i = 0; i < COUNT; ++i) {
             const long terms = i == 0 || i == COUNT - 1 ? 3 : 4;
             // The first step knows nothing yet but what is exposed.
