@@ -201,7 +201,12 @@ static void clean(packer *p) {
 }
 
 static pm_status make(packer *p, const char *path, bool *compiled) {
-    char folder[] = "/tmp/portmet-fmu-XXXXXX";
+    const char *base = getenv("TMPDIR");
+    char *folder = pm_arena_printf(&p->arena, "%s/portmet-fmu-XXXXXX",
+                                   base != NULL && base[0] != '\0' ? base : "/tmp");
+    if (folder == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for an FMU");
+    }
     p->folder = mkdtemp(folder);
     if (p->folder == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot be made: %s", folder, strerror(errno));
