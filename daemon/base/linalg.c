@@ -208,23 +208,6 @@ bool pm_cholesky_solve(int n, double *h, double *b) {
 }
 
 // LAPACK's Cholesky factor of a band, and its solution.
-void dpbtrf_(const char *triangle, const int *n, const int *width, double *band, const int *rows,
-             int *info);
-void dpbtrs_(const char *triangle, const int *n, const int *width, const int *count,
-             const double *band, const int *rows, double *x, const int *ldx, int *info);
-
-bool pm_band_factor(int n, int width, double *band) {
-    const int rows = width + 1;
-    int info = 1;
-    dpbtrf_("L", &n, &width, band, &rows, &info);
-    return info == 0;
-}
-
-void pm_band_solve(int n, int width, const double *band, int count, double *x) {
-    const int rows = width + 1;
-    int info = 0;
-    dpbtrs_("L", &n, &width, &count, band, &rows, x, &n, &info);
-}
 
 // LAPACK's eigensolver, which stores matrices by columns.
 void dsyevr_(const char *job, const char *range, const char *triangle, const int *n, double *a,

@@ -41,13 +41,6 @@ void pm_cholesky_back(int n, const double *u, int count, double *b);
 // positive definite.
 bool pm_cholesky_solve(int n, double *h, double *b);
 
-// Replaces a symmetric positive definite matrix by its Cholesky factor, in which the diagonal and
-// `width` diagonals below it are not zero: band [n][width + 1] holds the columns from the diagonal
-// down. Returns false if it is not positive definite.
-bool pm_band_factor(int n, int width, double *band);
-// Solves for `count` right-hand sides x [count][n] with the factor.
-void pm_band_solve(int n, int width, const double *band, int count, double *x);
-
 // Computes the `count` largest eigenvalues of a symmetric h [n][n], in descending order, into
 // value [count], and their orthonormal eigenvectors into the rows of vector [count][n]. Reads the
 // upper triangle of h and overwrites h. Allocates work space; returns false if memory is exhausted

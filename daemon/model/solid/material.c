@@ -205,41 +205,6 @@ double pm_solid_branch_modulus(const pm_solid_branch *branch, double h) {
     return 4 * stiffness_at_rest(&branch->energy) * pm_solid_branch_relaxation(branch, h).mean;
 }
 
-// Computes A' less its linear part rate (Cbar^-1 - A), at the shape Cbar with this inverse.
-static void nonlinear_rate(const pm_solid_branch *branch, const double *Cbar, const double *inverse,
-                           const double *inner, double *rate) {
-    double Q[9], x[INPUTS], open[PM_SYM], g[PM_SYM], Qopen[PM_SYM], Qg[PM_SYM];
-    deviation(Cbar, inverse, inner, Q, x);
-    evaluate(&branch->energy, x);
-    for (int i = 0; i < PM_SYM; ++i) {
-        open[i] = inverse[i] - (i < 3) - inner[i];
-    }
-    pm_matrix_times_sym(Q, open, Qopen);
-    for (int i = 0; i < PM_SYM; ++i) {
-        g[i] = 2 * x[T2] * open[i] + 3 * x[T3] * Qopen[i];
-    }
-    pm_matrix_times_sym(Q, g, Qg);
-    for (int i = 0; i < PM_SYM; ++i) {
-        rate[i] = branch->m * (g[i] - branch->s * Qg[i]) - branch->rate * open[i];
-    }
-}
-
-void pm_solid_branch_relax(const pm_solid_branch *branch, const pm_solid_relaxation *step,
-                           const pm_solid_change *change, const double *before, double *after) {
-    double Cbar[PM_SYM], inverse[PM_SYM], inner[PM_SYM], rate[PM_SYM];
-    for (int i = 0; i < PM_SYM; ++i) {
-        after[i] = step->decay * before[i] + step->start * (change->inverse[0][i] - (i < 3)) +
-                   step->end * (change->inverse[1][i] - (i < 3));
-        Cbar[i] = (change->Cbar[0][i] + change->Cbar[1][i]) / 2;
-        inverse[i] = (change->inverse[0][i] + change->inverse[1][i]) / 2;
-        inner[i] = (before[i] + after[i]) / 2;
-    }
-    nonlinear_rate(branch, Cbar, inverse, inner, rate);
-    for (int i = 0; i < PM_SYM; ++i) {
-        after[i] += step->h * step->mean * rate[i];
-    }
-}
-
 // Returns true if A = 1 + inner is positive definite, without which M would not be positive.
 static bool is_positive(const double *inner) {
     const double A[PM_SYM] = {1 + inner[0], 1 + inner[1], 1 + inner[2],

@@ -101,10 +101,6 @@ typedef struct pm_solid_relaxation {
 } pm_solid_relaxation;
 pm_solid_relaxation pm_solid_branch_relaxation(const pm_solid_branch *branch, double h);
 
-// Computes the inner variable `after` (A - 1) of a branch at the end of a step, from `before`, by
-// an exponential method of second order which is stable for steps of any length.
-void pm_solid_branch_relax(const pm_solid_branch *branch, const pm_solid_relaxation *step,
-                           const pm_solid_change *change, const double *before, double *after);
 // Returns the energy that the branch loses with this change of its inner variable, at the mean of
 // both shapes, J/m^3. It is not negative: `after` is moved towards `before` where the method's
 // error would make it so, or would make A lose its positive eigenvalues. `energy` are the branch's

@@ -15,13 +15,13 @@ static pm_status open_memory(pm_solid *s) {
     s->ninner = s->mesh->nelement * PM_BRICK_POINTS * s->material->nbranch * PM_SYM;
     s->brick = pm_arena_array(a, nelement, sizeof *s->brick);
     s->start = pm_arena_array(a, nelement, sizeof *s->start);
-    s->volume_energy = pm_arena_array(a, nelement, sizeof *s->volume_energy);
-    double *vectors = pm_arena_array(a, 7 * n, sizeof *vectors);
+    s->next = pm_arena_array(a, nelement, sizeof *s->next);
+    double *vectors = pm_arena_array(a, (7 + PM_SOLID_PAST) * n, sizeof *vectors);
     double *inner = pm_arena_array(a, 3 * (size_t)s->ninner + 1, sizeof *inner);
     double *pairs = pm_arena_array(a, 2 * PM_SOLID_PAIRS * n, sizeof *pairs);
     s->free = pm_arena_array(a, n, sizeof *s->free);
     s->number = pm_arena_array(a, n, sizeof *s->number);
-    if (s->brick == NULL || s->start == NULL || s->volume_energy == NULL || vectors == NULL ||
+    if (s->brick == NULL || s->start == NULL || s->next == NULL || vectors == NULL ||
         inner == NULL || pairs == NULL || s->free == NULL || s->number == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a solid");
     }
@@ -32,6 +32,7 @@ static pm_status open_memory(pm_solid *s) {
     s->move = vectors + 4 * n;
     s->last = vectors + 5 * n;
     s->stiff_u = vectors + 6 * n;
+    s->past = vectors + 7 * n;
     s->inner = inner;
     s->after = inner + s->ninner;
     s->stiff_inner = inner + 2 * (ptrdiff_t)s->ninner;
@@ -112,16 +113,23 @@ static void copy_or_clear(double *to, const double *from, int n) {
     }
 }
 
+// Makes s->next the start of the next step.
+static void keep_next(pm_solid *s) {
+    pm_solid_start *start = s->start;
+    s->start = s->next;
+    s->next = start;
+}
+
 bool pm_solid_return(pm_solid *s, const double *u, const double *inner) {
     const int n = 3 * s->mesh->nnode;
     copy_or_clear(s->trial, u, n);
-    // With h = 0 nothing relaxes, so that this only checks the shape of all elements.
-    if (!pm_solid_evaluate(s, 0, NULL)) {
+    copy_or_clear(s->after, inner, s->ninner);
+    if (!pm_solid_begin(s, s->trial, s->after, &s->books.stored)) {
         return false;
     }
     memcpy(s->u, s->trial, (size_t)n * sizeof *s->u);
-    copy_or_clear(s->inner, inner, s->ninner);
-    s->books.stored = pm_solid_begin(s);
+    memcpy(s->inner, s->after, (size_t)s->ninner * sizeof *s->inner);
+    keep_next(s);
     return true;
 }
 
@@ -131,6 +139,7 @@ bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
     }
     s->books = (pm_solid_books){.stored = s->books.stored};
     s->stiff_for = NAN;
+    s->npast = 0;
     return true;
 }
 
@@ -148,6 +157,9 @@ void pm_solid_record(pm_solid *s, pm_record *record) {
     double step = isnan(s->stiff_for) ? 0 : s->stiff_for;
     pm_record_put(record, "step of the stiffness", &step, 1);
     pm_record_put_int(record, "iterations", &s->books.iterations);
+    pm_record_put_int(record, "past displacements", &s->npast);
+    pm_record_put(record, "step between them", &s->past_for, 1);
+    pm_record_put(record, "past", s->past, PM_SOLID_PAST * 3 * s->mesh->nnode);
     pm_record_put_int(record, "pairs", &s->npair);
     pm_record_put(record, "moves of the pairs", s->pair_u, PM_SOLID_PAIRS * s->nfree);
     pm_record_put(record, "forces of the pairs", s->pair_f, PM_SOLID_PAIRS * s->nfree);
@@ -165,18 +177,18 @@ void pm_solid_record(pm_solid *s, pm_record *record) {
 
 bool pm_solid_follow(pm_solid *s, double h, const double *u, double *force) {
     const size_t n = 3 * (size_t)s->mesh->nnode;
-    pm_solid_sums sums;
     memmove(s->trial, u, n * sizeof *u); // u may be s->trial itself
-    if (!pm_solid_evaluate(s, h, &sums)) {
+    pm_solid_books sum = s->books;
+    if (!pm_solid_finish(s, h, &sum)) {
         return false;
     }
-    if (force != NULL) {
-        memcpy(force, s->force, n * sizeof *force);
-    }
+    s->books = sum;
     memcpy(s->u, s->trial, n * sizeof *s->u);
     memcpy(s->inner, s->after, (size_t)s->ninner * sizeof *s->inner);
-    s->books.stored = pm_solid_begin(s);
-    s->books.heat = sums.heat;
-    s->books.work = sums.work;
+    keep_next(s);
+    if (force != NULL) {
+        pm_solid_forces(s, 0); // nothing relaxes
+        memcpy(force, s->force, n * sizeof *force);
+    }
     return true;
 }

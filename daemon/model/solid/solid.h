@@ -57,7 +57,7 @@ void pm_solid_record(pm_solid *s, pm_record *record);
 pm_status pm_solid_step(pm_solid *s, double h, const double *f);
 // Moves the nodes to u [nnode][3] within h s, and relaxes the inner variables accordingly. Computes
 // the elements' forces dE/du [nnode][3], N, unless `force` is NULL. Returns false, and changes
-// nothing, if an element is turned inside out.
+// nothing, if an element is turned inside out or an energy is not finite.
 bool pm_solid_follow(pm_solid *s, double h, const double *u, double *force);
 
 // Returns the books of the last step.

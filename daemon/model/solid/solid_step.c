@@ -1,10 +1,13 @@
 // Finds the balance of forces: Newton's iteration with the stiffness at the start of this or an
 // earlier step, improved by what the iterations have shown of the stiffness (limited-memory BFGS;
-// Nocedal and Wright, Numerical Optimization, 2006, algorithm 7.4).
+// Nocedal and Wright, Numerical Optimization, 2006, algorithm 7.4). It starts where the last steps
+// lead.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/lanes.h"
+#include "base/simd.h"
 #include "model/solid/solid_parts.h"
 
 // The iteration ends when a move is shorter than this share of the largest displacement.
@@ -14,7 +17,7 @@
 #define MOST_ITERATIONS 30
 // The stiffness is assembled again after a step of more iterations than this; it takes as long as
 // about five of them.
-#define FEW_ITERATIONS 9
+#define FEW_ITERATIONS 7
 // The number of times that a move is halved because an element was turned inside out.
 #define MOST_SHORTER 8
 // The number of times that a step is halved because no balance was found.
@@ -22,12 +25,29 @@
 // A move this many times as long as the one before means that the stiffness is no longer right.
 #define GROWTH 3
 
+PM_SIMD_CLONES
 static double dot(int n, const double *a, const double *b) {
-    double sum = 0;
-    for (int i = 0; i < n; ++i) {
-        sum += a[i] * b[i];
+    pm_lane sum = {0};
+    double rest = 0;
+    int i = 0;
+    for (; i + PM_LANES <= n; i += PM_LANES) {
+        pm_lane x, y;
+        pm_lanes_load(1, a + i, &x);
+        pm_lanes_load(1, b + i, &y);
+        sum += x * y;
     }
-    return sum;
+    for (; i < n; ++i) {
+        rest += a[i] * b[i];
+    }
+    return pm_lane_sum(&sum) + rest;
+}
+
+// Adds a times x to y.
+PM_SIMD_CLONES
+static void add(int n, double a, const double *restrict x, double *restrict y) {
+    for (int i = 0; i < n; ++i) {
+        y[i] += a * x[i];
+    }
 }
 
 static double longest(int n, const double *x) {
@@ -54,17 +74,12 @@ static void find_move(pm_solid *s, int count) {
         const double *du = s->pair_u + (ptrdiff_t)k * n, *df = s->pair_f + (ptrdiff_t)k * n;
         curvature[k] = dot(n, du, df);
         along[k] = dot(n, du, s->move) / curvature[k];
-        for (int i = 0; i < n; ++i) {
-            s->move[i] -= along[k] * df[i];
-        }
+        add(n, -along[k], df, s->move);
     }
     pm_solid_soften(s, 1, s->move);
     for (int k = 0; k < count; ++k) {
         const double *du = s->pair_u + (ptrdiff_t)k * n, *df = s->pair_f + (ptrdiff_t)k * n;
-        const double back = along[k] - dot(n, df, s->move) / curvature[k];
-        for (int i = 0; i < n; ++i) {
-            s->move[i] += back * du[i];
-        }
+        add(n, along[k] - dot(n, df, s->move) / curvature[k], du, s->move);
     }
 }
 
@@ -103,14 +118,44 @@ static bool move(pm_solid *s, double h) {
     return false;
 }
 
-// Iterates s->trial from the state to balance with f, with the factor of the stiffness that there
-// is. Returns false if that fails.
+// Notes the displacements at the start of a step of h s, unless the step is taken once more.
+static void note_start(pm_solid *s, double h) {
+    const size_t n = 3 * (size_t)s->mesh->nnode;
+    if (s->npast > 0 && memcmp(s->past, s->u, n * sizeof *s->u) == 0) {
+        return;
+    }
+    const bool same = s->past_for == h;
+    s->npast = same && s->npast < PM_SOLID_PAST ? s->npast + 1 : same ? s->npast : 1;
+    s->past_for = h;
+    memmove(s->past + n, s->past, (PM_SOLID_PAST - 1) * n * sizeof *s->past);
+    memcpy(s->past, s->u, n * sizeof *s->u);
+}
+
+// Computes the start of the iteration: the displacements that continue those of the last steps as a
+// parabola, or the state, where these are not known or would turn an element inside out.
+static bool predict(pm_solid *s, double h) {
+    const int n = 3 * s->mesh->nnode;
+    const double *now = s->past, *last = s->past + n, *before = s->past + 2 * (ptrdiff_t)n;
+    memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
+    if (s->past_for == h && s->npast == PM_SOLID_PAST) {
+        for (int i = 0; i < n; ++i) {
+            s->trial[i] += 2 * now[i] - 3 * last[i] + before[i];
+        }
+        if (pm_solid_forces(s, h)) {
+            return true;
+        }
+        memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
+    }
+    return pm_solid_forces(s, h);
+}
+
+// Iterates s->trial to balance with f, with the factor of the stiffness that there is. Returns
+// false if that fails.
 static bool iterate(pm_solid *s, double h, const double *f) {
     const int n = s->nfree;
     const double size = cbrt(s->brick[0].volume);
     double before = INFINITY;
-    memcpy(s->trial, s->u, 3 * (size_t)s->mesh->nnode * sizeof *s->trial);
-    if (!pm_solid_forces(s, h)) {
+    if (!predict(s, h)) {
         return false;
     }
     find_residual(s, f);
@@ -142,10 +187,16 @@ static bool iterate(pm_solid *s, double h, const double *f) {
 }
 
 // Does the same with the stiffness of an earlier state if the last step with it took few
-// iterations, and else, or if that fails, with the stiffness of this state.
+// iterations, and else, or if that fails, with the stiffness of this state; at last without a
+// prediction.
 static bool balance(pm_solid *s, double h, const double *f) {
     const bool good = s->stiff_for == h && s->books.iterations <= FEW_ITERATIONS;
-    return (good && iterate(s, h, f)) || (pm_solid_stiffen(s, h) && iterate(s, h, f));
+    if ((good && iterate(s, h, f)) || (pm_solid_stiffen(s, h) && iterate(s, h, f))) {
+        return true;
+    }
+    const bool predicted = s->npast == PM_SOLID_PAST;
+    s->npast = 0;
+    return predicted && pm_solid_stiffen(s, h) && iterate(s, h, f);
 }
 
 // Takes a step, or two halves of it, which adds to the books.
@@ -165,7 +216,7 @@ static pm_status step(pm_solid *s, double h, const double *f, int halves) {
         return pm_fail(PM_ENOMEM, "out of memory for a step of a solid");
     }
     memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
-    pm_solid_evaluate(s, 0, NULL); // the state is not turned inside out
+    pm_solid_forces(s, 0); // the state is not turned inside out
     for (int i = 0; i < n; ++i) {
         middle[i] = (s->force[i] + f[i]) / 2;
     }
@@ -179,5 +230,6 @@ static pm_status step(pm_solid *s, double h, const double *f, int halves) {
 
 pm_status pm_solid_step(pm_solid *s, double h, const double *f) {
     s->books.work = s->books.heat = 0;
+    note_start(s, h);
     return step(s, h, f, 0);
 }

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/linalg.h"
+#include "base/band.h"
 #include "model/solid/solid_parts.h"
 
 #define FREEDOMS (3 * PM_BRICK_NODES)
@@ -112,12 +112,35 @@ pm_status pm_solid_number(pm_solid *s) {
     if (s->nfree == 0) {
         return pm_fail(PM_ECONFIG, "no node of a solid is free to move");
     }
-    s->stiffness =
-        pm_arena_array(&s->arena, (size_t)s->nfree * (size_t)(s->width + 1), sizeof *s->stiffness);
-    return s->stiffness == NULL ? pm_fail(PM_ENOMEM, "out of memory for a solid") : PM_OK;
+    const size_t size = (size_t)s->nfree * (size_t)(s->width + 1);
+    s->stiffness = pm_arena_array(&s->arena, size, sizeof *s->stiffness);
+    s->factor = pm_arena_array(&s->arena, size, sizeof *s->factor);
+    return s->stiffness == NULL || s->factor == NULL
+               ? pm_fail(PM_ENOMEM, "out of memory for a solid")
+               : PM_OK;
 }
 
 // --- assembly ---
+
+// Computes dpsi/dCbar of all branches and the spring at a point, without the volume, and adds the
+// modulus there.
+static void point_stress(const pm_solid *s, const pm_solid_shape *shape, const double *inner,
+                         double *T, double *modulus) {
+    memset(T, 0, PM_SYM * sizeof *T);
+    pm_solid_spring(s->material, shape->Cbar, T, modulus);
+    for (int b = 0; b < s->material->nbranch; ++b) {
+        pm_solid_branch_energy(&s->material->branch[b], shape->Cbar, shape->inverse,
+                               inner + PM_SYM * b, T);
+    }
+}
+
+// Computes the part of the second Piola-Kirchhoff stress without the volume from T, Pa.
+static void isochoric_stress(const pm_solid_shape *shape, const double *T, double *S) {
+    const double mean = pm_sym_dot(T, shape->Cbar) / 3;
+    for (int i = 0; i < PM_SYM; ++i) {
+        S[i] = shape->factor * 2 * (T[i] - mean * shape->inverse[i]);
+    }
+}
 
 // Computes the elasticity tensor D [6][6] at a point, Pa, as if the material were linear in the
 // shape with this modulus, and S, the second Piola-Kirchhoff stress. In the balance of forces it
@@ -126,7 +149,7 @@ static void elasticity(const pm_solid_shape *shape, const double *T, double modu
                        double pressure, double *S, double D[PM_SYM][PM_SYM]) {
     double G[PM_SYM], isochoric[PM_SYM];
     const double p = pressure * shape->J;
-    pm_solid_piola(shape, T, 0, isochoric);
+    isochoric_stress(shape, T, isochoric);
     for (int i = 0; i < PM_SYM; ++i) {
         G[i] = shape->factor * shape->inverse[i];
         S[i] = isochoric[i] + p * G[i];
@@ -220,7 +243,7 @@ static void stiffen_element(const pm_solid *s, int e, double h, bool stressed,
     for (int p = 0; p < PM_BRICK_POINTS; ++p) {
         const ptrdiff_t at = ((ptrdiff_t)e * PM_BRICK_POINTS + p) * material->nbranch * PM_SYM;
         double T[PM_SYM], S[PM_SYM], D[PM_SYM][PM_SYM], modulus = branches;
-        pm_solid_point_stress(s, &shape[p], s->inner + at, T, &modulus);
+        point_stress(s, &shape[p], s->inner + at, T, &modulus);
         if (!stressed) {
             memset(T, 0, sizeof T);
         }
@@ -253,7 +276,7 @@ static bool stiffen(pm_solid *s, double h, bool stressed) {
             }
         }
     }
-    return pm_band_factor(s->nfree, s->width, s->stiffness);
+    return pm_band_factor(s->nfree, s->width, s->stiffness, s->factor);
 }
 
 bool pm_solid_stiffen(pm_solid *s, double h) {
@@ -266,5 +289,7 @@ bool pm_solid_stiffen(pm_solid *s, double h) {
 }
 
 void pm_solid_soften(const pm_solid *s, int count, double *x) {
-    pm_band_solve(s->nfree, s->width, s->stiffness, count, x);
+    for (int i = 0; i < count; ++i) {
+        pm_band_solve(s->nfree, s->width, s->factor, x + (ptrdiff_t)i * s->nfree);
+    }
 }
