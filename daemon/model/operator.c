@@ -97,25 +97,43 @@ static pm_node from_frame(const construction *c, pm_node rows) {
     return pm_concat(c->g, c->support.ngroup, part);
 }
 
-static int end_of(const construction *c, const char *group) {
-    return c->support.group[pm_support_find(&c->support, group)]->end;
+// Returns those rows of the frame whose groups are in the list, side by side.
+static pm_node select_rows(const construction *c, pm_node x, int count, const char *const *list) {
+    pm_node part[2 * PM_MAX_GROUPS];
+    int found = 0, first = 0;
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        const pm_site_group *group = c->support.group[i];
+        const int rows = pm_operator_frame_rows(c->op->spec, group->size);
+        if (c->support.learned[i] && pm_is_listed(count, list, group->name)) {
+            part[found++] = pm_slice(c->g, x, first, rows);
+        }
+        first += c->support.learned[i] ? rows : 0;
+    }
+    return pm_concat(c->g, found, part);
 }
 
-// Returns the rows of both ends for an operator with `against`, in which each end drives the other:
-// C times the rows of `against` for those of acts_on, and -C^T times the rows of acts_on for the
-// others.
+// Returns the rows of the frame for an operator with `against`, in which the two lists drive each
+// other: C times the rows of `against` for those of acts_on, and -C^T times the rows of acts_on for
+// the others.
 static pm_node apply_across(const construction *c, pm_node x) {
     pm_graph *g = c->g;
     const pm_operator_spec *spec = c->op->spec;
-    const pm_operator_shape shape = pm_operator_shape_of(c->op, &c->support);
-    const bool against_first = end_of(c, spec->against[0]) < end_of(c, spec->acts_on[0]);
-    const pm_node own = pm_slice(g, x, against_first ? shape.columns : 0, shape.rows);
-    const pm_node other = pm_slice(g, x, against_first ? 0 : shape.rows, shape.columns);
+    const pm_node own = select_rows(c, x, spec->nacts, spec->acts_on);
+    const pm_node other = select_rows(c, x, spec->nagainst, spec->against);
     const pm_node into_own = pm_matmul(g, other, false, c->matrix, true);
     const pm_node into_other = pm_scale(g, pm_matmul(g, own, false, c->matrix, false), -1);
-    const pm_node part[2] = {against_first ? into_other : into_own,
-                             against_first ? into_own : into_other};
-    return pm_concat(g, 2, part);
+    pm_node part[2 * PM_MAX_GROUPS];
+    int count = 0, at[2] = {0, 0};
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        const pm_site_group *group = c->support.group[i];
+        const int rows = pm_operator_frame_rows(spec, group->size);
+        const bool acts = pm_is_listed(spec->nacts, spec->acts_on, group->name);
+        if (c->support.learned[i]) {
+            part[count++] = pm_slice(g, acts ? into_own : into_other, at[acts], rows);
+            at[acts] += rows;
+        }
+    }
+    return pm_concat(g, count, part);
 }
 
 // Returns the matrix of each node times the components of x of that node.

@@ -21,16 +21,6 @@ bool pm_operator_exists(const pm_operator_spec *spec) {
     return spec->ngiven > 0 || spec->learned;
 }
 
-// Returns true if group i of the support belongs to the end that no group of `acts_on` belongs to.
-static bool is_other_end(const pm_operator_spec *spec, const pm_support *s, int i) {
-    for (int k = 0; k < spec->nacts; ++k) {
-        if (s->group[pm_support_find(s, spec->acts_on[k])]->end == s->group[i]->end) {
-            return false;
-        }
-    }
-    return true;
-}
-
 static pm_status check_heats(const pm_operator *op, const pm_site *site) {
     const pm_operator_spec *spec = op->spec;
     if (spec->nheats == 0 && spec->strength != NULL) {
@@ -72,11 +62,13 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
     }
     PM_TRY(check_heats(op, site));
     for (int i = 0; i < spec->nagainst; ++i) {
-        const int at = pm_support_find(&s, spec->against[i]);
-        if (at == s.ngroup || !is_other_end(spec, &s, at)) {
-            return pm_fail(PM_ECONFIG,
-                           "%s: against names \"%s\", which is not a group of the other end",
+        if (pm_support_find(&s, spec->against[i]) == s.ngroup) {
+            return pm_fail(PM_ECONFIG, "%s: against names \"%s\", which is not a group here",
                            op->prefix, spec->against[i]);
+        }
+        if (pm_is_listed(spec->nacts, spec->acts_on, spec->against[i])) {
+            return pm_fail(PM_ECONFIG, "%s: against names \"%s\", as acts_on does", op->prefix,
+                           spec->against[i]);
         }
     }
     return pm_given_check(spec, op->kind == PM_REVERSIBLE, site, op->prefix);

@@ -196,8 +196,8 @@ typedef struct pm_given_pair {
 //     each vector of `along` ("q", "q/|q|", "q/|q|^2"). If the features are invariant, the result
 //     rotates with the state.
 // A network on a mesh gives a matrix for each node, which acts on the components of that node, and
-// U is the identity. A reversible operator of a port may act on groups of one end `against` groups
-// of the other end: C has rows for `acts_on` and columns for `against`. The groups of the two lists
+// U is the identity. A reversible operator may act on some groups `against` others, which acts_on
+// does not list: C has rows for `acts_on` and columns for `against`. The groups of the two lists
 // drive each other like the two groups of a pair.
 typedef struct pm_operator_spec {
     int ngiven;
@@ -206,7 +206,7 @@ typedef struct pm_operator_spec {
     pm_network_spec network;
     int nacts;
     const char *const *acts_on;
-    int nagainst; // only reversible operators of ports
+    int nagainst; // only reversible operators
     const char *const *against;
     int nalong;
     const char *const *along;

@@ -199,7 +199,7 @@ static void draw_port(char *text, pm_rng *rng, int size, pm_form form) {
                           (const char *const[]){"a.p", "a.s", "b.q", "b.s"},
                           along,
                           feature,
-                          toss(rng) ? 2 : 0};
+                          between(rng, 0, 2)};
     const candidates M = {4,     4,       9, (const char *const[]){"a.s", "b.s", "a.p", "b.q"},
                           along, feature, 0};
     add(text, "law: bracket\nform: %s\nreversible:\n  given: [[a.p, b.q, 1.0]]\n", form_name(form));

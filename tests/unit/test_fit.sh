@@ -288,6 +288,9 @@ grep -q 'law: exchange' "$folder/soft_scene.yaml" || fail "soft_scene.yaml: expe
 timeout 600 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
     >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
 says 'times (better than|WORSE than) the black box|the black box is not finite'
+[ "$(grep -n 'Best weights' "$folder/out" | head -n 1 | cut -d: -f1)" -lt \
+    "$(grep -n 'A black box for comparison' "$folder/out" | cut -d: -f1)" ] ||
+    fail "--black-box: the best weights are named behind the black box"
 [ -s "$folder/beside/black_box/training.yaml" ] || fail "--black-box: no training file"
 for box in "$folder"/beside/black_box/*.h5; do
     h5dump -a /seed "$box" | grep -q '(0): 5$' || fail "--black-box: $box does not have the seed 5 of --seed"

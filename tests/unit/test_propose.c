@@ -334,6 +334,59 @@ static void amounts_are_not_coupled_without_loss(void **state) {
     pm_dataset_free(d);
 }
 
+// A thermoelectric couple: with a Seebeck coefficient its current carries entropy from one block to
+// the other, which friction and conduction cannot describe.
+static void propose_couple(double seebeck, char text[MOST_TEXT]) {
+    static const char *const column[] = {"Q", "phi", "s1", "s2"};
+    static const char couple[] = "scene: couple\n"
+                                 "time: {dt: 0.1, steps: 49, integrator: rk4, substeps: 1}\n"
+                                 "subsystems:\n"
+                                 "  hot:\n"
+                                 "    weights: hot.h5\n"
+                                 "    state:\n"
+                                 "      Q: {unit: C, columns: [Q]}\n"
+                                 "      phi: {unit: Wb, columns: [phi]}\n"
+                                 "      s: {unit: J/K, columns: [s1]}\n"
+                                 "  cold:\n"
+                                 "    weights: cold.h5\n"
+                                 "    state: {s: {unit: J/K, columns: [s2]}}\n"
+                                 "ports:\n"
+                                 "  couple:\n"
+                                 "    law: bracket\n"
+                                 "    between: [hot, cold]\n"
+                                 "    expose: {hot: [phi, s], cold: [s]}\n"
+                                 "    weights: couple.h5\n";
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 4, 60, 4, 0.1, column), PM_OK);
+    for (int k = 0; k < 4; ++k) {
+        double z[4] = {1 + k, 0.3 * k, 0.2 * k, -0.1 * k}; // heat capacities of 6 and 9 J/K
+        for (int i = 0; i < 60; ++i) {
+            memcpy(pm_dataset_state(d, k, i), z, sizeof z);
+            for (int fine = 0; fine < 100; ++fine) {
+                const double h = 0.001, loss = 0.1 * z[1] * z[1];
+                const double hot = 300 * exp(z[2] / 6), cold = 300 * exp(z[3] / 9);
+                const double heat = 0.5 * (hot - cold), carried = seebeck * z[1];
+                z[1] += h * (-z[0] - 0.1 * z[1] + seebeck * (hot - cold));
+                z[0] += h * z[1];
+                z[2] += h * ((loss / 2 - heat) / hot - carried);
+                z[3] += h * ((loss / 2 + heat) / cold + carried);
+            }
+        }
+    }
+    propose(couple, d, text);
+    pm_dataset_free(d);
+}
+
+static void a_current_may_carry_entropy(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose_couple(0.01, text);
+    assert_says(text, "learned: {acts_on: [a.phi], against: [a.s, b.s], features: [a.s, b.s]");
+    propose_couple(0, text);
+    assert_says(text, "# No variable of one end moves a variable of the other end without loss");
+    assert_null(strstr(text, "against"));
+}
+
 // The scene of a black box has one subsystem with the groups and columns of all.
 static void a_scene_of_one_has_all_groups(void **state) {
     (void)state;
@@ -368,6 +421,7 @@ int main(void) {
         cmocka_unit_test(a_rotor_shares_the_energy_of_its_body),
         cmocka_unit_test(a_flux_moves_two_charges),
         cmocka_unit_test(amounts_are_not_coupled_without_loss),
+        cmocka_unit_test(a_current_may_carry_entropy),
         cmocka_unit_test(a_scene_of_one_has_all_groups),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

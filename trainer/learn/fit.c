@@ -216,6 +216,10 @@ pm_status pm_fit_run(pm_fit *f) {
         status = status == PM_OK ? run_stages(f) : status;
     }
     pm_fit_set_weights(f, pm_fit_kept(f));
+    if (status == PM_OK && f->measured == NULL && f->position[PM_FIT_BEST] >= 0) {
+        printf("Best weights on the validation part: those of stage %d after %d iterations.\n",
+               (int)f->position[PM_FIT_BEST_STAGE] + 1, (int)f->position[PM_FIT_BEST_DONE]);
+    }
     return status;
 }
 

@@ -185,10 +185,6 @@ static pm_status judge(const report *r) {
 
 static void print_all(const report *r) {
     const pm_fit *f = r->fit;
-    if (f->position[PM_FIT_BEST] >= 0) {
-        printf("\nBest weights on the validation part: those of stage %d after %d iterations.\n",
-               (int)f->position[PM_FIT_BEST_STAGE] + 1, (int)f->position[PM_FIT_BEST_DONE]);
-    }
     print_cells(r);
     if (r->judged == &r->validation) {
         printf("Rollouts of %d training and %d validation trajectories, %d states each.\n",

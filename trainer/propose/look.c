@@ -13,6 +13,9 @@
 #define NEAR_ZERO 0.02     // relative to the deviation
 #define MOST_COMPONENTS 16 // of groups whose rank is examined
 #define INDEPENDENT 1e-8   // eigenvalue of an independent process, relative to the largest
+#define EVEN_TERMS 64      // of a function that is even in time
+#define MOST_TERMS (EVEN_TERMS + PM_LOOK_SOURCES + 1) // of a regression
+#define SMALLEST_REST 1e-5 // unexplained fraction below which nothing is left to explain
 #define SAME 2e-3          // relative to |q||p|: the change below which q x p is conserved
 
 static void take_rate(const pm_look *look, int i, int j, double *rate) {
@@ -138,7 +141,7 @@ static double mean_of(const pm_look *look, const double *values, int c) {
 // The normal equations of a least-squares problem with n unknowns.
 typedef struct sums {
     int n;
-    double matrix[PM_LOOK_SOURCES * PM_LOOK_SOURCES], right[PM_LOOK_SOURCES], square;
+    double matrix[MOST_TERMS * MOST_TERMS], right[MOST_TERMS], square;
 } sums;
 
 static void add_equation(sums *s, const double *x, double y) {
@@ -224,6 +227,92 @@ double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, 
     double solution[PM_LOOK_SOURCES];
     const int most = PM_LOOK_SOURCES / degree;
     return explain(look, target, count < most ? count : most, source, degree, solution);
+}
+
+// --- parity ---
+
+// Writes the terms of a function that is even in time: the even variables, the products of two of
+// them, and the products of two odd ones, as far as there is room. `term` holds MOST_TERMS numbers.
+// The variables are centred, the odd ones only scaled. Returns the number of terms.
+static int even_terms(const pm_look *look, const pm_parity *p, int k, const double *mean,
+                      const double *deviation, double *term) {
+    const double *z = look->z + (ptrdiff_t)k * look->scene->nz;
+    int n = 0;
+    for (int degree = 1; degree <= 2; ++degree) {
+        for (int i = 0; i < p->neven; ++i) {
+            const double x = (z[p->even[i]] - mean[p->even[i]]) / deviation[p->even[i]];
+            for (int j = i; j < (degree == 1 ? i + 1 : p->neven) && n < EVEN_TERMS; ++j) {
+                const double y = (z[p->even[j]] - mean[p->even[j]]) / deviation[p->even[j]];
+                term[n++] = degree == 1 ? x : x * y;
+            }
+        }
+        for (int i = 0; i < p->nodd && degree == 1; ++i) {
+            for (int j = i; j < p->nodd && n < EVEN_TERMS; ++j) {
+                term[n++] =
+                    z[p->odd[i]] / deviation[p->odd[i]] * z[p->odd[j]] / deviation[p->odd[j]];
+            }
+        }
+    }
+    return n;
+}
+
+// Adds the component `odd` and its products with even variables to n terms. Returns their number.
+static int odd_terms(const pm_look *look, const pm_parity *p, int k, int odd, const double *mean,
+                     const double *deviation, int n, double *term) {
+    const double *z = look->z + (ptrdiff_t)k * look->scene->nz;
+    const double x = z[odd] / deviation[odd];
+    term[n++] = x;
+    for (int i = 0; i < p->neven; ++i) {
+        term[n++] = x * (z[p->even[i]] - mean[p->even[i]]) / deviation[p->even[i]];
+    }
+    return n;
+}
+
+// The regression of the rate of component `target` on the even terms and, if `with` >= 0, on
+// those that are linear in the component `with`. Returns the unexplained fraction of the squares.
+static double explain_even(const pm_look *look, const pm_parity *p, int target, int with,
+                           const double *mean, const double *deviation) {
+    const int nz = look->scene->nz;
+    double middle[MOST_TERMS] = {0}, term[MOST_TERMS], solution[MOST_TERMS];
+    const double y = mean_of(look, look->rate, target);
+    sums s = {0};
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int k = 0; k < look->count; ++k) {
+            int n = even_terms(look, p, k, mean, deviation, term);
+            if (with >= 0) {
+                n = odd_terms(look, p, k, with, mean, deviation, n, term);
+            }
+            for (int a = 0; a < n; ++a) {
+                middle[a] += pass == 0 ? term[a] / look->count : 0;
+                term[a] -= pass == 0 ? 0 : middle[a];
+            }
+            s.n = n;
+            if (pass == 1) {
+                add_equation(&s, term, look->rate[(ptrdiff_t)k * nz + target] - y);
+            }
+        }
+    }
+    return solve(&s, solution);
+}
+
+double pm_look_odd_part(const pm_look *look, const pm_parity *p, int target, int odd) {
+    double mean[PM_MAX_LOOK_STATES], deviation[PM_MAX_LOOK_STATES];
+    const int nz = look->scene->nz;
+    if (nz > PM_MAX_LOOK_STATES) {
+        return 0;
+    }
+    for (int c = 0; c < nz; ++c) {
+        mean[c] = mean_of(look, look->z, c);
+        deviation[c] = 0;
+        for (int k = 0; k < look->count; ++k) {
+            const double x = look->z[(ptrdiff_t)k * nz + c] - mean[c];
+            deviation[c] += x * x / look->count;
+        }
+        deviation[c] = deviation[c] > 0 ? sqrt(deviation[c]) : 1;
+    }
+    const double without = explain_even(look, p, target, -1, mean, deviation);
+    const double rest = explain_even(look, p, target, odd, mean, deviation);
+    return without < SMALLEST_REST ? 0 : 1 - rest / without;
 }
 
 // --- rank ---

@@ -58,6 +58,21 @@ double pm_look_explain(const pm_look *look, const pm_look_group *target, int cou
 double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, int count,
                               const pm_look_group *source, int degree);
 
+// Variables by their behaviour when time runs backwards: positions in the state of the scene of the
+// components that keep their sign (even) and of those that change it (odd).
+typedef struct pm_parity {
+    int neven, nodd;
+    int even[PM_LOOK_SOURCES], odd[PM_LOOK_SOURCES];
+} pm_parity;
+
+// Returns how much of the rate of component `target` needs a term that is odd in time: the fraction
+// of what a polynomial of second degree, even in time, leaves unexplained that the component `odd`
+// and its products with even variables explain. Heat that friction and conduction produce is even.
+// The rate of an entropy that a current carries to another place is odd. Returns 0 if the even
+// polynomial leaves almost nothing, and for scenes of more than PM_MAX_LOOK_STATES components.
+#define PM_MAX_LOOK_STATES 256
+double pm_look_odd_part(const pm_look *look, const pm_parity *parity, int target, int odd);
+
 // Returns the number of independent processes that the rates of `count` groups show: the rank of
 // the matrix of all their components in all examined states, each divided by its root mean square.
 // It is smaller than the number of components if some linear combinations do not change, such as

@@ -4,6 +4,8 @@
 
 #include "propose/propose_draft.h"
 
+#define CARRIED_WIDTH 4 // hidden units of the entropy that a current carries
+
 static const char *const ends[2] = {"a.", "b."};
 
 // Returns the groups that one end of a port exposes, those of a subsystem or of a boundary input.
@@ -78,41 +80,6 @@ static void write_named_groups(FILE *f, const char *before, const pm_part_view *
     }
 }
 
-// Writes the reversible operator of a port between two subsystems, or of one with a boundary input.
-static void write_reversible(const pm_draft *d, int port) {
-    FILE *f = d->file;
-    const pm_scene_port *scene = &d->p->scene->port[port];
-    if (scene->subsystem[0] < 0 || scene->subsystem[1] < 0) {
-        if (count_mechanical(&scene->layout[0]) > 0 && count_mechanical(&scene->layout[1]) > 0) {
-            write_boundary_input_pairs(d, port);
-        }
-        return;
-    }
-    pm_port_view view;
-    pm_view_port(&d->look, d->part, port, &view);
-    if (view.count == 0) {
-        fprintf(f,
-                "    # No variable of one end moves a variable of the other end without loss.\n");
-        return;
-    }
-    const pm_part_view *a = &d->part[scene->subsystem[0]], *b = &d->part[scene->subsystem[1]];
-    bool given = false;
-    for (int i = 0; i < view.count; ++i) {
-        given = given || view.pair[i].coefficient != 0;
-    }
-    fprintf(f, "    reversible:\n");
-    if (given) {
-        write_given_pairs(f, a, b, &view);
-        return;
-    }
-    fprintf(f,
-            "      # In the data, rates of one end follow variables of the other end. The strength "
-            "is learned.\n");
-    write_named_groups(f, "      learned: {acts_on: ", a, 0, &view);
-    write_named_groups(f, "], against: ", b, 1, &view);
-    fprintf(f, "]}\n");
-}
-
 // Returns true if dS of this group is known. A boundary input without dS takes no part in
 // dissipation.
 static bool has_coentropy(const pm_draft *d, int port, int end, const pm_group *group) {
@@ -138,6 +105,96 @@ static bool is_constant(const pm_draft *d, int port, int end, const pm_group *gr
 static bool port_heats(const pm_draft *d, int port, int end, const pm_group *group) {
     return is_entropy_unit(group) && has_coentropy(d, port, end, group) &&
            !is_constant(d, port, end, group);
+}
+
+// The groups of both ends that a learned reversible operator couples.
+typedef struct coupling {
+    bool current[2][PM_MAX_GROUPS]; // these carry entropy between the ends
+    bool named[2][PM_MAX_GROUPS];   // these belong to pairs whose coefficients are to be learned
+    bool carries;                   // any current
+} coupling;
+
+static coupling find_coupling(const pm_draft *d, int port, const pm_port_view *view, bool given) {
+    const pm_scene_port *scene = &d->p->scene->port[port];
+    coupling c = {.carries = false};
+    for (int end = 0; end < 2; ++end) {
+        const pm_part_view *part = &d->part[scene->subsystem[end]];
+        for (int g = 0; g < part->count; ++g) {
+            c.current[end][g] = pm_view_carries_entropy(&d->look, d->part, port, end, g);
+            c.carries = c.carries || c.current[end][g];
+        }
+    }
+    for (int i = 0; i < view->count && !given; ++i) {
+        c.named[0][view->pair[i].a] = true;
+        c.named[1][view->pair[i].b] = true;
+    }
+    return c;
+}
+
+// Writes a learned coupling of the currents with the entropies of both ends. Without loss only
+// variables that change their sign when time runs backwards move those that keep it. The entropy
+// that a current carries depends on the latter.
+static void write_carried(const pm_draft *d, int port, const coupling *c) {
+    const pm_scene_port *scene = &d->p->scene->port[port];
+    pm_draft_list l = {.file = d->file};
+    fprintf(d->file, "      # In the data a current carries entropy from one end to the other.\n");
+    for (int list = 0; list < 3; ++list) {
+        static const char *const before[] = {
+            "      learned: {acts_on: ", "], against: ", "], features: "};
+        l = pm_draft_open(d->file, before[list]);
+        for (int end = 0; end < 2; ++end) {
+            const pm_part_view *part = &d->part[scene->subsystem[end]];
+            for (int g = 0; g < part->count; ++g) {
+                const pm_group *group = part->group[g].group;
+                const bool heats = port_heats(d, port, end, group);
+                const bool coupled = c->current[end][g] || c->named[end][g] || heats;
+                const bool shows = list == 2 && pm_layout_find(shown(d, port, end), group->name) &&
+                                   !part->group[g].constant;
+                if ((coupled || shows) && part->odd[g] == (list == 0)) {
+                    pm_draft_add(&l, ends[end], group->name);
+                }
+            }
+        }
+    }
+    fprintf(d->file, "], hidden: [%d], skip: linear}\n", CARRIED_WIDTH);
+}
+
+// Writes the reversible operator of a port between two subsystems, or of one with a boundary input.
+static void write_reversible(const pm_draft *d, int port) {
+    FILE *f = d->file;
+    const pm_scene_port *scene = &d->p->scene->port[port];
+    if (scene->subsystem[0] < 0 || scene->subsystem[1] < 0) {
+        if (count_mechanical(&scene->layout[0]) > 0 && count_mechanical(&scene->layout[1]) > 0) {
+            write_boundary_input_pairs(d, port);
+        }
+        return;
+    }
+    pm_port_view view;
+    pm_view_port(&d->look, d->part, port, &view);
+    bool given = false;
+    for (int i = 0; i < view.count; ++i) {
+        given = given || view.pair[i].coefficient != 0;
+    }
+    const coupling c = find_coupling(d, port, &view, given);
+    if (view.count == 0 && !c.carries) {
+        fprintf(f,
+                "    # No variable of one end moves a variable of the other end without loss.\n");
+        return;
+    }
+    const pm_part_view *a = &d->part[scene->subsystem[0]], *b = &d->part[scene->subsystem[1]];
+    fprintf(f, "    reversible:\n");
+    if (given) {
+        write_given_pairs(f, a, b, &view);
+    }
+    if (c.carries) {
+        write_carried(d, port, &c);
+    } else if (!given) {
+        fprintf(f, "      # In the data, rates of one end follow variables of the other end. The "
+                   "strength is learned.\n");
+        write_named_groups(f, "      learned: {acts_on: ", a, 0, &view);
+        write_named_groups(f, "], against: ", b, 1, &view);
+        fprintf(f, "]}\n");
+    }
 }
 
 // Returns true if the dissipation of a port may act on this group of one end.

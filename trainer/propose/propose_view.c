@@ -10,6 +10,7 @@
 #define TRACE 1e-4      // fraction that a coupling must explain
 #define GYROSCOPIC 1e-2 // the same between components of a momentum
 #define OPPOSITE 0.1    // symmetric part over skew part of opposite coefficients at most
+#define CARRIED 0.2     // of what is even in time leaves of the rate of an entropy, at least
 #define CLEAR 0.05      // unexplained fraction up to which a coefficient is trusted
 #define NEAR_WHOLE 0.15 // largest distance of a trusted coefficient from a whole number
 
@@ -368,4 +369,53 @@ void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_p
             }
         }
     }
+}
+
+// --- entropy carried by currents ---
+
+// Adds the components of all groups of a subsystem that change.
+static void add_parity(const pm_part_view *v, pm_parity *p) {
+    for (int g = 0; g < v->count; ++g) {
+        for (int c = 0; c < v->group[g].group->size && !v->group[g].constant; ++c) {
+            if (v->odd[g] && p->nodd < PM_LOOK_SOURCES) {
+                p->odd[p->nodd++] = v->group[g].first + c;
+            } else if (!v->odd[g] && p->neven < PM_LOOK_SOURCES) {
+                p->even[p->neven++] = v->group[g].first + c;
+            }
+        }
+    }
+}
+
+bool pm_view_carries_entropy(const pm_look *look, const pm_part_view *parts, int port, int end,
+                             int group) {
+    const pm_scene_port *scene = &look->scene->port[port];
+    if (scene->subsystem[0] < 0 || scene->subsystem[1] < 0) {
+        return false;
+    }
+    const pm_part_view *own = &parts[scene->subsystem[end]];
+    const pm_look_group *current = &own->group[group];
+    if (!own->unit[group].known || !own->odd[group] || current->constant ||
+        !pm_view_exposes(look->scene, port, end, current->group->name)) {
+        return false;
+    }
+    pm_parity parity = {0};
+    add_parity(&parts[scene->subsystem[0]], &parity);
+    add_parity(&parts[scene->subsystem[1]], &parity);
+    bool carries = true;
+    for (int e = 0; e < 2; ++e) { // what leaves one end arrives at the other
+        const pm_part_view *v = &parts[scene->subsystem[e]];
+        bool moves = false;
+        for (int g = 0; g < v->count; ++g) {
+            const bool heated = v->kind[g] == PM_VIEW_ENTROPY && !v->group[g].constant &&
+                                pm_view_exposes(look->scene, port, e, v->group[g].group->name);
+            for (int c = 0; c < v->group[g].group->size && heated; ++c) {
+                for (int k = 0; k < current->group->size; ++k) {
+                    moves = moves || pm_look_odd_part(look, &parity, v->group[g].first + c,
+                                                      current->first + k) > CARRIED;
+                }
+            }
+        }
+        carries = carries && moves;
+    }
+    return carries;
 }

@@ -61,6 +61,13 @@ void pm_view_parts(const pm_look *look, pm_part_view *view);
 // of pm_view_parts. A port with a boundary input has no couplings.
 void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_port_view *view);
 
+// Whether group number `group` at end `end` of a port carries entropy between two places without
+// loss, as an electric current does through a thermoelectric couple, or a flow of matter: its unit
+// is odd, and the rate of an entropy that the port exposes has a part that is odd in time and
+// follows the group. `parts` is the result of pm_view_parts.
+bool pm_view_carries_entropy(const pm_look *look, const pm_part_view *parts, int port, int end,
+                             int group);
+
 // Returns the factor by which a coefficient of a lossless pair in SI units becomes that of the
 // units of both variables.
 double pm_view_coefficient_unit(const pm_unit *a, const pm_unit *b);
