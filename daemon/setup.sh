@@ -5,8 +5,8 @@ build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libgli
     libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev libsuitesparse-dev liblbfgs-dev
     libwebsockets-dev gnuplot-nox iproute2 nftables hdf5-tools"
 
-# What the tests use besides: runs over MPI.
-test_packages="libopenmpi-dev openmpi-bin"
+# What the tests use besides: runs over MPI, meshes by Gmsh.
+test_packages="libopenmpi-dev openmpi-bin libgmsh-dev"
 
 # The folder for logs of what is installed.
 logs=build

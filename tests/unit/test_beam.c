@@ -259,6 +259,78 @@ static void row_of_the_top_face(void **state) {
     free_bar(&b);
 }
 
+// The surface of a box: its faces point outwards and have its area, and those near the clamp are
+// not drawn.
+static void surface_of_a_box(void **state) {
+    (void)state;
+    bar b;
+    pm_arena arena = {NULL};
+    pm_beam_skin skin;
+    pm_rng rng;
+    make_bar(&b, &elastic);
+    assert_int_equal(pm_beam_skin_make(&skin, &b.mesh, &arena), PM_OK);
+    const int *n = b.mesh.count;
+    const double *l = b.mesh.size;
+    double area = 0, volume = 0;
+    assert_int_equal(skin.nface, 2 * (n[0] * n[1] + n[1] * n[2] + n[2] * n[0]));
+    assert_int_equal(skin.nnode, b.mesh.nnode - (n[0] - 1) * (n[1] - 1) * (n[2] - 1));
+    for (int i = 0; i < skin.nface; ++i) {
+        const pm_beam_face *face = &skin.face[i];
+        area += face->area;
+        for (int d = 0; d < 3; ++d) {
+            volume += face->area * face->outward[d] * face->centre[d] / 3; // by Gauss's theorem
+        }
+    }
+    assert_near("area", area, 2 * (l[0] * l[1] + l[1] * l[2] + l[2] * l[0]), 1e-12 * area);
+    assert_near("volume", volume, l[0] * l[1] * l[2], 1e-12 * volume);
+    for (int i = 0; i < skin.nnode; ++i) {
+        const double up[3] = {0, 0, 1};
+        assert_true(pm_beam_skin_faces(&skin, i, up) == (b.mesh.position[skin.node[i]][2] == l[2]));
+    }
+    pm_rng_init(&rng, 1, 0);
+    for (int k = 0; k < 200; ++k) {
+        assert_true(pm_beam_skin_draw(&skin, 0.4, &rng)->centre[0] >= 0.39 * l[0]);
+    }
+    pm_arena_free(&arena);
+    free_bar(&b);
+}
+
+// A patch on a surface of any shape: equal forces on free nodes of one side, which press inwards.
+static void patch_on_a_surface(void **state) {
+    (void)state;
+    bar b;
+    pm_arena arena = {NULL};
+    pm_beam_skin skin;
+    make_bar(&b, &elastic);
+    assert_int_equal(pm_beam_skin_make(&skin, &b.mesh, &arena), PM_OK);
+    const pm_beam_patches patches = {.force = {8, 8},
+                                     .length = {4, 5},
+                                     .width = {2, 3},
+                                     .face = -1,
+                                     .ramp = {1, 1},
+                                     .hold = {1, 1},
+                                     .unload = {1, 1}};
+    for (int k = 0; k < 50; ++k) {
+        pm_rng rng;
+        pm_beam_load load;
+        pm_rng_init(&rng, 7, (uint64_t)k);
+        pm_beam_load_skin(&load, &b.mesh, &skin, &patches, &rng);
+        assert_true(load.nnode > 0);
+        int axis = -1; // normal to the side; the force has this component alone, since tilt is 0
+        for (int d = 0; d < 3; ++d) {
+            axis = fabs(load.force[d]) * load.nnode > 1 ? d : axis;
+        }
+        assert_near("total force", fabs(load.force[axis]) * load.nnode, 8, 1e-12);
+        for (int i = 0; i < load.nnode; ++i) {
+            const double *x = b.mesh.position[load.node[i]];
+            assert_false(b.mesh.clamped[load.node[i]]);
+            assert_near("side", x[axis], load.force[axis] < 0 ? b.mesh.size[axis] : 0, 1e-12);
+        }
+    }
+    pm_arena_free(&arena);
+    free_bar(&b);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(relaxation_follows_the_series),
@@ -268,6 +340,8 @@ int main(void) {
         cmocka_unit_test(newton_converges_quadratically),
         cmocka_unit_test(energy_is_balanced),
         cmocka_unit_test(row_of_the_top_face),
+        cmocka_unit_test(surface_of_a_box),
+        cmocka_unit_test(patch_on_a_surface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -57,7 +57,7 @@ static void add_differences(const bar *b, const pm_field *public, const int *nod
             sum->displacement += pow(now->q[3 * i + d] - other[d], 2);
             sum->displacement_scale += u * u;
         }
-        for (int m = 0; m < PM_SYMMETRIC && !pm_beam_mesh_clamped(&b->mesh, i); ++m) {
+        for (int m = 0; m < PM_SYMMETRIC && !b->mesh.clamped[i]; ++m) {
             sum->stress += pow(now->sigma[PM_SYMMETRIC * i + m] - other[6 + m], 2);
             sum->stress_scale += other[6 + m] * other[6 + m];
         }

@@ -23,7 +23,11 @@ static pm_status choose_load(const pm_beam_system *system, uint64_t seed, int tr
     if (system->positions == 0) {
         pm_rng rng;
         pm_rng_init(&rng, seed, (uint64_t)trajectory);
-        pm_beam_load_patch(load, &system->mesh, &system->patches, &rng);
+        if (system->file != NULL) {
+            pm_beam_load_skin(load, &system->mesh, &system->skin, &system->patches, &rng);
+        } else {
+            pm_beam_load_patch(load, &system->mesh, &system->patches, &rng);
+        }
     } else if (trajectory >= PM_BEAM_FACES * system->positions) {
         return pm_fail(PM_ECONFIG, "beam: trajectory %d of %d: %d rows on each of %d faces",
                        trajectory, PM_BEAM_FACES * system->positions, system->positions,
@@ -142,7 +146,7 @@ static void describe(const void *data, int body, pm_field *field) {
             relative[d] = x[d] - placement->origin[d];
         }
         pm_beam_placement_turn_back(placement, relative, field->position + 3 * i);
-        field->clamped[i] = pm_beam_mesh_clamped(mesh, i);
+        field->clamped[i] = mesh->clamped[i];
     }
     for (int i = 0; i < field->nelement * PM_BEAM_CORNERS; ++i) {
         field->hexahedron[i] = mesh->hexahedron[i / PM_BEAM_CORNERS][i % PM_BEAM_CORNERS];
@@ -158,7 +162,7 @@ pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
     }
     pm_beam_system *system = &beams->system;
     const pm_beam_mesh *mesh = &system->mesh;
-    PM_TRY(pm_beam_config_read(block, arena, system));
+    PM_TRY(pm_beam_config_read(block, model->path, arena, system));
     model->parameters = pm_beam_config_describe(system, arena);
     if (model->parameters == NULL) {
         return pm_fail(PM_ENOMEM, "truth: out of memory");
@@ -174,8 +178,10 @@ pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
         .describe = describe,
         .run = run,
     };
-    model->title = mesh->nbody > 1 ? "Clamped beams of viscoelastic rubber under loads, in contact"
-                                   : "A clamped beam of viscoelastic rubber under loads";
+    model->title = system->file != NULL ? "A clamped body of viscoelastic rubber under loads"
+                   : mesh->nbody > 1
+                       ? "Clamped beams of viscoelastic rubber under loads, in contact"
+                       : "A clamped beam of viscoelastic rubber under loads";
     model->units = "m;m;m;m/s;m/s;m/s;Pa;Pa;Pa;Pa;Pa;Pa";
     model->ode.data = system;
     model->body = &beams->body;

@@ -3,7 +3,9 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
+#include "truth/beam_element.h"
 #include "truth/numbers.h"
 
 // The largest element counts, with which a face has at most PM_BEAM_MAX_LOADED nodes.
@@ -118,10 +120,66 @@ static pm_status read_beams(pm_yaml block, pm_arena *arena, const int count[3],
     return pm_yaml_choice(loaded, name, &system->loaded);
 }
 
-static pm_status read_mesh(pm_yaml block, pm_arena *arena, pm_beam_system *system) {
+// Returns true if all elements have a positive volume at all points.
+static bool is_sound(const pm_beam_mesh *mesh, int *element) {
+    for (int e = 0; e < mesh->nelement; ++e) {
+        pm_beam_element brick;
+        double x[PM_BEAM_FREEDOMS];
+        for (int c = 0; c < PM_BEAM_CORNERS; ++c) {
+            memcpy(x + 3 * c, mesh->position[mesh->hexahedron[e][c]], 3 * sizeof *x);
+        }
+        pm_beam_element_init(&brick, x);
+        for (int p = 0; p < PM_BEAM_POINTS; ++p) {
+            if (!(brick.weight[p] > 0)) {
+                *element = e;
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+// Reads a body of any shape. Its file is named relative to the folder of the truth file `path`.
+static pm_status read_file(pm_yaml block, const char *path, pm_arena *arena,
+                           pm_beam_system *system) {
+    static const char *const of_boxes[] = {"size",   "elements", "beams", "contact",
+                                           "loaded", "rows",     NULL};
+    const pm_yaml file = pm_yaml_get(block, "mesh");
+    const char *slash = strrchr(path, '/'), *name, *full;
+    int element = 0;
+    for (const char *const *key = of_boxes; *key != NULL; ++key) {
+        if (pm_yaml_exists(pm_yaml_get(block, *key))) {
+            return pm_yaml_fail(pm_yaml_get(block, *key), "only a box has `%s`, not a `mesh`",
+                                *key);
+        }
+    }
+    PM_TRY(pm_yaml_text(file, arena, &name));
+    full = name[0] == '/' || slash == NULL
+               ? name
+               : pm_arena_printf(arena, "%.*s%s", (int)(slash + 1 - path), path, name);
+    if (full == NULL) {
+        return pm_fail(PM_ENOMEM, "truth: out of memory");
+    }
+    PM_TRY(pm_beam_mesh_load(&system->mesh, full, arena));
+    system->file = name;
+    if (!is_sound(&system->mesh, &element)) {
+        return pm_yaml_fail(file, "element %d of %s is turned inside out", element, full);
+    }
+    PM_TRY(pm_beam_skin_make(&system->skin, &system->mesh, arena));
+    return system->skin.nnode <= PM_BEAM_MAX_LOADED
+               ? PM_OK
+               : pm_yaml_fail(file, "%s has %d nodes on its surface, expected at most %d", full,
+                              system->skin.nnode, PM_BEAM_MAX_LOADED);
+}
+
+static pm_status read_mesh(pm_yaml block, const char *path, pm_arena *arena,
+                           pm_beam_system *system) {
     static const char *const several[] = {"contact", "loaded", NULL};
     double size[3];
     int count[3];
+    if (pm_yaml_exists(pm_yaml_get(block, "mesh"))) {
+        return read_file(block, path, arena, system);
+    }
     PM_TRY(read_box(block, arena, count, size));
     if (pm_yaml_exists(pm_yaml_get(block, "beams"))) {
         return read_beams(block, arena, count, size, system);
@@ -174,13 +232,16 @@ static pm_status read_range(pm_yaml map, const char *key, pm_arena *arena, doubl
                : pm_yaml_fail(pm_yaml_get(map, key), "expected [lowest, highest], both > 0");
 }
 
-static pm_status read_patches(pm_yaml map, pm_arena *arena, pm_beam_patches *patches) {
+static pm_status read_patches(pm_yaml map, bool box, pm_arena *arena, pm_beam_patches *patches) {
     static const char *const keys[] = {"face", "force", "length", "width", "tilt",
                                        "ramp", "hold",  "unload", NULL};
     static const char *const faces[] = {"+y", "+z", "-y", "-z", NULL}; // as in beam_load.h
     pm_yaml face = pm_yaml_get(map, "face");
     PM_TRY(pm_yaml_allow(map, keys));
     patches->face = -1;
+    if (pm_yaml_exists(face) && !box) {
+        return pm_yaml_fail(face, "only a box has a `face`, not a `mesh`");
+    }
     if (pm_yaml_exists(face)) {
         PM_TRY(pm_yaml_choice(face, faces, &patches->face));
     }
@@ -203,12 +264,14 @@ static pm_status read_rows(pm_yaml map, pm_beam_system *system) {
     return pm_yaml_int(positions, 1, system->mesh.count[0], &system->positions);
 }
 
-pm_status pm_beam_config_read(pm_yaml block, pm_arena *arena, pm_beam_system *system) {
-    static const char *const keys[] = {"size",    "elements", "material", "substeps", "beams",
-                                       "contact", "loaded",   "rows",     "patches",  NULL};
+pm_status pm_beam_config_read(pm_yaml block, const char *path, pm_arena *arena,
+                              pm_beam_system *system) {
+    static const char *const keys[] = {"size",     "elements", "mesh",    "material",
+                                       "substeps", "beams",    "contact", "loaded",
+                                       "rows",     "patches",  NULL};
     pm_yaml substeps, rows = pm_yaml_get(block, "rows"), patches;
     PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(read_mesh(block, arena, system));
+    PM_TRY(read_mesh(block, path, arena, system));
     PM_TRY(read_material(block, arena, &system->material));
     PM_TRY(pm_yaml_require(block, "substeps", &substeps));
     PM_TRY(pm_yaml_int(substeps, 1, 1000, &system->substeps));
@@ -218,16 +281,21 @@ pm_status pm_beam_config_read(pm_yaml block, pm_arena *arena, pm_beam_system *sy
                    : read_rows(rows, system);
     }
     PM_TRY(pm_yaml_require(block, "patches", &patches));
-    return read_patches(patches, arena, &system->patches);
+    return read_patches(patches, system->file == NULL, arena, &system->patches);
 }
 
 const char *pm_beam_config_describe(const pm_beam_system *system, pm_arena *arena) {
     const pm_beam_mesh *mesh = &system->mesh;
     const pm_beam_material *m = &system->material;
-    const char *text = pm_arena_printf(
-        arena, "%g x %g x %g m in %d x %d x %d bricks; C10 %g Pa, C01 %g Pa, D1 %g 1/Pa",
-        mesh->size[0], mesh->size[1], mesh->size[2], mesh->count[0], mesh->count[1], mesh->count[2],
-        m->C10, m->C01, m->D1);
+    const char *text = system->file != NULL
+                           ? pm_arena_printf(arena, "%s, %d bricks", system->file, mesh->nelement)
+                           : pm_arena_printf(arena, "%g x %g x %g m in %d x %d x %d bricks",
+                                             mesh->size[0], mesh->size[1], mesh->size[2],
+                                             mesh->count[0], mesh->count[1], mesh->count[2]);
+    if (text != NULL) {
+        text = pm_arena_printf(arena, "%s; C10 %g Pa, C01 %g Pa, D1 %g 1/Pa", text, m->C10, m->C01,
+                               m->D1);
+    }
     for (int i = 0; i < m->nbranch && text != NULL; ++i) {
         text = pm_arena_printf(arena, "%s; g %g, tau %g s", text, m->g[i], m->tau[i]);
     }

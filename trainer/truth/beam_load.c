@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-// The smallest distance from the clamp to the centre of a patch, relative to the beam's length.
+// The smallest distance from the clamp to the centre of a patch, relative to the largest one.
 static const double nearest = 0.4;
 
 // Returns the node of a face at indices i along the beam and j across.
@@ -66,17 +66,29 @@ static void add_rectangle(pm_beam_load *load, const pm_beam_mesh *mesh, int face
     }
 }
 
-// Draws size and direction of the force.
-static void draw_force(pm_beam_load *load, const pm_beam_patches *patches, int face, pm_rng *rng) {
-    double direction[3], square = 0;
-    for (int d = 0; d < 3; ++d) {
-        direction[d] = d == axis_in(face) ? sign_in(face) : patches->tilt * pm_rng_normal(rng);
-        square += direction[d] * direction[d];
+// Draws size and direction of the force. The axes `axis` [3] are perpendicular, and number `in` of
+// them points into the body.
+static void draw_force(pm_beam_load *load, const pm_beam_patches *patches, int in,
+                       double (*axis)[3], pm_rng *rng) {
+    double direction[3] = {0}, square = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double part = k == in ? 1 : patches->tilt * pm_rng_normal(rng);
+        for (int d = 0; d < 3; ++d) {
+            direction[d] += part * axis[k][d];
+        }
+        square += part * part;
     }
     const double size = draw_between(rng, patches->force) / (load->nnode * sqrt(square));
     for (int d = 0; d < 3; ++d) {
         load->force[d] = size * direction[d];
     }
+}
+
+// Draws the times at which the force has risen, begins to fall and has fallen.
+static void draw_times(pm_beam_load *load, const pm_beam_patches *patches, pm_rng *rng) {
+    load->time[1] = draw_between(rng, patches->ramp);
+    load->time[2] = load->time[1] + draw_between(rng, patches->hold);
+    load->time[3] = load->time[2] + draw_between(rng, patches->unload);
 }
 
 void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
@@ -93,10 +105,68 @@ void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
     half[0] = draw_between(rng, patches->length) / 2;
     half[1] = draw_between(rng, patches->width) / 2;
     add_rectangle(load, mesh, face, centre, half);
-    draw_force(load, patches, face, rng);
-    load->time[1] = draw_between(rng, patches->ramp);
-    load->time[2] = load->time[1] + draw_between(rng, patches->hold);
-    load->time[3] = load->time[2] + draw_between(rng, patches->unload);
+    double axis[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    axis[axis_in(face)][axis_in(face)] = sign_in(face);
+    draw_force(load, patches, axis_in(face), axis, rng);
+    draw_times(load, patches, rng);
+}
+
+// Computes two axes [3] of the tangential plane and, third, the one into the body. The first one is
+// that closest to x, or to y where the plane is perpendicular to x.
+static void find_axes(const double *outward, double (*axis)[3]) {
+    const int along = fabs(outward[0]) < 0.9 ? 0 : 1;
+    double square = 0;
+    for (int d = 0; d < 3; ++d) {
+        axis[2][d] = -outward[d];
+        axis[0][d] = (d == along) - outward[along] * outward[d];
+        square += axis[0][d] * axis[0][d];
+    }
+    for (int d = 0; d < 3; ++d) {
+        axis[0][d] /= sqrt(square);
+    }
+    for (int d = 0; d < 3; ++d) {
+        const int e = (d + 1) % 3, f = (d + 2) % 3;
+        axis[1][d] = axis[2][e] * axis[0][f] - axis[2][f] * axis[0][e];
+    }
+}
+
+// Returns true if a node lies in the rectangle around `centre`, and not on another side of the
+// body.
+static bool lies_in(const double *x, const double *centre, double (*axis)[3],
+                    const double half[2]) {
+    const double reach[3] = {half[0], half[1], fmax(half[0], half[1]) / 2};
+    for (int k = 0; k < 3; ++k) {
+        double along = 0;
+        for (int d = 0; d < 3; ++d) {
+            along += axis[k][d] * (x[d] - centre[d]);
+        }
+        if (fabs(along) > reach[k]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+void pm_beam_load_skin(pm_beam_load *load, const pm_beam_mesh *mesh, const pm_beam_skin *skin,
+                       const pm_beam_patches *patches, pm_rng *rng) {
+    *load = (pm_beam_load){.fraction = {0, 1, 1, 0}};
+    const pm_beam_face *face = pm_beam_skin_draw(skin, nearest, rng);
+    double axis[3][3], half[2];
+    find_axes(face->outward, axis);
+    half[0] = draw_between(rng, patches->length) / 2;
+    half[1] = draw_between(rng, patches->width) / 2;
+    for (int i = 0; i < skin->nnode; ++i) {
+        const int node = skin->node[i];
+        if (!mesh->clamped[node] && pm_beam_skin_faces(skin, i, face->outward) &&
+            lies_in(mesh->position[node], face->centre, axis, half)) {
+            add_node(load, node);
+        }
+    }
+    for (int i = 0; i < 4 && load->nnode == 0; ++i) { // a small patch between nodes
+        add_node(load, face->node[i]);
+    }
+    draw_force(load, patches, 2, axis, rng);
+    draw_times(load, patches, rng);
 }
 
 // Returns the fraction of the full load at time t s.

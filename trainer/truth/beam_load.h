@@ -4,7 +4,7 @@
 #define PM_TRAINER_TRUTH_BEAM_LOAD_H
 
 #include "base/rng.h"
-#include "truth/beam_mesh.h"
+#include "truth/beam_skin.h"
 
 #define PM_BEAM_MAX_LOADED 2048 // nodes of a face
 #define PM_BEAM_KNOTS 4
@@ -41,6 +41,13 @@ typedef struct pm_beam_patches {
 // the beam. The load rises, stays, and falls to zero.
 void pm_beam_load_patch(pm_beam_load *load, const pm_beam_mesh *mesh,
                         const pm_beam_patches *patches, pm_rng *rng);
+
+// Does the same on a body of any shape: the patch is the part of the surface around a random point
+// that faces the same way, and `length` lies along the direction in the surface that is closest to
+// x. `face` has no effect. The distance from the nearest clamped node takes the place of that along
+// the beam.
+void pm_beam_load_skin(pm_beam_load *load, const pm_beam_mesh *mesh, const pm_beam_skin *skin,
+                       const pm_beam_patches *patches, pm_rng *rng);
 
 // Computes the forces on all nodes at time t s: f [nnode][3], N, in the global frame.
 void pm_beam_load_at(const pm_beam_load *load, const pm_beam_mesh *mesh, double t, double *f);

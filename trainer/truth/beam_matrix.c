@@ -25,7 +25,7 @@ struct pm_beam_matrix {
 static int number_freedoms(pm_beam_matrix *matrix) {
     int count = 0;
     for (int i = 0; i < matrix->mesh->nnode; ++i) {
-        const bool clamped = pm_beam_mesh_clamped(matrix->mesh, i);
+        const bool clamped = matrix->mesh->clamped[i];
         matrix->freedom[i] = clamped ? -1 : count;
         count += clamped ? 0 : 3;
     }

@@ -223,7 +223,7 @@ static bool assemble(pm_beam *beam, double h, const double *f, bool exact, itera
 static double free_norm(const pm_beam *beam) {
     double square = 0;
     for (int i = 0; i < beam->mesh->nnode; ++i) {
-        for (int d = 0; d < 3 && !pm_beam_mesh_clamped(beam->mesh, i); ++d) {
+        for (int d = 0; d < 3 && !beam->mesh->clamped[i]; ++d) {
             square += beam->residual[3 * i + d] * beam->residual[3 * i + d];
         }
     }
@@ -283,7 +283,7 @@ static bool advance(pm_beam *beam, double h, const double *f, bool search, itera
 
 // Returns true if the increment is negligible.
 static bool increment_is_negligible(const pm_beam *beam) {
-    const double most = NEGLIGIBLE * beam->mesh->size[0] / beam->mesh->count[0];
+    const double most = NEGLIGIBLE * beam->mesh->edge;
     double longest = 0;
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
         longest = fmax(longest, fabs(beam->increment[i]));

@@ -67,7 +67,9 @@ pm_status pm_truth_load(pm_truth **result, const char *path) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", path);
     }
     PM_TRY_DONE(pm_yaml_open(&document, path, &root));
+    truth->model.path = path;
     PM_TRY_DONE(read_root(truth, root));
+    truth->model.path = NULL; // the caller owns it
     *result = truth;
     truth = NULL;
 done:

@@ -35,6 +35,7 @@ typedef struct pm_truth_body {
 // The model that a simulator makes of its configuration. Everything lives in the configuration's
 // arena. For bodies only ode.data, title, units and parameters have a meaning besides `body`.
 typedef struct pm_truth_model {
+    const char *path; // of the truth file, known before the simulator reads its block
     pm_ode ode;
     const pm_truth_body *body; // NULL: the model is an ODE
     const char *title;

@@ -1,0 +1,256 @@
+// Reads meshes by the library of Gmsh.
+#include "mesh/gmsh_file.h"
+
+#include <gmshc.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "model/solid/brick.h"
+
+// Gmsh's number of the hexahedron with eight nodes. It orders them as VTK does.
+#define HEXAHEDRON 5
+
+// What Gmsh gives of a mesh. It owns the arrays until they are freed.
+typedef struct gmsh_mesh {
+    size_t *node;                // [nnode] tags
+    double *x;                   // [nnode][3]
+    size_t nnode, most;          // the largest tag
+    int *type;                   // [ntype] of elements of the volume
+    size_t **element, *nelement; // [ntype] tags, and their numbers
+    size_t **corner, *ncorner;   // [ntype] tags of their nodes
+    size_t ntype, nlist;
+} gmsh_mesh;
+
+static void free_lists(size_t **list, size_t count) {
+    for (size_t i = 0; i < count; ++i) {
+        gmshFree(list[i]);
+    }
+    gmshFree(list);
+}
+
+static void close_mesh(gmsh_mesh *g) {
+    gmshFree(g->node);
+    gmshFree(g->x);
+    gmshFree(g->type);
+    free_lists(g->element, g->nlist);
+    free_lists(g->corner, g->nlist);
+    gmshFree(g->nelement);
+    gmshFree(g->ncorner);
+}
+
+static pm_status fail(const char *path) {
+    char *text = NULL;
+    int error = 0;
+    gmshLoggerGetLastError(&text, &error);
+    const pm_status status = pm_fail(PM_EFILE, "%s: Gmsh: %s", path,
+                                     text != NULL && text[0] != 0 ? text : "unknown error");
+    gmshFree(text);
+    return status;
+}
+
+// --- reading ---
+
+static pm_status read_elements(gmsh_mesh *g, const char *path) {
+    int error = 0;
+    gmshModelMeshGetElements(&g->type, &g->ntype, &g->element, &g->nelement, &g->nlist, &g->corner,
+                             &g->ncorner, &g->nlist, 3, -1, &error);
+    return error != 0 ? fail(path) : PM_OK;
+}
+
+// Opens a mesh, or meshes a geometry.
+static pm_status read_all(gmsh_mesh *g, const char *path, bool split) {
+    int error = 0;
+    FILE *file = fopen(path, "r"); // Gmsh would start a new model
+    if (file == NULL) {
+        return pm_fail(PM_EFILE, "%s: the file cannot be read", path);
+    }
+    fclose(file);
+    gmshOpen(path, &error);
+    PM_TRY(error != 0 ? fail(path) : read_elements(g, path));
+    const bool meshed = g->ntype > 0;
+    if (split) {
+        gmshOptionSetNumber("Mesh.SubdivisionAlgorithm", 2, &error);
+    }
+    if (!meshed) {
+        gmshModelMeshGenerate(3, &error); // splits elements, too
+    } else if (split) {
+        gmshModelMeshRefine(&error);
+    }
+    PM_TRY(error != 0 ? fail(path) : PM_OK);
+    if (!meshed || split) {
+        close_mesh(g);
+        *g = (gmsh_mesh){0};
+        PM_TRY(read_elements(g, path));
+    }
+    double *parameter = NULL;
+    size_t ncoordinate = 0, nparameter = 0;
+    gmshModelMeshGetNodes(&g->node, &g->nnode, &g->x, &ncoordinate, &parameter, &nparameter, -1, -1,
+                          0, 0, &error);
+    gmshFree(parameter);
+    for (size_t i = 0; i < g->nnode; ++i) {
+        g->most = g->node[i] > g->most ? g->node[i] : g->most;
+    }
+    return error != 0 ? fail(path) : PM_OK;
+}
+
+// --- checks ---
+
+// Refuses elements of the volume that are not hexahedra with eight nodes, and finds the place of
+// these.
+static pm_status find_bricks(const gmsh_mesh *g, const char *path, size_t *at) {
+    *at = g->ntype;
+    for (size_t i = 0; i < g->ntype; ++i) {
+        char *name = NULL;
+        double *local = NULL;
+        size_t nlocal = 0;
+        int dimension, order, nnode, nprimary, error = 0;
+        if (g->type[i] == HEXAHEDRON) {
+            *at = i;
+            continue;
+        }
+        gmshModelMeshGetElementProperties(g->type[i], &name, &dimension, &order, &nnode, &local,
+                                          &nlocal, &nprimary, &error);
+        const pm_status status =
+            pm_fail(PM_EDATA,
+                    "%s: element %zu (one of %zu) is a %s, expected hexahedra with eight nodes; "
+                    "--split makes them of elements of first order",
+                    path, g->element[i][0], g->nelement[i], name == NULL ? "different one" : name);
+        gmshFree(name);
+        gmshFree(local);
+        return status;
+    }
+    return *at < g->ntype
+               ? PM_OK
+               : pm_fail(PM_EDATA, "%s: no element of a volume, expected hexahedra", path);
+}
+
+static pm_status check_bricks(const pm_solid_mesh *mesh, const size_t *tag, const char *path) {
+    for (int e = 0; e < mesh->nelement; ++e) {
+        double x[3 * PM_BRICK_NODES];
+        pm_brick brick;
+        for (int n = 0; n < PM_BRICK_NODES; ++n) {
+            memcpy(x + 3 * n, mesh->position + 3 * (ptrdiff_t)mesh->brick[PM_BRICK_NODES * e + n],
+                   3 * sizeof *x);
+        }
+        if (!pm_brick_make(&brick, x)) {
+            return pm_fail(PM_EDATA, "%s: element %zu is turned inside out", path, tag[e]);
+        }
+    }
+    return PM_OK;
+}
+
+// --- the clamp ---
+
+// Adds the name of a group to the names that a message lists.
+static void list_name(char *names, size_t size, const char *name) {
+    const size_t used = strlen(names);
+    snprintf(names + used, size - used, "%s%s", used > 0 ? ", " : "", name);
+}
+
+// Marks the nodes of one group, by the numbers of their tags, `number` [most + 1] or -1.
+static bool clamp_group(int dimension, int group, const int *number, size_t most, bool *clamped) {
+    size_t *tag = NULL, count = 0, ncoordinate = 0;
+    double *x = NULL;
+    int error = 0;
+    gmshModelMeshGetNodesForPhysicalGroup(dimension, group, &tag, &count, &x, &ncoordinate, &error);
+    for (size_t i = 0; i < count && error == 0; ++i) {
+        if (tag[i] <= most && number[tag[i]] >= 0) {
+            clamped[number[tag[i]]] = true;
+        }
+    }
+    gmshFree(tag);
+    gmshFree(x);
+    return error == 0;
+}
+
+static pm_status clamp(const char *wanted, const int *number, size_t most, const char *path,
+                       bool *clamped) {
+    int *pair = NULL, error = 0;
+    size_t count = 0, found = 0;
+    char names[200] = "";
+    bool good = true;
+    gmshModelGetPhysicalGroups(&pair, &count, -1, &error);
+    for (size_t i = 0; i + 1 < count && error == 0 && good; i += 2) {
+        char *name = NULL;
+        gmshModelGetPhysicalName(pair[i], pair[i + 1], &name, &error);
+        if (name != NULL && strcmp(name, wanted) == 0) {
+            good = clamp_group(pair[i], pair[i + 1], number, most, clamped);
+            ++found;
+        } else if (name != NULL) {
+            list_name(names, sizeof names, name);
+        }
+        gmshFree(name);
+    }
+    gmshFree(pair);
+    if (error != 0 || !good) {
+        return fail(path);
+    }
+    return found > 0 ? PM_OK
+                     : pm_fail(PM_EDATA, "%s: no physical group \"%s\", found: %s", path, wanted,
+                               names[0] != 0 ? names : "none");
+}
+
+// --- the result ---
+
+// Numbers the nodes of the bricks in the order of their tags, and copies both.
+static pm_status copy(const gmsh_mesh *g, size_t at, pm_arena *arena, int **number,
+                      pm_solid_mesh *mesh) {
+    const size_t ncorner = g->ncorner[at];
+    double *x = pm_arena_array(arena, 3 * g->nnode, sizeof *x);
+    int *brick = pm_arena_array(arena, ncorner, sizeof *brick);
+    *number = pm_arena_array(arena, g->most + 1, sizeof **number);
+    if (x == NULL || brick == NULL || *number == NULL || ncorner > INT32_MAX) {
+        return pm_fail(PM_ENOMEM, "out of memory for a mesh");
+    }
+    for (size_t i = 0; i <= g->most; ++i) {
+        (*number)[i] = -1;
+    }
+    for (size_t i = 0; i < ncorner; ++i) {
+        (*number)[g->corner[at][i]] = 0;
+    }
+    int count = 0;
+    for (size_t i = 0; i < g->nnode; ++i) {
+        if ((*number)[g->node[i]] == 0) {
+            memcpy(x + 3 * count, g->x + 3 * i, 3 * sizeof *x);
+            (*number)[g->node[i]] = count++;
+        }
+    }
+    for (size_t i = 0; i < ncorner; ++i) {
+        brick[i] = (*number)[g->corner[at][i]];
+    }
+    *mesh = (pm_solid_mesh){
+        .nnode = count, .nelement = (int)(ncorner / PM_BRICK_NODES), .position = x, .brick = brick};
+    return PM_OK;
+}
+
+static pm_status make_mesh(const gmsh_mesh *g, const char *path, const char *wanted,
+                           pm_arena *arena, pm_solid_mesh *mesh) {
+    size_t at;
+    int *number;
+    PM_TRY(find_bricks(g, path, &at));
+    PM_TRY(copy(g, at, arena, &number, mesh));
+    bool *clamped = pm_arena_array(arena, (size_t)mesh->nnode, sizeof *clamped);
+    PM_TRY(clamped == NULL ? pm_fail(PM_ENOMEM, "out of memory for a mesh") : PM_OK);
+    PM_TRY(clamp(wanted, number, g->most, path, clamped));
+    mesh->clamped = clamped;
+    return check_bricks(mesh, g->element[at], path);
+}
+
+pm_status pm_gmsh_read(pm_solid_mesh *mesh, const char *path, const char *clamped, bool split,
+                       pm_arena *arena) {
+    gmsh_mesh g = {0};
+    int error = 0;
+    gmshInitialize(0, NULL, 0, &error);
+    if (error != 0) {
+        return pm_fail(PM_EFILE, "%s: Gmsh does not start", path);
+    }
+    gmshOptionSetNumber("General.Terminal", 0, &error); // libraries do not print
+    pm_status status = read_all(&g, path, split);
+    if (status == PM_OK) {
+        status = make_mesh(&g, path, clamped, arena, mesh);
+    }
+    close_mesh(&g);
+    gmshFinalize(&error);
+    return status;
+}
