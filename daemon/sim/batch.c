@@ -29,8 +29,7 @@ static bool has_contact(const pm_system *system, int id) {
 static bool can_serve(const pm_system *system) {
     const pm_scene *scene = system->scene;
     const pm_integrator *rk = scene->integrator;
-    bool can = !rk->discrete && !rk->multirate && !rk->balanced && scene->tolerance == 0 &&
-               scene->nboundary_input == 0;
+    bool can = !rk->discrete && !rk->multirate && scene->nboundary_input == 0;
     for (int i = 0; i < scene->nsubsystem && can; ++i) {
         can = scene->subsystem[i].substeps == 1 &&
               (system->part_owner[i] != i ||
@@ -67,7 +66,7 @@ pm_status pm_batch_open(pm_batch **batch, const pm_system *system, int count, co
     b->count = count;
     b->id = id;
     b->integrator = system->scene->integrator;
-    b->h = system->scene->dt / system->scene->substeps;
+    pm_batch_set_substeps(b, system->scene->substeps);
     pm_status status = open_books(b);
     status = status == PM_OK ? pm_batch_open_parts(b) : status;
     bool served = status == PM_OK;
@@ -100,6 +99,11 @@ void pm_batch_close(pm_batch *batch) {
         pm_arena_free(&batch->arena);
         free(batch);
     }
+}
+
+void pm_batch_set_substeps(pm_batch *batch, int substeps) {
+    batch->substeps = substeps;
+    batch->h = batch->system->scene->dt / substeps;
 }
 
 int pm_batch_lanes(const pm_batch *batch) {
@@ -142,37 +146,51 @@ static double *next_state(const pm_batch *b) {
     return b->state[i];
 }
 
-// Combines the stages up to number `stage`, exposes all subsystems at the new state, and checks it
-// if it ends the step.
-static void advance(pm_batch *b, int stage, bool ends_step) {
+// Computes the state of a block at the next stage, or after the last stage that after the substep,
+// which may be the last one of the step. `before` is the state at the present stage.
+static void advance_block(pm_batch *b, pm_batch_part *p, int block, const double *before,
+                          bool ends_step) {
     const pm_integrator *rk = b->integrator;
-    const bool last = stage + 1 == rk->nstage;
+    const bool last = b->stage + 1 == rk->nstage;
+    const ptrdiff_t first = p->first + (ptrdiff_t)block * p->nz * p->width;
+    if (rk->balanced) {
+        pm_batch_substep_book(b, p, block, before);
+    }
+    pm_lanes_combine(p->nz, p->width, last ? rk->nstage : b->stage + 1,
+                     last ? rk->b : rk->a[b->stage + 1], b->h, b->z + first, b->k + first, b->size,
+                     before + first, b->stage_z + first,
+                     b->renewed[PM_SHOWN_Z] + p->first_lane + (ptrdiff_t)block * p->width);
+    pm_batch_part_expose(b, p, block);
+    if (last && p->error != NULL) {
+        pm_batch_substep_estimate(b, p, block);
+    }
+    if (last && rk->balanced) {
+        pm_batch_substep_project(b, p, block, ends_step);
+    }
+    if (ends_step) {
+        check_block(b, p, block);
+    }
+}
+
+// Combines the stages so far, exposes all subsystems at the new state, and checks it if it ends the
+// step.
+static void advance(pm_batch *b, bool ends_substep, bool ends_step) {
     const double *before = b->stage_z;
     b->stage_z = next_state(b);
     for (int i = 0; i < b->npart; ++i) {
-        pm_batch_part *p = &b->part[i];
-        const int size = p->nz * p->width;
-        for (int block = 0; block < p->nblock; ++block) {
-            const ptrdiff_t first = p->first + (ptrdiff_t)block * size;
-            pm_lanes_combine(p->nz, p->width, last ? rk->nstage : stage + 1,
-                             last ? rk->b : rk->a[stage + 1], b->h, b->z + first, b->k + first,
-                             b->size, before + first, b->stage_z + first,
-                             b->renewed[PM_SHOWN_Z] + p->first_lane + (ptrdiff_t)block * p->width);
-            pm_batch_part_expose(b, p, block);
-            if (ends_step) {
-                check_block(b, p, block);
-            }
+        for (int block = 0; block < b->part[i].nblock; ++block) {
+            advance_block(b, &b->part[i], block, before, ends_step);
         }
     }
     ++b->part_calls;
-    if (last) {
+    if (ends_substep) {
         b->z = b->stage_z;
     }
 }
 
 // Returns the weight of the present stage in the mean over a step.
 static double stage_weight(const pm_batch *b) {
-    return b->integrator->b[b->stage] / b->system->scene->substeps;
+    return b->integrator->b[b->stage] / b->substeps;
 }
 
 // Returns true in the first round of a step.
@@ -211,14 +229,14 @@ static void rest_ghosts(pm_batch *b) {
 void pm_batch_advance(pm_batch *b) {
     const int nstage = b->integrator->nstage;
     const bool last = b->stage + 1 == nstage;
-    advance(b, b->stage, last && b->substep + 1 == b->system->scene->substeps);
+    advance(b, last, last && b->substep + 1 == b->substeps);
     rest_ghosts(b);
     b->stage = last ? 0 : b->stage + 1;
     b->substep += last;
 }
 
 bool pm_batch_completes_step(const pm_batch *b) {
-    return b->substep == b->system->scene->substeps;
+    return b->substep == b->substeps;
 }
 
 // Returns the failure of the first subsystem, in the scene's order, whose step has failed.
@@ -254,8 +272,14 @@ pm_status pm_batch_end_step(pm_batch *b) {
     const pm_status status = b->doubtful ? check_all(b) : PM_OK;
     if (status != PM_OK) {
         b->z = b->safe_z;
+        for (int i = 0; i < b->npart; ++i) {
+            pm_batch_substep_return(&b->part[i]);
+        }
         pm_batch_expose_anew(b);
         return status;
+    }
+    for (int i = 0; i < b->npart; ++i) {
+        pm_batch_substep_keep(&b->part[i]);
     }
     pm_batch_keep_remote_fluxes(b);
     b->substep = 0;
@@ -276,6 +300,11 @@ pm_status pm_batch_step(pm_batch *b) {
 
 // --- samples ---
 
+// Returns how often the exposure of a subsystem could have been evaluated in this run.
+static long exposure_calls(const pm_batch *b, const pm_batch_part *p, int lane) {
+    return b->part_calls + (p->again == NULL ? 0 : p->again[lane]);
+}
+
 static void fill_part(const pm_batch *b, const pm_batch_part *p, int lane, const double *z,
                       pm_sample *sample) {
     const int id = p->id[lane];
@@ -290,12 +319,13 @@ static void fill_part(const pm_batch *b, const pm_batch_part *p, int lane, const
     sample->bulk_gross[2 * id] = p->bulk.energy_gross[lane];
     sample->bulk_gross[2 * id + 1] = p->bulk.entropy_gross[lane];
     sample->outside[id] = p->outside[lane];
+    sample->error[id] = p->error == NULL ? 0 : p->error[lane];
     const int *first_end = b->system->scene->first_end + id;
-    const long evaluated =
-        b->part_calls + (p->bulk_term == NULL ? 0 : b->bulk_calls) - p->rested[lane];
+    const long exposures = exposure_calls(b, p, lane);
+    const long evaluated = exposures + (p->bulk_term == NULL ? 0 : b->bulk_calls) - p->rested[lane];
     sample->evaluated[id] = evaluated;
     sample->skipped[id] =
-        b->part_calls + b->bulk_calls + b->port_calls * (first_end[1] - first_end[0]) - evaluated;
+        exposures + b->bulk_calls + b->port_calls * (first_end[1] - first_end[0]) - evaluated;
 }
 
 static void fill_parts(const pm_batch *b, const pm_batch_part *p, pm_sample *sample) {
@@ -336,7 +366,8 @@ pm_books pm_batch_books(pm_batch *b, int i) {
     const pm_batch_place at = b->part_at[b->id[i]];
     const pm_batch_part *p = &b->part[at.group];
     const int nflux = first_end[1] - first_end[0];
-    long calls = b->part_calls + b->bulk_calls, evaluated = b->part_calls - p->rested[at.lane];
+    const long exposures = exposure_calls(b, p, at.lane);
+    long calls = exposures + b->bulk_calls, evaluated = exposures - p->rested[at.lane];
     evaluated += p->bulk_term == NULL ? 0 : b->bulk_calls;
     for (int k = 0; k < nflux; ++k) {
         const pm_batch_place port_at = b->port_at[end_at[k] / 2];
@@ -351,6 +382,7 @@ pm_books pm_batch_books(pm_batch *b, int i) {
                       .evaluated = evaluated,
                       .skipped = calls - evaluated,
                       .outside = p->outside[at.lane],
+                      .error = p->error == NULL ? 0 : p->error[at.lane],
                       .nflux = nflux,
                       .flux = b->flux};
 }
@@ -391,6 +423,7 @@ void pm_batch_clear(pm_batch *b) {
         pm_batch_part *p = &b->part[i];
         clear(&p->bulk, p->rested, p->kept, p->nblock, p->width);
         memset(p->outside, 0, (size_t)p->nblock * (size_t)p->width * sizeof *p->outside);
+        pm_batch_substep_start(p);
     }
     for (int i = 0; i < b->nport; ++i) {
         pm_batch_port *p = &b->port[i];

@@ -9,7 +9,7 @@
 // A port may join a subsystem of the batch with one of another process, which is its remote end.
 // The batch keeps what the remote end shows in a *ghost*: a lane that no graph computes.
 //
-// A batch serves explicit Runge-Kutta methods with fixed substeps and ports between two subsystems.
+// A batch serves explicit Runge-Kutta methods and ports between two subsystems.
 // It serves no scene with contact, boundary inputs or laws that compute the two ends separately;
 // local_subsystems.h steps the subsystems of such a scene one by one.
 //
@@ -42,6 +42,9 @@ int pm_batch_lanes(const pm_batch *batch);
 
 // Starts a run at step 0 from the concatenated state z [scene->nz].
 void pm_batch_set_state(pm_batch *batch, const double *z);
+
+// Sets the number of substeps of the next step. Until then it is the scene's.
+void pm_batch_set_substeps(pm_batch *batch, int substeps);
 
 // Writes what the batch shows at its remote end number `end` since the last pm_batch_advance to
 // values->y, e and eta [values->ny], and returns the energy and entropy flux through this end

@@ -183,6 +183,7 @@ pm_status pm_batch_open_parts(pm_batch *b) {
     PM_TRY_DONE(lay_out(b));
     for (int i = 0; i < b->npart; ++i) {
         PM_TRY_DONE(pm_batch_part_open(&b->part[i], &b->arena, b->system));
+        PM_TRY_DONE(pm_batch_substep_open(&b->part[i], &b->arena, b->system->scene));
     }
     pm_batch_open_remote(b);
 done:

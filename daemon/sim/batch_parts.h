@@ -3,6 +3,7 @@
 //     batch_layout.c  groups subsystems and ports, and lays out their arrays
 //     batch_part.c    evaluates the subsystems of one model
 //     batch_port.c    evaluates the ports of one model
+//     batch_substep.c ends substeps: adaptive steps and balanced integrators
 //     batch_remote.c  exchanges the values of ports with other processes
 //     batch_record.c  saves and restores it
 #ifndef PM_SIM_BATCH_PARTS_H
@@ -11,6 +12,7 @@
 #include "graph/program.h"
 #include "model/training_range.h"
 #include "sim/batch.h"
+#include "sim/invariant_projection.h"
 #include "sim/lanes.h"
 
 // The states at which the subsystems of a batch are, or the co-energies there.
@@ -41,6 +43,15 @@ typedef struct pm_batch_part {
     pm_program *bulk_term; // computes the rate from z, dE, dS, for one block; NULL: no bulk term
     double *bulk_input[PM_SHOWN_COUNT]; // z, dE, dS; NULL: the bulk term does not depend on it
     const double *bulk_rate;            // result of `bulk_term`
+    // Of scenes with a tolerance; otherwise NULL. The largest relative error of a substep in the
+    // present step, and [ngroup][nblock][width] the largest length that each group has had.
+    double *error, *size;
+    // Of balanced integrators; otherwise NULL. The projection now and after the last successful
+    // step, and exposures in this run beyond one for each stage.
+    pm_invariant_projection *projection, *safe_projection;
+    long *again;
+    double *lane_values; // [4 nz] the numbers of one lane
+    double *coupled;     // [PM_SHOWN_COUNT][nz][width] what a block showed when it was coupled last
 } pm_batch_part;
 
 // One end of the ports of one group.
@@ -106,7 +117,8 @@ struct pm_batch {
     int count;               // number of subsystems
     const int *id;           // [count] their positions in the scene, borrowed
     const pm_integrator *integrator;
-    double h; // s, length of a substep
+    int substeps; // of the present step
+    double h;     // s, length of a substep
     pm_arena arena;
     int npart, nport;
     pm_batch_part *part; // [npart]
@@ -186,6 +198,24 @@ void pm_batch_part_bulk(const pm_batch *b, pm_batch_part *part, double weight, b
 // pm_subsystem_end_step does. PM_ENUMERIC: its state or a potential is not finite, or its state is
 // further outside the training range than the scene's guard allows.
 pm_status pm_batch_part_check(const pm_batch *b, const pm_batch_part *part, int lane, long step);
+
+// Takes the arrays that the end of a substep needs from the arena, for a part that is open.
+// PM_ENOMEM.
+pm_status pm_batch_substep_open(pm_batch_part *part, pm_arena *arena, const pm_scene *scene);
+// Starts a run: the subsystems have the potentials part->E and part->S.
+void pm_batch_substep_start(pm_batch_part *part);
+// Keep the projections at the end of a successful step, and return to them after a step that
+// failed.
+void pm_batch_substep_keep(pm_batch_part *part);
+void pm_batch_substep_return(pm_batch_part *part);
+// Estimates the errors of the substep that begins at b->z with the rates b->k, for a block.
+void pm_batch_substep_estimate(const pm_batch *b, pm_batch_part *part, int block);
+// Adds the energy and entropy that flow at the present stage, where the states are z, to the totals
+// of the projections of a block.
+void pm_batch_substep_book(const pm_batch *b, pm_batch_part *part, int block, const double *z);
+// Moves the new states b->stage_z of a block, which has been exposed, to the energy and entropy
+// that follow from the fluxes, and exposes them. The substep begins at b->z.
+void pm_batch_substep_project(pm_batch *b, pm_batch_part *part, int block, bool ends_step);
 
 // Builds the graph of a group of ports and takes its other arrays from the arena. The caller has
 // set `count`, `width`, `nblock`, `id` and `entropy`, and in both ends `ny`, `component`, `wanted`

@@ -1,6 +1,7 @@
 // The numbers with which a batch goes on from the end of a step with the same bits: the states, the
-// counts, which numbers were renewed at the last exposure, and what the ghosts and remote ends have
-// shown. Co-energies, potentials and rates follow from these.
+// counts, which numbers were renewed at the last exposure, the projections of a balanced
+// integrator, and what the ghosts and remote ends have shown. Co-energies, potentials and rates
+// follow from these.
 #include <string.h>
 
 #include "sim/batch_parts.h"
@@ -49,6 +50,15 @@ static void put_counts(pm_batch *b, pm_record *record) {
     }
 }
 
+// A part whose integrator is not balanced has no projections.
+static void put_projections(const pm_batch_part *p, pm_record *record) {
+    for (int lane = 0; lane < p->count && p->projection != NULL; ++lane) {
+        pm_record_put(record, "projected energy", &p->projection[lane].energy, 1);
+        pm_record_put(record, "projected entropy", &p->projection[lane].entropy, 1);
+        pm_record_put_long(record, "exposures again", &p->again[lane]);
+    }
+}
+
 static void put_remote(pm_batch *b, pm_record *record) {
     const int count = (int)(b->size - b->parts_size);
     pm_record_put(record, "ghost z", b->ghost_z, count);
@@ -73,5 +83,9 @@ void pm_batch_record(pm_batch *b, pm_record *record) {
         pm_batch_clear(b);
     }
     put_counts(b, record);
+    for (int i = 0; i < b->npart; ++i) {
+        put_projections(&b->part[i], record);
+        pm_batch_substep_keep(&b->part[i]);
+    }
     put_remote(b, record);
 }

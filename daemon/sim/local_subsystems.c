@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "sim/batch.h"
+#include "sim/step_controller.h"
 
 // Fewer subsystems are stepped one by one, as are those of which most lanes of a batch would be
 // empty. The bits are the same.
@@ -245,15 +246,19 @@ void pm_local_subsystems_set_state(pm_local_subsystems *l, const double *z) {
 }
 
 void pm_local_subsystems_set_substeps(pm_local_subsystems *l, int substeps) {
-    // A batch serves fixed substeps only.
-    for (int i = 0; i < l->count && l->batch == NULL; ++i) {
+    if (l->batch != NULL) {
+        pm_batch_set_substeps(l->batch, substeps);
+        return;
+    }
+    for (int i = 0; i < l->count; ++i) {
         pm_subsystem_set_substeps(l->subsystem[i], substeps);
     }
 }
 
 int pm_local_subsystems_most_rounds(const pm_local_subsystems *l) {
     const pm_scene *scene = l->system->scene;
-    return l->batch != NULL ? scene->substeps * scene->integrator->nstage
+    const int most = scene->tolerance > 0 ? PM_MOST_SUBSTEPS : scene->substeps;
+    return l->batch != NULL ? most * scene->integrator->nstage
                             : pm_subsystem_most_rounds(l->subsystem[0]);
 }
 

@@ -113,10 +113,36 @@ static void check_equal(const pm_scene *scene, const pm_sample *a, const pm_samp
     assert_memory_equal(a->bulk_gross, b->bulk_gross, 2 * n * sizeof *a->bulk_gross);
     assert_memory_equal(a->flux, b->flux, (size_t)scene->nport * sizeof *a->flux);
     assert_memory_equal(a->outside, b->outside, n * sizeof *a->outside);
+    assert_memory_equal(a->error, b->error, n * sizeof *a->error);
     for (size_t i = 0; i < n; ++i) {
         assert_int_equal(a->evaluated[i], b->evaluated[i]);
         assert_int_equal(a->skipped[i], b->skipped[i]);
     }
+}
+
+// Compares a batch with links that are stepped alone, over two runs of 20 steps.
+static void compare_chain(const subject *s) {
+    pm_batch *batch = NULL;
+    pm_monolithic *alone = NULL;
+    pm_sample *sample = NULL;
+    require(pm_batch_open(&batch, s->system, s->scene->nsubsystem, all()));
+    assert_non_null(batch);
+    require(pm_monolithic_open(&alone, s->system));
+    require(pm_sample_new(&sample, s->scene));
+    for (int run = 0; run < 2; ++run) { // a second run starts anew
+        pm_batch_set_state(batch, s->z);
+        pm_monolithic_set_state(alone, s->z);
+        for (long step = 0; step <= 20; ++step) {
+            pm_batch_set_substeps(batch, pm_monolithic_substeps(alone));
+            require(step > 0 ? pm_batch_step(batch) : PM_OK);
+            require(step > 0 ? pm_monolithic_step(alone) : PM_OK);
+            pm_batch_fill_sample(batch, sample);
+            check_equal(s->scene, sample, pm_monolithic_sample(alone), step);
+        }
+    }
+    pm_sample_free(sample);
+    pm_monolithic_close(alone);
+    pm_batch_close(batch);
 }
 
 static void a_batch_has_the_bits_of_its_parts(void **state) {
@@ -124,29 +150,23 @@ static void a_batch_has_the_bits_of_its_parts(void **state) {
     static const char *const integrators[] = {"euler", "heun", "rk4"};
     for (size_t i = 0; i < 12; ++i) {
         subject s = {0};
-        pm_batch *batch = NULL;
-        pm_monolithic *alone = NULL;
-        pm_sample *sample = NULL;
         open_chain(&s, integrators[i % 3], LINKS, i % 2 == 0, i >= 6);
-        require(pm_batch_open(&batch, s.system, s.scene->nsubsystem, all()));
-        assert_non_null(batch);
-        require(pm_monolithic_open(&alone, s.system));
-        require(pm_sample_new(&sample, s.scene));
-        for (int run = 0; run < 2; ++run) { // a second run starts anew
-            pm_batch_set_state(batch, s.z);
-            pm_batch_fill_sample(batch, sample);
-            pm_monolithic_set_state(alone, s.z);
-            check_equal(s.scene, sample, pm_monolithic_sample(alone), 0);
-            for (long step = 1; step <= 20; ++step) {
-                require(pm_batch_step(batch));
-                pm_batch_fill_sample(batch, sample);
-                require(pm_monolithic_step(alone));
-                check_equal(s.scene, sample, pm_monolithic_sample(alone), step);
-            }
-        }
-        pm_sample_free(sample);
-        pm_monolithic_close(alone);
-        pm_batch_close(batch);
+        compare_chain(&s);
+        close_chain(&s);
+    }
+}
+
+// Balanced integrators move the state once or more after a substep, and a tolerance changes the
+// number of substeps.
+static void balanced_and_adaptive_steps_have_these_bits(void **state) {
+    (void)state;
+    static const char *const integrators[] = {"heun", "rk4", "rk4_balanced", "rk6_balanced"};
+    for (int i = 0; i < 14; ++i) {
+        subject s = {0};
+        open_chain(&s, integrators[i / 2 % 4], LINKS, true, i % 2);
+        s.scene->dt = 0.2;
+        s.scene->tolerance = i < 6 ? 1e-5 : 0;
+        compare_chain(&s);
         close_chain(&s);
     }
 }
@@ -261,7 +281,7 @@ static void compare_web(const char *integrator) {
 static void blocks_rest_and_sum_in_the_order_of_the_scene(void **state) {
     (void)state;
     compare_web("euler");
-    compare_web("rk4");
+    compare_web("rk4_balanced");
 }
 
 // --- several processes ---
@@ -322,6 +342,7 @@ static void fill_sample(const pm_local_subsystems *local, int i, int id, const p
     sample->evaluated[id] = books.evaluated;
     sample->skipped[id] = books.skipped;
     sample->outside[id] = books.outside;
+    sample->error[id] = books.error;
     for (int k = 0; k < books.nflux; ++k) {
         const int at = scene->end_at[scene->first_end[id] + k];
         sample->flux[at / 2][at % 2] = books.flux[k];
@@ -409,7 +430,7 @@ static void several_processes_have_the_bits_of_one(void **state) {
     (void)state;
     compare_processes("euler", 1);
     compare_processes("rk4", 7);
-    compare_processes("heun", 54);
+    compare_processes("rk4_balanced", 54);
 }
 
 // --- company and failures ---
@@ -469,6 +490,7 @@ int main(void) {
     pm_linalg_init();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_batch_has_the_bits_of_its_parts),
+        cmocka_unit_test(balanced_and_adaptive_steps_have_these_bits),
         cmocka_unit_test(blocks_rest_and_sum_in_the_order_of_the_scene),
         cmocka_unit_test(several_processes_have_the_bits_of_one),
         cmocka_unit_test(company_changes_no_bit),
