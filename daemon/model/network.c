@@ -59,10 +59,20 @@ static pm_status declare_hidden(const declaration *d, const char *name, int rows
     return PM_OK;
 }
 
+// Marks an entry that has been declared.
+static pm_status let_shrink(const declaration *d, const char *name, pm_status declared) {
+    parameter_name full;
+    pm_param_entry *entry = pm_params_find(d->params, join(full, d->prefix, name));
+    if (entry != NULL) {
+        entry->shrinks = true;
+    }
+    return declared;
+}
+
 static pm_status declare_layer(const declaration *d, int layer, int nin, int nout) {
     char name[64];
     snprintf(name, sizeof name, "layer%d.weight", layer);
-    PM_TRY(declare_hidden(d, name, nin, nout, 1 / sqrt(nin)));
+    PM_TRY(let_shrink(d, name, declare_hidden(d, name, nin, nout, 1 / sqrt(nin))));
     snprintf(name, sizeof name, "layer%d.bias", layer);
     return declare_hidden(d, name, 1, nout, BIAS_SPREAD);
 }
@@ -76,7 +86,9 @@ static pm_status declare_layers(const declaration *d, const pm_network_spec *spe
         width = spec->hidden[i];
     }
     const double spread = spec->skip == PM_SKIP_NONE ? OUTPUT_SPREAD / sqrt(width) : 0;
-    return spec->nhidden > 0 ? declare_hidden(d, "output.weight", width, nout, spread) : PM_OK;
+    return spec->nhidden > 0 ? let_shrink(d, "output.weight",
+                                          declare_hidden(d, "output.weight", width, nout, spread))
+                             : PM_OK;
 }
 
 // Starts the quadratic skip of an energy, the first output, with a positive curvature, so that the

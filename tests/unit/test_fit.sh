@@ -284,7 +284,9 @@ grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yam
     fail "box_scene.yaml: expected one subsystem with all groups"
 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/soft.yaml" --form soft >"$folder/out" 2>"$folder/err" ||
     fail "propose --form soft"
-grep -q 'law: exchange' "$folder/soft_scene.yaml" || fail "soft_scene.yaml: expected law: exchange"
+for text in 'form: soft' 'law: bracket' 'hidden: \[8\], skip: linear'; do
+    grep -q -e "$text" "$folder/soft.yaml" || fail "soft.yaml: expected $text"
+done
 timeout 600 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
     >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
 says 'times (better than|WORSE than) the black box|the black box is not finite'

@@ -24,8 +24,7 @@ static pm_status read_arguments(propose_arguments *a, int argc, char **argv, boo
             "comments that give reasons: units (two variables whose product is J s are conjugate,\n"
             "J/K is an entropy), ports, and statistics of the data (which rates follow which\n"
             "variables, what is conserved, how fast rates change). Edit it where you know better.\n"
-            "For the form soft a scene with ports of law exchange is written beside it, for the form\n"
-            "free a scene with a single subsystem.",
+            "For the form free a scene with a single subsystem is written beside it.",
         .positional_name = "SCENE",
         .positional = &a->scene,
         .count = sizeof table / sizeof *table,

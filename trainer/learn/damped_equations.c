@@ -43,7 +43,8 @@ static pm_status open_product(pm_damped_equations *e, pm_objective *objective) {
     return pm_gauss_newton_product_open(&e->product, objective);
 }
 
-static void mark_held(pm_damped_equations *e) {
+// Marks the weights that are held, and those that shrink.
+static void mark(pm_damped_equations *e) {
     const pm_system *system = pm_objective_context(e->objective).system;
     size_t at = 0;
     for (int i = 0; i < pm_system_components(system); ++i) {
@@ -52,6 +53,7 @@ static void mark_held(pm_damped_equations *e) {
             const pm_param_entry *entry = &params->entry[k];
             const size_t size = (size_t)entry->rows * (size_t)entry->cols;
             for (size_t j = 0; entry->trained && j < size; ++j) {
+                e->shrinks[at] = entry->shrinks;
                 e->held[at++] = entry->held;
             }
         }
@@ -64,10 +66,13 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
     e->gradient = malloc(n * sizeof *e->gradient);
     e->diagonal = malloc(n * sizeof *e->diagonal);
     e->held = calloc(n, sizeof *e->held);
-    if (e->gradient == NULL || e->diagonal == NULL || e->held == NULL) {
+    e->shrinks = calloc(n, sizeof *e->shrinks);
+    e->bend = calloc(n, sizeof *e->bend);
+    if (e->gradient == NULL || e->diagonal == NULL || e->held == NULL || e->shrinks == NULL ||
+        e->bend == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the normal equations of %zu weights", n);
     }
-    mark_held(e);
+    mark(e);
     return matrix ? open_matrix(e, objective) : open_product(e, objective);
 }
 
@@ -77,6 +82,8 @@ void pm_damped_equations_close(pm_damped_equations *e) {
     free(e->gradient);
     free(e->diagonal);
     free(e->held);
+    free(e->shrinks);
+    free(e->bend);
     free(e->hessian);
     free(e->damped);
     free(e->residual);
@@ -86,7 +93,7 @@ void pm_damped_equations_close(pm_damped_equations *e) {
 }
 
 void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
-                                   uint64_t seed, double loss) {
+                                   uint64_t seed, double loss, const double *theta) {
     e->count = count;
     e->index = index;
     e->hold = loss / (HELD_WIDTH * HELD_WIDTH);
@@ -104,7 +111,22 @@ void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int 
     }
     for (int i = 0; i < e->size; ++i) {
         e->diagonal[i] += SMALLEST_DIAGONAL * largest;
+        e->bend[i] = 3 * e->shrinkage * e->shrinks[i] * theta[i] * theta[i];
+        e->gradient[i] += e->bend[i] * theta[i] / 3;
     }
+}
+
+double pm_damped_equations_penalty(const pm_damped_equations *e, const double *theta) {
+    double sum = 0;
+    for (int i = 0; i < e->size; ++i) {
+        sum += e->shrinks[i] * pow(theta[i], 4);
+    }
+    return e->shrinkage / 4 * sum;
+}
+
+// Returns the diagonal of R + S + near I.
+static double ridge(const pm_damped_equations *e, size_t i) {
+    return e->hold * e->held[i] + e->bend[i] + e->near;
 }
 
 // --- Cholesky ---
@@ -113,7 +135,7 @@ static bool solve_by_factors(pm_damped_equations *e, double damping, double *ste
     const size_t n = (size_t)e->size;
     memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
     for (size_t i = 0; i < n; ++i) {
-        e->damped[i * n + i] += e->hold * e->held[i] + damping * e->diagonal[i] + e->near;
+        e->damped[i * n + i] += damping * e->diagonal[i] + ridge(e, i);
         step[i] = -e->gradient[i];
     }
     for (size_t i = 0; i < n && e->frozen != NULL; ++i) {
@@ -143,7 +165,7 @@ static bool is_frozen(const pm_damped_equations *e, int i) {
 static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
     pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
     for (int i = 0; i < e->size; ++i) {
-        image[i] += (e->hold * e->held[i] + damping * e->diagonal[i] + e->near) * vector[i];
+        image[i] += (damping * e->diagonal[i] + ridge(e, (size_t)i)) * vector[i];
         image[i] = is_frozen(e, i) ? 0 : image[i];
     }
 }
@@ -151,8 +173,7 @@ static void multiply(pm_damped_equations *e, double damping, const double *vecto
 // Divides the residual by the diagonal of the damped matrix, and returns their product.
 static double condition(pm_damped_equations *e, double damping) {
     for (int i = 0; i < e->size; ++i) {
-        e->conditioned[i] =
-            e->residual[i] / (e->hold * e->held[i] + (1 + damping) * e->diagonal[i] + e->near);
+        e->conditioned[i] = e->residual[i] / ((1 + damping) * e->diagonal[i] + ridge(e, (size_t)i));
     }
     return dot(e->size, e->residual, e->conditioned);
 }

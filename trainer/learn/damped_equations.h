@@ -1,5 +1,5 @@
 // The damped normal equations of Levenberg-Marquardt,
-//     (H + R + damping D + near I) step = -gradient,
+//     (H + R + S + damping D + near I) step = -gradient - g,
 // where H is the Gauss-Newton matrix of a loss on a batch and D its diagonal. They are solved by a
 // Cholesky factorisation of the matrix (gauss_newton_matrix.h), or by conjugate gradients, which
 // need products with H alone (gauss_newton_product.h).
@@ -9,6 +9,11 @@
 // would move such weights arbitrarily far. For these weights R = loss/width^2, so that a step as
 // long as the width pays only if it removes the whole loss. R vanishes with the loss, so that the
 // convergence stays quadratic (Yamashita, Fukushima, Computing Suppl. 15 (2001) 239).
+//
+// g and S are the gradient and the curvature of a penalty shrinkage/4 sum theta^4 over the weights
+// that shrink (model/params.h), those of hidden layers. It keeps large weights from growing where
+// the data do not need them, and hardly acts on small ones: a square would let all layers vanish
+// together, from where no gradient leads back.
 #ifndef PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
 #define PM_TRAINER_LEARN_DAMPED_EQUATIONS_H
 
@@ -25,7 +30,10 @@ typedef struct pm_damped_equations {
     double *gradient, *diagonal;      // [size]
     double *held;                     // [size] 1 for weights that are held, else 0
     double hold;                      // the diagonal of R where held is 1
-    double *hessian, *damped;         // [size][size] H and the damped matrix, for Cholesky
+    double *shrinks;                  // [size] 1 for weights that shrink, else 0
+    double *bend;                     // [size] the diagonal of S
+    double shrinkage;         // the factor of the penalty; 0 at first, the caller may change it
+    double *hessian, *damped; // [size][size] H and the damped matrix, for Cholesky
     double *residual, *conditioned, *direction, *image; // [size] vectors of conjugate gradients
     double near;        // `near` in the equation; 0 at first, the caller may change it
     const bool *frozen; // [size] weights whose step is zero, borrowed; NULL: none
@@ -40,11 +48,13 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
 void pm_damped_equations_close(pm_damped_equations *e);
 
 // Computes the gradient and the matrix, or its diagonal, on the samples index [count], at the
-// present weights. The last call of pm_objective_evaluate must have covered these samples at these
-// weights, and returned `loss`. `seed` decides the estimate of the diagonal. `index` is borrowed
-// until the next call.
+// present weights `theta` [size]. The last call of pm_objective_evaluate must have covered these
+// samples at these weights, and returned `loss`. `seed` decides the estimate of the diagonal.
+// `index` is borrowed until the next call.
 void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
-                                   uint64_t seed, double loss);
+                                   uint64_t seed, double loss, const double *theta);
+// Returns the penalty on the weights `theta` [size] that shrink.
+double pm_damped_equations_penalty(const pm_damped_equations *e, const double *theta);
 
 #define PM_MOST_CONJUGATE_GRADIENTS 100
 

@@ -29,6 +29,10 @@
 // the convergence stays quadratic, also where the matrix is singular (Yamashita, Fukushima,
 // Computing Suppl. 15 (2001) 239).
 #define NEARNESS 1e-4
+// In a guarded run the weights of hidden layers have a penalty of SHRINKAGE/4 times the loss times
+// the sum of their fourth powers (learn/damped_equations.h). Data that determine such a weight at
+// all do so much more strongly.
+#define SHRINKAGE 1e-2
 // No weight moves by more than this in a guarded step. A longer step may end where a hidden unit is
 // saturated or an exponential has vanished, from where no gradient leads back.
 #define LONGEST 1.0
@@ -149,7 +153,9 @@ static double try_step(solver *s, double before, double *after) {
             s->trial[i] = s->o->theta[i] + allowed * fraction * s->step[i];
         }
         *after = loss_at(s, s->trial);
-        if (*after < before) {
+        const pm_damped_equations *e = &s->equations;
+        if (*after + pm_damped_equations_penalty(e, s->trial) <
+            before + pm_damped_equations_penalty(e, s->o->theta)) {
             return fraction;
         }
     }
@@ -173,8 +179,9 @@ static pm_status iterate(solver *s, double *loss) {
     PM_TRY(pm_objective_rescale(o->objective, s->checked, s->index));
     const double before = loss_at(s, o->theta);
     choose_batch(s);
+    s->equations.shrinkage = o->schedule.guarded && !o->schedule.early ? SHRINKAGE * before : 0;
     pm_damped_equations_linearise(&s->equations, s->nchosen, s->chosen,
-                                  s->o->seed + (uint64_t)s->o->done, before);
+                                  s->o->seed + (uint64_t)s->o->done, before, o->theta);
     s->equations.near = o->schedule.guarded ? NEARNESS * before : 0;
     guess_step(s);
     while (*s->damping < LARGEST_DAMPING) {

@@ -14,6 +14,11 @@
 // progress.
 #define DERIVATIVE_ITERATIONS 240
 #define STEP_ITERATIONS 60
+// The samples in a batch of steps, and the work of an iteration, in samples times substeps times
+// variables, up to which there are more iterations, at most MOST_TIMES as many.
+#define STEP_BATCH 2048
+#define STEP_WORK 40000
+#define MOST_TIMES 4
 
 static void write_head(const pm_draft *d) {
     FILE *f = d->file;
@@ -53,6 +58,13 @@ static int substeps_for(const pm_draft *d, double turn) {
     return wanted < 1 ? 1 : wanted < most ? (int)wanted : most;
 }
 
+// Returns the most iterations on steps: the more, the less work each of them is.
+static int step_iterations(const pm_draft *d) {
+    const int samples = d->look.samples < STEP_BATCH ? d->look.samples : STEP_BATCH;
+    const double work = (double)samples * substeps_for(d, FINE) * d->p->scene->nz;
+    return (int)(STEP_ITERATIONS * fmin(fmax(STEP_WORK / work, 1), MOST_TIMES));
+}
+
 // Derivatives take all samples at once where there are not too many. A random batch lacks most of
 // the rare states, and the step that is best for it is not the best one for all.
 static void write_stages(const pm_draft *d) {
@@ -68,9 +80,9 @@ static void write_stages(const pm_draft *d) {
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: 8192, residual: derivative}\n",
             DERIVATIVE_ITERATIONS);
-    fprintf(
-        f, "  - {optimiser: gauss_newton, iterations: %d, batch: 4096, substeps: %d, robust: 20}\n",
-        STEP_ITERATIONS, substeps_for(d, FINE));
+    fprintf(f,
+            "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: 20}\n",
+            step_iterations(d), STEP_BATCH, substeps_for(d, FINE));
 }
 
 static void write_all(const pm_draft *d) {

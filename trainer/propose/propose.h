@@ -21,7 +21,7 @@ typedef struct pm_proposal {
 pm_status pm_propose(const pm_proposal *proposal, const char *path);
 
 // Copies the scene file `from` to `path` and replaces the law bracket by exchange, which ports of
-// the forms soft and free have. PM_EFILE.
+// the form free have. PM_EFILE.
 pm_status pm_propose_scene(const char *from, const char *path);
 
 // Returns true if one subsystem can have all groups of the scene: there are no boundary inputs and

@@ -46,20 +46,19 @@ done:
     return status;
 }
 
-// The form free has all groups in one subsystem where that is possible. Otherwise the scene keeps
-// its subsystems, and its ports have the law exchange.
-static pm_status write_other_scene(const char *from, pm_form form, const char *path) {
+// Writes the scene of a black box, which has all groups in one subsystem where that is possible.
+// Otherwise the scene keeps its subsystems, and its ports have the law exchange.
+static pm_status write_other_scene(const char *from, const char *path) {
     pm_scene *scene = NULL;
     PM_TRY(pm_scene_load(&scene, from));
-    const pm_status status = form == PM_FREE && pm_propose_fits_one(scene)
-                                 ? pm_propose_scene_of_one(scene, path)
-                                 : pm_propose_scene(from, path);
+    const pm_status status = pm_propose_fits_one(scene) ? pm_propose_scene_of_one(scene, path)
+                                                        : pm_propose_scene(from, path);
     pm_scene_free(scene);
     return status;
 }
 
 pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output) {
-    if (form == PM_HARD) {
+    if (form != PM_FREE) {
         return write_proposal(scene, data, form, output);
     }
     char exchange[PATH_MAX];
@@ -68,7 +67,7 @@ pm_status pm_propose_files(const char *scene, const char *data, pm_form form, co
     if (length >= (int)sizeof exchange) {
         return pm_fail(PM_EUSAGE, "%s: the path is too long", output);
     }
-    PM_TRY(write_other_scene(scene, form, exchange));
+    PM_TRY(write_other_scene(scene, exchange));
     printf("wrote %s\n", exchange);
     return write_proposal(exchange, data, form, output);
 }

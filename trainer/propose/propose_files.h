@@ -6,7 +6,7 @@
 
 #include "model/spec.h"
 
-// Reads a scene and a dataset and writes the training file `output`. For the forms soft and free it
+// Reads a scene and a dataset and writes the training file `output`. For the form free it
 // also writes the scene that this file names, "<output without its ending>_scene.yaml". Prints the
 // names of the files that it wrote. Fails like pm_propose.
 pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output);

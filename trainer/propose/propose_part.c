@@ -7,6 +7,7 @@
 
 #define STRENGTH_WIDTH 6 // hidden units of the strengths of dissipative processes
 #define HEAT_WIDTH 6     // and of the dependence of heat on other variables
+#define SOFT_WIDTH 8     // and of M in the form soft
 
 const char *pm_draft_name(const pm_part_view *v, int g) {
     return v->group[g].group->name;
@@ -124,12 +125,19 @@ void pm_draft_add_features(const pm_draft *d, pm_draft_list *l, const pm_part_vi
     }
 }
 
+// In the form soft M acts on dS alone, so that friction needs a factor of M that grows with the
+// velocity.
 pm_draft_list pm_draft_open_strength(const pm_draft *d) {
-    return pm_draft_open(d->file, ", strength: {features: ");
+    return pm_draft_open(d->file,
+                         d->p->form == PM_SOFT ? ", features: " : ", strength: {features: ");
 }
 
 void pm_draft_close_strength(const pm_draft *d) {
-    fprintf(d->file, "], hidden: [%d]}", STRENGTH_WIDTH);
+    if (d->p->form == PM_SOFT) {
+        fprintf(d->file, "], hidden: [%d], skip: linear", SOFT_WIDTH);
+    } else {
+        fprintf(d->file, "], hidden: [%d]}", STRENGTH_WIDTH);
+    }
 }
 
 // Returns the hidden layers for a number of inputs. Networks that are too large train slowly.
@@ -371,7 +379,7 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
     }
     add_entropies(&l, v, true);
     fprintf(d->file, "], rank: %d", rank);
-    if (d->p->form == PM_HARD && heats > 0) {
+    if (d->p->form == PM_SOFT || heats > 0) {
         l = pm_draft_open_strength(d);
         pm_draft_add_features(d, &l, v, "", NULL);
         pm_draft_close_strength(d);

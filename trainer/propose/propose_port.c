@@ -1,5 +1,5 @@
 // Writes the model of a port in a proposed training file: its reversible and its irreversible
-// operator in the form hard, a network for the boundary term in the forms soft and free.
+// operator in the forms hard and soft, a network for the boundary term in the form free.
 #include <string.h>
 
 #include "propose/propose_draft.h"
@@ -208,8 +208,8 @@ static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *
     return !is_entropy_unit(group) && has_coentropy(d, port, end, group);
 }
 
-// Writes the strengths of the processes as functions of what both ends expose. A boundary input is
-// no feature.
+// Writes the strengths of the processes, or in the form soft their factors, as functions of what
+// both ends expose. A boundary input is no feature.
 static void write_strength(const pm_draft *d, int port) {
     const pm_scene_port *scene = &d->p->scene->port[port];
     pm_draft_list l = pm_draft_open_strength(d);
@@ -254,7 +254,7 @@ static void write_port_irreversible(const pm_draft *d, int port) {
         }
     }
     fprintf(f, "], rank: %d", rank);
-    if (both == 0) {
+    if (both == 0 && d->p->form == PM_HARD) {
         l = pm_draft_open(f, ", features: ");
         for (int end = 0; end < 2; ++end) {
             const pm_layout *layout = shown(d, port, end);
@@ -288,8 +288,9 @@ static void write_exchange(const pm_draft *d, int port) {
 
 void pm_draft_port(const pm_draft *d, int port) {
     fprintf(d->file, "  %s:\n    law: %s\n", d->p->scene->port[port].name,
-            d->p->form == PM_HARD ? "bracket" : "exchange");
-    if (d->p->form == PM_HARD) {
+            d->p->form == PM_FREE ? "exchange" : "bracket");
+    if (d->p->form != PM_FREE) {
+        fprintf(d->file, d->p->form == PM_SOFT ? "    form: soft\n" : "");
         write_reversible(d, port);
         write_port_irreversible(d, port);
     } else {

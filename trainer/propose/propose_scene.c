@@ -1,4 +1,4 @@
-// Writes scenes for the forms soft and free: a copy with ports of the law exchange, and a scene of
+// Writes scenes for the form free: a copy with ports of the law exchange, and a scene of
 // one subsystem that has the groups of all.
 #include <errno.h>
 #include <stdio.h>
@@ -19,8 +19,7 @@ pm_status pm_propose_scene(const char *from, const char *path) {
     }
     char *line = NULL;
     size_t size = 0;
-    fprintf(out, "# %s with ports of the law exchange, for models in the forms soft and free.\n",
-            from);
+    fprintf(out, "# %s with ports of the law exchange, for models in the form free.\n", from);
     while (getline(&line, &size, in) > 0) {
         const char *law = strstr(line, "law: bracket");
         if (law != NULL) {
