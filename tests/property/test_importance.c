@@ -1,5 +1,5 @@
 // Batches in which samples with large residuals are more likely: the probabilities, and that the
-// expected gradient stays that of all samples.
+// expected gradient stays that of all samples. The penalty on large weights and its gradient.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "learn/damped_equations.h"
 #include "learn/gauss_newton_matrix.h"
 #include "learn/gauss_newton_product.h"
 #include "learn/importance.h"
@@ -157,12 +158,46 @@ static void weighted_samples_count_by_their_importance(void **state) {
     free(work);
 }
 
+// The gradient of the equations contains that of the penalty on weights of hidden layers.
+static void the_penalty_is_differentiated(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b);
+    pm_damped_equations e;
+    double *theta = calloc(2 * (size_t)b.size, sizeof *theta), *plain = theta + b.size;
+    assert_non_null(theta);
+    assert_int_equal(pm_damped_equations_open(&e, b.objective, true), PM_OK);
+    pm_objective_weights(b.objective, theta);
+    pm_damped_equations_linearise(&e, COUNT, b.index, 1, 1, theta);
+    memcpy(plain, e.gradient, (size_t)b.size * sizeof *plain);
+    e.shrinkage = 0.1;
+    pm_damped_equations_linearise(&e, COUNT, b.index, 1, 1, theta);
+    int shrinking = 0;
+    for (int i = 0; i < b.size; ++i) {
+        const double kept = theta[i], h = 1e-3;
+        theta[i] = kept + h;
+        const double above = pm_damped_equations_penalty(&e, theta);
+        theta[i] = kept - h;
+        const double slope = (above - pm_damped_equations_penalty(&e, theta)) / (2 * h);
+        theta[i] = kept;
+        shrinking += slope != 0;
+        random_system_check(&b.w, "gradient of the penalty", e.gradient[i] - plain[i], slope,
+                            1e-5 * (1 + fabs(slope)) + 1e-12 * fabs(plain[i]));
+    }
+    assert_true(shrinking > 0 && shrinking < b.size);
+    pm_damped_equations_close(&e);
+    free(theta);
+    pm_objective_close(b.objective);
+    random_system_close(&b.w);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(chances_have_the_sum_of_the_batch),
         cmocka_unit_test(equal_or_no_shares_make_a_uniform_batch),
         cmocka_unit_test(samples_are_chosen_as_often_as_their_chances_say),
         cmocka_unit_test(weighted_samples_count_by_their_importance),
+        cmocka_unit_test(the_penalty_is_differentiated),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -359,37 +359,6 @@ static double decrease(bench *b, bool matrix, const double *H, double damping) {
     return -model;
 }
 
-// The gradient of the equations contains that of the penalty on weights of hidden layers.
-static void the_penalty_is_differentiated(void **state) {
-    (void)state;
-    bench b;
-    bench_open(&b, 3, false, 0);
-    pm_damped_equations e;
-    assert_int_equal(pm_damped_equations_open(&e, b.objective, true), PM_OK);
-    const double loss = pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_damped_equations_linearise(&e, COUNT, b.index, 1, loss, b.theta);
-    double *plain = vector(b.size);
-    memcpy(plain, e.gradient, (size_t)b.size * sizeof *plain);
-    e.shrinkage = 0.1;
-    pm_damped_equations_linearise(&e, COUNT, b.index, 1, loss, b.theta);
-    int shrinking = 0;
-    for (int i = 0; i < b.size; ++i) {
-        const double kept = b.theta[i], h = 1e-3;
-        b.theta[i] = kept + h;
-        const double above = pm_damped_equations_penalty(&e, b.theta);
-        b.theta[i] = kept - h;
-        const double below = pm_damped_equations_penalty(&e, b.theta);
-        b.theta[i] = kept;
-        const double slope = (above - below) / (2 * h);
-        shrinking += slope != 0;
-        assert_true(fabs(e.gradient[i] - plain[i] - slope) < 1e-5 * (1 + fabs(slope)));
-    }
-    assert_true(shrinking > 0 && shrinking < b.size);
-    pm_damped_equations_close(&e);
-    free(plain);
-    bench_close(&b);
-}
-
 // With strong damping the systems of both solvers differ by their diagonals alone, whose estimate
 // has errors; with weak damping the diagonals hardly matter.
 static void conjugate_gradients_find_the_step(void **state) {
@@ -523,7 +492,6 @@ int main(void) {
         cmocka_unit_test(normal_equations_are_those_of_the_residuals),
         cmocka_unit_test(products_are_those_of_the_matrix),
         cmocka_unit_test(conjugate_gradients_find_the_step),
-        cmocka_unit_test(the_penalty_is_differentiated),
         cmocka_unit_test(training_by_products_lowers_the_loss_and_resumes),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(training_lowers_the_penalty),

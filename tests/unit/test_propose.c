@@ -220,7 +220,8 @@ static void a_proposal_names_them(void **state) {
     assert_says(text, "given: [[v, u, 1.0]]");
     assert_says(text, "given: [[a.u, b.v, 1.0]]");
     assert_says(text, "entropy: {given: [w]}");
-    assert_says(text, "acts_on: [u, w], rank: 1, strength: {features: [u, v, w], hidden: [6]}");
+    assert_says(text,
+                "acts_on: [u, w], rank: 1, strength: {features: [\"|u|\", v, w], hidden: [6]}");
     assert_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 3");
     assert_says(text, "strength: {features: [a.u, a.v, a.w, b.v, b.u, b.w], hidden: [6]}");
     assert_says(text, "stages:");

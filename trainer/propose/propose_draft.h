@@ -36,9 +36,13 @@ pm_draft_list pm_draft_open(FILE *file, const char *before);
 void pm_draft_add(pm_draft_list *list, const char *before, const char *name);
 
 // Adds those groups of a subsystem that change in the data to a list of features, with `before` in
-// front of their names. With `shown` only the groups are added that this layout has.
+// front of their names. With `shown` only the groups are added that this layout has. With `single`
+// the size stands for a variable that changes its sign when time runs backwards: strengths do not
+// change then, so that the sign of a velocity matters only relative to that of another one.
 void pm_draft_add_features(const pm_draft *draft, pm_draft_list *list, const pm_part_view *part,
-                           const char *before, const pm_layout *shown);
+                           const char *before, const pm_layout *shown, bool single);
+// Returns the number of components of such variables among these groups.
+int pm_draft_count_odd(const pm_part_view *part, const pm_layout *shown);
 // Writes ", strength: {...}" up to its features, which the caller adds, and its end.
 pm_draft_list pm_draft_open_strength(const pm_draft *draft);
 void pm_draft_close_strength(const pm_draft *draft);

@@ -115,12 +115,34 @@ static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view 
     }
 }
 
+int pm_draft_count_odd(const pm_part_view *v, const pm_layout *shown) {
+    int count = 0;
+    for (int g = 0; g < v->count; ++g) {
+        const bool seen = shown == NULL || pm_layout_find(shown, pm_draft_name(v, g)) != NULL;
+        count += seen && v->odd[g] && !v->group[g].constant ? v->group[g].group->size : 0;
+    }
+    return count;
+}
+
+// Adds a feature of a strength, which is even in time: of a velocity without any other only the
+// size counts. The friction of a turbulent flow grows with it.
+static void add_strength_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
+                                 const char *before, int g, bool single) {
+    if (single && v->unit[g].known && v->odd[g]) {
+        char name[2 * PM_MAX_NAME];
+        snprintf(name, sizeof name, "%s%s", before, pm_draft_name(v, g));
+        add_quoted(l, "|", name, "|");
+    } else {
+        add_feature(d, l, v, before, g);
+    }
+}
+
 void pm_draft_add_features(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
-                           const char *before, const pm_layout *shown) {
+                           const char *before, const pm_layout *shown, bool single) {
     for (int g = 0; g < v->count; ++g) {
         const bool seen = shown == NULL || pm_layout_find(shown, pm_draft_name(v, g)) != NULL;
         if (seen && !v->group[g].constant) {
-            add_feature(d, l, v, before, g);
+            add_strength_feature(d, l, v, before, g, single);
         }
     }
 }
@@ -381,7 +403,8 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v) {
     fprintf(d->file, "], rank: %d", rank);
     if (d->p->form == PM_SOFT || heats > 0) {
         l = pm_draft_open_strength(d);
-        pm_draft_add_features(d, &l, v, "", NULL);
+        pm_draft_add_features(d, &l, v, "", NULL,
+                              d->p->form == PM_HARD && pm_draft_count_odd(v, NULL) == 1);
         pm_draft_close_strength(d);
     }
     fprintf(d->file, "}}   # dissipative processes, whose strengths may vary with the state\n");

@@ -212,11 +212,17 @@ static bool port_may_lose(const pm_draft *d, int port, int end, const pm_group *
 // both ends expose. A boundary input is no feature.
 static void write_strength(const pm_draft *d, int port) {
     const pm_scene_port *scene = &d->p->scene->port[port];
+    int odd = 0;
+    for (int end = 0; end < 2; ++end) {
+        odd += scene->subsystem[end] < 0
+                   ? 0
+                   : pm_draft_count_odd(&d->part[scene->subsystem[end]], shown(d, port, end));
+    }
     pm_draft_list l = pm_draft_open_strength(d);
     for (int end = 0; end < 2; ++end) {
         if (scene->subsystem[end] >= 0) {
             pm_draft_add_features(d, &l, &d->part[scene->subsystem[end]], ends[end],
-                                  shown(d, port, end));
+                                  shown(d, port, end), d->p->form == PM_HARD && odd == 1);
         }
     }
     pm_draft_close_strength(d);
