@@ -11,6 +11,7 @@
 #include "app/prepare.h"
 #include "app/skipped.h"
 #include "scene/model_reader.h"
+#include "sim/round_cost.h"
 #include "sim/subsystem.h"
 #include "store/names.h"
 #include "transport/channel.h"
@@ -351,12 +352,18 @@ static pm_status describe(const pm_setup *setup) {
     return print_channels(setup->scene);
 }
 
-// Writes the section `processes` with one list for each process.
-static pm_status write_processes(const pm_scene *scene, const char *path) {
-    FILE *file = fopen(path, "w");
-    if (file == NULL) {
-        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+// Writes the costs of all models as comments, one line for each.
+static void write_costs(FILE *file, const pm_setup *setup, const int *cost) {
+    fprintf(file, "# Cut by measured costs of a round, in 1/8 of the cheapest subsystem:\n");
+    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
+        if (setup->system->part_owner[i] == i) {
+            fprintf(file, "#   %s, and subsystems with its model: %d\n",
+                    setup->scene->subsystem[i].name, cost[i]);
+        }
     }
+}
+
+static void write_lists(FILE *file, const pm_scene *scene) {
     fprintf(file, "processes:\n");
     for (int i = 0; i < scene->nprocess; ++i) {
         const pm_scene_process *process = &scene->process[i];
@@ -365,6 +372,36 @@ static pm_status write_processes(const pm_scene *scene, const char *path) {
             fprintf(file, "    - %s\n", scene->subsystem[process->subsystem[k]].name);
         }
     }
+}
+
+// Measures the cost of each subsystem if the scene asks for an automatic cut, and cuts it by them.
+static pm_status cut_by_cost(pm_setup *setup, pm_arena *arena, int **cost) {
+    pm_scene *scene = setup->scene;
+    *cost = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof **cost);
+    double *zeros = pm_arena_array(arena, (size_t)scene->nz + 1, sizeof *zeros);
+    if (*cost == NULL || zeros == NULL) {
+        return pm_fail(PM_ENOMEM, "check: out of memory");
+    }
+    PM_TRY(pm_round_cost_measure(setup->system, setup->initial != NULL ? setup->initial : zeros,
+                                 &setup->boundary_input, *cost));
+    return pm_scene_cut_by_cost(scene, *cost);
+}
+
+// Writes the section `processes` with one list for each process.
+static pm_status write_processes(pm_setup *setup, const char *path) {
+    pm_arena arena = {0};
+    int *cost = NULL;
+    const bool automatic = setup->scene->nautomatic > 0;
+    const pm_status status = automatic ? cut_by_cost(setup, &arena, &cost) : PM_OK;
+    FILE *file = status == PM_OK ? fopen(path, "w") : NULL;
+    if (file != NULL && automatic) {
+        write_costs(file, setup, cost);
+    }
+    pm_arena_free(&arena);
+    if (file == NULL) {
+        return status != PM_OK ? status : pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    write_lists(file, setup->scene);
     const bool failed = ferror(file) != 0;
     return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: %s", path, strerror(errno)) : PM_OK;
 }
@@ -373,8 +410,7 @@ static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
     pm_status status;
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_DESCRIBE));
-    PM_TRY_DONE(options->processes == NULL ? PM_OK
-                                           : write_processes(setup.scene, options->processes));
+    PM_TRY_DONE(options->processes == NULL ? PM_OK : write_processes(&setup, options->processes));
     status = describe(&setup);
 done:
     pm_setup_free(&setup);

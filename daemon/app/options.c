@@ -85,7 +85,7 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .help = "write to the folder (systemd) or file (procman) PATH"}},
         {PM_OPTION_PROCESSES,
          text_option("--write-processes", "FILE", &run->processes,
-                     "write the division into processes to FILE, as a section of a scene")},
+                     "cut the scene by measured costs, and write its processes to FILE")},
         {PM_OPTION_LOG, text_option("--log", "FORM", &given->log,
                                     "form of the lines on standard error: text, or json")},
         {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},

@@ -2,8 +2,8 @@
 // content of the scene file: topology, settings and known models. Learned models come from weights
 // files (system.h). The keys of the file are described in daemon/SCENE.md.
 //
-// Life cycle: pm_scene_load reads and checks a file; only pm_scene_join_processes changes the scene
-// afterwards; pm_scene_free releases it.
+// Life cycle: pm_scene_load reads and checks a file; only pm_scene_join_processes and
+// pm_scene_cut_by_cost change the scene afterwards; pm_scene_free releases it.
 #ifndef PM_SCENE_SCENE_H
 #define PM_SCENE_SCENE_H
 
@@ -164,6 +164,7 @@ typedef struct pm_scene {
     int nlive;                       // values of all live inputs
     int nport;
     pm_scene_port *port; // [nport]
+    int nautomatic; // processes that `processes: {auto: N}` asks for; 0: the scene lists them
     int nprocess;
     pm_scene_process *process; // [nprocess] in the order of their first subsystems
     int nz;                    // components of all subsystems
@@ -207,6 +208,10 @@ bool pm_scene_records_port(const pm_scene *scene, int port);
 // Returns true if different processes serve the two ends of a port. These processes then exchange
 // fluxes.
 bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
+
+// Divides the subsystems of a scene with nautomatic > 0 anew, by the costs cost [nsubsystem] of their
+// rounds (sim/round_cost.h). PM_ECONFIG: METIS failed. PM_ENOMEM.
+pm_status pm_scene_cut_by_cost(pm_scene *scene, const int *cost);
 
 // Replaces all processes by a single one, "all", which serves every subsystem. PM_ENOMEM.
 pm_status pm_scene_join_processes(pm_scene *scene);

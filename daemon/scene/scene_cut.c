@@ -13,7 +13,7 @@ typedef struct cut_graph {
     idx_t *first;     // [nsubsystem + 1]
     idx_t *neighbour; // [at most 2 nport] subsystems
     idx_t *traffic;   // of each neighbour: numbers that one round sends both ways
-    idx_t *cost;      // [nsubsystem] estimated cost of a stage
+    idx_t *cost;      // [nsubsystem] of a stage
 } cut_graph;
 
 // Adds the port at one end of a subsystem. Ports with the same neighbour are added up.
@@ -21,7 +21,6 @@ static void add_end(const pm_scene *scene, cut_graph *g, int subsystem, int end_
     const pm_scene_port *port = &scene->port[end_at / 2];
     const int neighbour = port->subsystem[1 - end_at % 2];
     const idx_t shown = (idx_t)(port->layout[0].nz + port->layout[1].nz);
-    g->cost[subsystem] += shown;
     if (neighbour < 0) {
         return;
     }
@@ -34,9 +33,19 @@ static void add_end(const pm_scene *scene, cut_graph *g, int subsystem, int end_
     g->first[subsystem + 1] += k == g->first[subsystem + 1];
 }
 
-static void fill_graph(const pm_scene *scene, cut_graph *g) {
+// Returns an estimated cost: the number of components of the state and of all ends of its ports.
+static idx_t estimate(const pm_scene *scene, int id) {
+    idx_t cost = scene->subsystem[id].layout.nz;
+    for (int k = scene->first_end[id]; k < scene->first_end[id + 1]; ++k) {
+        const pm_scene_port *port = &scene->port[scene->end_at[k] / 2];
+        cost += (idx_t)(port->layout[0].nz + port->layout[1].nz);
+    }
+    return cost;
+}
+
+static void fill_graph(const pm_scene *scene, const int *cost, cut_graph *g) {
     for (int i = 0; i < scene->nsubsystem; ++i) {
-        g->cost[i] = scene->subsystem[i].layout.nz;
+        g->cost[i] = cost == NULL ? estimate(scene, i) : cost[i];
         g->first[i + 1] = g->first[i];
         for (int k = scene->first_end[i]; k < scene->first_end[i + 1]; ++k) {
             add_end(scene, g, i, scene->end_at[k]);
@@ -44,7 +53,7 @@ static void fill_graph(const pm_scene *scene, cut_graph *g) {
     }
 }
 
-static pm_status partition(const pm_scene *scene, cut_graph *g, int count, pm_yaml at, int *mark) {
+static pm_status partition(const pm_scene *scene, cut_graph *g, int count, int *mark) {
     idx_t nsubsystem = scene->nsubsystem, nbalance = 1, nprocess = count, traffic = 0;
     idx_t options[METIS_NOPTIONS];
     METIS_SetDefaultOptions(options);
@@ -57,11 +66,11 @@ static pm_status partition(const pm_scene *scene, cut_graph *g, int count, pm_ya
                                               options, &traffic, mark);
     return result == METIS_OK
                ? PM_OK
-               : pm_yaml_fail(at, "METIS cannot cut the scene into %d processes: %s", count,
-                              result == METIS_ERROR_MEMORY ? "out of memory" : "error in METIS");
+               : pm_fail(PM_ECONFIG, "METIS cannot cut the scene into %d processes: %s", count,
+                         result == METIS_ERROR_MEMORY ? "out of memory" : "error in METIS");
 }
 
-pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark) {
+pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *mark) {
     _Static_assert(sizeof(idx_t) == sizeof(int), "METIS with 32-bit indices");
     pm_arena arena = {0};
     const size_t n = (size_t)scene->nsubsystem, nend = 2 * (size_t)scene->nport + 1;
@@ -73,11 +82,11 @@ pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark) 
     };
     pm_status status = pm_scene_no_memory();
     if (g.first != NULL && g.neighbour != NULL && g.traffic != NULL && g.cost != NULL) {
-        fill_graph(scene, &g);
+        fill_graph(scene, cost, &g);
         for (int i = 0; i < scene->nsubsystem; ++i) {
             mark[i] = 0;
         }
-        status = partition(scene, &g, count, at, mark);
+        status = partition(scene, &g, count, mark);
     }
     pm_arena_free(&arena);
     return status;
@@ -85,10 +94,11 @@ pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark) 
 
 #else
 
-pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark) {
-    (void)scene, (void)count, (void)mark;
-    return pm_yaml_fail(at, "this program was built without METIS, which \"auto\" needs: list the "
-                            "subsystems of each process, or build where libmetis-dev is installed");
+pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *mark) {
+    (void)scene, (void)count, (void)cost, (void)mark;
+    return pm_fail(PM_ECONFIG,
+                   "this program was built without METIS, which \"auto\" needs: list the "
+                   "subsystems of each process, or build where libmetis-dev is installed");
 }
 
 #endif

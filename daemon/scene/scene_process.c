@@ -3,6 +3,7 @@
 // divide the subsystems among N processes.
 #include "scene/scene_reader.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #define UNASSIGNED (-1)
@@ -10,7 +11,7 @@
 // Appends an empty process with room for `count` subsystems.
 static pm_status add_process(pm_scene *scene, const char *name, int count) {
     pm_scene_process *process = &scene->process[scene->nprocess++];
-    process->name = name;
+    *process = (pm_scene_process){.name = name};
     process->subsystem = pm_arena_array(&scene->arena, (size_t)count, sizeof *process->subsystem);
     return process->subsystem == NULL ? pm_scene_no_memory() : PM_OK;
 }
@@ -107,7 +108,14 @@ static pm_status cut(pm_scene_reader *r, pm_yaml section, int count, const char 
     if (mark == NULL) {
         return pm_scene_no_memory();
     }
-    PM_TRY(pm_scene_cut(scene, count, pm_yaml_get(section, "auto"), mark));
+    const pm_status status = pm_scene_cut(scene, count, NULL, mark);
+    if (status == PM_ECONFIG) {
+        char reason[256];
+        snprintf(reason, sizeof reason, "%s", pm_error());
+        return pm_yaml_fail(pm_yaml_get(section, "auto"), "%s", reason);
+    }
+    PM_TRY(status);
+    scene->nautomatic = count;
     for (int i = 0; i < scene->nsubsystem; ++i) {
         scene->subsystem[i].process = mark[i];
     }
@@ -173,6 +181,31 @@ pm_status pm_scene_read_processes(pm_scene_reader *r) {
             ++count[mark];
         }
     }
+    return make_processes(scene, name, made, count);
+}
+
+pm_status pm_scene_cut_by_cost(pm_scene *scene, const int *cost) {
+    const size_t n = (size_t)scene->nautomatic;
+    int *mark = pm_arena_array(&scene->arena, (size_t)scene->nsubsystem, sizeof *mark);
+    int *made = pm_arena_array(&scene->arena, n, sizeof *made);
+    int *count = pm_arena_array(&scene->arena, n, sizeof *count);
+    const char **name = pm_arena_array(&scene->arena, n, sizeof *name);
+    if (mark == NULL || made == NULL || count == NULL || name == NULL) {
+        return pm_scene_no_memory();
+    }
+    PM_TRY(pm_scene_cut(scene, scene->nautomatic, cost, mark));
+    for (int i = 0; i < scene->nautomatic; ++i) {
+        made[i] = UNASSIGNED;
+        name[i] = pm_arena_printf(&scene->arena, "auto%d", i);
+        if (name[i] == NULL) {
+            return pm_scene_no_memory();
+        }
+    }
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        scene->subsystem[i].process = mark[i];
+        ++count[mark[i]];
+    }
+    scene->nprocess = 0;
     return make_processes(scene, name, made, count);
 }
 

@@ -120,12 +120,12 @@ const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t
 const char *pm_scene_end_names(const pm_scene *scene, char *buffer, size_t size);
 const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t size);
 
-// Divides the subsystems among `count` processes so that the processes have about equal estimated
-// costs and exchange few numbers. mark [nsubsystem] receives the process of each subsystem, from 0
-// to count - 1; a process may have none. The same scene gives the same result. The ends of ports
-// (scene->end_at) must have been listed. PM_ECONFIG: the program was built without METIS; the
-// message begins with the place `at`. PM_ENOMEM.
-pm_status pm_scene_cut(const pm_scene *scene, int count, pm_yaml at, int *mark);
+// Divides the subsystems among `count` processes so that the processes have about equal costs and
+// exchange few numbers. cost [nsubsystem] is that of each subsystem; NULL: it is estimated from the
+// numbers of components. mark [nsubsystem] receives the process of each subsystem, from 0 to count -
+// 1; a process may have none. The same scene and costs give the same result. The ends of ports
+// (scene->end_at) must have been listed. PM_ECONFIG: the program was built without METIS. PM_ENOMEM.
+pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *mark);
 
 // Fails with PM_ENOMEM.
 pm_status pm_scene_no_memory(void);

@@ -89,6 +89,24 @@ static void a_chain_is_cut(void **state) {
         assert_int_equal(again->subsystem[i].process, scene->subsystem[i].process);
     }
     pm_scene_free(again);
+    // Six links that cost as much as the other 18 get half of the processes.
+    int cost[24];
+    for (int i = 0; i < 24; ++i) {
+        cost[i] = i < 6 ? 30 : 10;
+    }
+    assert_int_equal(pm_scene_cut_by_cost(scene, cost), PM_OK);
+    assert_int_equal(scene->nprocess, 4);
+    assert_int_equal(joins(scene), 3);
+    int links = 0;
+    for (int i = 0; i < 4; ++i) {
+        int sum = 0;
+        for (int k = 0; k < scene->process[i].count; ++k) {
+            sum += cost[scene->process[i].subsystem[k]];
+        }
+        assert_in_range(sum, 80, 100);
+        links += scene->process[i].count;
+    }
+    assert_int_equal(links, 24);
     pm_scene_free(scene);
     assert_int_equal(pm_scene_parse(&scene, CHAIN "processes: {auto: 1}\n", "t.yaml"), PM_OK);
     assert_int_equal(scene->nprocess, 1);
