@@ -160,7 +160,8 @@ static pm_status step_to_the_end(pm_local_run *run, pm_gate *gate, pm_pace *pace
 }
 
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
-    const pm_lockstep_observer tell = pm_observer_attach(observer, setup).observer;
+    const pm_lockstep_coordinator_options as = pm_observer_attach(observer, setup);
+    const pm_lockstep_observer tell = as.observer;
     pm_local_run run = {0};
     pm_gate gate;
     pm_pace pace = pm_pace_of(setup->scene);
@@ -169,7 +170,8 @@ static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
         return pm_fail(PM_EUSAGE, "run: live inputs arrive over LCM: --in-process needs --replay");
     }
     PM_TRY_DONE(pm_gate_init(&gate, observer->options->gate));
-    PM_TRY_DONE(pm_local_run_open(&run, setup));
+    PM_TRY_DONE(
+        pm_local_run_open(&run, setup, pm_scene_may_report_sums(setup->scene) && !as.want_state));
     status = step_to_the_end(&run, &gate, &pace, &tell);
     status = pm_observer_finish(observer, status, &run.ledger, &pace, "in one process");
 done:

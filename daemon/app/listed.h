@@ -5,7 +5,9 @@
 
 #include <stdbool.h>
 
-#define PM_MOST_LISTED 64
+#include "scene/scene.h"
+
+#define PM_MOST_LISTED PM_SCENE_LISTED
 
 // Returns true if component i of `count` is listed. owner [count] gives, for each component, the
 // first component with the same model (part_owner and port_owner in scene/system.h).

@@ -16,25 +16,30 @@ typedef struct energy_entropy {
 struct pm_report {
     const pm_setup *setup;
     pm_arena arena;
-    long steps;                // added, without the initial state
-    long timed_from;           // the step at which `first` was taken
-    double first, last;        // s, monotonic, when the first and the last sample came
-    energy_entropy *bulk;      // [nsubsystem]
-    energy_entropy (*flux)[2]; // [nport][end]
-    long evaluated, skipped;   // terms, as of the last sample
-    long *outside;             // [nsubsystem] steps outside the training range, likewise
-    int ncompared;             // states compared with the reference so far
-    double *predicted;         // [ncolumn] the last of these states
-    pm_score_sums *score;      // [columns.ngroup] errors of these states
+    long steps;              // added, without the initial state
+    long timed_from;         // the step at which `first` was taken
+    double first, last;      // s, monotonic, when the first and the last sample came
+    int nlisted;             // subsystems that the tables list: the first ones
+    energy_entropy *bulk;    // [nlisted]
+    energy_entropy *flux;    // [scene->first_end[nlisted]] through the ends of their ports
+    long *outside;           // [nlisted] steps outside the training range, as of the last sample
+    long evaluated, skipped; // terms, likewise
+    int strayed, farthest;   // as in pm_sample
+    long farthest_steps;
+    int ncompared;        // states compared with the reference so far
+    double *predicted;    // [ncolumn] the last of these states
+    pm_score_sums *score; // [columns.ngroup] errors of these states
 };
 
 static pm_status allocate(pm_report *report) {
     const pm_setup *setup = report->setup;
     const pm_scene *scene = setup->scene;
     pm_arena *arena = &report->arena;
-    report->bulk = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof report->bulk[0]);
-    report->flux = pm_arena_array(arena, (size_t)scene->nport, sizeof report->flux[0]);
-    report->outside = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof report->outside[0]);
+    const int n = scene->nsubsystem < PM_MOST_LISTED ? scene->nsubsystem : PM_MOST_LISTED;
+    report->nlisted = n;
+    report->bulk = pm_arena_array(arena, (size_t)n, sizeof report->bulk[0]);
+    report->flux = pm_arena_array(arena, (size_t)scene->first_end[n], sizeof report->flux[0]);
+    report->outside = pm_arena_array(arena, (size_t)n, sizeof report->outside[0]);
     if (setup->reference != NULL) {
         report->predicted =
             pm_arena_array(arena, (size_t)setup->reference->ncolumn, sizeof *report->predicted);
@@ -93,19 +98,20 @@ void pm_report_add(pm_report *report, const pm_sample *sample) {
         return;
     }
     report->steps = sample->step;
-    report->evaluated = report->skipped = 0;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    report->evaluated = sample->evaluated_in_all;
+    report->skipped = sample->skipped_in_all;
+    report->strayed = sample->strayed;
+    report->farthest = sample->farthest;
+    report->farthest_steps = sample->farthest_steps;
+    for (int i = 0; i < report->nlisted; ++i) {
         report->bulk[i].energy += sample->bulk_energy[i];
         report->bulk[i].entropy += sample->bulk_entropy[i];
-        report->evaluated += sample->evaluated[i];
-        report->skipped += sample->skipped[i];
         report->outside[i] = sample->outside[i];
     }
-    for (int i = 0; i < scene->nport; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            report->flux[i][end].energy += sample->flux[i][end].energy;
-            report->flux[i][end].entropy += sample->flux[i][end].entropy;
-        }
+    for (int k = 0; k < scene->first_end[report->nlisted]; ++k) {
+        const pm_flux *flux = &sample->flux[scene->end_at[k] / 2][scene->end_at[k] % 2];
+        report->flux[k].energy += flux->energy;
+        report->flux[k].entropy += flux->entropy;
     }
 }
 
@@ -126,13 +132,15 @@ void pm_report_record(pm_report *report, pm_record *record) {
     pm_record_put_int(record, "compared", &report->ncompared);
     pm_record_put_long(record, "evaluated", &report->evaluated);
     pm_record_put_long(record, "skipped", &report->skipped);
-    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
+    pm_record_put_int(record, "strayed", &report->strayed);
+    pm_record_put_int(record, "farthest", &report->farthest);
+    pm_record_put_long(record, "farthest steps", &report->farthest_steps);
+    for (int i = 0; i < report->nlisted; ++i) {
         pm_record_put_long(record, "outside", &report->outside[i]);
         put_sums(record, "bulk", &report->bulk[i]);
     }
-    for (int i = 0; i < setup->scene->nport; ++i) {
-        put_sums(record, "flux a", &report->flux[i][0]);
-        put_sums(record, "flux b", &report->flux[i][1]);
+    for (int k = 0; k < setup->scene->first_end[report->nlisted]; ++k) {
+        put_sums(record, "flux", &report->flux[k]);
     }
     for (int g = 0; report->score != NULL && g < setup->columns.ngroup; ++g) {
         pm_record_put(record, "error", &report->score[g].error, 1);
@@ -166,10 +174,9 @@ static void print_flux(const pm_report *report, int subsystem, const char *throu
 static void print_fluxes(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
     printf("\n%-18s %-16s %15s %15s\n", "Mean flux into", "through", "energy, W", "entropy, W/K");
-    for (int i = 0; i < scene->nsubsystem && i < PM_MOST_LISTED; ++i) {
+    for (int i = 0; i < report->nlisted; ++i) {
         for (int k = scene->first_end[i]; k < scene->first_end[i + 1]; ++k) {
-            const int p = scene->end_at[k] / 2, end = scene->end_at[k] % 2;
-            print_flux(report, i, scene->port[p].name, report->flux[p][end]);
+            print_flux(report, i, scene->port[scene->end_at[k] / 2].name, report->flux[k]);
         }
         print_flux(report, i, "(its own bulk)", report->bulk[i]);
     }
@@ -256,19 +263,14 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
 // Many subsystems are summed up in one line.
 static void print_outside(const pm_report *report) {
     const pm_scene *scene = report->setup->scene;
-    int count = 0, worst = 0;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        count += report->outside[i] > 0;
-        worst = report->outside[i] > report->outside[worst] ? i : worst;
-    }
-    if (count > PM_MOST_LISTED) {
+    if (report->strayed > 0 && scene->nsubsystem > report->nlisted) {
         printf("\n%d of %d subsystems left the states their weights were trained on, %s on %ld of "
                "%ld steps\n",
-               count, scene->nsubsystem, scene->subsystem[worst].name, report->outside[worst],
-               report->steps);
+               report->strayed, scene->nsubsystem, scene->subsystem[report->farthest].name,
+               report->farthest_steps, report->steps);
         return;
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    for (int i = 0; i < report->nlisted; ++i) {
         if (report->outside[i] > 0) {
             printf("\n%s left the states its weights were trained on, on %ld of %ld steps",
                    scene->subsystem[i].name, report->outside[i], report->steps);

@@ -4,13 +4,16 @@
 #include <string.h>
 
 static pm_status book(pm_local_run *run) {
-    run->sample = *pm_monolithic_sample(run->monolithic);
+    pm_tally tally;
+    run->sample = run->sums ? *pm_monolithic_sums(run->monolithic, &tally)
+                            : *pm_monolithic_sample(run->monolithic);
     run->sample.live = run->setup->live;
-    return pm_ledger_book(&run->ledger, &run->sample);
+    return run->sums ? pm_ledger_enter(&run->ledger, &run->sample, &tally)
+                     : pm_ledger_book(&run->ledger, &run->sample);
 }
 
-pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup) {
-    *run = (pm_local_run){.setup = setup};
+pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup, bool sums) {
+    *run = (pm_local_run){.setup = setup, .sums = sums};
     PM_TRY(pm_monolithic_open(&run->monolithic, setup->system));
     pm_monolithic_set_boundary_input(run->monolithic, &setup->boundary_input);
     return pm_local_run_start(run, setup->initial);

@@ -15,12 +15,14 @@ typedef struct pm_local_run {
     const pm_setup *setup; // borrowed
     pm_monolithic *monolithic;
     pm_ledger ledger;
+    bool sums;        // `sample` may hold no more than the first subsystems (monolithic.h)
     pm_sample sample; // of the state reached; its arrays belong to `monolithic`
 } pm_local_run;
 
 // Opens all subsystems of a completed setup, which is borrowed, and starts at its initial state.
-// The caller closes, on failure too. Fails as pm_monolithic_open and pm_ledger_book do.
-pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup);
+// `sums` tells whether the caller needs no more of the samples than the first PM_SCENE_LISTED
+// subsystems. The caller closes, on failure too. Fails as pm_monolithic_open and pm_ledger_book do.
+pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup, bool sums);
 void pm_local_run_close(pm_local_run *run);
 
 // Starts again at step 0 from the state z [scene->nz] with an empty ledger. Fails as

@@ -66,7 +66,7 @@ static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights
     PM_TRY(pm_setup_complete(&s->setup, PM_TO_SERVE));
     PM_TRY(hold_inputs(s));
     PM_TRY(pm_scene_variable_names(&s->variables, scene, &s->setup.arena));
-    PM_TRY(pm_local_run_open(&s->run, &s->setup));
+    PM_TRY(pm_local_run_open(&s->run, &s->setup, false));
     copy_ledger(s);
     return PM_OK;
 }

@@ -38,7 +38,7 @@ static const pm_wire_type tick_type = {
 
 static const pm_wire_type report_type = {
     __portmet_report_t_get_hash,
-    27,
+    29,
     {F(I64, report, session),
      F(I64, report, instance),
      F(I64, report, coordinator),
@@ -65,6 +65,8 @@ static const pm_wire_type report_type = {
      ARRAY(DOUBLES, report, entropy_gross, nend),
      F(COUNT_TO, report, nz),
      ARRAY(DOUBLES, report, z, nz),
+     F(COUNT_TO, report, ntally),
+     ARRAY(DOUBLES, report, tally, ntally),
      F(TEXT, report, message)},
 };
 

@@ -71,6 +71,9 @@ struct pm_lockstep_coordinator {
     pm_arena arena;
     pm_lockstep_observer observer;
     bool want_state; // reports carry the state z
+    bool sums;       // reports have sums, and list only some subsystems
+    int nbetween;
+    int *between; // [nbetween] ports between two processes, which no report sums up
 
     pm_coordinator_phase phase;
     double next;     // s, when the next command is due
@@ -132,6 +135,10 @@ int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *coordinator, i
 
 // Returns the number of steps that every process has completed, as far as reports and fluxes show.
 int64_t pm_coordinator_steps_shown(const pm_lockstep_coordinator *coordinator);
+
+// Enters the complete sample of a step, or the sums of its reports and the ports between processes,
+// in the ledger. Fails as pm_ledger_book does.
+pm_status pm_coordinator_enter(pm_lockstep_coordinator *coordinator, pm_sample *sample);
 
 // Returns true if the gate allows no step beyond those that are granted.
 bool pm_coordinator_is_at_gate(const pm_lockstep_coordinator *coordinator);

@@ -168,6 +168,8 @@ static pm_drop accept_done(pm_remote_process *remote) {
         pm_sample *sample = pm_report_window_missing(&c->reports, first + row, remote->id);
         if (sample != NULL) {
             pm_remote_process_fill(remote, row, sample);
+            pm_remote_process_add_tally(remote, row,
+                                        pm_report_window_tally(&c->reports, first + row));
             pm_report_window_mark(&c->reports, first + row, remote->id);
             // Processes may come one by one: the patience with the others begins anew.
             c->progressed = c->progressed || c->completed < 0;

@@ -51,6 +51,15 @@ bool pm_coordinator_is_at_gate(const pm_lockstep_coordinator *c) {
     return c->granted >= c->gate.steps;
 }
 
+pm_status pm_coordinator_enter(pm_lockstep_coordinator *c, pm_sample *sample) {
+    if (!c->sums) {
+        return pm_ledger_book(&c->ledger, sample);
+    }
+    pm_tally *tally = pm_report_window_tally(&c->reports, sample->step);
+    pm_tally_add_ports(tally, c->endpoint.system, sample, c->nbetween, c->between);
+    return pm_ledger_enter(&c->ledger, sample, tally);
+}
+
 // --- questions ---
 
 bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *c) {

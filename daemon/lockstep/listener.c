@@ -91,7 +91,8 @@ static void on_report(void *context, const char *channel, const void *data, size
         report->step > PM_STEPS_MAX || !follows(l, report->session)) {
         return;
     }
-    for (int row = 0; row < pm_remote_process_rows(remote); ++row) {
+    for (int row = 0; row < pm_remote_process_rows(remote) && !pm_remote_process_has_sums(remote);
+         ++row) {
         add_row(l, remote, row);
     }
 }

@@ -1,7 +1,8 @@
 // Listens to a run of a scene without taking part in it. The processes of the run do not notice a
 // listener: it publishes nothing. It assembles the reports of all processes on one step into a
 // sample, and keeps the newest ledger, health and command (lcmtypes/portmet.lcm). A listener may
-// miss messages. A step of which it has missed a report gives no sample.
+// miss messages. A step of which it has missed a report gives no sample, and neither does a step of
+// which the reports have sums instead of all subsystems.
 #ifndef PM_LOCKSTEP_LISTENER_H
 #define PM_LOCKSTEP_LISTENER_H
 

@@ -88,7 +88,7 @@ static pm_status publish_command(pm_lockstep_coordinator *c) {
 
 // Enters a step's sample in the ledger, hands it to the observer and saves the checkpoint if due.
 static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
-    PM_TRY(pm_ledger_book(&c->ledger, sample));
+    PM_TRY(pm_coordinator_enter(c, sample));
     sample->live = pm_live_inputs_values(&c->live, sample->step - 1);
     pm_pace_note(&c->pace, sample->step, c->endpoint.now);
     if (c->observer.step != NULL) {
@@ -437,6 +437,8 @@ static pm_status prepare(pm_lockstep_coordinator *c,
     c->hears_fluxes = pm_lookahead_uses_fluxes(scene);
     pm_ledger_init(&c->ledger, c->endpoint.system);
     PM_TRY(pm_step_controller_init(&c->step_controller, scene));
+    c->sums = pm_scene_may_report_sums(scene) && !c->want_state;
+    PM_TRY(pm_report_ports_between(scene, &c->arena, &c->nbetween, &c->between));
     PM_TRY(open_remotes(c));
     c->pace = pm_pace_of(scene);
     PM_TRY(pm_gate_init(&c->gate, options->gate));

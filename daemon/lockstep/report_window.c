@@ -12,6 +12,7 @@ static void begin(const pm_report_window *window, int64_t step) {
     pm_report_window_slot *slot = slot_of(window, step);
     slot->step = step;
     slot->missing = scene->nprocess;
+    slot->tally = (pm_tally){0};
     memset(slot->has, 0, (size_t)scene->nprocess * sizeof *slot->has);
     slot->sample->step = (long)step;
     slot->sample->time = pm_scene_time(scene, 0, step);
@@ -86,6 +87,10 @@ int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, 
 
 pm_sample *pm_report_window_sample(const pm_report_window *window, int64_t step) {
     return slot_of(window, step)->sample;
+}
+
+pm_tally *pm_report_window_tally(const pm_report_window *window, int64_t step) {
+    return &slot_of(window, step)->tally;
 }
 
 void pm_report_window_advance(pm_report_window *window, int64_t step) {

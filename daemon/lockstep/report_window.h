@@ -11,6 +11,7 @@
 
 #include "base/arena.h"
 #include "scene/recording.h"
+#include "sim/tally.h"
 
 // One step of the window.
 typedef struct pm_report_window_slot {
@@ -18,6 +19,7 @@ typedef struct pm_report_window_slot {
     int missing; // number of processes that have not reported the step
     bool *has;   // [nprocess] true for each process that has reported the step
     pm_sample *sample;
+    pm_tally tally; // the sums of the reports so far
 } pm_report_window_slot;
 
 // The caller owns this storage and initialises it with zeros.
@@ -49,6 +51,9 @@ int64_t pm_report_window_complete(const pm_report_window *window, int64_t step, 
 
 // Returns the sample of a step in the window, which owns it.
 pm_sample *pm_report_window_sample(const pm_report_window *window, int64_t step);
+
+// Returns the tally of a step in the window, which owns it.
+pm_tally *pm_report_window_tally(const pm_report_window *window, int64_t step);
 
 // Discards all samples; the window then begins at the step `first`.
 void pm_report_window_restart(pm_report_window *window, int64_t first);

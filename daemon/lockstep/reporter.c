@@ -6,69 +6,6 @@
 #include "lockstep/lookahead.h"
 #include "transport/channel.h"
 
-#define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps; avoids fragments
-
-// --- the shape of a report message ---
-
-// Counts the subsystems, ends of ports and components of the state in the report of one step.
-static void count_numbers(const pm_scene *scene, int process_id, int *npart, int *nend, int *nz) {
-    const pm_scene_process *process = &scene->process[process_id];
-    *npart = process->count;
-    *nend = *nz = 0;
-    for (int i = 0; i < process->count; ++i) {
-        *nz += scene->subsystem[process->subsystem[i]].layout.nz;
-    }
-    for (int k = 0; k < 2 * scene->nport; ++k) {
-        // The subsystem at one end also reports the end at a boundary input.
-        const int *subsystem = scene->port[k / 2].subsystem;
-        const int by = subsystem[k % 2] >= 0 ? subsystem[k % 2] : subsystem[1 - k % 2];
-        *nend += scene->subsystem[by].process == process_id;
-    }
-}
-
-// Returns the largest number of steps in a report of this process.
-static int most_rows(const pm_scene *scene, int process_id) {
-    int npart, nend, nz;
-    count_numbers(scene, process_id, &npart, &nend, &nz);
-    const size_t size = sizeof(double) * (10 * (size_t)npart + 4 * (size_t)nend + (size_t)nz);
-    const int most = size < LARGEST_REPORT ? (int)(LARGEST_REPORT / size) : 1;
-    const int lookahead = pm_lookahead(scene), half = lookahead > 1 ? lookahead / 2 : 1;
-    return half < most ? half : most;
-}
-
-pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
-                                  int process_id) {
-    int npart, nend, nz;
-    count_numbers(scene, process_id, &npart, &nend, &nz);
-    const int rows = most_rows(scene, process_id);
-    *report = (portmet_report_t){
-        .npart = rows * npart, .nend = rows * nend, .nz = rows * nz, .message = ""};
-    const size_t p = (size_t)report->npart, e = (size_t)report->nend, z = (size_t)report->nz;
-    double *memory = pm_arena_array(arena, 7 * p + 4 * e + z, sizeof *memory);
-    int64_t *counts = pm_arena_array(arena, 3 * p, sizeof *counts);
-    if (memory == NULL || counts == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory for a report",
-                       scene->process[process_id].name);
-    }
-    double **const of_part[] = {
-        &report->energy,       &report->entropy,           &report->bulk_energy,
-        &report->bulk_entropy, &report->bulk_energy_gross, &report->bulk_entropy_gross,
-        &report->error};
-    double **const of_end[] = {&report->energy_flux, &report->entropy_flux, &report->energy_gross,
-                               &report->entropy_gross};
-    for (int i = 0; i < 7; ++i, memory += p) {
-        *of_part[i] = memory;
-    }
-    for (int i = 0; i < 4; ++i, memory += e) {
-        *of_end[i] = memory;
-    }
-    report->z = memory;
-    report->evaluated = counts;
-    report->skipped = counts + p;
-    report->outside = counts + 2 * p;
-    return PM_OK;
-}
-
 pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_system *system,
                            int process_id, pm_transport *transport, int64_t instance, int more) {
     pm_reporter *r = reporter;
@@ -76,10 +13,9 @@ pm_status pm_reporter_init(pm_reporter *reporter, pm_arena *arena, const pm_syst
     r->scene = scene;
     r->process = &scene->process[process_id];
     r->transport = transport;
-    count_numbers(scene, process_id, &r->npart, &r->nend, &r->nz);
-    r->capacity = most_rows(scene, process_id);
     PM_TRY(pm_channel_process(r->sent.channel, scene, "REPORT", process_id));
-    PM_TRY(pm_report_message_alloc(&r->done, arena, scene, process_id));
+    PM_TRY(pm_report_shapes_init(r->shape, arena, scene, process_id));
+    PM_TRY(pm_report_message_alloc(&r->done, arena, r->shape));
     // The coordinator may miss the report of any granted step, and a report may hold only one.
     const int depth = pm_lookahead(scene) + 1 + more;
     PM_TRY(pm_resend_buffer_init(&r->sent, arena, depth, pm_report_size(&r->done)));
@@ -160,11 +96,19 @@ static pm_status check_books(pm_reporter *r, int64_t step,
     return PM_OK;
 }
 
+// Adds the sums of the step to the report.
+static void add_tally(pm_reporter *r, const pm_process_subsystems *subsystems) {
+    pm_tally tally = {0};
+    pm_local_subsystems_tally(subsystems->local, &tally);
+    memcpy(r->done.tally + (ptrdiff_t)r->rows * PM_TALLY_NUMBERS, &tally, sizeof tally);
+}
+
 pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *head,
                                const pm_process_subsystems *subsystems, bool with_state) {
     pm_reporter *r = reporter;
     portmet_report_t *m = &r->done;
-    PM_TRY(check_books(r, head->step, subsystems));
+    r->sums = r->shape[1].ntally > 0 && !with_state;
+    const pm_report_shape *shape = &r->shape[r->sums];
     if (r->rows == 0) {
         m->session = head->session;
         m->coordinator = head->coordinator;
@@ -172,18 +116,23 @@ pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *he
         m->time = head->time;
         m->nz = 0;
     }
-    int end = r->rows * r->nend;
-    for (int i = 0; i < subsystems->count; ++i) {
-        const pm_books books = pm_local_subsystems_books(subsystems->local, i);
-        end = add_books(m, r->rows * r->npart + i, end, &books);
+    if (r->sums) {
+        add_tally(r, subsystems);
+    } else {
+        PM_TRY(check_books(r, head->step, subsystems));
+    }
+    int end = r->rows * shape->nend;
+    for (int i = 0; i < shape->npart; ++i) {
+        const int part = shape->part[i];
+        const pm_books books = pm_local_subsystems_books(subsystems->local, part);
+        end = add_books(m, r->rows * shape->npart + i, end, &books);
         if (with_state) {
-            const int nz = r->scene->subsystem[r->process->subsystem[i]].layout.nz;
-            pm_local_subsystems_state(subsystems->local, i, m->z + m->nz);
-            m->nz += nz;
+            pm_local_subsystems_state(subsystems->local, part, m->z + m->nz);
+            m->nz += r->scene->subsystem[r->process->subsystem[part]].layout.nz;
         }
     }
     r->rows += 1;
-    return r->rows < r->capacity ? PM_OK : pm_reporter_flush(r);
+    return r->rows < shape->rows ? PM_OK : pm_reporter_flush(r);
 }
 
 pm_status pm_reporter_flush(pm_reporter *reporter) {
@@ -192,8 +141,9 @@ pm_status pm_reporter_flush(pm_reporter *reporter) {
     if (r->rows == 0) {
         return PM_OK;
     }
-    m->npart = r->rows * r->npart;
-    m->nend = r->rows * r->nend;
+    m->npart = r->rows * r->shape[r->sums].npart;
+    m->nend = r->rows * r->shape[r->sums].nend;
+    m->ntally = r->rows * r->shape[r->sums].ntally;
     const int64_t last = m->step + r->rows - 1;
     r->rows = 0;
     unsigned char *data = pm_resend_buffer_data(&r->sent);

@@ -6,6 +6,7 @@
 
 #include "lockstep/codec.h"
 #include "lockstep/process_subsystems.h"
+#include "lockstep/report_shape.h"
 #include "lockstep/resend_buffer.h"
 
 // The caller owns this storage.
@@ -17,17 +18,13 @@ typedef struct pm_reporter {
     int64_t *first, *last;      // [sent.depth] first and last step of each report in `sent`
     int64_t count;              // DONE reports published
     portmet_report_t done;      // the report being filled
-    int rows, capacity;         // steps in the report being filled, and its largest number of steps
-    int npart, nend, nz;        // subsystems, ends of ports and state components of one step
+    pm_report_shape shape[2];   // of reports without and with sums
+    bool sums;                  // the report being filled has sums
+    int rows;                   // steps in the report being filled
     portmet_report_t notice;    // FAILED or BYE
     unsigned char *notice_data; // [notice_capacity] the encoded notice
     size_t notice_capacity;
 } pm_reporter;
-
-// Makes a report message with memory from the arena for as many steps as a report of this process
-// may hold. Its counts npart, nend and nz are then the largest possible ones. PM_ENOMEM.
-pm_status pm_report_message_alloc(portmet_report_t *report, pm_arena *arena, const pm_scene *scene,
-                                  int process_id);
 
 // Opens a reporter. Memory comes from the arena, for as many reports as the coordinator may miss
 // plus `more`. `instance` is the instance number in the sender's hello. PM_ECONFIG, PM_ENOMEM.

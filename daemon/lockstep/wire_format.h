@@ -29,7 +29,7 @@ typedef struct pm_wire_field {
     size_t offset, count; // bytes from the beginning of the struct; `count` for arrays alone
 } pm_wire_field;
 
-#define PM_WIRE_FIELDS 27 // the largest number of fields of a type
+#define PM_WIRE_FIELDS 29 // the largest number of fields of a type
 
 typedef struct pm_wire_type {
     int64_t (*fingerprint)(void);

@@ -51,10 +51,14 @@ typedef struct pm_sample {
     long *outside;        // [nsubsystem] steps so far that ended outside the training range
     double *error;        // [nsubsystem] largest relative error of a substep; 0: not estimated
     const double *live;   // [scene->nlive] borrowed: the values of the live inputs during the step
-    // The ledger writes these: the worst residuals of the step, and what has left through boundary
-    // inputs so far.
+    // The ledger writes these: the worst residuals of the step, what has left through boundary
+    // inputs so far, and the counts above of all subsystems.
     double energy_residual, entropy_residual;
     double outside_energy, outside_entropy; // J, J/K
+    long evaluated_in_all, skipped_in_all;
+    int strayed;  // subsystems that have ended steps outside the training range
+    int farthest; // the subsystem with the largest number of such steps, and this number
+    long farthest_steps;
 } pm_sample;
 
 // Makes a sample of zeros for a scene. The caller frees it. PM_ENOMEM.

@@ -124,13 +124,14 @@ typedef struct pm_scene_observation {
 } pm_scene_observation;
 
 typedef struct pm_scene {
-    pm_arena arena;                     // owns all that follows
-    const char *path;                   // as given to pm_scene_load
-    const char *name;                   // letters, digits, '_' only
-    const char *url, *url_at;           // address at which processes meet; NULL: not given
-    const char *tap_url; // address at which listeners hear the run; set by app/connect.c
+    pm_arena arena;           // owns all that follows
+    const char *path;         // as given to pm_scene_load
+    const char *name;         // letters, digits, '_' only
+    const char *url, *url_at; // address at which processes meet; NULL: not given
+    const char *tap_url;      // address at which listeners hear the run; set by app/connect.c
     int ntap;
-    const char **tap; // [ntap] patterns of channels that are repeated at tap_url, if it is not `url`
+    const char *
+        *tap; // [ntap] patterns of channels that are repeated at tap_url, if it is not `url`
     const char *key_file, *key_file_at; // key that seals messages (transport/seal.h); NULL: none
     double dt;                          // s, of a step
     int steps;
@@ -204,6 +205,18 @@ double pm_scene_time(const pm_scene *scene, double t0, long step);
 // subsystem at one of its ends.
 bool pm_scene_records(const pm_scene *scene, int subsystem);
 bool pm_scene_records_port(const pm_scene *scene, int port);
+
+// A scene with more subsystems than this reports sums instead of every subsystem, unless somebody
+// records it or compares it with a reference. Of its subsystems the first PM_SCENE_LISTED are
+// listed one by one all the same.
+#define PM_SCENE_MOST_REPORTED 1000
+#define PM_SCENE_LISTED 64
+
+// Returns true if the processes of a scene may report sums.
+bool pm_scene_may_report_sums(const pm_scene *scene);
+// Returns true if a report of sums holds the numbers of a subsystem as well: it is one of the
+// first, or it has a port to another process.
+bool pm_scene_lists_subsystem(const pm_scene *scene, int id);
 
 // Returns true if different processes serve the two ends of a port. These processes then exchange
 // fluxes.

@@ -92,6 +92,21 @@ bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port) 
     return a >= 0 && b >= 0 && scene->subsystem[a].process != scene->subsystem[b].process;
 }
 
+// --- reports ---
+
+bool pm_scene_may_report_sums(const pm_scene *scene) {
+    return scene->nsubsystem > PM_SCENE_MOST_REPORTED && scene->nboundary_input == 0 &&
+           scene->tolerance == 0;
+}
+
+bool pm_scene_lists_subsystem(const pm_scene *scene, int id) {
+    bool listed = id < PM_SCENE_LISTED;
+    for (int k = scene->first_end[id]; k < scene->first_end[id + 1] && !listed; ++k) {
+        listed = pm_scene_joins_processes(scene, &scene->port[scene->end_at[k] / 2]);
+    }
+    return listed;
+}
+
 // --- lists for messages ---
 
 const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size) {

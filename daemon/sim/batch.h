@@ -28,6 +28,7 @@
 #include "scene/recording.h"
 #include "scene/system.h"
 #include "sim/subsystem.h"
+#include "sim/tally.h"
 
 typedef struct pm_batch pm_batch;
 
@@ -71,6 +72,9 @@ void pm_batch_state(const pm_batch *batch, int i, double *z);
 // Fills the sample of the state reached, except its step and time, with the fluxes of the last
 // step.
 void pm_batch_fill_sample(const pm_batch *batch, pm_sample *sample);
+
+// Adds the last step of all subsystems, and of the ports between two of them, to the tally.
+void pm_batch_tally(pm_batch *batch, pm_tally *tally);
 
 // Counts, saves or restores, as `record` demands (base/record.h), all numbers that the batch needs
 // to continue from the end of a step with the same bits. Saving is allowed between two steps,

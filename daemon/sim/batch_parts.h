@@ -6,6 +6,7 @@
 //     batch_substep.c ends substeps: adaptive steps and balanced integrators
 //     batch_remote.c  exchanges the values of ports with other processes
 //     batch_record.c  saves and restores it
+//     batch_tally.c   sums up a step for the ledger
 #ifndef PM_SIM_BATCH_PARTS_H
 #define PM_SIM_BATCH_PARTS_H
 
@@ -110,6 +111,7 @@ typedef struct pm_batch_remote {
     int port, end;               // position in the scene; 0: end A, 1: end B
     pm_batch_address own, ghost; // of the subsystem at this end, and of what the other end shows
     pm_flux flux;                // into the subsystem through this end during the last step
+    pm_flux hidden[2];           // scratch of pm_batch_tally
 } pm_batch_remote;
 
 struct pm_batch {

@@ -236,3 +236,58 @@ PM_SIMD_CLONES int pm_lanes_any_not_finite(int64_t count, const double *x) {
     }
     return any != 0;
 }
+
+// Loads up to PM_LANES numbers; the rest are zeros, as are all if `from` is NULL.
+static inline void load_some(vector *x, const double *from, int at, int count) {
+    const int left = count - at;
+    *x = (vector){0};
+    if (from != NULL) {
+        memcpy(x, from + at, (size_t)(left < PM_LANES ? left : PM_LANES) * sizeof *from);
+    }
+}
+
+// Replaces the numbers of `most` by those of `x` that are larger.
+static inline void keep_larger(vector *most, const vector *x) {
+    const bits larger = (bits)(*x > *most);
+    *most = (vector)(((bits)*x & larger) | ((bits)*most & ~larger));
+}
+
+static double largest_of(const vector *x) {
+    double largest = 0;
+    for (int l = 0; l < PM_LANES; ++l) {
+        largest = (*x)[l] > largest ? (*x)[l] : largest;
+    }
+    return largest;
+}
+
+PM_SIMD_CLONES double pm_lanes_largest(int count, const double *x) {
+    vector most = {0}, some;
+    for (int i = 0; i < count; i += PM_LANES) {
+        load_some(&some, x, i, count);
+        keep_larger(&most, &some);
+    }
+    return largest_of(&most);
+}
+
+PM_SIMD_CLONES void pm_lanes_worst(int lanes, bool magnitude, const double *a, const double *b,
+                                   const double *gross_a, const double *gross_b, int nclass,
+                                   const double *least, double *worst) {
+    vector most[PM_LANES_CLASSES] = {{0}};
+    for (int i = 0; i < lanes; i += PM_LANES) {
+        vector sum, gross, other;
+        load_some(&sum, a, i, lanes);
+        load_some(&other, b, i, lanes);
+        sum += other;
+        load_some(&gross, gross_a, i, lanes);
+        load_some(&other, gross_b, i, lanes);
+        keep_larger(&gross, &other);
+        const vector residual = (magnitude ? (vector)((bits)sum & ~SIGN) : -sum) / gross;
+        for (int k = 0; k < nclass; ++k) {
+            const vector counted = (vector)((bits)residual & (bits)(gross >= least[k]));
+            keep_larger(&most[k], &counted);
+        }
+    }
+    for (int k = 0; k < nclass; ++k) {
+        worst[k] = largest_of(&most[k]);
+    }
+}

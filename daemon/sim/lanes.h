@@ -26,6 +26,11 @@ static inline pm_flux pm_lane_flux_at(const pm_lane_flux *flux, int lane) {
                      flux->entropy_gross[lane]};
 }
 
+// Returns a flux as that of a single lane. The arrays are borrowed from it.
+static inline pm_lane_flux pm_lane_flux_of(pm_flux *flux) {
+    return (pm_lane_flux){&flux->energy, &flux->entropy, &flux->energy_gross, &flux->entropy_gross};
+}
+
 // Takes the four arrays of a flux, zeroed, from the arena. They lie one after the other in memory
 // and begin with `energy`. PM_ENOMEM.
 pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes);
@@ -88,5 +93,17 @@ void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint6
 int pm_lanes_any(int lanes, const uint64_t *x);
 int pm_lanes_all(int lanes, const uint64_t *x);
 int pm_lanes_any_not_finite(int64_t count, const double *x);
+
+// Returns the largest of the numbers x [count], which are not negative; 0 if there is none.
+double pm_lanes_largest(int count, const double *x);
+// Computes for each of `nclass` classes the largest residual of the lanes whose gross flux
+// max(gross_a, gross_b) is at least least[class]: |a + b| / gross if `magnitude` is true, else
+// -(a + b) / gross. A class without a positive residual has 0. All arrays are [lanes], with any
+// number of lanes; b and gross_b may be NULL: zero. least and worst are [nclass], and nclass is at
+// most PM_LANES_CLASSES.
+#define PM_LANES_CLASSES 8
+void pm_lanes_worst(int lanes, bool magnitude, const double *a, const double *b,
+                    const double *gross_a, const double *gross_b, int nclass, const double *least,
+                    double *worst);
 
 #endif

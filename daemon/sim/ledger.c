@@ -4,113 +4,24 @@
 #include <math.h>
 #include <string.h>
 
-#include "model/port.h"
-
-// A gross flux below this fraction of the step's largest counts as rounding. Where the projections
-// of README.md, equation (2), remove an entire rate, only rounding of either sign remains.
-#define SMALLEST_SHARE 1e-12
-// W and W/K: one Boltzmann constant per second, for systems in which every flux is such rounding.
-#define SMALLEST_FLUX 1.380649e-23
-
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system) {
-    *ledger = (pm_ledger){.system = system};
+    *ledger = (pm_ledger){.system = system, .has_energy = pm_system_without_energy(system) < 0};
 }
 
-// fmax and fmin without a call into the C library, which took a tenth of a run of many links. If
-// one number is not a number, the result is `b`.
-static inline double larger(double a, double b) {
-    return b > a ? b : a;
-}
-
-static inline double smaller(double a, double b) {
-    return b < a ? b : a;
-}
-
-// The residuals of one port or bulk term over a step, relative to its gross flux.
-typedef struct residual {
-    double energy, entropy;
-    bool hard; // holds by construction: a violation is an error
-    const char *name;
-} residual;
-
-// The largest gross fluxes of a step over all ports and bulk terms, in W and W/K.
-typedef struct turnover {
-    double energy, entropy;
-} turnover;
-
-static turnover turnover_of(const pm_scene *scene, const pm_sample *sample) {
-    turnover t = {0, 0};
-    for (int i = 0; i < scene->nport; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            t.energy = larger(t.energy, sample->flux[i][end].energy_gross);
-            t.entropy = larger(t.entropy, sample->flux[i][end].entropy_gross);
-        }
+// Returns the name of the component at a place of a tally (tally.h).
+static const char *name_at(const pm_scene *scene, double place) {
+    if (!(place >= 0 && place < scene->nport + scene->nsubsystem)) {
+        return NULL;
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        t.energy = larger(t.energy, sample->bulk_gross[2 * i]);
-        t.entropy = larger(t.entropy, sample->bulk_gross[2 * i + 1]);
-    }
-    return t;
-}
-
-static double relative(double value, double gross, double largest) {
-    return gross > larger(SMALLEST_SHARE * largest, SMALLEST_FLUX) ? value / gross : 0;
-}
-
-static residual residual_of_port(const pm_ledger *ledger, const pm_sample *sample, turnover t,
-                                 int i) {
-    const pm_flux *a = &sample->flux[i][0], *b = &sample->flux[i][1];
-    const pm_port_model *model = ledger->system->port[i];
-    return (residual){
-        relative(fabs(a->energy + b->energy), larger(a->energy_gross, b->energy_gross), t.energy),
-        relative(a->entropy + b->entropy, larger(a->entropy_gross, b->entropy_gross), t.entropy),
-        model->law->conservative && model->spec.form == PM_HARD,
-        ledger->system->scene->port[i].name,
-    };
-}
-
-static residual residual_of_bulk(const pm_ledger *ledger, const pm_sample *sample, turnover t,
-                                 int i) {
-    const double *gross = &sample->bulk_gross[2 * i];
-    return (residual){
-        relative(fabs(sample->bulk_energy[i]), gross[0], t.energy),
-        relative(sample->bulk_entropy[i], gross[1], t.entropy),
-        ledger->system->part[i]->spec.form == PM_HARD,
-        ledger->system->scene->subsystem[i].name,
-    };
-}
-
-// Enters one residual in the ledger. Returns true if it exceeds the scene's tolerances.
-static bool book_residual(pm_ledger *ledger, pm_sample *sample, const residual *b) {
-    sample->energy_residual = larger(sample->energy_residual, b->energy);
-    sample->entropy_residual = smaller(sample->entropy_residual, b->entropy);
-    if (b->energy > ledger->worst_energy) {
-        ledger->worst_energy = b->energy;
-        ledger->worst_energy_step = sample->step;
-        ledger->worst_energy_at = b->name;
-    }
-    if (b->entropy < ledger->worst_entropy) {
-        ledger->worst_entropy = b->entropy;
-        ledger->worst_entropy_step = sample->step;
-        ledger->worst_entropy_at = b->name;
-    }
-    const pm_scene *scene = ledger->system->scene;
-    return b->energy > scene->energy_tolerance || b->entropy < -scene->entropy_tolerance;
-}
-
-static pm_status fail(const pm_ledger *ledger, const pm_sample *sample, const residual *b) {
-    return pm_fail(PM_ELAW,
-                   "step %ld, %s: energy residual %.3g (allowed %.3g), entropy residual %.3g "
-                   "(allowed %.3g) in a component that keeps both laws by construction",
-                   sample->step, b->name, b->energy, ledger->system->scene->energy_tolerance,
-                   b->entropy, -ledger->system->scene->entropy_tolerance);
+    const int i = (int)place;
+    return i < scene->nport ? scene->port[i].name : scene->subsystem[i - scene->nport].name;
 }
 
 // Adds the energy and entropy that left to the outside during the step, through ports with a
 // boundary input.
 static void book_outside(pm_ledger *ledger, pm_sample *sample) {
     const pm_scene *scene = ledger->system->scene;
-    for (int i = 0; i < scene->nport; ++i) {
+    for (int i = 0; i < scene->nport && scene->nboundary_input > 0; ++i) {
         for (int end = 0; end < 2; ++end) {
             if (scene->port[i].boundary_input[end] >= 0) {
                 ledger->outside_energy += scene->dt * sample->flux[i][end].energy;
@@ -126,35 +37,19 @@ bool pm_ledger_integrator_keeps_energy(const pm_integrator *integrator) {
     return integrator->discrete || integrator->balanced;
 }
 
-// Returns the energy that all ports and bulk terms have booked during the step, in J, and adds the
-// magnitudes of its terms to `gross`. In the hard form it is rounding.
-static double booked_energy(const pm_scene *scene, const pm_sample *sample, double *gross) {
-    double sum = 0;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        sum += sample->bulk_energy[i];
-        *gross += scene->dt * sample->bulk_gross[2 * i];
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            sum += sample->flux[i][end].energy;
-            *gross += scene->dt * sample->flux[i][end].energy_gross;
-        }
-    }
-    return scene->dt * sum;
-}
-
 // Enters the residual of the whole step, in which the total energy has become `energy`. Returns
 // true if the integrator promises to keep it at rounding, and has not.
-static bool book_step(pm_ledger *ledger, const pm_sample *sample, double energy) {
+static bool book_step(pm_ledger *ledger, const pm_sample *sample, const pm_tally *tally,
+                      double energy) {
     const pm_scene *scene = ledger->system->scene;
-    if (pm_system_without_energy(ledger->system) >= 0) {
+    if (!ledger->has_energy) {
         return false;
     }
-    double gross = fabs(ledger->outside_energy);
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        gross += fabs(sample->energy[i]);
-    }
-    const double error = fabs(energy - ledger->energy - booked_energy(scene, sample, &gross));
+    const double booked = scene->dt * pm_reproducible_sum_value(&tally->booked);
+    const double gross = fabs(ledger->outside_energy) +
+                         pm_reproducible_sum_value(&tally->magnitude) +
+                         scene->dt * pm_reproducible_sum_value(&tally->gross);
+    const double error = fabs(energy - ledger->energy - booked);
     const double relative_error = gross > 0 ? error / gross : 0;
     if (relative_error > ledger->worst_step) {
         ledger->worst_step = relative_error;
@@ -167,22 +62,19 @@ static bool book_step(pm_ledger *ledger, const pm_sample *sample, double energy)
 }
 
 // Returns true if the integrator has not kept the energy that it promises to keep.
-static bool book_totals(pm_ledger *ledger, pm_sample *sample) {
+static bool book_totals(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally) {
     book_outside(ledger, sample);
     bool unbalanced = false;
-    double energy = ledger->outside_energy, entropy = ledger->outside_entropy;
-    for (int i = 0; i < ledger->system->scene->nsubsystem; ++i) {
-        energy += sample->energy[i];
-        entropy += sample->entropy[i];
-    }
+    const double energy = pm_reproducible_sum_value(&tally->energy) + ledger->outside_energy;
+    const double entropy = pm_reproducible_sum_value(&tally->entropy) + ledger->outside_entropy;
     if (sample->step == 0) {
         ledger->first_energy = energy;
         ledger->first_entropy = entropy;
     } else {
-        ledger->worst_entropy_fall = larger(ledger->worst_entropy_fall, ledger->entropy - entropy);
-        unbalanced = book_step(ledger, sample, energy);
+        ledger->worst_entropy_fall = fmax(ledger->worst_entropy_fall, ledger->entropy - entropy);
+        unbalanced = book_step(ledger, sample, tally, energy);
     }
-    ledger->energy_drift = larger(ledger->energy_drift, fabs(energy - ledger->first_energy));
+    ledger->energy_drift = fmax(ledger->energy_drift, fabs(energy - ledger->first_energy));
     ledger->energy = energy;
     ledger->entropy = entropy;
     ledger->steps = sample->step;
@@ -203,24 +95,69 @@ static pm_status check_drift(const pm_ledger *ledger) {
                    ledger->steps, ledger->energy_drift, scene->largest_drift);
 }
 
-pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
+// Enters the worst residuals of a law. Returns the worst one of the hard components, and in
+// `residual` that of all.
+static pm_tally_worst worst_of(const pm_tally *tally, pm_tally_law law, pm_tally_worst *residual) {
+    const pm_tally_worst hard = pm_tally_worst_of(tally, law, PM_TALLY_HARD);
+    const pm_tally_worst soft = pm_tally_worst_of(tally, law, PM_TALLY_SOFT);
+    const bool first = hard.place < soft.place;
+    *residual =
+        hard.residual > soft.residual || (hard.residual == soft.residual && first) ? hard : soft;
+    return hard;
+}
+
+// Fails if a component that keeps a law by construction has violated it.
+static pm_status check_hard(const pm_ledger *ledger, const pm_sample *sample, const char *law,
+                            pm_tally_worst hard, double tolerance) {
+    return hard.residual > tolerance
+               ? pm_fail(PM_ELAW,
+                         "step %ld, %s: %s residual %.3g (allowed %.3g) in a component that keeps "
+                         "both laws by construction",
+                         sample->step, name_at(ledger->system->scene, hard.place), law,
+                         hard.residual, tolerance)
+               : PM_OK;
+}
+
+static pm_status book_residuals(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally,
+                                bool violated) {
     const pm_scene *scene = ledger->system->scene;
-    sample->energy_residual = sample->entropy_residual = 0;
-    bool violated = book_totals(ledger, sample);
-    const turnover t = turnover_of(scene, sample);
-    pm_status status = PM_OK;
-    for (int i = 0; i < scene->nport + scene->nsubsystem; ++i) {
-        const residual b = i < scene->nport ? residual_of_port(ledger, sample, t, i)
-                                            : residual_of_bulk(ledger, sample, t, i - scene->nport);
-        if (book_residual(ledger, sample, &b)) {
-            violated = true;
-            if (b.hard && status == PM_OK) {
-                status = fail(ledger, sample, &b);
-            }
-        }
+    pm_tally_worst energy, entropy;
+    const pm_tally_worst hard_energy = worst_of(tally, PM_TALLY_ENERGY, &energy);
+    const pm_tally_worst hard_entropy = worst_of(tally, PM_TALLY_ENTROPY, &entropy);
+    sample->energy_residual = energy.residual;
+    sample->entropy_residual = 0 - entropy.residual;
+    if (energy.residual > ledger->worst_energy) {
+        ledger->worst_energy = energy.residual;
+        ledger->worst_energy_step = sample->step;
+        ledger->worst_energy_at = name_at(scene, energy.place);
     }
-    ledger->violations += violated ? 1 : 0;
-    return status == PM_OK ? check_drift(ledger) : status;
+    if (-entropy.residual < ledger->worst_entropy) {
+        ledger->worst_entropy = -entropy.residual;
+        ledger->worst_entropy_step = sample->step;
+        ledger->worst_entropy_at = name_at(scene, entropy.place);
+    }
+    ledger->violations += violated || energy.residual > scene->energy_tolerance ||
+                          entropy.residual > scene->entropy_tolerance;
+    PM_TRY(check_hard(ledger, sample, "energy", hard_energy, scene->energy_tolerance));
+    return check_hard(ledger, sample, "entropy", hard_entropy, scene->entropy_tolerance);
+}
+
+pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally) {
+    sample->evaluated_in_all = (long)tally->evaluated;
+    sample->skipped_in_all = (long)tally->skipped;
+    sample->strayed = (int)tally->strayed;
+    sample->farthest = (int)tally->farthest_at;
+    sample->farthest_steps = (long)tally->farthest;
+    const bool unbalanced = book_totals(ledger, sample, tally);
+    PM_TRY(book_residuals(ledger, sample, tally, unbalanced));
+    return check_drift(ledger);
+}
+
+pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
+    pm_tally tally = {0};
+    pm_tally_add_subsystems(&tally, ledger->system, sample);
+    pm_tally_add_ports(&tally, ledger->system, sample, ledger->system->scene->nport, NULL);
+    return pm_ledger_enter(ledger, sample, &tally);
 }
 
 // --- checkpoint ---
@@ -238,14 +175,6 @@ static double place_of(const pm_scene *scene, const char *name) {
         }
     }
     return -1;
-}
-
-static const char *name_at(const pm_scene *scene, double place) {
-    if (!(place >= 0 && place < scene->nport + scene->nsubsystem)) {
-        return NULL;
-    }
-    const int i = (int)place;
-    return i < scene->nport ? scene->port[i].name : scene->subsystem[i - scene->nport].name;
 }
 
 // Puts the name of a port or subsystem as its number.

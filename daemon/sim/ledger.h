@@ -4,8 +4,8 @@
 //     entropy residual  (entropy_a + entropy_b) / max(gross_a, gross_b); negative: a violation
 // and for each subsystem the residuals of dE . zdot_bulk = 0 and dS . zdot_bulk >= 0. The gross
 // flux (scene/recording.h) sums the magnitudes that cancel, so that rounding leaves a residual of a
-// few units in 1e-16. Where a gross flux is below 1e-12 of the step's largest, it is rounding
-// itself, and the residuals count as 0.
+// few units in 1e-16. Where a gross flux is below about 1e-12 of the step's largest (tally.h), it
+// is rounding itself, and the residuals count as 0.
 //
 // The energy residual of a whole step compares how far the total energy has changed with what was
 // booked:
@@ -18,17 +18,19 @@
 // it are counted as the content of one more subsystem, so that the totals are those of a closed
 // system.
 //
-// Life cycle: init; enter every sample with pm_ledger_book, from step 0 on. The ledger owns no
-// memory.
+// Life cycle: init; enter every sample with pm_ledger_book or pm_ledger_enter, from step 0 on. The
+// ledger owns no memory.
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 
 #include "base/record.h"
 #include "scene/recording.h"
 #include "scene/system.h"
+#include "sim/tally.h"
 
 typedef struct pm_ledger {
     const pm_system *system; // borrowed
+    bool has_energy;         // every subsystem has one
     long steps;
     double first_energy, energy;            // J, total at the first and at the last sample
     double first_entropy, entropy;          // J/K, likewise
@@ -50,12 +52,15 @@ bool pm_ledger_integrator_keeps_energy(const pm_integrator *integrator);
 
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
 
-// Enters a sample in the ledger. Writes into the sample its residuals and the energy and entropy
-// that have left to the outside. PM_ELAW: a component in the hard form violates a law beyond the
-// scene's tolerance; the message names it, the step and the residual. Violations of soft components
-// are only counted. PM_ENUMERIC: the total energy has drifted further than the scene's guard
-// allows.
+// Enters a sample in the ledger. Writes into the sample what the ledger knows of the step
+// (scene/recording.h). PM_ELAW: a component in the hard form violates a law beyond the scene's
+// tolerance; the message names the worst one, the step and the residual. Violations of soft
+// components are only counted. PM_ENUMERIC: the total energy has drifted further than the scene's
+// guard allows.
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
+// Does the same for a step that was summed up in a tally of the whole scene. Of the sample it needs
+// the step, and the fluxes into boundary inputs.
+pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally);
 
 // Puts into the record all numbers with which the ledger continues after a step.
 void pm_ledger_record(pm_ledger *ledger, pm_record *record);

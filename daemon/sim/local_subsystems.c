@@ -380,6 +380,53 @@ void pm_local_subsystems_fill_sample(const pm_local_subsystems *l, pm_sample *sa
     }
 }
 
+void pm_local_subsystems_fill_first(const pm_local_subsystems *l, int count, pm_sample *sample) {
+    const pm_scene *scene = l->system->scene;
+    for (int i = 0; i < count && i < l->count; ++i) {
+        const int id = l->id[i];
+        const pm_books books = pm_local_subsystems_books(l, i);
+        pm_sample_set_books(sample, id, &books);
+        for (int k = 0; k < scene->first_end[id + 1] - scene->first_end[id]; ++k) {
+            const int end_at = scene->end_at[scene->first_end[id] + k];
+            sample->flux[end_at / 2][end_at % 2] = books.flux[k];
+        }
+        pm_local_subsystems_state(l, i, sample->z + scene->subsystem[id].first);
+    }
+}
+
+// Adds a subsystem that is stepped alone, and its ports to later ones.
+static void tally_one(const pm_local_subsystems *l, int i, pm_tally *tally) {
+    const pm_system *system = l->system;
+    const pm_subsystem *s = l->subsystem[i];
+    pm_books books = pm_subsystem_books(s);
+    const pm_lane_flux bulk = pm_lane_flux_of(&books.bulk);
+    pm_tally_add_content(tally, 1, &books.energy, &books.entropy);
+    pm_tally_add_fluxes(tally, pm_tally_form_of_subsystem(system, l->id[i]), 1,
+                        system->scene->nport + l->id[i], NULL, &bulk, NULL);
+    pm_tally_add_counts(tally, l->id[i], books.evaluated, books.skipped, books.outside);
+    for (int k = 0; k < pm_subsystem_nport(s); ++k) {
+        const peer *p = &l->peer[i][k];
+        if (p->kind == PEER_HERE && p->subsystem > i) {
+            const int port = pm_subsystem_port_id(s, k), end = (int)pm_subsystem_end(s, k);
+            pm_flux flux[2];
+            flux[end] = books.flux[k];
+            flux[1 - end] = pm_subsystem_books(l->subsystem[p->subsystem]).flux[p->port];
+            const pm_lane_flux a = pm_lane_flux_of(&flux[0]), b = pm_lane_flux_of(&flux[1]);
+            pm_tally_add_fluxes(tally, pm_tally_form_of_port(system, port), 1, port, NULL, &a, &b);
+        }
+    }
+}
+
+void pm_local_subsystems_tally(const pm_local_subsystems *l, pm_tally *tally) {
+    if (l->batch != NULL) {
+        pm_batch_tally(l->batch, tally);
+        return;
+    }
+    for (int i = 0; i < l->count; ++i) {
+        tally_one(l, i, tally);
+    }
+}
+
 void pm_local_subsystems_record(pm_local_subsystems *l, pm_record *record) {
     if (l->batch != NULL) {
         pm_batch_record(l->batch, record);

@@ -20,6 +20,7 @@
 #define PM_SIM_LOCAL_SUBSYSTEMS_H
 
 #include "sim/subsystem.h"
+#include "sim/tally.h"
 
 typedef struct pm_local_subsystems pm_local_subsystems;
 
@@ -70,6 +71,11 @@ pm_books pm_local_subsystems_books(const pm_local_subsystems *local, int i);
 void pm_local_subsystems_state(const pm_local_subsystems *local, int i, double *z);
 // Copies states and books of all subsystems here into their places of the sample.
 void pm_local_subsystems_fill_sample(const pm_local_subsystems *local, pm_sample *sample);
+
+// Copies states and books of the first `count` subsystems into their places of the sample.
+void pm_local_subsystems_fill_first(const pm_local_subsystems *local, int count, pm_sample *sample);
+// Adds the last step of all subsystems here, and of the ports between two of them, to the tally.
+void pm_local_subsystems_tally(const pm_local_subsystems *local, pm_tally *tally);
 
 // Puts all numbers with which the subsystems continue from the end of a step, with the same bits,
 // into the record (base/record.h).

@@ -94,3 +94,10 @@ const pm_sample *pm_monolithic_sample(pm_monolithic *monolithic) {
     }
     return monolithic->sample;
 }
+
+const pm_sample *pm_monolithic_sums(pm_monolithic *monolithic, pm_tally *tally) {
+    *tally = (pm_tally){0};
+    pm_local_subsystems_tally(monolithic->subsystems, tally);
+    pm_local_subsystems_fill_first(monolithic->subsystems, PM_SCENE_LISTED, monolithic->sample);
+    return monolithic->sample;
+}

@@ -7,6 +7,7 @@
 #define PM_SIM_MONOLITHIC_H
 
 #include "sim/subsystem.h"
+#include "sim/tally.h"
 
 typedef struct pm_monolithic pm_monolithic;
 
@@ -29,5 +30,8 @@ int pm_monolithic_substeps(const pm_monolithic *monolithic);
 // Returns the sample of the state reached. It is owned by the object. A caller asks for it after
 // every step whose sample it needs: a sample that nobody asks for is not filled.
 const pm_sample *pm_monolithic_sample(pm_monolithic *monolithic);
+// Sums up the last step in the tally, which it sets, and returns a sample that holds no more than
+// the first PM_SCENE_LISTED subsystems and their ports. This costs much less where there are many.
+const pm_sample *pm_monolithic_sums(pm_monolithic *monolithic, pm_tally *tally);
 
 #endif

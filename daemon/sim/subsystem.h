@@ -96,6 +96,10 @@ typedef struct pm_books {
 } pm_books;
 pm_books pm_subsystem_books(const pm_subsystem *s);
 
+// Copies the quantities of the books of the subsystem at position `id` into its places of the
+// sample, without the fluxes through ports.
+void pm_sample_set_books(pm_sample *sample, int id, const pm_books *books);
+
 // Copies the state and the quantities of pm_books into this subsystem's places of the sample.
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample);
 

@@ -129,20 +129,23 @@ pm_books pm_subsystem_books(const pm_subsystem *s) {
     return s->books;
 }
 
+void pm_sample_set_books(pm_sample *sample, int id, const pm_books *books) {
+    sample->energy[id] = books->energy;
+    sample->entropy[id] = books->entropy;
+    sample->bulk_energy[id] = books->bulk.energy;
+    sample->bulk_entropy[id] = books->bulk.entropy;
+    sample->bulk_gross[2 * id] = books->bulk.energy_gross;
+    sample->bulk_gross[2 * id + 1] = books->bulk.entropy_gross;
+    sample->evaluated[id] = books->evaluated;
+    sample->skipped[id] = books->skipped;
+    sample->outside[id] = books->outside;
+    sample->error[id] = books->error;
+}
+
 void pm_subsystem_fill_sample(const pm_subsystem *s, pm_sample *sample) {
     const pm_books *books = &s->books;
-    const int i = s->id;
     pm_subsystem_copy(sample->z + s->scene->first, s->z, s->nz);
-    sample->energy[i] = books->energy;
-    sample->entropy[i] = books->entropy;
-    sample->bulk_energy[i] = books->bulk.energy;
-    sample->bulk_entropy[i] = books->bulk.entropy;
-    sample->bulk_gross[2 * i] = books->bulk.energy_gross;
-    sample->bulk_gross[2 * i + 1] = books->bulk.entropy_gross;
-    sample->evaluated[i] = books->evaluated;
-    sample->skipped[i] = books->skipped;
-    sample->outside[i] = books->outside;
-    sample->error[i] = books->error;
+    pm_sample_set_books(sample, s->id, books);
     int outside = s->nport;
     for (int k = 0; k < s->nport; ++k) {
         const pm_port_instance *j = &s->port[k];

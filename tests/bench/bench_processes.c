@@ -128,8 +128,9 @@ static pm_status run_here(bench *b) {
     pm_monolithic_set_state(m, b->z);
     for (long i = 0; i < b->steps + WARM; ++i) {
         PM_TRY_DONE(pm_monolithic_step(m));
-        pm_sample sample = *pm_monolithic_sample(m);
-        PM_TRY_DONE(pm_ledger_book(&ledger, &sample));
+        pm_tally tally;
+        pm_sample sample = *pm_monolithic_sums(m, &tally);
+        PM_TRY_DONE(pm_ledger_enter(&ledger, &sample, &tally));
         PM_TRY_DONE(observe(b, &sample));
     }
     print(b, "alone", b->seconds, processor_time() - b->cpu, b->steps);

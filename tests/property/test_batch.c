@@ -333,16 +333,7 @@ static void hand_over(const process *p, pm_local_subsystems *to, int remote) {
 static void fill_sample(const pm_local_subsystems *local, int i, int id, const pm_scene *scene,
                         pm_sample *sample) {
     const pm_books books = pm_local_subsystems_books(local, i);
-    sample->energy[id] = books.energy;
-    sample->entropy[id] = books.entropy;
-    sample->bulk_energy[id] = books.bulk.energy;
-    sample->bulk_entropy[id] = books.bulk.entropy;
-    sample->bulk_gross[2 * id] = books.bulk.energy_gross;
-    sample->bulk_gross[2 * id + 1] = books.bulk.entropy_gross;
-    sample->evaluated[id] = books.evaluated;
-    sample->skipped[id] = books.skipped;
-    sample->outside[id] = books.outside;
-    sample->error[id] = books.error;
+    pm_sample_set_books(sample, id, &books);
     for (int k = 0; k < books.nflux; ++k) {
         const int at = scene->end_at[scene->first_end[id] + k];
         sample->flux[at / 2][at % 2] = books.flux[k];
