@@ -5,6 +5,9 @@
 //   inner  [nelement][8][nbranch][6]  inner variables of the branches, if there are any
 //   sigma  [nnode][6]  Pa       Cauchy stresses, if the scene asks for them
 //   s      J/K                  entropy
+//   contact [ncontact][3] kg m/s  momenta of the nodes on which ports of the law `contact` act,
+//   zero
+//                               like p, if the mesh names such nodes
 #include <string.h>
 
 #include "model/solid/solid.h"
@@ -38,12 +41,14 @@ static pm_status check_layout(const pm_scene_subsystem *subsystem, const pm_soli
     PM_TRY(check_group(subsystem, "inner", "1", inner, nbranch > 0));
     PM_TRY(check_group(subsystem, "sigma", "Pa", PM_SYM * mesh->nnode, false));
     PM_TRY(check_group(subsystem, "s", "J/K", 1, true));
+    PM_TRY(check_group(subsystem, "contact", "kg m/s", 3 * mesh->ncontact, false));
     for (int i = 0; i < subsystem->layout.ngroup; ++i) {
         const char *name = subsystem->layout.group[i].name;
         if (strcmp(name, "u") != 0 && strcmp(name, "p") != 0 && strcmp(name, "inner") != 0 &&
-            strcmp(name, "sigma") != 0 && strcmp(name, "s") != 0) {
+            strcmp(name, "sigma") != 0 && strcmp(name, "s") != 0 && strcmp(name, "contact") != 0) {
             return pm_fail(PM_EWEIGHTS,
-                           "%s: a solid has no group %s: its groups are u, p, inner, sigma and s",
+                           "%s: a solid has no group %s: its groups are u, p, inner, sigma, s and "
+                           "contact",
                            subsystem->group_at[i], name);
         }
     }

@@ -50,11 +50,12 @@ static pm_status build_exposure(pm_local_dynamics *t, pm_arena *arena, const pm_
     pm_status status;
     PM_TRY(pm_graph_open(&g));
     const pm_node z = pm_input(g, true, 1, t->nz);
-    const pm_node from = integrator->discrete ? pm_input(g, true, 1, t->nz) : PM_NO_NODE;
+    const bool discrete = integrator->discrete && t->gap == NULL;
+    const pm_node from = discrete ? pm_input(g, true, 1, t->nz) : PM_NO_NODE;
     pm_node dE, dS, response = PM_NO_NODE;
     const pm_node E = pm_part_energy(g, part, z), S = pm_part_entropy(g, part, z);
     pm_part_coenergies(g, part, from, z, &dE, &dS);
-    if (integrator->discrete) {
+    if (discrete) {
         PM_TRY_DONE(build_response(g, arena, system, id, h, dE, z, &response));
     }
     status = open_exposure(t, g, z, from, (const pm_node[]){E, S, dE, dS, response});
@@ -106,7 +107,20 @@ pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm
     if (part->spec.solid != NULL) {
         return open_solid(t, arena, system, subsystem_id);
     }
+    if (integrator->discrete && pm_contact_gap_is(system, subsystem_id)) {
+        t->gap = pm_arena_array(arena, 1, sizeof *t->gap);
+        PM_TRY(t->gap == NULL ? pm_fail(PM_ENOMEM, "out of memory for a gap")
+                              : pm_contact_gap_open(t->gap, arena, system, subsystem_id));
+    }
     PM_TRY(build_exposure(t, arena, system, subsystem_id, integrator, h));
+    if (t->gap != NULL) {
+        pm_contact_gap_set_program(t->gap, t->exposure, t->exposure_z, t->E, t->dE);
+        t->E = &t->gap->E;
+        t->S = &t->gap->S;
+        t->dE = t->gap->dE;
+        t->dS = t->gap->dS;
+        t->response = t->gap->response;
+    }
     PM_TRY(pm_contact_broadphase_open(&t->broadphase, arena, part));
     return open_bulk(t, part);
 }
@@ -146,6 +160,10 @@ pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, cons
         pm_solid_dynamics_expose(t->solid, z, from, t->h);
         return PM_EXPOSURE_EVALUATED;
     }
+    if (t->gap != NULL) {
+        pm_contact_gap_expose(t->gap, z);
+        return PM_EXPOSURE_EVALUATED;
+    }
     if (t->exposure_known && is_bounded(t, z, t->exposure_from == NULL ? NULL : from)) {
         return PM_EXPOSURE_BOUNDED;
     }
@@ -164,9 +182,16 @@ pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, cons
     return PM_EXPOSURE_EVALUATED;
 }
 
+void pm_local_dynamics_begin(pm_local_dynamics *t, const double *z) {
+    if (t->gap != NULL) {
+        pm_contact_gap_begin(t->gap, z);
+    }
+}
+
 pm_exposure pm_local_dynamics_expose_end(pm_local_dynamics *t, const double *z,
                                          const double *from) {
     pm_contact_broadphase_forget(&t->broadphase);
+    pm_local_dynamics_begin(t, z);
     const pm_exposure exposure = pm_local_dynamics_expose(t, z, from, NULL);
     if (exposure == PM_EXPOSURE_SAME) {
         enclose(t, NULL);
@@ -195,6 +220,9 @@ void pm_local_dynamics_record(pm_local_dynamics *t, pm_record *record) {
     if (t->solid != NULL) {
         pm_solid_dynamics_record(t->solid, record);
         return;
+    }
+    if (t->gap != NULL) {
+        pm_contact_gap_record(t->gap, record);
     }
     pm_record_put_bool(record, "bulk known", &t->bulk_known);
     pm_record_put(record, "bulk z", t->bulk_z, t->nz);

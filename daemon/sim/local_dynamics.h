@@ -13,12 +13,14 @@
 #include "scene/integrator.h"
 #include "scene/system.h"
 #include "sim/contact_broadphase.h"
+#include "sim/contact_gap.h"
 #include "sim/solid_dynamics.h"
 
 typedef struct pm_local_dynamics {
     int nz;
     double h;                 // s, substep
     pm_solid_dynamics *solid; // of a solid, which has neither graph; NULL: the subsystem is none
+    pm_contact_gap *gap;      // of a gap beside a solid; NULL: the subsystem is none
     // Computes the five results below from z and, for a discrete integrator, the start of the step.
     pm_program *exposure;
     double *exposure_z;    // [nz]
@@ -52,6 +54,8 @@ void pm_local_dynamics_forget(pm_local_dynamics *t);
 // between `from` [nz] and z. `rate` [nz] is an estimate of dz/dt; NULL: not known.
 pm_exposure pm_local_dynamics_expose(pm_local_dynamics *t, const double *z, const double *from,
                                      const double *rate);
+// Begins a substep of a gap beside a solid at z [nz]; nothing for other subsystems.
+void pm_local_dynamics_begin(pm_local_dynamics *t, const double *z);
 // Does the same at the end of a step, and replaces the box of contact_broadphase.h by one that
 // depends only on z. Earlier states then have no effect on later results, so that a restored run
 // continues with the same bits.

@@ -2,6 +2,7 @@
 #include "sim/port_instance.h"
 
 #include <assert.h>
+#include <string.h>
 
 #include "model/prediction.h"
 #include "sim/flux.h"
@@ -111,12 +112,16 @@ pm_status pm_port_instance_open(pm_port_instance *j, pm_arena *arena, const pm_s
     *j = (pm_port_instance){.port_id = port_id,
                             .end = end,
                             .component = port->component[end],
+                            .contact = strcmp(port->law, "contact") == 0,
                             .outside_component = port->component[other],
                             .nboth = port->layout[0].nz + port->layout[1].nz};
     PM_TRY(open_end(&j->own, arena, port, port->layout[end].nz, integrator->discrete));
     if (port->boundary_input[other] >= 0) {
         j->boundary_input = &system->scene->boundary_input[port->boundary_input[other]];
-        PM_TRY(open_end(&j->outside, arena, port, port->layout[other].nz, false));
+    }
+    if (j->boundary_input != NULL || j->contact) {
+        PM_TRY(open_end(&j->outside, arena, port, port->layout[other].nz,
+                        integrator->discrete && j->boundary_input == NULL));
     }
     return open_law(j, system, integrator->discrete);
 }
@@ -160,6 +165,20 @@ const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const doub
         j->outside.y[c] = value[at];
         j->outside.e[c] = value[nz + at];
         j->outside.eta[c] = value[2 * nz + at];
+    }
+    return &j->outside.shown;
+}
+
+const pm_port_values *pm_port_instance_end_values(pm_port_instance *j,
+                                                  const pm_port_values *other) {
+    if (!j->contact || other->response == NULL) {
+        return other;
+    }
+    for (int c = 0; c < other->ny; ++c) {
+        j->outside.y[c] = other->y[c];
+        j->outside.e[c] = other->response[c];
+        j->outside.eta[c] = other->eta[c];
+        j->outside.response[c] = other->response[c];
     }
     return &j->outside.shown;
 }

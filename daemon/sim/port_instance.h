@@ -42,6 +42,7 @@ typedef struct pm_port_instance {
     const int *component; // [own.ny] position in z of each exposed component
     pm_port_instance_end own;
     const pm_scene_boundary_input *boundary_input; // at the other end; NULL: a subsystem is there
+    bool contact;                 // the law is `contact`; `outside` then holds its end values
     const int *outside_component; // [outside.ny] positions in the boundary input's state
     pm_port_instance_end outside;
 
@@ -87,6 +88,11 @@ void pm_port_instance_expose(pm_port_instance *j, const double *z, const double 
 // Computes the values that the boundary input shows at the other end, from the values of all
 // boundary inputs [scene->nprescribed], and returns them.
 const pm_port_values *pm_port_instance_prescribe(pm_port_instance *j, const double *prescribed);
+
+// Returns what the other end shows at the end of the substep, for a solid, which is in balance
+// there: for the law `contact` the response of the gap as its co-energy (contact_gap.h), else
+// `other`.
+const pm_port_values *pm_port_instance_end_values(pm_port_instance *j, const pm_port_values *other);
 
 // Adds the law's rate to k [nz], in units of z per second, and its fluxes, times `weight`, to the
 // sums `booking` and `outside_booking`. `other` is what the other end shows; `first` marks the

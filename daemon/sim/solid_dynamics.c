@@ -6,6 +6,9 @@
 
 #include "sim/program_input.h"
 
+// In contact a balance ends at moves shorter than this share of the largest displacement, since the
+// gap multiplies them by its stiffness.
+#define PRECISE_IN_CONTACT 1e-11
 // A heat above minus this share of the work counts as zero: rounding.
 #define ROUNDING 1e-14
 // The times that a move is shortened because the heat would be negative.
@@ -22,7 +25,7 @@ static int first_of(const pm_layout *layout, const char *name) {
 
 static pm_status open_memory(pm_solid_dynamics *d, pm_arena *arena) {
     const size_t nz = (size_t)d->layout.nz, n = 3 * (size_t)d->nnode;
-    double *memory = pm_arena_array(arena, 4 * nz + 2 * n, sizeof *memory);
+    double *memory = pm_arena_array(arena, 4 * nz + 3 * n, sizeof *memory);
     if (memory == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a solid");
     }
@@ -32,6 +35,7 @@ static pm_status open_memory(pm_solid_dynamics *d, pm_arena *arena) {
     d->end_rate = memory + 3 * nz;
     d->mean = memory + 4 * nz;
     d->end = d->mean + n;
+    d->work = d->mean + 2 * n;
     d->dE[d->s] = d->temperature;
     d->dS[d->s] = 1;
     return PM_OK;
@@ -47,6 +51,9 @@ pm_status pm_solid_dynamics_open(pm_solid_dynamics *d, pm_arena *arena, const pm
                              .inner = first_of(layout, "inner"),
                              .sigma = first_of(layout, "sigma"),
                              .s = first_of(layout, "s"),
+                             .contact = first_of(layout, "contact"),
+                             .ncontact = mesh->ncontact,
+                             .contact_node = mesh->contact,
                              .temperature = part->spec.solid->temperature};
     pm_solid_material_read(part->spec.solid, &part->params, &d->material);
     PM_TRY(open_memory(d, arena));
@@ -69,6 +76,9 @@ static void take_result(pm_solid_dynamics *d) {
     const size_t n = 3 * (size_t)d->nnode;
     memcpy(d->result + d->u, pm_solid_displacement(d->solid), n * sizeof *d->result);
     memset(d->result + d->p, 0, n * sizeof *d->result);
+    if (d->contact >= 0) {
+        memset(d->result + d->contact, 0, 3 * (size_t)d->ncontact * sizeof *d->result);
+    }
     if (d->inner >= 0) {
         memcpy(d->result + d->inner, pm_solid_inner(d->solid),
                (size_t)pm_solid_ninner(d->solid) * sizeof *d->result);
@@ -89,6 +99,9 @@ void pm_solid_dynamics_start(pm_solid_dynamics *d, const double *z) {
 void pm_solid_dynamics_expose(pm_solid_dynamics *d, const double *z, const double *from, double h) {
     for (int i = 0; i < 3 * d->nnode; ++i) {
         d->dE[d->p + i] = (z[d->u + i] - from[d->u + i]) / h;
+    }
+    for (int i = 0; d->contact >= 0 && i < 3 * d->ncontact; ++i) {
+        d->dE[d->contact + i] = d->dE[d->p + 3 * d->contact_node[i / 3] + i % 3];
     }
     d->S = z[d->s];
     d->E = pm_solid_books_of(d->solid)->stored + d->temperature * d->S;
@@ -143,35 +156,59 @@ static double move_less(pm_solid_dynamics *d, double h, const double *z, double 
     return fmax(heat, 0);
 }
 
+// Books the heat of the move to the body's present state, and keeps the state.
+static void book(pm_solid_dynamics *d, double h, const double *z) {
+    double work, heat = heat_of(d, z, d->stored, &work);
+    if (heat < 0) {
+        heat = heat >= -ROUNDING * (fabs(work) + d->stored)
+                   ? 0
+                   : move_less(d, h, z, d->stored, heat, d->result + d->p);
+    }
+    take_result(d);
+    d->result[d->s] = z[d->s] + heat / d->temperature;
+}
+
 // Finds the balance at the end of the substep, and books the heat.
 static bool solve(pm_solid_dynamics *d, double h, const double *z) {
+    const size_t n = 3 * (size_t)d->nnode;
+    if (d->contact >= 0) {
+        memcpy(d->work, d->result + d->u, n * sizeof *d->work);
+        pm_solid_aim(d->solid, d->solved ? d->work : NULL, PRECISE_IN_CONTACT);
+    }
     if (d->solved && !pm_solid_return(d->solid, z + d->u, inner_of(d, z))) {
         return false;
     }
-    const double stored = pm_solid_books_of(d->solid)->stored;
+    if (!d->solved) {
+        d->stored = pm_solid_books_of(d->solid)->stored;
+    }
     d->solved = true;
     d->status = pm_solid_step(d->solid, h, d->end);
     if (d->status != PM_OK) {
         memcpy(d->result, z, (size_t)d->layout.nz * sizeof *z);
         return false;
     }
-    double work, heat = heat_of(d, z, stored, &work);
-    if (heat < 0) {
-        heat = heat >= -ROUNDING * (fabs(work) + stored)
-                   ? 0
-                   : move_less(d, h, z, stored, heat, d->result + d->p);
-    }
-    take_result(d);
-    d->result[d->s] = z[d->s] + heat / d->temperature;
+    book(d, h, z);
     return true;
+}
+
+// Adds up the forces on the nodes that follow from rates.
+static const double *gather(const pm_solid_dynamics *d, const double *rate) {
+    memcpy(d->work, rate + d->p, 3 * (size_t)d->nnode * sizeof *d->work);
+    for (int i = 0; d->contact >= 0 && i < 3 * d->ncontact; ++i) {
+        d->work[3 * d->contact_node[i / 3] + i % 3] += rate[d->contact + i];
+    }
+    return d->work;
 }
 
 bool pm_solid_dynamics_balance(pm_solid_dynamics *d, double h, const double *z,
                                const double *mean) {
     const int n = 3 * d->nnode;
-    bool renewed = pm_renew(d->mean, mean + d->p, n);
-    renewed |= pm_renew(d->end, d->end_rate + d->p, n);
-    return (d->solved && !renewed) || solve(d, h, z);
+    const bool booked = !pm_renew(d->mean, gather(d, mean), n) && d->solved;
+    const bool solved = !pm_renew(d->end, gather(d, d->end_rate), n) && d->solved;
+    if (solved && !booked && d->status == PM_OK) {
+        book(d, h, z);
+    }
+    return solved || solve(d, h, z);
 }
 
 void pm_solid_dynamics_end_substep(pm_solid_dynamics *d) {

@@ -11,6 +11,12 @@
 // error of the trapezoidal rule, which is of third order in h. Where it would be negative, as it
 // may be in a body without branches, the body moves less far; if it does not move, only the
 // branches lose energy, so that a move with a heat of at least zero always exists.
+//
+// Where a mesh names nodes of contact, the group `contact` has the momenta of these nodes again, so
+// that ports of the law `contact` expose them alone. Forces of contact (contact_gap.h) depend on
+// where the body moves, so that a step solves the balance several times. Each time the iteration
+// starts from the last solution. While the forces at the end of the substep keep their bits, a body
+// does not move; it only books the work of the mean forces.
 #ifndef PM_SIM_SOLID_DYNAMICS_H
 #define PM_SIM_SOLID_DYNAMICS_H
 
@@ -23,15 +29,20 @@ typedef struct pm_solid_dynamics {
     pm_solid_material material;
     pm_layout layout;
     int nnode;
-    int u, p, inner, sigma, s; // first component of each group; -1: the state has no such group
-    double temperature;        // K
-    double E, S;               // at the last exposed state
-    double *dE, *dS;           // [nz]
-    double *mean, *end;        // [nnode][3] N, of the ports, with which `result` was computed
-    double *end_rate;          // [nz] rates of the ports at the end of the substep, for the caller
-    double *result;            // [nz] the state at the end of the substep
-    bool solved;               // `result` belongs to this substep
-    pm_status status;          // of the last balance
+    // First component of each group; -1: the state has no such group.
+    int u, p, inner, sigma, s, contact;
+    int ncontact;
+    const int *contact_node; // [ncontact]
+    double temperature;      // K
+    double E, S;             // at the last exposed state
+    double *dE, *dS;         // [nz]
+    double *mean, *end;      // [nnode][3] N, of the ports, with which `result` was computed
+    double *work;            // [nnode][3]
+    double stored;           // J, at the start of the substep
+    double *end_rate;        // [nz] rates of the ports at the end of the substep, for the caller
+    double *result;          // [nz] the state at the end of the substep
+    bool solved;             // `result` belongs to this substep
+    pm_status status;        // of the last balance
 } pm_solid_dynamics;
 
 // Opens the dynamics of a solid whose layout fits the mesh (scene/system_solid.c). Memory comes

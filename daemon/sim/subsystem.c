@@ -29,7 +29,7 @@ static pm_status open_ports(pm_subsystem *s) {
 static pm_status open_state(pm_subsystem *s) {
     const size_t nz = (size_t)s->nz;
     double *memory =
-        pm_arena_array(&s->arena, (5 + (size_t)s->integrator->nstage) * nz, sizeof *memory);
+        pm_arena_array(&s->arena, (6 + (size_t)s->integrator->nstage) * nz, sizeof *memory);
     s->size = pm_arena_array(&s->arena, PM_MAX_GROUPS, sizeof *s->size);
     if (memory == NULL || s->size == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the state of %s", s->scene->name);
@@ -39,7 +39,8 @@ static pm_status open_state(pm_subsystem *s) {
     s->safe_z = memory + 2 * nz;
     s->at_z = memory + 3 * nz;
     s->error = memory + 4 * nz;
-    s->k = memory + 5 * nz;
+    s->next = memory + 5 * nz;
+    s->k = memory + 6 * nz;
     return PM_OK;
 }
 

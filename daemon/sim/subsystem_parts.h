@@ -33,6 +33,7 @@ struct pm_subsystem {
     double *k;       // [nstage][nz] rates of the stages; of an iteration only the last one
     double *error;   // [nz] difference to the embedded method over a substep; of an iterate to the
                      // one before
+    double *next;    // [nz] next iterate
     double *size;    // [ngroup] largest length that each group has had
     int stage, substep;
     pm_iteration iteration;                  // of the substep, if the integrator is discrete

@@ -54,13 +54,13 @@ static double stage_weight(const pm_subsystem *s) {
     return weight / s->substeps;
 }
 
-// Books the heat of a solid, which takes its steps in pm_subsystem_advance.
-static void book_solid(pm_subsystem *s) {
-    const pm_solid_dynamics *d = s->dynamics.solid;
-    const double production = stage_weight(s) * (s->stage_z[d->s] - s->z[d->s]) / s->h;
+// Books the heat of a solid or of a gap, which take their steps in pm_subsystem_advance. `entropy`
+// is the component of the entropy.
+static void book_heat(pm_subsystem *s, int entropy, double temperature) {
+    const double production = stage_weight(s) * (s->stage_z[entropy] - s->z[entropy]) / s->h;
     s->booking.bulk.entropy += production;
     s->booking.bulk.entropy_gross += production;
-    s->booking.bulk.energy_gross += d->temperature * production;
+    s->booking.bulk.energy_gross += temperature * production;
 }
 
 void pm_subsystem_bulk(pm_subsystem *s) {
@@ -68,7 +68,12 @@ void pm_subsystem_bulk(pm_subsystem *s) {
     if (s->dynamics.solid != NULL) {
         memset(k, 0, (size_t)s->nz * sizeof *k);
         memset(s->dynamics.solid->end_rate, 0, (size_t)s->nz * sizeof *k);
-        book_solid(s);
+        book_heat(s, s->dynamics.solid->s, s->dynamics.solid->temperature);
+        return;
+    }
+    if (s->dynamics.gap != NULL) {
+        memset(k, 0, (size_t)s->nz * sizeof *k);
+        book_heat(s, s->dynamics.gap->s, s->dynamics.gap->temperature);
         return;
     }
     if (s->dynamics.bulk == NULL || s->integrator->multirate) {
@@ -114,7 +119,8 @@ void pm_subsystem_couple(pm_subsystem *s, int port, const pm_port_values *neighb
         other = prescribe(s, j, pm_integrator_time(s->integrator, s->stage));
     }
     if (s->dynamics.solid != NULL) {
-        other = j->boundary_input == NULL ? neighbour : prescribe(s, j, 1);
+        other = j->boundary_input == NULL ? pm_port_instance_end_values(j, neighbour)
+                                          : prescribe(s, j, 1);
         pm_port_instance_couple(j, other, first, 0, s->dynamics.solid->end_rate);
         other = j->boundary_input == NULL ? neighbour : prescribe_mean(s, j);
     }
@@ -188,6 +194,7 @@ static void end_substep(pm_subsystem *s) {
     if (s->dynamics.solid != NULL) {
         pm_solid_dynamics_end_substep(s->dynamics.solid);
     }
+    pm_local_dynamics_begin(&s->dynamics, s->z);
     s->stage = 0;
     ++s->substep;
 }
@@ -197,11 +204,19 @@ static void find_next(pm_subsystem *s) {
     if (s->dynamics.solid != NULL) {
         pm_solid_dynamics_balance(s->dynamics.solid, s->h, s->z, s->k);
     }
+    const double *next = s->dynamics.solid != NULL ? s->dynamics.solid->result : s->next;
+    if (s->dynamics.solid == NULL) {
+        for (int c = 0; c < s->nz; ++c) {
+            s->next[c] = s->z[c] + s->h * s->k[c];
+        }
+    }
+    if (s->dynamics.gap != NULL) {
+        pm_contact_gap_next(s->dynamics.gap, s->stage_z, s->next, s->error);
+        memcpy(s->next, s->error, (size_t)s->nz * sizeof *s->next);
+    }
     for (int c = 0; c < s->nz; ++c) {
-        const double next =
-            s->dynamics.solid != NULL ? s->dynamics.solid->result[c] : s->z[c] + s->h * s->k[c];
-        s->error[c] = next - s->stage_z[c];
-        s->stage_z[c] = next;
+        s->error[c] = next[c] - s->stage_z[c];
+        s->stage_z[c] = next[c];
     }
 }
 
@@ -216,6 +231,9 @@ static void iterate(pm_subsystem *s) {
         const pm_group *group = &layout->group[i];
         const double size = fmax(length_of(group, s->z), length_of(group, s->stage_z));
         change = fmax(change, size > 0 ? length_of(group, s->error) / size : 0);
+    }
+    if (s->dynamics.gap != NULL) {
+        change = pm_contact_gap_change(s->dynamics.gap, change);
     }
     const int left = s->integrator->most_iterations - ++s->stage;
     if (pm_iteration_end_round(&s->iteration, change, s->system->scene->diameter, left)) {

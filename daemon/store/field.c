@@ -325,6 +325,17 @@ done:
     return status;
 }
 
+static pm_status write_placement(const pm_field *field, pm_hdf5 *file) {
+    const pm_placement *p = &field->placement;
+    const char *const axis[3] = {"x", "y", "z"};
+    char text[160];
+    snprintf(text, sizeof text, "origin: [%.17g, %.17g, %.17g], axes: [%s%s, %s%s, %s%s]",
+             p->origin[0], p->origin[1], p->origin[2], p->sign[0] > 0 ? "+" : "-", axis[p->axis[0]],
+             p->sign[1] > 0 ? "+" : "-", axis[p->axis[1]], p->sign[2] > 0 ? "+" : "-",
+             axis[p->axis[2]]);
+    return pm_hdf5_write_text(file, "/", PLACEMENT, text);
+}
+
 pm_status pm_field_save(const pm_field *field, const char *path, int count,
                         const char *const (*note)[2]) {
     pm_hdf5 *file = NULL;
@@ -333,6 +344,7 @@ pm_status pm_field_save(const pm_field *field, const char *path, int count,
     for (int i = 0; i < count; ++i) {
         PM_TRY_DONE(pm_hdf5_write_text(file, "/", note[i][0], note[i][1]));
     }
+    PM_TRY_DONE(field->placed ? write_placement(field, file) : PM_OK);
     PM_TRY_DONE(write_content(field, file));
     if (field->contact != NULL) {
         PM_TRY_DONE(write_contact(field, file));

@@ -9,12 +9,27 @@
 #define POSITION "/node_position_reference"
 #define BRICKS "/hexahedra"
 #define CLAMPED "/clamped"
+#define CONTACT "/contact"
 
 static pm_status no_memory(const char *path) {
     return pm_fail(PM_ENOMEM, "%s: out of memory for a mesh", path);
 }
 
-// Reads the bricks and checks that their nodes exist.
+// Converts numbers of nodes, and checks that there are such nodes. `what` [each] numbers form an
+// entry.
+static pm_status to_nodes(const char *path, const pm_solid_mesh *mesh, const char *what,
+                          size_t each, size_t count, const double *number, int *node) {
+    for (size_t i = 0; i < count; ++i) {
+        if (!(number[i] >= 0 && number[i] < mesh->nnode && number[i] == floor(number[i]))) {
+            return pm_fail(PM_EDATA, "%s: %s %zu: node %g, expected a number below %d", path, what,
+                           i / each, number[i], mesh->nnode);
+        }
+        node[i] = (int)number[i];
+    }
+    return PM_OK;
+}
+
+// Reads the bricks.
 static pm_status read_bricks(const pm_hdf5 *file, const char *path, pm_arena *arena,
                              pm_solid_mesh *mesh) {
     int extent[2];
@@ -28,15 +43,27 @@ static pm_status read_bricks(const pm_hdf5 *file, const char *path, pm_arena *ar
     int *brick = pm_arena_array(arena, count, sizeof *brick);
     PM_TRY(number == NULL || brick == NULL ? no_memory(path) : PM_OK);
     PM_TRY(pm_hdf5_read(file, BRICKS, 2, extent, number));
-    for (size_t i = 0; i < count; ++i) {
-        if (!(number[i] >= 0 && number[i] < mesh->nnode && number[i] == floor(number[i]))) {
-            return pm_fail(PM_EDATA, "%s: element %zu: node %g, expected a number below %d", path,
-                           i / PM_BRICK_NODES, number[i], mesh->nnode);
-        }
-        brick[i] = (int)number[i];
-    }
+    PM_TRY(to_nodes(path, mesh, "element", PM_BRICK_NODES, count, number, brick));
     mesh->nelement = extent[0];
     mesh->brick = brick;
+    return PM_OK;
+}
+
+// Reads the nodes of the contact; a mesh without them has none.
+static pm_status read_contact(const pm_hdf5 *file, const char *path, pm_arena *arena,
+                              pm_solid_mesh *mesh) {
+    int count;
+    if (!pm_hdf5_has(file, CONTACT)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_shape(file, CONTACT, 1, &count));
+    double *number = pm_arena_array(arena, (size_t)count, sizeof *number);
+    int *node = pm_arena_array(arena, (size_t)count, sizeof *node);
+    PM_TRY(number == NULL || node == NULL ? no_memory(path) : PM_OK);
+    PM_TRY(pm_hdf5_read(file, CONTACT, 1, &count, number));
+    PM_TRY(to_nodes(path, mesh, "contact", 1, (size_t)count, number, node));
+    mesh->ncontact = count;
+    mesh->contact = node;
     return PM_OK;
 }
 
@@ -73,6 +100,7 @@ pm_status pm_solid_mesh_load(pm_solid_mesh *mesh, const char *path, pm_arena *ar
     PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
     PM_TRY_DONE(read_nodes(file, path, arena, &loaded));
     PM_TRY_DONE(read_bricks(file, path, arena, &loaded));
+    PM_TRY_DONE(read_contact(file, path, arena, &loaded));
     *mesh = loaded;
 done:
     pm_hdf5_close(file);
@@ -90,6 +118,12 @@ static pm_status write(pm_hdf5 *file, const pm_solid_mesh *mesh, double *number)
         number[i] = mesh->brick[i];
     }
     PM_TRY(pm_hdf5_write(file, BRICKS, 2, bricks, number));
+    for (int i = 0; i < mesh->ncontact; ++i) {
+        number[i] = mesh->contact[i];
+    }
+    if (mesh->ncontact > 0) {
+        PM_TRY(pm_hdf5_write(file, CONTACT, 1, &mesh->ncontact, number));
+    }
     return pm_hdf5_commit(file);
 }
 
@@ -116,6 +150,9 @@ uint64_t pm_solid_mesh_digest(const pm_solid_mesh *mesh, uint64_t digest) {
     }
     for (int i = 0; i < PM_BRICK_NODES * mesh->nelement; ++i) {
         digest = pm_digest_integer(digest, mesh->brick[i]);
+    }
+    for (int i = 0; i < mesh->ncontact; ++i) {
+        digest = pm_digest_integer(digest, mesh->contact[i]);
     }
     return digest;
 }

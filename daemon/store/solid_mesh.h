@@ -3,6 +3,8 @@
 //   /node_position_reference  [node][3]    m, undeformed
 //   /hexahedra                [element][8] nodes, numbered as in VTK
 //   /clamped                  [node]       1: the node does not move; 0: it does
+//   /contact                  [n]          nodes on which ports of the law `contact` act; may be
+//   missing
 #ifndef PM_STORE_SOLID_MESH_H
 #define PM_STORE_SOLID_MESH_H
 
@@ -20,10 +22,12 @@ typedef struct pm_solid_mesh {
     const double *position; // [nnode][3] m, undeformed
     const int *brick;       // [nelement][PM_BRICK_NODES] nodes, numbered as in VTK
     const bool *clamped;    // [nnode] nodes that do not move
+    int ncontact;
+    const int *contact; // [ncontact] nodes on which ports of the law `contact` act
 } pm_solid_mesh;
 
 // Loads a mesh; its arrays lie in the arena. PM_EFILE: the file cannot be read. PM_EDATA: it is no
-// mesh, or an element names a node that does not exist. PM_ENOMEM.
+// mesh, or an element or the contact names a node that does not exist. PM_ENOMEM.
 pm_status pm_solid_mesh_load(pm_solid_mesh *mesh, const char *path, pm_arena *arena);
 // Writes a mesh; the file appears whole or not at all. PM_EFILE, PM_ENOMEM.
 pm_status pm_solid_mesh_save(const pm_solid_mesh *mesh, const char *path);

@@ -43,6 +43,40 @@ wait $pid || fail "killed: exit code $?"
 says killed "body.*started again" || fail "killed: nobody started again"
 "$same_recording" "$folder/plain.h5" "$folder/killed.h5" || fail "other bits after a kill"
 
+# Two crossed solids in processes of their own. The upper one is pressed onto the lower one within a few
+# steps; a body that dies in contact goes on with the same bits.
+sed 's/elements: .*/elements: [10, 2, 2]/; s/states: .*/states: 17/; s/force: .*/force: [9.0e4, 1.0e5]/; s/36, -26, 11/36, -26, 10.2/' \
+    "$configs/truth/crossed_beams.yaml" >"$folder/crossed.yaml"
+does truth "$folder/crossed.yaml" -o "$folder/crossed.h5" --trajectories 0:1
+does contact "$folder/crossed.yaml" --solid lower,upper --stiffness 2e6 -o "$folder/crossed" \
+    --data "lower=$folder/crossed_lower.h5,upper=$folder/crossed_upper.h5"
+nodes=$(sed -n 's/.*lower.h5: [0-9]* nodes, \([0-9]*\) of them.*/\1/p' "$folder/train.out")
+pairs=$(sed -n 's/.*lower_upper.h5: \([0-9]*\) contact pairs.*/\1/p' "$folder/train.out")
+# 99 nodes, 40 bricks
+sed -e "s,weights/solid_beam,$configs/&,; s,weights/crossed_solids,crossed,; s,reference/crossed_solids.h5,crossed/modes.h5," \
+    -e 's/0:2268/0:297/; s/0:4536/0:594/; s/size: 2268/size: 297/; s/size: 48000/size: 3840/' \
+    -e "s/144/$((3 * nodes))/; s/creep\[0:36/creep[0:$pairs/; s/steps: .*,/steps: 16,/" \
+    -e '/^time:/i lockstep: {checkpoint: 4}' "$configs/crossed_solids.yaml" >"$folder/pair.yaml"
+"$portmetd" run "$folder/pair.yaml" --in-process --record "$folder/pair.h5" >"$folder/pair.out" || fail "pair: in process"
+grep -q "steps in violation: 0;" "$folder/pair.out" || fail "pair: a law is violated"
+grep -Eq 'lower +below +[+][1-9]' "$folder/pair.out" || fail "pair: nothing touches"
+awk '$1 == "u" && $3 == "%" { n++; if (!($2 <= 5)) bad = 1 } END { exit n != 1 || bad }' "$folder/pair.out" ||
+    fail "pair: errors above 5 %: $(grep '%$' "$folder/pair.out" | tr -s ' \n' ' ')"
+start pair run "$folder/pair.yaml" --quiet --record "$folder/pair_lcm.h5"
+ends pair $pid 0 ""
+"$same_recording" "$folder/pair.h5" "$folder/pair_lcm.h5" || fail "pair: other bits over LCM"
+for victim_name in lower gap; do
+    open_gate pair_killed 14
+    start pair_killed run "$folder/pair.yaml" --checkpoint "$folder/kept_$victim_name" --gate "$folder/pair_killed.gate" \
+        --record "$folder/pair_killed.h5" --overwrite
+    held pair_killed 14
+    find_child $pid $victim_name
+    kill -KILL "$victim" || fail "nobody to kill"
+    open_gate pair_killed 16
+    wait $pid || fail "pair_killed: exit code $?"
+    "$same_recording" "$folder/pair.h5" "$folder/pair_killed.h5" || fail "pair: other bits after $victim_name was killed"
+done
+
 # refuses CODE PATTERN SED-COMMAND: a scene that `check` does not accept.
 refuses() {
     sed "$3" "$folder/solid.yaml" >"$folder/bad.yaml"

@@ -48,7 +48,11 @@ static inline void open_bar(bar *b, int nbranch, uint64_t seed, double spread) {
             b->brick[e][n] = e + corner[n][0] + (ELEMENTS + 1) * (corner[n][1] + 2 * corner[n][2]);
         }
     }
-    b->mesh = (pm_solid_mesh){NODES, ELEMENTS, b->position[0], b->brick[0], b->clamped};
+    b->mesh = (pm_solid_mesh){.nnode = NODES,
+                              .nelement = ELEMENTS,
+                              .position = b->position[0],
+                              .brick = b->brick[0],
+                              .clamped = b->clamped};
     assert_int_equal(pm_solid_material_declare(&b->spec, &b->params), PM_OK);
     pm_params_find(&b->params, "unit")->value[0] = 1000;
     for (int i = 0; i < b->params.count; ++i) {

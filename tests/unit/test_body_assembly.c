@@ -138,9 +138,9 @@ static void matrices_give_the_openings(void **state) {
     stack s;
     make_stack(&s);
     pm_dataset *d = NULL;
-    assert_int_equal(
-        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
-        PM_OK);
+    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1,
+                                              &trajectory, 300),
+                     PM_OK);
     const pm_contact_interface *m = &s.assembly.interface[1];
     pm_contact_openings openings;
     double matrix[2][PM_CONTACT_GROUPS * NPAIR][2];
@@ -182,7 +182,7 @@ static void matrices_give_the_openings(void **state) {
 // The energy of the part, built as a graph, is that of the openings in a row with the same numbers.
 static void the_part_stores_the_openings(void **state) {
     (void)state;
-    const pm_contact_constants constants = {.stiffness = 30, .creep = 0.01};
+    const pm_contact_constants constants = {.stiffness = 30, .creep = 0.01, .temperature = 1};
     stack s;
     make_stack(&s);
     pm_dataset *d = NULL;
@@ -193,9 +193,9 @@ static void the_part_stores_the_openings(void **state) {
     pm_rng rng;
     pm_rng_init(&rng, 5, 0);
     const pm_contact_interface *m = &s.assembly.interface[0];
-    assert_int_equal(
-        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
-        PM_OK);
+    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1,
+                                              &trajectory, 300),
+                     PM_OK);
     assert_int_equal(pm_contact_openings_open(&openings, &s.assembly, m, d, &s.assembly.arena),
                      PM_OK);
     assert_int_equal(pm_contact_part_make(&s.assembly, m, &constants, &s.assembly.arena, &part),
@@ -251,9 +251,9 @@ static void forces_are_compared(void **state) {
     stack s;
     make_stack(&s);
     pm_dataset *d = NULL;
-    assert_int_equal(
-        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
-        PM_OK);
+    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1,
+                                              &trajectory, 300),
+                     PM_OK);
     for (int m = 0; m < 2; ++m) {
         const pm_contact_interface *interface = &s.assembly.interface[m];
         const pm_field *const *field = (const pm_field *const *)s.field;
@@ -313,9 +313,9 @@ static void forces_are_the_slope_of_the_energy(void **state) {
     pm_rng rng;
     pm_rng_init(&rng, 22, 0);
     make_stack(&s);
-    assert_int_equal(
-        pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1, &trajectory),
-        PM_OK);
+    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, (const pm_field *const *)s.field, 1,
+                                              &trajectory, 300),
+                     PM_OK);
     assert_int_equal(pm_contact_force_open(&contact, &s.assembly, 1, d, both, &s.assembly.arena),
                      PM_OK);
     double f[MOST_NODES][3] = {{0}}, largest = 0, *row = pm_dataset_state(d, 0, 0);
@@ -344,7 +344,7 @@ static void forces_are_the_slope_of_the_energy(void **state) {
 // Saves the part of an interface as weights in a folder.
 static void save_part(const stack *s, const pm_contact_interface *m, double stiffness,
                       const char *folder) {
-    const pm_contact_constants constants = {.stiffness = stiffness};
+    const pm_contact_constants constants = {.stiffness = stiffness, .temperature = 1};
     const pm_provenance provenance = {.command = "trial", .data = "none"};
     pm_arena arena = {0};
     pm_part part;
@@ -389,14 +389,14 @@ static void fields_that_do_not_fit_are_refused(void **state) {
     pm_dataset *d = NULL;
     double error = -1;
     const pm_field *const *field = (const pm_field *const *)s.field;
-    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, field, 1, &trajectory), PM_OK);
+    assert_int_equal(pm_body_assembly_project(&d, &s.assembly, field, 1, &trajectory, 300), PM_OK);
     int *const number[] = {&s.field[2]->ntrajectory, &s.field[2]->ntime, &s.field[2]->nnode};
     for (int i = 0; i < 3; ++i) {
         pm_dataset *none = NULL;
         --*number[i];
         assert_int_equal(pm_body_assembly_check(&s.assembly, field), PM_EDATA);
         assert_non_null(strstr(pm_error(), "the field of top has"));
-        assert_int_equal(pm_body_assembly_project(&none, &s.assembly, field, 1, &trajectory),
+        assert_int_equal(pm_body_assembly_project(&none, &s.assembly, field, 1, &trajectory, 300),
                          PM_EDATA);
         assert_int_equal(pm_contact_force_errors(&s.assembly, &s.assembly.interface[1], d, 1, field,
                                                  &trajectory, &error),

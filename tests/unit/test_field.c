@@ -50,6 +50,17 @@ static const char *saved(scratch *folder) {
     return saved_with(folder, false);
 }
 
+static void a_placed_body_stays_in_its_place(void **state) {
+    pm_field *d = made(false), *back = NULL;
+    d->placed = true;
+    d->placement = (pm_placement){{36, -26, 0.1}, {1, 0, 2}, {1, -1, 1}};
+    assert_int_equal(pm_field_load(&back, save(*state, d, "title", "trial")), PM_OK);
+    assert_true(back->placed && back->placement.origin[2] == 0.1);
+    assert_true(back->placement.axis[0] == 1 && back->placement.axis[1] == 0);
+    assert_true(back->placement.sign[1] == -1 && back->placement.sign[2] == 1);
+    pm_field_free(back);
+}
+
 static void saved_comes_back(void **state) {
     pm_field *d = NULL;
     assert_int_equal(pm_field_load(&d, saved(*state)), PM_OK);
@@ -218,6 +229,8 @@ static void faults_are_told(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(saved_comes_back, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(a_placed_body_stays_in_its_place, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test_setup_teardown(what_is_not_known_is_left_out, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(forces_of_contact_come_back, scratch_setup,

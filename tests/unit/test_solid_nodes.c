@@ -85,8 +85,8 @@ static void fields_become_nodal_values_and_fields_again(void **state) {
     assert_float_equal(row[3 * NODES + 6 * 5 + 4], 5054, 1e-3);
     assert_float_equal(row[9 * NODES + 3 * 5 + 1], 516, 1e-3);
     assert_float_equal(row[12 * NODES], 0.5, 1e-6); // 150 J at 300 K
-    assert_true(pm_solid_nodes_fit(nodes, field));
-    assert_int_equal(pm_solid_nodes_fields(&back, nodes, field, (const int[]){1}), PM_OK);
+    assert_true(pm_solid_nodes_fit(nodes, NULL, field));
+    assert_int_equal(pm_solid_nodes_fields(&back, nodes, NULL, field, (const int[]){1}), PM_OK);
     const double *z = pm_field_state(back, 0, 2), *truth = pm_field_state(field, 1, 2);
     for (int i = 0; i < 12 * NODES; ++i) {
         const double expected = i % 12 >= 3 && i % 12 < 6 ? NAN : truth[i];
@@ -111,10 +111,18 @@ static void a_mesh_in_a_file_is_the_same(void **state) {
     const int file = mkstemp(path);
     assert_true(file >= 0);
     close(file);
+    int contact[2] = {1, 4};
     assert_int_equal(pm_solid_data_open(&data, field, &arena), PM_OK);
+    data.mesh.ncontact = 2;
+    data.mesh.contact = contact;
     assert_int_equal(pm_solid_mesh_save(&data.mesh, path), PM_OK);
     assert_int_equal(pm_solid_mesh_load(&loaded, path, &arena), PM_OK);
+    assert_int_equal(loaded.ncontact, 2);
     assert_int_equal(pm_solid_mesh_digest(&loaded, 1), pm_solid_mesh_digest(&data.mesh, 1));
+    contact[1] = -1; // not a node
+    assert_int_equal(pm_solid_mesh_save(&data.mesh, path), PM_OK);
+    assert_int_equal(pm_solid_mesh_load(&loaded, path, &arena), PM_EDATA);
+    contact[1] = 4;
     int *brick = (int *)data.mesh.brick;
     brick[3] = 99; // not a node
     assert_int_equal(pm_solid_mesh_save(&data.mesh, path), PM_OK);

@@ -46,7 +46,11 @@ pm_status pm_solid_data_open(pm_solid_data *data, const pm_field *field, pm_aren
     for (; data->count < field->ntrajectory; ++data->count) {
         data->trajectory[data->count] = data->count;
     }
-    data->mesh = (pm_solid_mesh){field->nnode, field->nelement, field->position, brick, clamped};
+    data->mesh = (pm_solid_mesh){.nnode = field->nnode,
+                                 .nelement = field->nelement,
+                                 .position = field->position,
+                                 .brick = brick,
+                                 .clamped = clamped};
     return PM_OK;
 }
 

@@ -72,23 +72,24 @@ pm_status pm_solid_nodes_dataset(pm_dataset **dataset, const pm_solid_data *data
 
 // --- back to fields ---
 
-// Returns the first of the columns prefix0 to prefix<count - 1>, which must be successive; -1: they
-// are not there.
-static int find_group(const pm_dataset *nodes, const char *prefix, int count) {
-    char name[32];
+// Returns the first of the columns prefix0 to prefix<count - 1> of a body, which must be
+// successive; -1: they are not there.
+static int find_group(const pm_dataset *nodes, const char *body, const char *prefix, int count) {
+    const char *before = body == NULL ? "" : body, *join = body == NULL ? "" : "_";
+    char name[128];
     for (int i = 0; i + count <= nodes->ncolumn; ++i) {
-        snprintf(name, sizeof name, "%s0", prefix);
+        snprintf(name, sizeof name, "%s%s%s0", before, join, prefix);
         if (strcmp(nodes->column[i], name) == 0) {
-            snprintf(name, sizeof name, "%s%d", prefix, count - 1);
+            snprintf(name, sizeof name, "%s%s%s%d", before, join, prefix, count - 1);
             return strcmp(nodes->column[i + count - 1], name) == 0 ? i : -1;
         }
     }
     return -1;
 }
 
-bool pm_solid_nodes_fit(const pm_dataset *nodes, const pm_field *field) {
-    return find_group(nodes, "u", 3 * field->nnode) >= 0 &&
-           find_group(nodes, "sigma", 6 * field->nnode) >= 0;
+bool pm_solid_nodes_fit(const pm_dataset *nodes, const char *body, const pm_field *field) {
+    return find_group(nodes, body, "u", 3 * field->nnode) >= 0 &&
+           find_group(nodes, body, "sigma", 6 * field->nnode) >= 0;
 }
 
 // Writes the row of a state to z [nnode][12]; `before` is the state one step earlier, or NULL.
@@ -105,10 +106,10 @@ static void restore_state(const pm_field *body, const double *u, const double *s
     }
 }
 
-pm_status pm_solid_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
-                                const int *trajectory) {
-    const int u = find_group(nodes, "u", 3 * body->nnode);
-    const int sigma = find_group(nodes, "sigma", 6 * body->nnode);
+pm_status pm_solid_nodes_fields(pm_field **field, const pm_dataset *nodes, const char *name,
+                                const pm_field *body, const int *trajectory) {
+    const int u = find_group(nodes, name, "u", 3 * body->nnode);
+    const int sigma = find_group(nodes, name, "sigma", 6 * body->nnode);
     const pm_field_shape shape = {nodes->ntrajectory, nodes->ntime, body->nnode, 12,
                                   body->nelement,     false};
     if (nodes->ntime != body->ntime) {
@@ -116,6 +117,8 @@ pm_status pm_solid_nodes_fields(pm_field **field, const pm_dataset *nodes, const
     }
     PM_TRY(pm_field_new(field, shape, body->dt, "qx qy qz vx vy vz sxx syy szz sxy sxz syz"));
     (*field)->energy = (*field)->clamped = NULL; // not known
+    (*field)->placed = body->placed;
+    (*field)->placement = body->placement;
     const size_t nforce = 3 * (size_t)body->nnode;
     memcpy((*field)->position, body->position, nforce * sizeof *body->position);
     if (body->nelement > 0) {

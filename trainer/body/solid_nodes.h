@@ -17,13 +17,15 @@
 pm_status pm_solid_nodes_dataset(pm_dataset **dataset, const pm_solid_data *data, int nstate,
                                  double temperature);
 
-// Returns true if a dataset has the columns of all nodes of a field.
-bool pm_solid_nodes_fit(const pm_dataset *nodes, const pm_field *field);
+// Returns true if a dataset has the columns of all nodes of a field. `body` is the name in front of
+// the columns of a body in an assembly, as in lower_u0; NULL: there is none.
+bool pm_solid_nodes_fit(const pm_dataset *nodes, const char *body, const pm_field *field);
 // Converts a dataset for which pm_solid_nodes_fit is true back into fields. Trajectory i of the
 // result has the positions and stresses of trajectory i of `nodes`, and as velocities the
 // differences of the positions over the last step. Its forces are those of trajectory trajectory[i]
-// of `body`. PM_EDATA: the numbers of states differ. PM_ENOMEM. The caller frees the fields.
-pm_status pm_solid_nodes_fields(pm_field **field, const pm_dataset *nodes, const pm_field *body,
-                                const int *trajectory);
+// of `body`. `name` is that of pm_solid_nodes_fit. PM_EDATA: the numbers of states differ.
+// PM_ENOMEM. The caller frees the fields.
+pm_status pm_solid_nodes_fields(pm_field **field, const pm_dataset *nodes, const char *name,
+                                const pm_field *body, const int *trajectory);
 
 #endif

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "body/solid_data.h"
 #include "command/commands.h"
 #include "modal/contact_force.h"
 #include "modal/contact_part.h"
@@ -13,16 +14,21 @@
 #include "scene/weights.h"
 #include "sim/score.h"
 
+// At which bodies without a basis dissipate, K.
+#define ROOM 300
+
 typedef struct contact_arguments {
-    const char *configuration, *basis, *data, *modes, *stiffness, *creep, *weights, *trajectories,
-        *output;
+    const char *configuration, *basis, *solid, *data, *modes, *stiffness, *creep, *weights,
+        *trajectories, *output;
     pm_contact_constants constants;
 } contact_arguments;
 
 static pm_status read_arguments(contact_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
-        {"--basis", "-b", "FILE", NULL, &a->basis, true,
-         "the basis that `reduce` made and all bodies share"},
+        {"--basis", "-b", "FILE", NULL, &a->basis, false,
+         "the basis that `reduce` made and all bodies in modes share"},
+        {"--solid", NULL, "NAME,...", NULL, &a->solid, false,
+         "these bodies are solids on the meshes of their fields; needs --data"},
         {"--output", "-o", "DIR", NULL, &a->output, false,
          "write the weights into DIR, and with --data also modes.h5"},
         {"--stiffness", "-k", "K", NULL, &a->stiffness, false,
@@ -38,15 +44,16 @@ static pm_status read_arguments(contact_arguments *a, int argc, char **argv, boo
          "use only these trajectories of the fields, such as 0:4,7,9:"},
     };
     const pm_options options = {
-        .usage =
-            "portmet-train contact CONFIG --basis FILE {-o DIR -k K | --score MODES} [options]",
+        .usage = "portmet-train contact CONFIG {-o DIR -k K | --score MODES} [options]",
         .summary =
-            "Places bodies, which share one basis, as `beams` under `system` of CONFIG says, and\n"
-            "finds which of them face each other. For any two of these, A and B, it writes the\n"
-            "weights A_B.h5 of the subsystem between them. The groups A and B of this subsystem\n"
-            "are the travel of both bodies, mode by mode; ports of the law contact join them to\n"
-            "the momenta p of the bodies. The group `creep` is the opening that each contact pair\n"
-            "has gained by creeping. The opening of a pair is\n"
+            "Places bodies as `beams` under `system` of CONFIG says, and finds which of them face\n"
+            "each other. For any two of these, A and B, it writes the weights A_B.h5 of the\n"
+            "subsystem between them. The groups A and B of this subsystem are the travel of both\n"
+            "bodies, mode by mode, or node by node of a solid. Ports of the law contact join them\n"
+            "to the momenta of the bodies: the group p of a body in modes, the group `contact` of\n"
+            "a solid. For a solid A it also writes the mesh A.h5, which names the nodes of\n"
+            "`contact`. The group `creep` is the opening that each contact pair has gained by\n"
+            "creeping. The opening of a pair is\n"
             "g + creep + u slope_u + v slope_v, where g, u, v and the slopes are derived "
             "variables,\n"
             "linear in the travel. Sliding is assumed to be small.",
@@ -70,6 +77,9 @@ static pm_status check_arguments(contact_arguments *a) {
         return pm_fail(PM_EUSAGE, "contact: --stiffness and --creep are constants of weights that "
                                   "are written, and need --output");
     }
+    if (a->solid != NULL && (a->data == NULL || a->creep != NULL)) {
+        return pm_fail(PM_EUSAGE, "contact: --solid needs --data, and no --creep: solids creep");
+    }
     if (a->output == NULL && a->weights == NULL) {
         return pm_fail(PM_EUSAGE, "contact: --score needs the --weights of the recording");
     }
@@ -87,10 +97,13 @@ static pm_status check_arguments(contact_arguments *a) {
 
 static pm_status save_part(const pm_body_assembly *assembly, const pm_contact_interface *m,
                            const contact_arguments *a, const char *command) {
-    char coordinates[PM_BASIS_COORDINATES];
-    pm_basis_coordinates(assembly->basis, coordinates);
-    const pm_provenance provenance = {
-        .command = command, .data = a->basis, .coordinates = coordinates};
+    char coordinates[PM_BASIS_COORDINATES] = "";
+    if (assembly->basis != NULL) {
+        pm_basis_coordinates(assembly->basis, coordinates);
+    }
+    const pm_provenance provenance = {.command = command,
+                                      .data = a->basis != NULL ? a->basis : a->data,
+                                      .coordinates = coordinates[0] != 0 ? coordinates : NULL};
     pm_arena arena = {0};
     pm_part part = {0};
     pm_status status;
@@ -104,6 +117,25 @@ static pm_status save_part(const pm_body_assembly *assembly, const pm_contact_in
     printf("wrote %s: %d contact pairs, %g m apart\n", path, m->pairs.npair, m->pairs.pair[0].gap);
 done:
     pm_part_free(&part);
+    pm_arena_free(&arena);
+    return status;
+}
+
+// Writes the mesh of a solid.
+static pm_status save_mesh(const pm_body_assembly *assembly, int body, const char *folder) {
+    const pm_assembled_solid *solid = &assembly->solid[body];
+    pm_arena arena = {0};
+    pm_solid_data data;
+    pm_status status;
+    const char *path = pm_arena_printf(&arena, "%s/%s.h5", folder, assembly->body[body].name);
+    PM_TRY_DONE(path == NULL ? pm_fail(PM_ENOMEM, "out of memory for a path") : PM_OK);
+    PM_TRY_DONE(pm_solid_data_open(&data, solid->field, &arena));
+    data.mesh.ncontact = solid->ncontact;
+    data.mesh.contact = solid->contact;
+    PM_TRY_DONE(pm_solid_mesh_save(&data.mesh, path));
+    printf("wrote %s: %d nodes, %d of them in contact, %d bricks\n", path, data.mesh.nnode,
+           data.mesh.ncontact, data.mesh.nelement);
+done:
     pm_arena_free(&arena);
     return status;
 }
@@ -138,7 +170,6 @@ static pm_status load_fields(pm_body_assembly *assembly, const contact_arguments
         PM_TRY(find_file(a->data, assembly->body[i].name, &assembly->arena, &path));
         PM_TRY(pm_field_load(&field[i], path));
     }
-    PM_TRY(pm_body_assembly_check(assembly, (const pm_field *const *)field));
     c->trajectory =
         pm_arena_array(&assembly->arena, (size_t)field[0]->ntrajectory, sizeof *c->trajectory);
     if (c->trajectory == NULL) {
@@ -151,7 +182,8 @@ static pm_status save_dataset(const pm_body_assembly *assembly, const pm_field *
                               const trajectory_list *c, const contact_arguments *a,
                               const char *command) {
     pm_dataset *modes = NULL;
-    PM_TRY(pm_body_assembly_project(&modes, assembly, field, c->count, c->trajectory));
+    PM_TRY(pm_body_assembly_project(&modes, assembly, field, c->count, c->trajectory,
+                                    a->constants.temperature));
     const pm_status status =
         pm_modes_save(modes, assembly->basis, a->data, "contact", command, a->output);
     pm_dataset_free(modes);
@@ -164,6 +196,9 @@ static pm_status save_all(const pm_body_assembly *assembly, const pm_field *cons
     PM_TRY(pm_options_folder(a->output));
     for (int i = 0; i < assembly->ninterface; ++i) {
         PM_TRY(save_part(assembly, &assembly->interface[i], a, command));
+    }
+    for (int i = 0; i < assembly->nbody; ++i) {
+        PM_TRY(pm_body_assembly_is_solid(assembly, i) ? save_mesh(assembly, i, a->output) : PM_OK);
     }
     return a->data == NULL ? PM_OK : save_dataset(assembly, field, c, a, command);
 }
@@ -198,7 +233,10 @@ static pm_status score(const pm_body_assembly *assembly, const pm_field *const *
     double *error = NULL;
     pm_status status;
     PM_TRY_DONE(pm_dataset_load(&modes, path));
-    PM_TRY_DONE(pm_basis_check(assembly->basis, pm_dataset_find_note(modes, "coordinates"), path));
+    PM_TRY_DONE(
+        assembly->basis == NULL
+            ? PM_OK
+            : pm_basis_check(assembly->basis, pm_dataset_find_note(modes, "coordinates"), path));
     if (c->count != modes->ntrajectory) {
         status = pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the fields (--trajectories)",
                          modes->ntrajectory, c->count);
@@ -225,6 +263,35 @@ done:
 
 // --- all of it ---
 
+// Returns true if `list`, "NAME,NAME", or NULL, has the name.
+static bool is_listed(const char *list, const char *name) {
+    const size_t length = strlen(name);
+    for (const char *at = list; at != NULL; at = strchr(at, ',')) {
+        at += *at == ',';
+        if (strncmp(at, name, length) == 0 && strcspn(at, ",") == length) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Makes the bodies that --solid names solids, and finds the interfaces.
+static pm_status find_interfaces(const contact_arguments *a, const pm_field *const *field,
+                                 pm_body_assembly *assembly) {
+    for (int i = 0; i < assembly->nbody; ++i) {
+        const char *name = assembly->body[i].name;
+        if (is_listed(a->solid, name)) {
+            PM_TRY(pm_body_assembly_make_solid(assembly, i, field[i]));
+        } else if (assembly->basis == NULL) {
+            return pm_fail(PM_EUSAGE,
+                           "contact: %s is neither in modes (--basis) nor a solid "
+                           "(--solid)",
+                           name);
+        }
+    }
+    return pm_body_assembly_find_interfaces(assembly);
+}
+
 pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     contact_arguments a;
@@ -242,9 +309,10 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     pm_field **field = NULL;
     trajectory_list c = {0};
     pm_status status;
-    PM_TRY_DONE(pm_basis_load(&basis, a.basis));
+    PM_TRY_DONE(a.basis == NULL ? PM_OK : pm_basis_load(&basis, a.basis));
     assembly.basis = basis;
-    PM_TRY_DONE(pm_body_assembly_load(&assembly, a.configuration));
+    a.constants.temperature = basis == NULL ? ROOM : basis->temperature;
+    PM_TRY_DONE(pm_body_assembly_read(&assembly, a.configuration));
     field = pm_arena_array(&assembly.arena, (size_t)assembly.nbody, sizeof *field);
     if (field == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for fields");
@@ -252,6 +320,8 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     }
     PM_TRY_DONE(a.data == NULL ? PM_OK : load_fields(&assembly, &a, field, &c));
     const pm_field *const *fields = (const pm_field *const *)field;
+    PM_TRY_DONE(find_interfaces(&a, fields, &assembly));
+    PM_TRY_DONE(a.data == NULL ? PM_OK : pm_body_assembly_check(&assembly, fields));
     PM_TRY_DONE(a.output == NULL ? PM_OK : save_all(&assembly, fields, &c, &a, command));
     const char *weights = a.weights == NULL ? a.output : a.weights;
     status = a.modes == NULL ? PM_OK : score(&assembly, fields, &c, a.modes, weights);

@@ -55,7 +55,7 @@ static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv,
 }
 
 static pm_status check_arguments(const reconstruct_arguments *a) {
-    if (a->basis == NULL && (a->truth == NULL || a->body != NULL)) {
+    if (a->basis == NULL && a->truth == NULL) {
         return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
     }
     return (a->contact == NULL) == (a->weights == NULL) && (a->contact == NULL || a->body != NULL)
@@ -113,8 +113,8 @@ static pm_status make_from_nodes(const reconstruct_arguments *a, const pm_datase
             "can become fields again (`nodes` without --states)",
             a->dataset, nodes->ntime, a->truth, truth->ntime);
     }
-    const pm_status status = pm_solid_nodes_fit(nodes, truth)
-                                 ? pm_solid_nodes_fields(field, nodes, truth, trajectory)
+    const pm_status status = pm_solid_nodes_fit(nodes, a->body, truth)
+                                 ? pm_solid_nodes_fields(field, nodes, a->body, truth, trajectory)
                                  : pm_nodes_fields(field, nodes, truth, trajectory);
     return status == PM_EDATA
                ? pm_fail(status, "%s as nodal values of %s: %s", a->dataset, a->truth, pm_error())

@@ -28,16 +28,17 @@ pm_status pm_contact_openings_open(pm_contact_openings *o, const pm_body_assembl
                                    const pm_contact_interface *m, const pm_dataset *modes,
                                    pm_arena *arena) {
     const size_t count = PM_CONTACT_GROUPS * (size_t)m->pairs.npair;
-    *o = (pm_contact_openings){.interface = m, .nstate = a->basis->nstate};
+    *o = (pm_contact_openings){.interface = m};
     o->value = pm_arena_array(arena, count, sizeof *o->value);
     for (int end = 0; end < 2; ++end) {
-        o->matrix[end] = pm_arena_array(arena, count * (size_t)o->nstate, sizeof(double));
+        o->size[end] = pm_body_assembly_size(a, m->body[end]);
+        o->matrix[end] = pm_arena_array(arena, count * (size_t)o->size[end], sizeof(double));
         if (o->value == NULL || o->matrix[end] == NULL) {
             return pm_fail(PM_ENOMEM, "out of memory for openings");
         }
         PM_TRY(pm_contact_interface_matrix(a, m, end, o->matrix[end]));
-        PM_TRY(
-            find_group(a, m, modes, a->body[m->body[end]].name, o->nstate, arena, &o->travel[end]));
+        PM_TRY(find_group(a, m, modes, a->body[m->body[end]].name, o->size[end], arena,
+                          &o->travel[end]));
     }
     return find_group(a, m, modes, "creep", m->pairs.npair, arena, &o->creep);
 }
@@ -47,8 +48,8 @@ const double *pm_contact_openings_compute(const pm_contact_openings *o, const do
     for (int i = 0; i < PM_CONTACT_GROUPS * n; ++i) {
         double sum = i < n ? o->interface->pairs.pair[i].gap + row[o->creep + i] : 0;
         for (int end = 0; end < 2; ++end) {
-            for (int k = 0; k < o->nstate; ++k) {
-                sum += o->matrix[end][(ptrdiff_t)i * o->nstate + k] * row[o->travel[end] + k];
+            for (int k = 0; k < o->size[end]; ++k) {
+                sum += o->matrix[end][(ptrdiff_t)i * o->size[end] + k] * row[o->travel[end] + k];
             }
         }
         o->value[i] = sum;

@@ -10,11 +10,11 @@
 // The caller owns this storage; its arrays lie in the arena given to pm_contact_openings_open.
 typedef struct pm_contact_openings {
     const pm_contact_interface *interface; // borrowed
-    int nstate;                            // amplitudes of each body
-    // First columns of the groups A and B [nstate], J^0.5, and of the group creep [npair], m, of
+    int size[2];                           // coordinates of each body
+    // First columns of the groups A and B [size], and of the group creep [npair], m, of
     // contact_part.h.
     int travel[2], creep;
-    double *matrix[2]; // [PM_CONTACT_GROUPS npair][nstate], of pm_contact_interface_matrix
+    double *matrix[2]; // [PM_CONTACT_GROUPS npair][size], of pm_contact_interface_matrix
     double *value;     // [PM_CONTACT_GROUPS][npair], of the last row
 } pm_contact_openings;
 

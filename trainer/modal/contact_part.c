@@ -33,9 +33,12 @@ static pm_status fill_layout(const pm_body_assembly *a, const pm_contact_interfa
                            body[i]);
         }
     }
-    const int size[NGROUP] = {a->basis->nstate, a->basis->nstate, m->pairs.npair, 1};
+    const int size[NGROUP] = {pm_body_assembly_size(a, m->body[0]),
+                              pm_body_assembly_size(a, m->body[1]), m->pairs.npair, 1};
     const char *const name[NGROUP] = {body[0], body[1], "creep", "s"};
-    const char *const unit[NGROUP] = {"J^0.5", "J^0.5", "m", "J/K"};
+    const char *const unit[NGROUP] = {pm_body_assembly_is_solid(a, m->body[0]) ? "m" : "J^0.5",
+                                      pm_body_assembly_is_solid(a, m->body[1]) ? "m" : "J^0.5", "m",
+                                      "J/K"};
     *layout = (pm_layout){.group = group};
     for (int i = 0; i < NGROUP; ++i) {
         layout->group[i] = (pm_group){name[i], unit[i], size[i], layout->nz};
@@ -46,8 +49,8 @@ static pm_status fill_layout(const pm_body_assembly *a, const pm_contact_interfa
 }
 
 // Fills in the spec; everything that it points to lies in the arena.
-static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface *m,
-                           const pm_contact_constants *c, pm_part *part, pm_arena *arena) {
+static pm_status fill_spec(const pm_contact_interface *m, const pm_contact_constants *c,
+                           pm_part *part, pm_arena *arena) {
     static const char *const names[] = {"k"}, *const entropy[] = {"s"};
     const char **of = pm_arena_array(arena, 2, sizeof *of);
     double *number = pm_arena_array(arena, 2, sizeof *number);
@@ -66,11 +69,10 @@ static pm_status fill_spec(const pm_body_assembly *a, const pm_contact_interface
             .name = pm_contact_group_name[i], .size = m->pairs.npair, .ngroup = 2, .group = of};
     }
     number[0] = c->stiffness;
-    number[1] = a->basis->temperature;
+    number[1] = c->temperature;
     *constants = (pm_constants){.count = 1, .name = names, .value = number};
     *formula = (pm_formula){FORMULA, constants, NULL};
-    *pair = (pm_given_pair){
-        .row = "creep", .col = "s", .coefficient = a->basis->temperature * c->creep};
+    *pair = (pm_given_pair){.row = "creep", .col = "s", .coefficient = c->temperature * c->creep};
     part->spec = (pm_part_spec){
         .form = PM_HARD,
         .constants = constants,
@@ -97,12 +99,15 @@ static double *values_of(const pm_part *part, const char *derived, const char *w
 // Fills in the matrices of both ends, side by side, and the undeformed gap as the offset of g.
 static pm_status fill_derived(const pm_body_assembly *a, const pm_contact_interface *m,
                               pm_part *part, pm_arena *arena) {
-    const int n = m->pairs.npair, nstate = a->basis->nstate;
-    double *one = pm_arena_array(arena, (size_t)(PM_CONTACT_GROUPS * n * nstate), sizeof *one);
-    if (one == NULL) {
-        return no_memory();
-    }
+    const int n = m->pairs.npair;
+    const int size[2] = {pm_body_assembly_size(a, m->body[0]),
+                         pm_body_assembly_size(a, m->body[1])};
     for (int end = 0; end < 2; ++end) {
+        double *one =
+            pm_arena_array(arena, (size_t)(PM_CONTACT_GROUPS * n * size[end]), sizeof *one);
+        if (one == NULL) {
+            return no_memory();
+        }
         PM_TRY(pm_contact_interface_matrix(a, m, end, one));
         for (int i = 0; i < PM_CONTACT_GROUPS; ++i) {
             const char *derived = pm_contact_group_name[i];
@@ -112,8 +117,8 @@ static pm_status fill_derived(const pm_body_assembly *a, const pm_contact_interf
                 return no_memory();
             }
             for (int k = 0; k < n; ++k) {
-                memcpy(matrix + (ptrdiff_t)(2 * k + end) * nstate,
-                       one + (ptrdiff_t)(i * n + k) * nstate, (size_t)nstate * sizeof *one);
+                memcpy(matrix + (ptrdiff_t)k * (size[0] + size[1]) + (end == 0 ? 0 : size[0]),
+                       one + (ptrdiff_t)(i * n + k) * size[end], (size_t)size[end] * sizeof *one);
                 offset[k] = i == PM_CONTACT_GAP ? m->pairs.pair[k].gap : 0;
             }
         }
@@ -126,7 +131,7 @@ pm_status pm_contact_part_make(const pm_body_assembly *a, const pm_contact_inter
     *part = (pm_part){0};
     pm_group *group = pm_arena_array(arena, NGROUP, sizeof *group);
     PM_TRY(group == NULL ? no_memory() : fill_layout(a, m, group, &part->layout));
-    PM_TRY(fill_spec(a, m, c, part, arena));
+    PM_TRY(fill_spec(m, c, part, arena));
     PM_TRY(pm_part_declare(part));
     return fill_derived(a, m, part, arena);
 }
@@ -173,7 +178,7 @@ pm_status pm_contact_part_stiffness(const pm_body_assembly *a, const pm_contact_
         goto done;
     }
     PM_TRY_DONE(pm_weights_load_part(path, &arena, &part, &provenance));
-    PM_TRY_DONE(pm_basis_check(a->basis, provenance.coordinates, path));
+    PM_TRY_DONE(a->basis == NULL ? PM_OK : pm_basis_check(a->basis, provenance.coordinates, path));
     status = find_stiffness(a, m, &part, path, stiffness);
 done:
     pm_part_free(&part);

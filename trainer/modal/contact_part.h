@@ -21,8 +21,9 @@
 #include "model/part.h"
 
 typedef struct pm_contact_constants {
-    double stiffness; // k, N/m, of each contact pair
-    double creep;     // m/(N s), rate of creeping; 0: the pairs do not creep
+    double stiffness;   // k, N/m, of each contact pair
+    double creep;       // m/(N s), rate of creeping; 0: the pairs do not creep
+    double temperature; // K, at which what creeping dissipates becomes entropy
 } pm_contact_constants;
 
 // Makes the part of an interface. Its spec lies in the arena; the caller frees the part with

@@ -5,9 +5,11 @@
 
 pm_status pm_modes_save(pm_dataset *modes, const pm_basis *basis, const char *data,
                         const char *source, const char *command, const char *folder) {
-    char coordinates[PM_BASIS_COORDINATES];
-    pm_basis_coordinates(basis, coordinates);
-    PM_TRY(pm_dataset_note(modes, "coordinates", "%s", coordinates));
+    if (basis != NULL) {
+        char coordinates[PM_BASIS_COORDINATES];
+        pm_basis_coordinates(basis, coordinates);
+        PM_TRY(pm_dataset_note(modes, "coordinates", "%s", coordinates));
+    }
     PM_TRY(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", data));
     PM_TRY(pm_dataset_note(modes, "source", "portmet-train %s", source));
     PM_TRY(pm_dataset_note(modes, "command", "%s", command));

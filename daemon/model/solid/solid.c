@@ -63,6 +63,7 @@ pm_status pm_solid_open(pm_solid **solid, const pm_solid_mesh *mesh,
     }
     s->mesh = mesh;
     s->material = material;
+    s->precise = PM_SOLID_PRECISE;
     const pm_status status = open_all(s);
     if (status != PM_OK) {
         pm_solid_close(s);
@@ -103,6 +104,11 @@ int pm_solid_nfree(const pm_solid *s) {
 
 const int *pm_solid_free(const pm_solid *s) {
     return s->free;
+}
+
+void pm_solid_aim(pm_solid *s, const double *guess, double precise) {
+    s->guess = guess;
+    s->precise = precise;
 }
 
 static void copy_or_clear(double *to, const double *from, int n) {

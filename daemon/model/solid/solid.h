@@ -55,6 +55,10 @@ void pm_solid_record(pm_solid *s, pm_record *record);
 // the mean of f and of the elements' forces at its start. PM_ENUMERIC: no balance is found in very
 // short steps either; the state is then one of those in between.
 pm_status pm_solid_step(pm_solid *s, double h, const double *f);
+// Lets the following steps start their iteration at the displacements `guess` [nnode][3], which is
+// borrowed (NULL: where the last steps lead), and end it at moves shorter than `precise` times the
+// largest displacement.
+void pm_solid_aim(pm_solid *s, const double *guess, double precise);
 // Moves the nodes to u [nnode][3] within h s, and relaxes the inner variables accordingly. Computes
 // the elements' forces dE/du [nnode][3], N, unless `force` is NULL. Returns false, and changes
 // nothing, if an element is turned inside out or an energy is not finite.

@@ -16,6 +16,9 @@
 // The number of displacements that the prediction of the next ones uses (solid_step.c).
 #define PM_SOLID_PAST 3
 
+// An iteration ends when a move is shorter than this share of the largest displacement.
+#define PM_SOLID_PRECISE 3e-6
+
 // The shapes without volume at the points of an element, with the energies of the spring and of the
 // branches there, and of the volume.
 typedef struct pm_solid_start {
@@ -39,6 +42,8 @@ struct pm_solid {
     double *u, *inner;              // the state
     pm_solid_start *start;          // [nelement] at the state
     pm_solid_start *next;           // [nelement] of the state under way
+    const double *guess;            // [nnode][3] where an iteration starts; NULL: where steps lead
+    double precise;                 // share of the largest displacement at which it ends
     double stiff_for;               // s, step of the factor; NAN: none
     double *stiff_u, *stiff_inner;  // the state to which this factor belongs
     double *trial, *after;          // the same as u and inner, of the step under way

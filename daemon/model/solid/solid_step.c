@@ -10,8 +10,6 @@
 #include "base/simd.h"
 #include "model/solid/solid_parts.h"
 
-// The iteration ends when a move is shorter than this share of the largest displacement.
-#define PRECISE 3e-6
 // The displacement below which a body counts as undeformed, relative to its size.
 #define UNDEFORMED 1e-9
 #define MOST_ITERATIONS 30
@@ -131,11 +129,16 @@ static void note_start(pm_solid *s, double h) {
     memcpy(s->past, s->u, n * sizeof *s->u);
 }
 
-// Computes the start of the iteration: the displacements that continue those of the last steps as a
-// parabola, or the state, where these are not known or would turn an element inside out.
+// Computes the start of the iteration: the guess of the caller, or the displacements that continue
+// those of the last steps as a parabola, or the state, where these are not known or would turn an
+// element inside out.
 static bool predict(pm_solid *s, double h) {
     const int n = 3 * s->mesh->nnode;
     const double *now = s->past, *last = s->past + n, *before = s->past + 2 * (ptrdiff_t)n;
+    if (s->guess != NULL) {
+        memcpy(s->trial, s->guess, (size_t)n * sizeof *s->trial);
+        return pm_solid_forces(s, h);
+    }
     memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
     if (s->past_for == h && s->npast == PM_SOLID_PAST) {
         for (int i = 0; i < n; ++i) {
@@ -163,13 +166,13 @@ static bool iterate(pm_solid *s, double h, const double *f) {
         find_move(s, s->npair);
         const double length = longest(n, s->move);
         const double scale =
-            fmax(longest(3 * s->mesh->nnode, s->trial), UNDEFORMED * size / PRECISE);
+            fmax(longest(3 * s->mesh->nnode, s->trial), UNDEFORMED * size / s->precise);
         s->books.iterations = k;
         s->books.error = length / scale;
         if (!isfinite(length) || (k > 2 && length > GROWTH * before)) {
             return false;
         }
-        if (length <= PRECISE * scale) {
+        if (length <= s->precise * scale) {
             for (int i = 0; i < n; ++i) {
                 s->trial[s->free[i]] += s->move[i];
             }
@@ -208,6 +211,7 @@ static pm_status step(pm_solid *s, double h, const double *f, int halves) {
         s->books.heat += books.heat;
         return PM_OK;
     }
+    s->guess = NULL; // it belongs to the whole step
     if (halves == MOST_HALVES) {
         return pm_fail(PM_ENUMERIC, "solid: no balance of forces, not even in steps of %g s", h);
     }
