@@ -3,8 +3,10 @@
 #include "learn/calibration.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "learn/shooting_schedule.h"
 
@@ -14,6 +16,7 @@
 #define START_PART 0.1  // of a trajectory, from which its start is estimated
 #define ITERATIONS 12   // of a continued fit, at most
 #define ENOUGH 1e-3     // it ends when a step lowers the objective by less
+#define DAMPING 1e-8    // of its first step: hardly any, as the fit ended near the minimum
 #define OUTLIER 6       // deviations of the noise between an outlier and its neighbours
 #define NOISE_KNOWN 0.1 // relative error of the variance of the noise
 #define ROUNDS 20       // of the weighted mean, whose weights depend on it
@@ -176,10 +179,11 @@ static void leave_out(const calibration *c, int fold, int nfold) {
 }
 
 static pm_status run_fold(calibration *c, int fold, int nfold) {
-    pm_shooting_progress progress = {0};
+    // If its first step hardly lowers the objective, it is the only one.
+    pm_shooting_progress progress = {.idle = 1};
     const pm_shooting_limits limits = {
         .iterations = ITERATIONS, .enough = ENOUGH, .stop = c->how->stop};
-    double damping = 0;
+    double damping = DAMPING;
     leave_out(c, fold, nfold);
     pm_status status = pm_shooting_minimise(c->s, &limits, &damping, &progress);
     int list[MOST_HELD], count = 0;
@@ -252,7 +256,13 @@ pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibr
     if (u->nweight == 0 || (s->tracks->count < 2 && how->nheld < FEWEST_HELD)) {
         return PM_OK;
     }
+    const clock_t started = clock();
     const pm_status status = run(&c);
+    if (c.count > 0) {
+        printf(
+            "bands            %8d predictions %8.2f s of CPU   of trajectories that are left out\n",
+            c.count, (double)(clock() - started) / CLOCKS_PER_SEC);
+    }
     if (status == PM_OK && c.count > 0) {
         const double width = student(c.count) / NORMAL;
         // The variance of weights that each trajectory has for itself, with that of their mean in

@@ -32,7 +32,7 @@ typedef struct pm_calibration_how {
 // are divided into at most five folds. The fit goes on without a fold, and those of the fold are
 // predicted. Starts are estimated from the first tenth. The scale remains 1 if there are fewer than
 // two trajectories or no weights. The system and `s` have the same weights and starts afterwards.
-// PM_EINTERRUPTED, PM_ENOMEM.
+// Prints how many trajectories were predicted, and the CPU time. PM_EINTERRUPTED, PM_ENOMEM.
 pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibration_how *how);
 
 #endif

@@ -70,6 +70,7 @@ static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_un
     s->huber = INFINITY;
     memcpy(s->z, e->start, (size_t)(e->count * nz) * sizeof *s->z);
     pm_shooting_evaluate(s, s->z, true);
+    PM_TRY(s->failed);
     for (ptrdiff_t i = 0; i < e->count; ++i) {
         double *own = s->own + i * nz * nz, *border = s->border + i * nz * nb;
         double *covariance = start->covariance + i * nz * nz;
@@ -138,8 +139,9 @@ typedef struct prediction_work {
     pm_flow *flow;
     const pm_uncertainty *uncertainty; // NULL: no derivatives
     const start_uncertainty *start;
-    pm_flow_item item;
-    double *y, *by_start, *by_weights; // [ny], [ny][nz], [ny][nweight]
+    pm_flow_item item[PM_FLOW_BATCH];
+    double *y, *by_start, *by_weights; // [PM_FLOW_BATCH] of [ny], [ny][nz], [ny][nweight]
+    double *product;                   // [ny or nz, the larger][nweight]
 } prediction_work;
 
 // Returns row covariance row' for a symmetric covariance [n][n].
@@ -155,66 +157,125 @@ static double quadratic_form(int n, const double *row, const double *covariance)
     return sum;
 }
 
-static void write_sample(pm_estimate *e, const prediction_work *p, int id, int sample) {
-    const ptrdiff_t at = (ptrdiff_t)id * e->ntime + sample, nz = e->nz, ny = e->ny;
-    const pm_uncertainty *u = p->uncertainty;
-    memcpy(e->z + at * nz, p->item.z, (size_t)nz * sizeof *e->z);
-    memcpy(e->y + at * ny, p->y, (size_t)ny * sizeof *e->y);
-    if (u == NULL) {
-        return;
+// Writes the variances [count] that the weights cause in values with the derivatives by_weights
+// [count][nweight].
+static void weight_variances(const prediction_work *p, int count, const double *by_weights,
+                             double *variance) {
+    const ptrdiff_t n = p->uncertainty->nweight;
+    if (n > 0) {
+        pm_gemm(false, false, count, (int)n, (int)n, by_weights, p->uncertainty->covariance,
+                p->product);
     }
-    const double *start = p->start->covariance + id * nz * nz;
-    for (ptrdiff_t c = 0; c < ny; ++c) {
-        const double own = quadratic_form(e->nz, p->by_start + c * nz, start);
-        const double weights =
-            quadratic_form(u->nweight, p->by_weights + c * u->nweight, u->covariance);
-        e->by_weights[at * ny + c] = weights;
-        e->deviation[at * ny + c] = sqrt(u->noise[c] * u->noise[c] + own + u->scale * weights);
-    }
-    for (ptrdiff_t c = 0; c < nz; ++c) {
-        const double own = quadratic_form(e->nz, p->item.by_start + c * nz, start);
-        const double weights =
-            quadratic_form(u->nweight, p->item.by_weights + c * u->nweight, u->covariance);
-        e->state_deviation[at * nz + c] = sqrt(own + u->scale * weights);
-    }
-}
-
-// Follows one track from its start, one sample after the other.
-static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, int id) {
-    pm_flow_item *const items[] = {&p->item};
-    const ptrdiff_t width = pm_flow_inputs(p->flow);
-    const size_t nz = (size_t)e->nz;
-    memcpy(p->item.z, e->start + (size_t)id * nz, nz * sizeof *e->start);
-    if (p->uncertainty != NULL) {
-        const size_t cells = nz * (size_t)p->uncertainty->nweight;
-        pm_flow_start(p->flow, &p->item);
-        memcpy(p->item.by_weights, p->start->by_weights + (size_t)id * cells,
-               cells * sizeof *p->item.by_weights);
-    }
-    for (int k = 0; k < track->count; ++k) {
-        pm_flow_look(p->flow, 1, items, p->y, p->by_start, p->by_weights);
-        write_sample(e, p, id, track->sample[k]);
-        p->item.duration = track->duration[k];
-        p->item.input = track->input == NULL ? NULL : track->input + k * width;
-        for (int step = 0; step < track->steps[k]; ++step) {
-            pm_flow_step(p->flow, 1, items);
+    for (ptrdiff_t i = 0; i < count; ++i) {
+        variance[i] = 0;
+        for (ptrdiff_t k = 0; k < n; ++k) {
+            variance[i] += by_weights[i * n + k] * p->product[i * n + k];
         }
     }
 }
 
+// Writes a sample of track `id`, which is number i of those at which the flow looked last.
+static void write_sample(pm_estimate *e, const prediction_work *p, const pm_flow_item *item, int i,
+                         int id, int sample) {
+    const ptrdiff_t at = (ptrdiff_t)id * e->ntime + sample, nz = e->nz, ny = e->ny;
+    const pm_uncertainty *u = p->uncertainty;
+    memcpy(e->z + at * nz, item->z, (size_t)nz * sizeof *e->z);
+    memcpy(e->y + at * ny, p->y + i * ny, (size_t)ny * sizeof *e->y);
+    if (u == NULL) {
+        return;
+    }
+    const double *start = p->start->covariance + id * nz * nz;
+    double *weights = e->by_weights + at * ny, *state = e->state_deviation + at * nz;
+    weight_variances(p, e->ny, p->by_weights + i * ny * u->nweight, weights);
+    for (ptrdiff_t c = 0; c < ny; ++c) {
+        const double own = quadratic_form(e->nz, p->by_start + (i * ny + c) * nz, start);
+        e->deviation[at * ny + c] = sqrt(u->noise[c] * u->noise[c] + own + u->scale * weights[c]);
+    }
+    weight_variances(p, e->nz, item->by_weights, state);
+    for (ptrdiff_t c = 0; c < nz; ++c) {
+        state[c] =
+            sqrt(quadratic_form(e->nz, item->by_start + c * nz, start) + u->scale * state[c]);
+    }
+}
+
+// Puts the items of a batch at the starts of the tracks from `first` on.
+static void begin(const pm_estimate *e, prediction_work *p, int first, int count) {
+    const size_t nz = (size_t)e->nz;
+    for (int i = 0; i < count; ++i) {
+        memcpy(p->item[i].z, e->start + (size_t)(first + i) * nz, nz * sizeof *e->start);
+        if (p->uncertainty != NULL) {
+            const size_t cells = nz * (size_t)p->uncertainty->nweight;
+            pm_flow_start(p->flow, &p->item[i]);
+            memcpy(p->item[i].by_weights, p->start->by_weights + (size_t)(first + i) * cells,
+                   cells * sizeof *p->item[i].by_weights);
+        }
+    }
+}
+
+// Takes `count` tracks from their sample k to the next one.
+static void advance(prediction_work *p, const pm_track *track, int count, int k) {
+    const ptrdiff_t width = pm_flow_inputs(p->flow);
+    for (int step = 0, n = 1; n > 0; ++step) {
+        pm_flow_item *moving[PM_FLOW_BATCH];
+        n = 0;
+        for (int i = 0; i < count; ++i) {
+            const pm_track *t = &track[i];
+            if (k < t->count && step < t->steps[k]) {
+                p->item[i].duration = t->duration[k];
+                p->item[i].input = t->input == NULL ? NULL : t->input + k * width;
+                moving[n++] = &p->item[i];
+            }
+        }
+        if (n > 0) {
+            pm_flow_step(p->flow, n, moving);
+        }
+    }
+}
+
+// Follows `count` tracks from their starts together, one sample after the other. The first of them
+// has the number `first` in the estimate.
+static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, int first,
+                   int count) {
+    int longest = 0;
+    begin(e, p, first, count);
+    for (int i = 0; i < count; ++i) {
+        longest = track[i].count > longest ? track[i].count : longest;
+    }
+    for (int k = 0; k < longest; ++k) {
+        pm_flow_item *item[PM_FLOW_BATCH];
+        int which[PM_FLOW_BATCH], n = 0;
+        for (int i = 0; i < count; ++i) {
+            if (k < track[i].count) {
+                which[n] = i;
+                item[n++] = &p->item[i];
+            }
+        }
+        pm_flow_look(p->flow, n, item, p->y, p->by_start, p->by_weights);
+        for (int i = 0; i < n; ++i) {
+            write_sample(e, p, item[i], i, first + which[i], track[which[i]].sample[k]);
+        }
+        advance(p, track, count, k);
+    }
+}
+
 static pm_status allocate_work(pm_estimate *e, prediction_work *p) {
-    const size_t nz = (size_t)e->nz, ny = (size_t)e->ny;
+    const size_t nz = (size_t)e->nz, ny = (size_t)e->ny, batch = PM_FLOW_BATCH;
     const size_t n = p->uncertainty == NULL ? 0 : (size_t)p->uncertainty->nweight;
-    p->item.z = pm_arena_array(&e->arena, nz, sizeof *p->item.z);
-    p->item.by_start = pm_arena_array(&e->arena, nz * nz, sizeof *p->item.by_start);
-    p->item.by_weights = pm_arena_array(&e->arena, nz * n + 1, sizeof *p->item.by_weights);
-    p->y = pm_arena_array(&e->arena, ny, sizeof *p->y);
-    p->by_start = pm_arena_array(&e->arena, ny * nz, sizeof *p->by_start);
-    p->by_weights = pm_arena_array(&e->arena, ny * n + 1, sizeof *p->by_weights);
-    return p->item.z == NULL || p->item.by_start == NULL || p->item.by_weights == NULL ||
-                   p->y == NULL || p->by_start == NULL || p->by_weights == NULL
-               ? no_memory()
-               : PM_OK;
+    p->y = pm_arena_array(&e->arena, batch * ny, sizeof *p->y);
+    p->by_start = pm_arena_array(&e->arena, batch * ny * nz, sizeof *p->by_start);
+    p->by_weights = pm_arena_array(&e->arena, batch * ny * n + 1, sizeof *p->by_weights);
+    p->product = pm_arena_array(&e->arena, (ny > nz ? ny : nz) * n + 1, sizeof *p->product);
+    bool complete =
+        p->y != NULL && p->by_start != NULL && p->by_weights != NULL && p->product != NULL;
+    for (int i = 0; i < PM_FLOW_BATCH; ++i) {
+        pm_flow_item *item = &p->item[i];
+        item->z = pm_arena_array(&e->arena, nz, sizeof *item->z);
+        item->by_start = pm_arena_array(&e->arena, nz * nz, sizeof *item->by_start);
+        item->by_weights = pm_arena_array(&e->arena, nz * n + 1, sizeof *item->by_weights);
+        complete =
+            complete && item->z != NULL && item->by_start != NULL && item->by_weights != NULL;
+    }
+    return complete ? PM_OK : no_memory();
 }
 
 static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation *o,
@@ -226,8 +287,9 @@ static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation
     PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, INFINITY, false));
     const pm_flow_how flow = how_of(system, o, &tracks, false);
     pm_status status = pm_flow_open(&p.flow, &flow, how->uncertainty != NULL);
-    for (int i = 0; i < e->count && status == PM_OK; ++i) {
-        follow(e, &p, &tracks.track[i], i);
+    for (int i = 0; i < e->count && status == PM_OK; i += PM_FLOW_BATCH) {
+        const int left = e->count - i;
+        follow(e, &p, &tracks.track[i], i, left < PM_FLOW_BATCH ? left : PM_FLOW_BATCH);
         status = how->stop != NULL && *how->stop ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
     }
     pm_flow_close(p.flow);

@@ -352,7 +352,7 @@ static pm_status restore_level(const struct pm_fit_measured *m, pm_shooting *s,
     memcpy(s->gap, m->level_gap, (size_t)s->nz * sizeof *s->gap);
     printf("resumes with windows of %d\n", level->length);
     pm_shooting_evaluate(s, s->z, false);
-    return PM_OK;
+    return s->failed;
 }
 
 static pm_status find_uncertainty(pm_fit *f, pm_shooting *s) {

@@ -58,15 +58,20 @@ typedef struct pm_shooting {
     double *border;         // [nwindow][nz][nborder] block that couples a start with the weights
     double *end_by_start;   // [nwindow][nz][nz] derivative of the end by the start, over `gap`
     double *end_by_weights; // [nwindow][nz][nborder] derivative by the weights, over `gap`
+    // [nwindow][nweight] zeroed by the caller: an evaluation with derivatives adds the gradient of
+    // the samples of each window by the weights; NULL: it does not
+    double *window_gradient;
     // Work space of the solution.
     double *factor;   // [nwindow][nz][nz]
     double *coupling; // [nwindow][nz][nz]
     double *solved;   // [nwindow][nz][nborder]
     double *reduced;  // [nborder][nborder] the matrix after elimination
     // One flow per lane without derivatives, one with derivatives with respect to starts and
-    // weights, and one with derivatives with respect to starts alone.
+    // weights, and one with derivatives with respect to starts alone. NULL: no evaluation needed
+    // it yet.
     pm_flow *value[PM_SHOOTING_LANES], *derivative[PM_SHOOTING_LANES], *start[PM_SHOOTING_LANES];
     pm_shooting_lane *lane[PM_SHOOTING_LANES];
+    pm_status failed; // of the last evaluation: PM_ENOMEM, or PM_OK
 } pm_shooting;
 
 // --- learn/shooting.c: windows ---
@@ -85,12 +90,12 @@ void pm_shooting_clear(pm_shooting *s);
 
 // Integrates all windows with the present weights of the system from the starts z [nwindow][nz].
 // Returns the objective, which may not be finite. With `derivatives` it fills the normal equations.
+// If there is no memory, it returns NAN and sets s->failed.
 double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives);
-// Opens the flows and the memory of all threads. PM_ENOMEM.
+// Opens the memory of all threads; their flows are opened when they are needed. PM_ENOMEM.
 pm_status pm_shooting_open_lanes(pm_shooting *s);
 // Sets the number of steps of the integrator in one dt of the scene for later evaluations.
-// PM_ENOMEM.
-pm_status pm_shooting_set_substeps(pm_shooting *s, int substeps);
+void pm_shooting_set_substeps(pm_shooting *s, int substeps);
 void pm_shooting_close_lanes(pm_shooting *s);
 
 // --- learn/shooting_solve.c ---

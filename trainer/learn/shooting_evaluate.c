@@ -57,19 +57,24 @@ pm_status pm_shooting_open_lanes(pm_shooting *s) {
     for (int i = 0; i < PM_SHOOTING_LANES; ++i) {
         PM_TRY(open_lane(s, i));
     }
-    return pm_shooting_set_substeps(s, s->how.substeps);
+    return PM_OK;
 }
 
-pm_status pm_shooting_set_substeps(pm_shooting *s, int substeps) {
+void pm_shooting_set_substeps(pm_shooting *s, int substeps) {
     pm_shooting_close_lanes(s);
     s->how.substeps = substeps;
-    pm_flow_how fixed = s->how;
-    fixed.fixed = true;
-    for (int i = 0; i < PM_SHOOTING_LANES; ++i) {
-        PM_TRY(pm_flow_open(&s->value[i], &s->how, false));
-        PM_TRY(pm_flow_open(&s->derivative[i], &s->how, true));
-        PM_TRY(pm_flow_open(&s->start[i], &fixed, true));
-    }
+}
+
+// Gives a lane the flow that an evaluation needs, and opens it if none needed it before: compiling
+// a flow can take longer than all its steps.
+static pm_status choose_flow(pm_shooting *s, pm_shooting_lane *l) {
+    pm_flow_how how = s->how;
+    how.fixed = how.fixed || (l->derivatives && s->hold);
+    pm_flow **flow = !l->derivatives ? &s->value[l->id]
+                     : how.fixed     ? &s->start[l->id]
+                                     : &s->derivative[l->id];
+    PM_TRY(*flow != NULL ? PM_OK : pm_flow_open(flow, &how, l->derivatives));
+    l->flow = *flow;
     return PM_OK;
 }
 
@@ -139,6 +144,9 @@ static void add_samples(pm_shooting_lane *l, int count, const int *window, pm_fl
                 row[j] = s->hold ? 0 : factor * l->by_weights[(i * ny + c) * nweight + j];
             }
             row[nweight] = root * r;
+            for (ptrdiff_t j = 0; j < nweight && s->window_gradient != NULL; ++j) {
+                s->window_gradient[window[i] * nweight + j] += row[j] * row[nweight];
+            }
             for (ptrdiff_t j = 0; j < nz; ++j) {
                 by_start[j] *= factor;
             }
@@ -263,19 +271,34 @@ static void run_batch(pm_shooting_lane *l, int first, int count) {
     }
 }
 
+// Batches of equal size, so that both lanes have about the same number of windows.
+static int batch_size(const pm_shooting *s) {
+    const int runs = PM_SHOOTING_LANES * ((s->nwindow + PM_SHOOTING_LANES * PM_FLOW_BATCH - 1) /
+                                          (PM_SHOOTING_LANES * PM_FLOW_BATCH));
+    return (s->nwindow + runs - 1) / runs;
+}
+
 static void *work(void *context) {
     pm_shooting_lane *l = context;
     const pm_shooting *s = l->shooting;
-    // Batches of equal size, so that both lanes have about the same number of windows.
-    const int runs = PM_SHOOTING_LANES * ((s->nwindow + PM_SHOOTING_LANES * PM_FLOW_BATCH - 1) /
-                                          (PM_SHOOTING_LANES * PM_FLOW_BATCH));
-    const int batch = (s->nwindow + runs - 1) / runs;
+    const int batch = batch_size(s);
     l->objective = 0;
     memset(l->matrix, 0, (size_t)s->nborder * (size_t)s->nborder * sizeof *l->matrix);
     for (int first = l->id * batch; first < s->nwindow; first += PM_SHOOTING_LANES * batch) {
         run_batch(l, first, s->nwindow - first < batch ? s->nwindow - first : batch);
     }
     return NULL;
+}
+
+// Prepares all lanes that have windows for an evaluation.
+static pm_status prepare(pm_shooting *s, const double *z, bool derivatives) {
+    for (int i = 0; i < PM_SHOOTING_LANES; ++i) {
+        pm_shooting_lane *l = s->lane[i];
+        l->derivatives = derivatives;
+        l->start = z;
+        PM_TRY(i * batch_size(s) < s->nwindow ? choose_flow(s, l) : PM_OK);
+    }
+    return PM_OK;
 }
 
 // Adds the prior of the weights to the matrix, and returns its part of the objective.
@@ -309,12 +332,13 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
         memset(s->own, 0, windows * nz * nz * sizeof *s->own);
         memset(s->border, 0, windows * nz * border * sizeof *s->border);
     }
+    s->failed = prepare(s, z, derivatives);
+    if (s->failed != PM_OK) {
+        return NAN;
+    }
     pthread_t thread[PM_SHOOTING_LANES];
     bool started[PM_SHOOTING_LANES] = {false};
     for (int i = 0; i < PM_SHOOTING_LANES; ++i) {
-        s->lane[i]->derivatives = derivatives;
-        s->lane[i]->flow = !derivatives ? s->value[i] : s->hold ? s->start[i] : s->derivative[i];
-        s->lane[i]->start = z;
         if (i > 0) {
             started[i] = pthread_create(&thread[i], NULL, work, s->lane[i]) == 0;
         }

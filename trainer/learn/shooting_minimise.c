@@ -71,6 +71,7 @@ static pm_status minimise(pm_shooting *s, const descent *x, const pm_shooting_li
         PM_TRY(limits->keep == NULL ? PM_OK : limits->keep(limits->context, progress));
         double now = pm_shooting_evaluate(s, s->z, true);
         if (!isfinite(now)) {
+            PM_TRY(s->failed);
             return pm_fail(PM_ENUMERIC, "multiple shooting: the objective is %g", now);
         }
         const double before = now;
@@ -88,7 +89,7 @@ static pm_status minimise(pm_shooting *s, const descent *x, const pm_shooting_li
     }
     // Residuals and ends of windows are those of the result.
     pm_shooting_evaluate(s, s->z, false);
-    return PM_OK;
+    return s->failed;
 }
 
 pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits, double *damping,

@@ -226,7 +226,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
 
 // Prepares the shooting for a part of the course with `substeps` steps of the integrator at the
 // end.
-static pm_status begin_part(pm_shooting *s, int part, int substeps) {
+static void begin_part(pm_shooting *s, int part, int substeps) {
     // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
     s->hold = part == PM_COURSE_STARTS;
     // Where gaps hardly count, priors keep the starts of all windows from making up for the
@@ -235,7 +235,9 @@ static pm_status begin_part(pm_shooting *s, int part, int substeps) {
     // Long windows multiply the errors of long steps: trajectories that were found with them would
     // be too far from those with short steps to lead there.
     const int own = s->everywhere ? (substeps + COARSER - 1) / COARSER : substeps;
-    return own == s->how.substeps ? PM_OK : pm_shooting_set_substeps(s, own);
+    if (own != s->how.substeps) {
+        pm_shooting_set_substeps(s, own);
+    }
 }
 
 // Divides the tracks into the first windows. Noise is at first what the model as it is leaves
@@ -246,9 +248,10 @@ static pm_status begin_course(pm_shooting *s, const pm_shooting_course *course, 
                                  .length = course->first > 0 ? course->first
                                                              : pm_shooting_first_length(s),
                                  .factor = FIRST_GAP};
-    PM_TRY(begin_part(s, level->part, substeps));
+    begin_part(s, level->part, substeps);
     PM_TRY(pm_shooting_divide(s, level->length));
     pm_shooting_evaluate(s, s->z, false);
+    PM_TRY(s->failed);
     return update_noise(s, course, false, NULL);
 }
 
@@ -287,7 +290,7 @@ pm_status pm_shooting_run(pm_shooting *s, const pm_shooting_course *course) {
         PM_TRY(begin_course(s, course, substeps, &level));
     }
     while (level.part != PM_COURSE_DONE) {
-        PM_TRY(begin_part(s, level.part, substeps));
+        begin_part(s, level.part, substeps);
         PM_TRY(course->keep == NULL ? PM_OK : course->keep(course->context, &level));
         PM_TRY(run_level(s, course, &level));
         PM_TRY(next_level(s, course, &level));

@@ -128,8 +128,7 @@ static pm_status run(race *r) {
 
 pm_status pm_shooting_search_start(pm_shooting *s, const pm_shooting_search *search) {
     race r = {.shooting = s, .how = search, .count = search->tries};
-    PM_TRY(
-        pm_shooting_set_substeps(s, (s->how.substeps + 1) / 2)); // twice as fast, and near enough
+    pm_shooting_set_substeps(s, (s->how.substeps + 1) / 2); // twice as fast, and near enough
     PM_TRY(pm_shooting_divide(s, search->length));
     const int wanted = MEASUREMENTS_PER_WEIGHT * s->nweight / (search->length * s->ny);
     choose_windows(s, wanted > FEWEST_WINDOWS ? wanted : FEWEST_WINDOWS);

@@ -115,24 +115,11 @@ static bool tracks_are_windows(const pm_shooting *s) {
     return single;
 }
 
-// Writes the gradient by the weights [nweight] of one track, after elimination of its start. The
-// track is evaluated alone, in the place of the first window. Returns false if its start is free.
-static bool track_gradient(pm_shooting *s, int track, double *gradient) {
+// Takes the influence of its start out of the gradient [nweight] of a track that is window w.
+// Returns false if the start is free.
+static bool eliminate_start(const pm_shooting *s, ptrdiff_t w, double *gradient) {
     const ptrdiff_t nz = s->nz, nb = s->nborder;
-    const int nwindow = s->nwindow;
-    const pm_window first = s->window[0];
-    double *reach = s->reach;
-    s->window[0] = s->window[track];
-    s->nwindow = 1;
-    s->reach = s->no_reach;
-    pm_shooting_evaluate(s, s->z + track * nz, true);
-    s->window[0] = first;
-    s->nwindow = nwindow;
-    s->reach = reach;
-    double *own = s->own, *border = s->border;
-    for (ptrdiff_t i = 0; i < s->nweight; ++i) {
-        gradient[i] = s->matrix[i * nb + s->nweight];
-    }
+    double *own = s->own + w * nz * nz, *border = s->border + w * nz * nb;
     if (!pm_cholesky_factor(s->nz, own)) {
         return false;
     }
@@ -149,22 +136,36 @@ static bool track_gradient(pm_shooting *s, int track, double *gradient) {
     return true;
 }
 
+// Computes the gradients [nwindow][nweight] of all tracks, each of which is a window. Returns false
+// if a start is free.
+static bool find_gradients(pm_shooting *s, double *gradient) {
+    s->window_gradient = gradient;
+    pm_shooting_evaluate(s, s->z, true);
+    s->window_gradient = NULL;
+    bool known = s->failed == PM_OK;
+    for (ptrdiff_t w = 0; w < s->nwindow && known; ++w) {
+        known = eliminate_start(s, w, gradient + w * s->nweight);
+    }
+    return known;
+}
+
 // Compares the gradients g of single trajectories with their covariance: the mean of g' H^-1 g over
 // all directions that the data fix is 1 if trajectories differ by independent noise alone.
 // `inverse` is H^-1 [nweight][nweight]. 0: not known.
 static double disagreement(pm_shooting *s, const double *inverse) {
     const ptrdiff_t n = s->nweight;
-    double *gradient = malloc(((size_t)n + 1) * sizeof *gradient);
+    double *gradient = calloc((size_t)(s->nwindow * n) + 1, sizeof *gradient);
     double sum = 0, fixed = 0;
-    bool known = gradient != NULL && s->nwindow > 1 && tracks_are_windows(s);
+    const bool known =
+        gradient != NULL && s->nwindow > 1 && tracks_are_windows(s) && find_gradients(s, gradient);
     for (int i = 0; i < s->nwindow && known; ++i) {
-        known = track_gradient(s, i, gradient);
-        for (ptrdiff_t k = 0; k < n && known; ++k) {
+        const double *own = gradient + i * n;
+        for (ptrdiff_t k = 0; k < n; ++k) {
             double product = 0;
             for (ptrdiff_t l = 0; l < n; ++l) {
-                product += inverse[k * n + l] * gradient[l];
+                product += inverse[k * n + l] * own[l];
             }
-            sum += gradient[k] * product;
+            sum += own[k] * product;
         }
     }
     for (ptrdiff_t k = 0; k < n; ++k) {
@@ -252,9 +253,10 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s) {
         return no_memory();
     }
     pm_shooting_evaluate(s, s->z, true);
-    const bool solved = pm_shooting_solve(s, 0, step, step + s->nweight);
+    const bool solved = s->failed == PM_OK && pm_shooting_solve(s, 0, step, step + s->nweight);
     free(step);
     if (!solved) {
+        PM_TRY(s->failed);
         return pm_fail(PM_ENUMERIC, "the measurements and the priors do not fix all weights");
     }
     u->samples_per_residual = samples_per_residual(s);
