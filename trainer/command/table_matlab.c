@@ -6,65 +6,186 @@
 
 #include <matio.h>
 #include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define MOST_ROWS 100000000
+#define DEEPEST 8 // structs within structs
+
+// What a file holds, and the table that it becomes.
+typedef struct reading {
+    const char *path;
+    matvar_t *variable[PM_MOST_TABLE_COLUMNS]; // [nvariable] owned
+    int nvariable;
+    struct {
+        const char *name; // borrowed from the variable
+        const matvar_t *matrix;
+    } item[PM_MOST_TABLE_COLUMNS]; // [nitem] the variables that may be columns
+    int nitem;
+    size_t rows; // samples of the table: as many as the longest variable has
+} reading;
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for a table");
 }
 
-// Whether a variable is a real matrix of double precision.
+static pm_status too_many(const char *path) {
+    return pm_fail(PM_EDATA, "%s: more than %d variables or columns", path, PM_MOST_TABLE_COLUMNS);
+}
+
+// Returns element i of a real matrix; *known is set to false if its numbers have another type.
+static double element(const matvar_t *v, size_t i, bool *known) {
+    switch (v->class_type) {
+    case MAT_C_DOUBLE:
+        return ((const double *)v->data)[i];
+    case MAT_C_SINGLE:
+        return ((const float *)v->data)[i];
+    case MAT_C_INT8:
+        return ((const mat_int8_t *)v->data)[i];
+    case MAT_C_UINT8:
+        return ((const mat_uint8_t *)v->data)[i];
+    case MAT_C_INT16:
+        return ((const mat_int16_t *)v->data)[i];
+    case MAT_C_UINT16:
+        return ((const mat_uint16_t *)v->data)[i];
+    case MAT_C_INT32:
+        return ((const mat_int32_t *)v->data)[i];
+    case MAT_C_UINT32:
+        return ((const mat_uint32_t *)v->data)[i];
+    case MAT_C_INT64:
+        return (double)((const mat_int64_t *)v->data)[i];
+    case MAT_C_UINT64:
+        return (double)((const mat_uint64_t *)v->data)[i];
+    default:
+        *known = false;
+        return 0;
+    }
+}
+
+// Whether a variable is a real matrix of numbers with more than one element.
 static bool is_matrix(const matvar_t *v) {
-    return v->rank == 2 && v->class_type == MAT_C_DOUBLE && !v->isComplex && v->data != NULL &&
-           v->dims[0] * v->dims[1] > 1;
+    bool known = true;
+    if (v->rank != 2 || v->isComplex || v->data == NULL || v->dims[0] * v->dims[1] < 2) {
+        return false;
+    }
+    element(v, 0, &known);
+    return known;
 }
 
-// The number of samples and of columns of a variable: vectors lie in either direction.
-static void shape_of(const matvar_t *v, size_t *rows, size_t *columns) {
-    const bool lying = v->dims[0] == 1;
-    *rows = lying ? v->dims[1] : v->dims[0];
-    *columns = lying ? 1 : v->dims[1];
+static void tell_left_out(const reading *r, const char *name, const matvar_t *v) {
+    char size[64] = "";
+    for (int i = 0; i < v->rank && i < 3; ++i) {
+        const size_t n = strlen(size);
+        snprintf(size + n, sizeof size - n, "%s%zu", i > 0 ? " x " : "", v->dims[i]);
+    }
+    printf("%s: leaves out %s (%s%s)\n", r->path, name == NULL ? "a variable" : name, size,
+           v->class_type == MAT_C_STRUCT                                    ? " struct"
+           : v->class_type == MAT_C_CELL                                    ? " cell"
+           : v->class_type == MAT_C_CHAR                                    ? " text"
+           : v->class_type == MAT_C_SPARSE                                  ? " sparse"
+           : v->class_type == MAT_C_OPAQUE || v->class_type == MAT_C_OBJECT ? " object"
+           : v->isComplex                                                   ? " complex"
+                                                                            : "");
 }
 
-// Adds the columns of one variable to the table, by columns in `value` [ncolumn][nrow].
-static pm_status add_variable(pm_table *t, const matvar_t *v, double **value) {
-    size_t rows, columns;
-    shape_of(v, &rows, &columns);
-    if (t->ncolumn > 0 && rows != (size_t)t->nrow) {
-        return PM_OK; // a constant, or a variable of another kind
+// --- variables ---
+
+// Lists a variable that may be a column, or the fields of a struct.
+static pm_status list_variable(reading *r, const char *name, matvar_t *v, int depth) {
+    if (v->class_type == MAT_C_STRUCT && v->rank == 2 && v->dims[0] * v->dims[1] == 1 &&
+        depth < DEEPEST) {
+        char *const *field = Mat_VarGetStructFieldnames(v);
+        const unsigned count = Mat_VarGetNumberOfFields(v);
+        for (unsigned i = 0; i < count; ++i) {
+            matvar_t *own = Mat_VarGetStructFieldByIndex(v, i, 0);
+            PM_TRY(own == NULL ? PM_OK : list_variable(r, field[i], own, depth + 1));
+        }
+        return PM_OK;
     }
-    if ((size_t)t->ncolumn + columns > PM_MOST_TABLE_COLUMNS || rows > 100000000) {
-        return pm_fail(PM_EDATA, "more than %d columns", PM_MOST_TABLE_COLUMNS);
+    if (!is_matrix(v)) {
+        tell_left_out(r, name, v);
+        return PM_OK;
     }
-    t->nrow = (int)rows;
-    double *longer = realloc(*value, ((size_t)t->ncolumn + columns) * rows * sizeof *longer);
+    if (r->nitem == PM_MOST_TABLE_COLUMNS) {
+        return too_many(r->path);
+    }
+    r->item[r->nitem].name = name == NULL ? "column" : name;
+    r->item[r->nitem++].matrix = v;
+    const size_t longer = v->dims[0] > v->dims[1] ? v->dims[0] : v->dims[1];
+    r->rows = longer > r->rows ? longer : r->rows;
+    return PM_OK;
+}
+
+static pm_status list_variables(reading *r, mat_t *file) {
+    for (matvar_t *v; (v = Mat_VarReadNext(file)) != NULL;) {
+        if (r->nvariable == PM_MOST_TABLE_COLUMNS) {
+            Mat_VarFree(v);
+            return too_many(r->path);
+        }
+        r->variable[r->nvariable++] = v;
+        PM_TRY(list_variable(r, v->name, v, 0));
+    }
+    if (r->rows < 2 || r->rows > MOST_ROWS) {
+        return pm_fail(PM_EDATA, "%s: expected a real matrix or vector of 2 to %d samples", r->path,
+                       MOST_ROWS);
+    }
+    return PM_OK;
+}
+
+// --- columns ---
+
+// Names a column; a struct may have a field with the name of another variable.
+static pm_status name_column(pm_table *t, const char *name, int part) {
+    const char *own = part == 0 ? pm_arena_strdup(&t->arena, name)
+                                : pm_arena_printf(&t->arena, "%s_%d", name, part);
+    for (int c = 0; c < t->ncolumn && own != NULL; ++c) {
+        if (strcmp(t->name[c], own) == 0) {
+            return pm_fail(PM_EDATA, "two columns are called \"%s\"", own);
+        }
+    }
+    t->name[t->ncolumn] = own;
+    t->unit[t->ncolumn++] = "";
+    return own == NULL ? no_memory() : PM_OK;
+}
+
+// Adds the columns of one variable to the table, by columns in `value` [ncolumn][nrow]. Samples are
+// the rows of a matrix, or its columns if there are as many as the table has samples.
+static pm_status add_variable(pm_table *t, const char *name, const matvar_t *v, double **value) {
+    const size_t rows = (size_t)t->nrow, from = (size_t)t->ncolumn;
+    const bool lying = v->dims[0] != rows;
+    const size_t columns = lying ? v->dims[0] : v->dims[1];
+    if (from + columns > PM_MOST_TABLE_COLUMNS) {
+        return too_many("a MATLAB file");
+    }
+    double *longer = realloc(*value, (from + columns) * rows * sizeof *longer);
     if (longer == NULL) {
         return no_memory();
     }
     *value = longer;
-    memcpy(longer + (size_t)t->ncolumn * rows, v->data, columns * rows * sizeof *longer);
     for (size_t c = 0; c < columns; ++c) {
-        t->name[t->ncolumn] = columns == 1
-                                  ? pm_arena_strdup(&t->arena, v->name)
-                                  : pm_arena_printf(&t->arena, "%s_%d", v->name, (int)c + 1);
-        t->unit[t->ncolumn] = "";
-        if (t->name[t->ncolumn++] == NULL) {
-            return no_memory();
+        PM_TRY(name_column(t, name, columns == 1 ? 0 : (int)c + 1));
+        for (size_t k = 0; k < rows; ++k) {
+            bool known;
+            longer[(from + c) * rows + k] =
+                element(v, lying ? k * v->dims[0] + c : c * rows + k, &known);
         }
     }
     return PM_OK;
 }
 
-static pm_status read_variables(pm_table *t, mat_t *file, const char *path, double **value) {
-    pm_status status = PM_OK;
-    for (matvar_t *v; status == PM_OK && (v = Mat_VarReadNext(file)) != NULL;) {
-        status = is_matrix(v) ? add_variable(t, v, value) : PM_OK;
-        Mat_VarFree(v);
+static pm_status read_variables(pm_table *t, reading *r, mat_t *file, double **value) {
+    PM_TRY(list_variables(r, file));
+    t->nrow = (int)r->rows;
+    for (int i = 0; i < r->nitem; ++i) {
+        const matvar_t *v = r->item[i].matrix;
+        if (v->dims[0] == r->rows || v->dims[1] == r->rows) {
+            PM_TRY(add_variable(t, r->item[i].name, v, value));
+        } else {
+            tell_left_out(r, r->item[i].name, v);
+        }
     }
-    PM_TRY(status);
-    return t->nrow >= 2
-               ? PM_OK
-               : pm_fail(PM_EDATA, "%s: there is no real matrix of two or more rows", path);
+    return PM_OK;
 }
 
 static pm_status transpose(pm_table *t, const double *value) {
@@ -88,14 +209,21 @@ pm_status pm_table_read_matlab(pm_table *table, const char *path) {
         return pm_fail(PM_EFILE, "%s: cannot be read as a MATLAB file", path);
     }
     double *value = NULL;
+    reading *r = calloc(1, sizeof *r);
     table->name = pm_arena_array(&table->arena, PM_MOST_TABLE_COLUMNS, sizeof *table->name);
     table->unit = pm_arena_array(&table->arena, PM_MOST_TABLE_COLUMNS, sizeof *table->unit);
-    pm_status status = table->name == NULL || table->unit == NULL
-                           ? no_memory()
-                           : read_variables(table, file, path, &value);
+    pm_status status = no_memory();
+    if (r != NULL && table->name != NULL && table->unit != NULL) {
+        r->path = path;
+        status = read_variables(table, r, file, &value);
+    }
     if (status == PM_OK) {
         status = transpose(table, value);
     }
+    for (int i = 0; r != NULL && i < r->nvariable; ++i) {
+        Mat_VarFree(r->variable[i]);
+    }
+    free(r);
     free(value);
     Mat_Close(file);
     if (status != PM_OK) {
