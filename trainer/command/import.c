@@ -171,8 +171,8 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
             "text file whose first line names the columns, with units in brackets if they are\n"
             "known: t [s], theta [rad]. Commas, semicolons or tabs separate the numbers; an\n"
             "empty place or nan is a sample that is missing. Lines that begin with # are left\n"
-            "out. Times need not be even. The real matrices of a MATLAB file (.mat) are columns,\n"
-            "too, if the program was built with libmatio.",
+            "out. Times need not be even. Real vectors and matrices of a MATLAB file (.mat), also\n"
+            "in structs, are columns, too, if the program was built with libmatio.",
         .positional_name = "TABLE",
         .positional = a->file,
         .least = 1,

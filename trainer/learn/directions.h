@@ -11,5 +11,13 @@
 // constant changes over one standard deviation. Directions of single constants, which
 // pm_uncertainty_print names, and of network weights are left out. PM_ENOMEM.
 pm_status pm_directions_print(const pm_uncertainty *u, const pm_shooting *s);
+// Prints notes before the weights are fitted, each with the place of a model in the training file:
+// constants that are hard to tell apart from each other and from the starts of hidden components.
+// The measure is the collinearity index of Brun, Reichert, Kuensch (Water Resour. Res. 37, 2001):
+// by how much less the data change along a direction than along its constants one by one. The
+// derivatives are those at the present weights and starts; columns have the noise `noise` [ny], and
+// from window to window a state may drift by `gap` [nz]. Changes nothing that the fit depends on.
+// PM_ENOMEM.
+pm_status pm_directions_foresee(pm_shooting *s, const double *noise, const double *gap);
 
 #endif

@@ -15,6 +15,7 @@
 #define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
 #define POOR 0.3        // median error of a column in its deviation, of which the report warns
 #define MOST_REPORTED 8 // trajectories whose starts the report estimates
+#define EARLY_REACH 1.0 // of the logarithm of a positive constant, before the last level
 #define FAR_REACH 1e6   // of constants whose unit and size are not known
 #define SWING 16        // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
@@ -179,7 +180,7 @@ static pm_status make_states(pm_fit *f) {
 static pm_status allocate_level(pm_fit *f) {
     struct pm_fit_measured *m = f->measured;
     const int nz = f->training->scene->nz;
-    m->level_gap = pm_arena_array(&m->arena, (size_t)nz, sizeof *m->level_gap);
+    m->level_gap = pm_arena_array(&m->arena, 2 * (size_t)nz, sizeof *m->level_gap);
     m->nstart = m->data->ntrajectory * (m->data->ntime / PM_SHOOTING_SHORTEST + 1) * nz;
     m->level_start = pm_arena_array(&m->arena, (size_t)m->nstart, sizeof *m->level_start);
     m->level_noise =
@@ -189,7 +190,7 @@ static pm_status allocate_level(pm_fit *f) {
     }
     f->extra[0] = (pm_checkpoint_field){"level", PM_FIT_MEASURED_LEVEL, m->level};
     f->extra[1] = (pm_checkpoint_field){"noise", m->observation.count, m->level_noise};
-    f->extra[2] = (pm_checkpoint_field){"gaps", nz, m->level_gap};
+    f->extra[2] = (pm_checkpoint_field){"gaps", 2 * nz, m->level_gap};
     f->extra[3] = (pm_checkpoint_field){"starts", m->nstart, m->level_start};
     f->nextra = 4;
     return PM_OK;
@@ -267,8 +268,11 @@ static void set_reach(const pm_fit *f, pm_shooting *s) {
         const pm_params *params = pm_system_params(f->training->system, i);
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
+            const bool positive =
+                strncmp(entry->name, "constant.", 9) == 0 && is_positive(f, i, entry->name + 9);
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j) {
                 s->reach[at] = reach_of(f, i, entry, s->first_weight[at]);
+                s->early_reach[at] = positive ? EARLY_REACH : s->reach[at];
                 ++at;
             }
         }
@@ -314,17 +318,38 @@ typedef struct course_context {
     pm_shooting *shooting;
 } course_context;
 
+// Names constants that the data hardly tell apart, once the starts of windows are known.
+static pm_status foresee(const pm_fit *f, pm_shooting *s, const pm_shooting_level *level) {
+    struct pm_fit_measured *m = f->measured;
+    double *noise = pm_arena_array(&m->arena, (size_t)s->ny, sizeof *noise);
+    double *gap = pm_arena_array(&m->arena, (size_t)s->nz, sizeof *gap);
+    if (noise == NULL || gap == NULL) {
+        return no_memory();
+    }
+    for (int c = 0; c < s->ny; ++c) {
+        noise[c] = fmax(m->noise[c], PM_SHOOTING_EARLY_NOISE * s->tracks->deviation[c]);
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        gap[c] = s->gap[c] / level->factor;
+    }
+    return pm_directions_foresee(s, noise, gap);
+}
+
 // Notes a point of the course, from which the fit goes on if it is interrupted.
 static pm_status keep_level(void *context, const pm_shooting_level *level) {
     const course_context *c = context;
     struct pm_fit_measured *m = c->fit->measured;
     const pm_shooting *s = c->shooting;
+    if (level->part == PM_COURSE_SHORT && m->level[0] == PM_COURSE_STARTS) {
+        PM_TRY(foresee(c->fit, c->shooting, level));
+    }
     const double number[PM_FIT_MEASURED_LEVEL] = {level->part,          level->length,
                                                   level->round,         level->factor,
                                                   level->damping,       level->progress.iterations,
                                                   level->progress.idle, level->progress.before};
     memcpy(m->level, number, sizeof number);
     memcpy(m->level_gap, s->gap, (size_t)s->nz * sizeof *s->gap);
+    memcpy(m->level_gap + s->nz, s->later, (size_t)s->nz * sizeof *s->later);
     memcpy(m->level_noise, s->noise, (size_t)s->ny * sizeof *s->noise);
     memcpy(m->level_start, s->z, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
     pm_shooting_weights(s, c->fit->theta);
@@ -350,6 +375,7 @@ static pm_status restore_level(const struct pm_fit_measured *m, pm_shooting *s,
     memcpy(s->z, m->level_start, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
     memcpy(s->noise, m->level_noise, (size_t)s->ny * sizeof *s->noise);
     memcpy(s->gap, m->level_gap, (size_t)s->nz * sizeof *s->gap);
+    memcpy(s->later, m->level_gap + s->nz, (size_t)s->nz * sizeof *s->later);
     printf("resumes with windows of %d\n", level->length);
     pm_shooting_evaluate(s, s->z, false);
     return s->failed;

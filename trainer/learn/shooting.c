@@ -16,14 +16,15 @@ static pm_status open_arrays(pm_shooting *s) {
     s->noise = pm_arena_array(&s->arena, ny, sizeof *s->noise);
     s->gap = pm_arena_array(&s->arena, nz, sizeof *s->gap);
     s->prior = pm_arena_array(&s->arena, nz, sizeof *s->prior);
+    s->later = pm_arena_array(&s->arena, nz, sizeof *s->later);
     s->first_weight = pm_arena_array(&s->arena, border, sizeof *s->first_weight);
     s->reach = pm_arena_array(&s->arena, border, sizeof *s->reach);
-    s->no_reach = pm_arena_array(&s->arena, border, sizeof *s->no_reach);
+    s->early_reach = pm_arena_array(&s->arena, border, sizeof *s->early_reach);
     s->matrix = pm_arena_array(&s->arena, border * border, sizeof *s->matrix);
     s->reduced = pm_arena_array(&s->arena, border * border, sizeof *s->reduced);
     s->residual = pm_arena_array(&s->arena, (size_t)s->tracks->count, sizeof *s->residual);
-    if (s->noise == NULL || s->gap == NULL || s->prior == NULL || s->first_weight == NULL ||
-        s->reach == NULL || s->no_reach == NULL || s->matrix == NULL || s->reduced == NULL ||
+    if (s->noise == NULL || s->gap == NULL || s->prior == NULL || s->later == NULL || s->first_weight == NULL ||
+        s->reach == NULL || s->early_reach == NULL || s->matrix == NULL || s->reduced == NULL ||
         s->residual == NULL) {
         return no_memory();
     }

@@ -41,10 +41,13 @@ typedef struct pm_shooting {
     double *gap;                       // [nz] `gap` in the objective, unit of the component
     double *prior;                     // [nz] `deviation` in the objective; 0: no prior
     bool hold;                         // the weights stay as they are; only starts are sought
-    bool everywhere;                   // priors hold for the starts of all windows
+    bool everywhere;                   // the starts of later windows have priors, too
+    double *later;                     // [nz] `deviation` of these
     // [nweight] `first weight` and `reach` in the objective. A reach of 0 means no prior. Weights
     // that do not influence the data stay near their first values.
-    double *first_weight, *reach, *no_reach; // no_reach holds zeros
+    double *first_weight, *reach;
+    double *early_reach; // [nweight] `reach` while `early` is true
+    bool early;
     double huber;                            // residuals beyond this many deviations count less
     int nwindow;
     pm_window *window; // [nwindow], by track and time

@@ -188,22 +188,23 @@ static void add_gap(pm_shooting_lane *l, int window, const pm_flow_item *item) {
     }
 }
 
-// Adds the prior of the first start of a track, or of all starts.
+// Adds the prior of the first start of a track, or of all starts with their own deviations.
 static void add_prior(pm_shooting_lane *l, int window) {
     const pm_shooting *s = l->shooting;
     const ptrdiff_t nz = s->nz;
     if (s->window[window].follows && !s->everywhere) {
         return;
     }
+    const double *prior = s->window[window].follows ? s->later : s->prior;
     for (ptrdiff_t c = 0; c < nz; ++c) {
-        if (!(s->prior[c] > 0)) {
+        if (!(prior[c] > 0)) {
             continue;
         }
-        const double r = (l->start[window * nz + c] - s->observation->guess[c]) / s->prior[c];
+        const double r = (l->start[window * nz + c] - s->observation->guess[c]) / prior[c];
         l->objective += 0.5 * r * r;
         if (l->derivatives) {
-            s->own[window * nz * nz + c * (nz + 1)] += 1 / (s->prior[c] * s->prior[c]);
-            s->border[(window * nz + c) * s->nborder + s->nweight] += r / s->prior[c];
+            s->own[window * nz * nz + c * (nz + 1)] += 1 / (prior[c] * prior[c]);
+            s->border[(window * nz + c) * s->nborder + s->nweight] += r / prior[c];
         }
     }
 }
@@ -310,15 +311,16 @@ static double add_weight_prior(pm_shooting *s, bool derivatives) {
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {
-                if (!(s->reach[at] > 0)) {
+                const double reach = s->early ? s->early_reach[at] : s->reach[at];
+                if (!(reach > 0)) {
                     continue;
                 }
-                const double r = (entry->value[j] - s->first_weight[at]) / s->reach[at];
+                const double r = (entry->value[j] - s->first_weight[at]) / reach;
                 sum += 0.5 * r * r;
                 if (derivatives) {
                     double *row = s->matrix + at * (size_t)s->nborder;
-                    row[at] += 1 / (s->reach[at] * s->reach[at]);
-                    row[s->nweight] += r / s->reach[at];
+                    row[at] += 1 / (reach * reach);
+                    row[s->nweight] += r / reach;
                 }
             }
         }

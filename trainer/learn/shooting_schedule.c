@@ -15,6 +15,7 @@
 // Windows double while their gaps, as large as they become until the end of the next window, stay
 // below this many deviations of the noise.
 #define MOST_GROWN_GAP 10
+#define WIDER 3.0 // deviation of later starts from the guess, in units of what they are off by
 #define COARSER 2 // the factor between the steps of the integrator in the first windows and later
 #define LEVEL_ITERATIONS 12
 #define LEVEL_ENOUGH 1e-2
@@ -27,9 +28,6 @@
 #define LAST_SETTLED 0.02
 // Noise below this fraction of the deviation of a column is rounding of the data.
 #define LEAST_NOISE 1e-7
-// Before the last level residuals count as noise of at least this fraction of a deviation. Clean
-// data would otherwise demand of short windows what the weights cannot fulfil yet.
-#define LEAST_EARLY_NOISE 3e-3
 // Hidden components count as known to this fraction of their typical size, in relation to the mean
 // relative noise of the measured ones.
 #define NORMAL_MEDIAN 1.4826022185056018
@@ -66,7 +64,8 @@ static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, 
             }
         }
         qsort(size, n, sizeof *size, compare);
-        const double least = (last ? LEAST_NOISE : LEAST_EARLY_NOISE) * s->tracks->deviation[c];
+        const double least =
+            (last ? LEAST_NOISE : PM_SHOOTING_EARLY_NOISE) * s->tracks->deviation[c];
         const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
         const double given = course->given[c];
         const double noise = given > 0 && last ? given : fmax(fmax(estimate, least), given);
@@ -108,6 +107,26 @@ static void set_gaps(pm_shooting *s, const pm_shooting_course *course, double fa
             s->gap[s->observation->component[c]] = factor * s->noise[c];
         }
     }
+}
+
+// Lets the starts of later windows be as far from the guess as hidden components have moved so
+// far: a prior is about the start of a trajectory, and knows nothing of what happens after it.
+// Returns the largest relative change.
+static double widen_later_priors(pm_shooting *s) {
+    double change = 0;
+    for (int c = 0; c < s->nz; ++c) {
+        double square = 0;
+        long count = 0;
+        for (int w = 0; w < s->nwindow; ++w) {
+            const double d = s->z[(ptrdiff_t)w * s->nz + c] - s->observation->guess[c];
+            square += s->window[w].follows ? d * d : 0;
+            count += s->window[w].follows;
+        }
+        const double moved = count > 0 ? sqrt(square / (double)count) : 0, before = s->later[c];
+        s->later[c] = s->prior[c] > 0 ? fmax(s->prior[c], WIDER * moved) : 0;
+        change = fmax(change, before > 0 ? fabs(s->later[c] / before - 1) : 0);
+    }
+    return change;
 }
 
 // --- levels ---
@@ -203,6 +222,9 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
                                        .keep = keep_progress,
                                        .context = &running};
     pm_shooting_progress progress = level->progress;
+    if (level->round == 0 && progress.iterations == 0) {
+        widen_later_priors(s);
+    }
     for (; level->round < (last ? LAST_ROUNDS : MOST_ROUNDS) && !settled; ++level->round) {
         if (progress.iterations == 0) {
             set_gaps(s, course, level->factor);
@@ -212,7 +234,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
         iterations += progress.iterations;
         level->after = progress.after;
         progress = (pm_shooting_progress){0};
-        double change = 0;
+        double change = s->everywhere ? widen_later_priors(s) : 0;
         PM_TRY(update_noise(s, course, last, &change));
         settled = change < (last ? LAST_SETTLED : LEVEL_SETTLED);
     }
@@ -229,6 +251,8 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
 static void begin_part(pm_shooting *s, int part, int substeps) {
     // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
     s->hold = part == PM_COURSE_STARTS;
+    // Until the noise is known, directions that the data hardly determine must not wander.
+    s->early = part != PM_COURSE_LAST;
     // Where gaps hardly count, priors keep the starts of all windows from making up for the
     // weights.
     s->everywhere = part == PM_COURSE_STARTS || part == PM_COURSE_SHORT;

@@ -6,6 +6,9 @@
 #include "learn/shooting.h"
 
 #define PM_SHOOTING_SHORTEST 4 // samples of the first windows, at least
+// Before the last level residuals count as noise of at least this fraction of a deviation. Clean
+// data would otherwise demand of short windows what the weights cannot fulfil yet.
+#define PM_SHOOTING_EARLY_NOISE 3e-3
 
 // The parts of a course, in their order.
 enum {
