@@ -37,6 +37,14 @@ below 0.5 "displacement"
 below 0.2 "stress, free nodes"
 below 1 "stored energy"
 below 2 "dissipated energy"
+if command -v gnuplot >/dev/null; then
+    says 0 "wrote" "$train" respond "$folder/body.h5" --weights configs/weights/solid_beam/material.h5 --plot "$folder/plot" \
+        -o "$folder/learned.h5"
+    [ -s "$folder/plot/errors.png" ] && [ "$(wc -l <"$folder/plot/errors.txt")" -eq 2 ] || fail "no box plots"
+    says 0 "wrote" "$train" picture "$folder/body.h5" "$folder/learned.h5" --error -o "$folder/error.png"
+    [ "$(grep -c '^splot' "$folder/error.gp")" -eq 3 ] || fail "expected three panels"
+fi
+says 2 "--error: expected two fields of one body" "$train" picture "$folder/body.h5" --error -o "$folder/none.png"
 truth face 's/tilt: 0.5/tilt: 0.5\n    face: +y/'
 says 3 'only a box has a `face`, not a `mesh`' "$train" truth "$folder/face.yaml" -o "$folder/none.h5"
 truth size 's/  substeps: 2/  substeps: 2\n  size: [1, 1, 1]/'

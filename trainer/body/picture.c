@@ -19,7 +19,8 @@
 
 // A body at the time to be drawn.
 typedef struct drawn_body {
-    const double *z; // [nnode][nvariable]
+    const double *z;               // [nnode][nvariable]
+    const struct drawn_body *from; // whose stress is subtracted; NULL: nothing is
     const pm_field *field;
     pm_placement placement; // in the picture
     int q, stress;          // first variables that are positions (-1: none), and stresses
@@ -62,9 +63,16 @@ static void position_of(const drawn_body *b, int node, double *global) {
     pm_placement_point(&b->placement, own, global);
 }
 
+static const double *stress_at(const drawn_body *b, int node) {
+    return b->z + (ptrdiff_t)node * b->field->nvariable + b->stress;
+}
+
 // Returns the von Mises stress at a node, Pa.
 static double von_mises(const drawn_body *b, int node) {
-    const double *s = b->z + (ptrdiff_t)node * b->field->nvariable + b->stress;
+    double s[6];
+    for (int k = 0; k < 6; ++k) {
+        s[k] = stress_at(b, node)[k] - (b->from == NULL ? 0 : stress_at(b->from, node)[k]);
+    }
     const double xy = s[0] - s[1], yz = s[1] - s[2], zx = s[2] - s[0];
     const double shear = s[3] * s[3] + s[4] * s[4] + s[5] * s[5];
     return sqrt((xy * xy + yz * yz + zx * zx) / 2 + 3 * shear);
@@ -121,7 +129,8 @@ static void write_quoted(FILE *file, const char *text) {
     fputc('\'', file);
 }
 
-static void write_setting(FILE *file, const drawn_bounds *all, const char *path, int npanel) {
+static void write_setting(FILE *file, const pm_picture *picture, const drawn_bounds *all,
+                          const char *path, int npanel) {
     fprintf(file, "set terminal pngcairo size 1000,%d font 'DejaVu Sans,11' background 'white'\n",
             PANEL_HEIGHT * npanel);
     fputs("set output ", file);
@@ -137,8 +146,34 @@ static void write_setting(FILE *file, const drawn_bounds *all, const char *path,
             "set view 65, 30, 2.4\nset view equal xyz\nset xyplane 0\n"
             "unset border\nunset tics\nunset key\nset cbtics\n"
             "set lmargin 0\nset rmargin 0\nset bmargin 0\n"
-            "set colorbox user origin 0.88, 0.2 size 0.02, 0.6\n",
-            fmax(all->stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT);
+            "set colorbox user origin 0.88, %g size 0.02, %g\n",
+            fmax(all->stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT,
+            picture->error ? 0.42 : 0.2, picture->error ? 0.5 : 0.6);
+}
+
+// Writes a panel with the surfaces of `count` bodies.
+static void write_panel(FILE *file, const pm_picture *picture, const drawn_body *bodies, int count,
+                        const char *title) {
+    write_bodies(file, count, bodies, "$surface");
+    fputs("set title ", file);
+    write_quoted(file, title);
+    fprintf(file, ".' trajectory %d, %.4g s' noenhanced\n", picture->trajectory,
+            bodies->field->t[nearest_state(bodies->field, picture->time)]);
+    fputs("splot $surface using 1:2:3:4 with pm3d\n", file);
+}
+
+// Writes a panel of the second body, coloured by the difference of the stresses, on a scale of its
+// own.
+static void write_error(FILE *file, const pm_picture *picture, const drawn_body *bodies) {
+    drawn_body error = bodies[1];
+    drawn_bounds of = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}, 0};
+    error.from = &bodies[0];
+    widen(&of, &error);
+    fprintf(file,
+            "set cbrange [0:%.4g]\nset cblabel 'of the error, kPa'\n"
+            "set colorbox user origin 0.88, 0.06 size 0.02, 0.24\n",
+            fmax(of.stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT);
+    write_panel(file, picture, &error, 1, "error,");
 }
 
 // Writes the whole script. `together` puts all bodies into one panel.
@@ -149,19 +184,18 @@ static void write_script(FILE *file, const pm_picture *picture, const drawn_body
     for (int i = 0; i < picture->count; ++i) {
         widen(&all, &bodies[i]);
     }
-    write_setting(file, &all, path, npanel);
-    if (npanel > 1) {
-        fprintf(file, "set multiplot layout %d,1\n", npanel);
+    const int nall = npanel + picture->error;
+    write_setting(file, picture, &all, path, nall);
+    if (nall > 1) {
+        fprintf(file, "set multiplot layout %d,1\n", nall);
     }
     for (int i = 0; i < npanel; ++i) {
-        const double *t = bodies[i].field->t;
-        write_bodies(file, together ? picture->count : 1, &bodies[i], "$surface");
-        fputs("set title ", file);
-        write_quoted(file, npanel > 1 ? picture->title[i] : "");
-        fprintf(file, ".' trajectory %d, %.4g s' noenhanced\n", picture->trajectory,
-                t[nearest_state(bodies[i].field, picture->time)]);
-        fprintf(file, "splot $surface using 1:2:3:4 with pm3d\n%s",
-                i == 0 ? "unset colorbox\n" : "");
+        write_panel(file, picture, &bodies[i], together ? picture->count : 1,
+                    npanel > 1 ? picture->title[i] : "");
+        fputs(i == 0 ? "unset colorbox\n" : "", file);
+    }
+    if (picture->error) {
+        write_error(file, picture, bodies);
     }
 }
 
@@ -174,6 +208,14 @@ static pm_status write_file(const pm_picture *picture, const drawn_body *bodies,
     write_script(file, picture, bodies, together, path);
     const bool failed = ferror(file) != 0;
     return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: cannot be written", script) : PM_OK;
+}
+
+// Checks that the fields have a difference, if it is to be drawn.
+static pm_status check_error(const pm_picture *picture, bool together) {
+    const pm_field *const *f = picture->field;
+    return !picture->error || (picture->count == 2 && !together && f[0]->nnode == f[1]->nnode)
+               ? PM_OK
+               : pm_fail(PM_EUSAGE, "picture: --error: expected two fields of one body");
 }
 
 pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
@@ -195,6 +237,7 @@ pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
         status = open_body(&bodies[i], picture, i, together, &arena);
     }
     PM_TRY_DONE(status);
+    PM_TRY_DONE(check_error(picture, together));
     PM_TRY_DONE(write_file(picture, bodies, together, script, path));
     status = pm_gnuplot_run(".", script);
 done:

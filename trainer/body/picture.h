@@ -13,11 +13,13 @@ typedef struct pm_picture {
     const char *const *title; // [count]
     int trajectory;           // counted from 0
     double time;              // s; the state of each field nearest to it is drawn
+    bool error; // a further panel shows the von Mises stress of the second less the first stress
 } pm_picture;
 
 // Draws the picture with gnuplot into the PNG file `path`. The script remains beside it, with the
-// ending .gp. PM_EUSAGE (`path` itself has that ending), PM_EFILE, PM_EDATA (no mesh, no stress or
-// no such trajectory), PM_ENOMEM.
+// ending .gp. PM_EUSAGE (`path` itself has that ending, or `error` without two fields in panels of
+// equal numbers of nodes), PM_EFILE, PM_EDATA (no mesh, no stress or no such trajectory),
+// PM_ENOMEM.
 pm_status pm_picture_draw(const pm_picture *picture, const char *path);
 
 #endif

@@ -12,6 +12,7 @@
 typedef struct picture_arguments {
     const char *path[MOST_FIELDS + 1]; // NULL after the last
     const char *trajectory, *time, *output;
+    bool error;
 } picture_arguments;
 
 static pm_status read_arguments(picture_arguments *a, int argc, char **argv, bool *helped) {
@@ -21,9 +22,11 @@ static pm_status read_arguments(picture_arguments *a, int argc, char **argv, boo
          "draw this trajectory, counted from 0 (default: 0)"},
         {"--time", NULL, "T", NULL, &a->time, false,
          "s; draw the state nearest to it (default: the last)"},
+        {"--error", NULL, NULL, &a->error, NULL, false,
+         "draw the difference of the stresses of two fields in a further panel"},
     };
     const pm_options options = {
-        .usage = "portmet-train picture FIELD [FIELD...] -o FILE [--trajectory I] [--time T]",
+        .usage = "portmet-train picture FIELD [FIELD...] -o FILE [options]",
         .summary =
             "Draws the deformed surfaces of bodies, coloured by von Mises stress, with gnuplot.\n"
             "FIELD is a file of nodal fields, such as `truth` writes for bodies on a mesh. Bodies\n"
@@ -46,8 +49,11 @@ static pm_status read_number(const char *name, const char *text, double *number)
 }
 
 static pm_status draw(const picture_arguments *a, const pm_field *const *field, int count) {
-    pm_picture picture = {
-        .count = count, .field = field, .title = a->path, .time = field[0]->t[field[0]->ntime - 1]};
+    pm_picture picture = {.count = count,
+                          .field = field,
+                          .title = a->path,
+                          .time = field[0]->t[field[0]->ntime - 1],
+                          .error = a->error};
     double number = 0;
     if (a->trajectory != NULL) {
         PM_TRY(read_number("--trajectory", a->trajectory, &number));

@@ -6,13 +6,13 @@
 #include <time.h>
 
 #include "base/options.h"
-#include "body/solid_response.h"
+#include "body/solid_plot.h"
 #include "command/commands.h"
 #include "command/save_fields.h"
 #include "scene/weights.h"
 
 typedef struct respond_arguments {
-    const char *fields, *weights, *trajectories, *output;
+    const char *fields, *weights, *trajectories, *plot, *output;
 } respond_arguments;
 
 static pm_status read_arguments(respond_arguments *a, int argc, char **argv, bool *helped) {
@@ -20,6 +20,7 @@ static pm_status read_arguments(respond_arguments *a, int argc, char **argv, boo
         {"--weights", "-w", "FILE", NULL, &a->weights, true, "weights that `solid` has written"},
         {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
          "only these, such as 0:20 (not including 20), 0,3,6:9, or 40: (to the last)"},
+        {"--plot", NULL, "DIR", NULL, &a->plot, false, "draw box plots of the errors (gnuplot)"},
         {"--output", "-o", "FILE", NULL, &a->output, false, "fields to write (HDF5, with XDMF)"},
     };
     const pm_options options = {
@@ -105,7 +106,7 @@ static pm_status make_fields(const pm_solid_data *data, pm_field **to) {
     return PM_OK;
 }
 
-static pm_status respond(const pm_solid_data *data, pm_solid *solid, pm_field *to,
+static pm_status respond(const pm_solid_data *data, pm_solid *solid, pm_field *to, const char *plot,
                          const volatile sig_atomic_t *stop) {
     const size_t nnode = (size_t)data->field->nnode, count = (size_t)data->count;
     pm_solid_response *r = calloc(count, sizeof *r);
@@ -123,6 +124,7 @@ static pm_status respond(const pm_solid_data *data, pm_solid *solid, pm_field *t
         const int nscore = data->field->energy == NULL ? PM_SOLID_STORED : PM_SOLID_NSCORE;
         print_errors(nscore, data->count, r, work + 9 * nnode);
         print_laws(data->count, r, (double)(clock() - start) / CLOCKS_PER_SEC);
+        status = plot == NULL ? PM_OK : pm_solid_plot(nscore, data->count, r, plot);
     }
     free(work);
     free(r);
@@ -165,7 +167,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
     if (a.output != NULL) {
         PM_TRY_DONE(make_fields(&data, &to));
     }
-    PM_TRY_DONE(respond(&data, solid, to, stop));
+    PM_TRY_DONE(respond(&data, solid, to, a.plot, stop));
     status = a.output == NULL ? PM_OK
                               : pm_fields_save(to, a.output, "Response of a learned body",
                                                "portmet-train respond", command);
