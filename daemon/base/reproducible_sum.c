@@ -20,8 +20,12 @@ typedef int64_t bits __attribute__((vector_size(LANES * sizeof(int64_t))));
 
 // Loads up to LANES numbers; the rest are zeros.
 static inline void load(vector *x, const double *from, int64_t left) {
-    *x = (vector){0};
-    memcpy(x, from, (left < LANES ? (size_t)left : LANES) * sizeof(double));
+    if (left >= LANES) {
+        memcpy(x, from, sizeof *x);
+    } else {
+        *x = (vector){0};
+        memcpy(x, from, (size_t)left * sizeof *from);
+    }
 }
 
 // Returns the largest magnitude. A number that is not finite counts as larger than all others.

@@ -240,9 +240,13 @@ PM_SIMD_CLONES int pm_lanes_any_not_finite(int64_t count, const double *x) {
 // Loads up to PM_LANES numbers; the rest are zeros, as are all if `from` is NULL.
 static inline void load_some(vector *x, const double *from, int at, int count) {
     const int left = count - at;
+    if (from != NULL && left >= PM_LANES) {
+        memcpy(x, from + at, sizeof *x);
+        return;
+    }
     *x = (vector){0};
     if (from != NULL) {
-        memcpy(x, from + at, (size_t)(left < PM_LANES ? left : PM_LANES) * sizeof *from);
+        memcpy(x, from + at, (size_t)left * sizeof *from);
     }
 }
 
@@ -250,6 +254,14 @@ static inline void load_some(vector *x, const double *from, int at, int count) {
 static inline void keep_larger(vector *most, const vector *x) {
     const bits larger = (bits)(*x > *most);
     *most = (vector)(((bits)*x & larger) | ((bits)*most & ~larger));
+}
+
+static inline bool is_any(const bits *x) {
+    uint64_t any = 0;
+    for (int l = 0; l < PM_LANES; ++l) {
+        any |= (*x)[l];
+    }
+    return any != 0;
 }
 
 static double largest_of(const vector *x) {
@@ -273,6 +285,7 @@ PM_SIMD_CLONES void pm_lanes_worst(int lanes, bool magnitude, const double *a, c
                                    const double *gross_a, const double *gross_b, int nclass,
                                    const double *least, double *worst) {
     vector most[PM_LANES_CLASSES] = {{0}};
+    bits lower = {0}; // whether a lane counts, but not in the first class
     for (int i = 0; i < lanes; i += PM_LANES) {
         vector sum, gross, other;
         load_some(&sum, a, i, lanes);
@@ -282,12 +295,18 @@ PM_SIMD_CLONES void pm_lanes_worst(int lanes, bool magnitude, const double *a, c
         load_some(&other, gross_b, i, lanes);
         keep_larger(&gross, &other);
         const vector residual = (magnitude ? (vector)((bits)sum & ~SIGN) : -sum) / gross;
-        for (int k = 0; k < nclass; ++k) {
-            const vector counted = (vector)((bits)residual & (bits)(gross >= least[k]));
-            keep_larger(&most[k], &counted);
+        const bits first = (bits)(gross >= least[0]);
+        lower |= (bits)(gross >= least[nclass - 1]) & ~first;
+        const vector counted = (vector)((bits)residual & first);
+        keep_larger(&most[0], &counted);
+        for (int k = 1; k < nclass && is_any(&lower); ++k) {
+            const vector more = (vector)((bits)residual & (bits)(gross >= least[k]));
+            keep_larger(&most[k], &more);
         }
     }
+    // Lanes before the first one that is not in the first class have been counted there alone.
     for (int k = 0; k < nclass; ++k) {
-        worst[k] = largest_of(&most[k]);
+        const double own = largest_of(&most[k]);
+        worst[k] = k > 0 && worst[k - 1] > own ? worst[k - 1] : own;
     }
 }

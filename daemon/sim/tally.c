@@ -155,8 +155,9 @@ void pm_tally_add_counts(pm_tally *tally, int id, long evaluated, long skipped, 
     tally->evaluated += (double)evaluated;
     tally->skipped += (double)skipped;
     tally->strayed += outside > 0;
-    if (outside > tally->farthest || (outside == tally->farthest && id < tally->farthest_at)) {
-        tally->farthest = (double)outside;
+    const double steps = (double)outside;
+    if (steps > tally->farthest || (steps == tally->farthest && id < tally->farthest_at)) {
+        tally->farthest = steps;
         tally->farthest_at = id;
     }
 }
