@@ -2,7 +2,7 @@
 # Scores one material of a learned solid on bodies of several shapes, sizes and meshes that it has not seen, and draws box
 # plots of the errors of all of them, as README.md in this folder reports them.
 #   sh tests/bench/beams/bodies.sh OUT [WEIGHTS]
-# OUT takes fields, scores and pictures; fields that are already there are not simulated again. 40 minutes of CPU.
+# OUT takes fields, scores and pictures; fields that are already there are not simulated again.
 set -eu
 if [ $# -lt 1 ]; then
     echo "usage: sh $0 OUT [WEIGHTS]" >&2
