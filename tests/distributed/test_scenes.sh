@@ -101,6 +101,13 @@ awk '$1 == "a" && $3 == "%" { n++; if (!($2 <= 2)) bad = 1 } END { exit n != 1 |
     fail "crossed_beams: errors above 2 %: $(grep '%$' "$folder/crossed.out" | tr -s ' \n' ' ')"
 same_bits crossed_beams 10
 
+# A beam in modes and a solid, which touch from step 12 on.
+"$portmetd" run "$configs/crossed_mixed.yaml" --steps 13 --in-process \
+    --record "$folder/crossed_mixed.h5" >"$folder/mixed.out" || fail "crossed_mixed: does not run"
+grep -q "steps in violation: 0;" "$folder/mixed.out" || fail "crossed_mixed: a law is violated"
+grep -Eq 'lower +below +[+][1-9]' "$folder/mixed.out" || fail "crossed_mixed: nothing touches"
+same_bits crossed_mixed 13
+
 # A node under another load is refused.
 sed 's/dE: 295/dE: 296/' "$folder/pulled.yaml" >"$folder/other.yaml"
 start other_node node "$folder/other.yaml" upper
