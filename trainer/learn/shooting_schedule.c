@@ -109,8 +109,9 @@ static void set_gaps(pm_shooting *s, const pm_shooting_course *course, double fa
     }
 }
 
-// Lets the starts of later windows be as far from the guess as hidden components have moved so
-// far: a prior is about the start of a trajectory, and knows nothing of what happens after it.
+// Lets the starts of later windows be as far from the guess as hidden components have moved, once
+// they have moved further than the deviation of the first start: this prior is about the start of a
+// trajectory, and knows nothing of what happens after it.
 // Returns the largest relative change.
 static double widen_later_priors(pm_shooting *s) {
     double change = 0;
@@ -123,7 +124,7 @@ static double widen_later_priors(pm_shooting *s) {
             count += s->window[w].follows;
         }
         const double moved = count > 0 ? sqrt(square / (double)count) : 0, before = s->later[c];
-        s->later[c] = s->prior[c] > 0 ? fmax(s->prior[c], WIDER * moved) : 0;
+        s->later[c] = s->prior[c] > 0 && moved > s->prior[c] ? WIDER * moved : s->prior[c];
         change = fmax(change, before > 0 ? fabs(s->later[c] / before - 1) : 0);
     }
     return change;
