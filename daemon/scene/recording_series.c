@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "base/reproducible_sum.h"
+
 #define BLOCK 256             // most samples in a buffer and in a chunk of the file
 #define CHUNK 131072          // most numbers of a chunk: large states have fewer samples in it
 #define MOST_BUFFERED 8388608 // numbers in all buffers, unless a single sample has more
@@ -258,12 +260,11 @@ static void put(cursor *at, const double *value) {
     memcpy(next(at), value, size);
 }
 
+// Returns the total of the subsystems with the bits that it has in the ledger.
 static double total(int n, const double *value) {
-    double sum = 0;
-    for (int i = 0; i < n; ++i) {
-        sum += value[i];
-    }
-    return sum;
+    pm_reproducible_sum sum = {0};
+    pm_reproducible_sum_add(&sum, n, value, false);
+    return pm_reproducible_sum_value(&sum);
 }
 
 static void put_fluxes(cursor *at, const pm_recorded_family *family, const pm_sample *sample) {
