@@ -109,7 +109,7 @@ static pm_status read_expose(pm_scene_reader *r, pm_scene_port *port, pm_yaml bl
 // Reads a port; its name has been read.
 static pm_status read_port(pm_scene_reader *r, pm_scene_port *port, pm_yaml block) {
     static const char *const keys[] = {"law",   "between",   "expose", "weights",
-                                       "model", "constants", NULL};
+                                       "model", "constants", "table",  NULL};
     const char *text[2];
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(read_law(r, port, block));
@@ -208,16 +208,24 @@ static pm_status read_all(pm_scene_reader *r, pm_yaml ports) {
     if (scene->port == NULL) {
         return pm_scene_no_memory();
     }
+    const double *table = NULL;
     for (int i = 0; i < scene->nport; ++i) {
         pm_scene_port *port = &scene->port[i];
         pm_yaml key, block;
         int first;
+        r->row = NULL;
         PM_TRY(pm_scene_enter_entry(r, &entries, i, &key, &block, &port->name, &first));
+        if (first == i) {
+            const int count = entries.range[pm_scene_entry_of(&entries, i)].total;
+            PM_TRY(pm_scene_read_table(r, block, count, &table));
+        }
+        r->row = table == NULL ? NULL : &table[2 * (i - first)];
         PM_TRY(first == i ? read_port(r, port, block)
                           : repeat_port(r, &scene->port[first], port, block));
         port->range = pm_scene_range_of(&entries, i);
     }
     r->naxis = 0;
+    r->row = NULL;
     return pm_scene_sort_names(r, &entries, name_of, &scene->port_names);
 }
 

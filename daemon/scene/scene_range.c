@@ -1,17 +1,21 @@
 // Reads names that stand for many components. A key such as "link[0:100]" or "cell[0:10][0:20]"
 // means one component for each index, and a text within its block names its neighbours by
-// expressions of that index: "link[i+1]", "cell[i][j-1]".
+// expressions of that index: "link[i+1]", "cell[i][j-1]". The ends of ports can come from a table
+// in an HDF5 file: "link[a]", "link[b]".
 #include <ctype.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "scene/scene_reader.h"
+#include "store/hdf5_io.h"
 
 #define MAX_INDEX 1000000000L
 #define MAX_EXPANDED 160 // characters of a text after its indices have become numbers
 
 static const char letters[] = "ijk"; // of the axes
+static const char columns[] = "ab";  // of a table
 
 // Reads a whole number and moves `text` past it. Returns -1 if `text` begins with none.
 static long read_number(const char **text) {
@@ -79,12 +83,27 @@ void pm_scene_enter(pm_scene_reader *r, const pm_scene_range *range, int number)
     }
 }
 
+// Finds the number that a letter stands for; false if it stands for none.
+static bool find_index(const pm_scene_reader *r, char letter, long *value) {
+    const char *axis = letter == '\0' ? NULL : strchr(letters, letter);
+    const char *column = letter == '\0' ? NULL : strchr(columns, letter);
+    if (axis != NULL && axis - letters < r->naxis) {
+        *value = r->index[axis - letters];
+        return true;
+    }
+    if (column != NULL && r->row != NULL) {
+        *value = (long)r->row[column - columns];
+        return true;
+    }
+    return false;
+}
+
 // Reads "[i+1]" and moves `text` past it. `value` receives the number. Returns false if `text`
 // begins with something else.
 static bool read_index(const pm_scene_reader *r, const char **text, long *value) {
     const char *rest = *text;
-    const char *letter = rest[0] == '[' && rest[1] != '\0' ? strchr(letters, rest[1]) : NULL;
-    if (letter == NULL || letter - letters >= r->naxis) {
+    long index;
+    if (rest[0] != '[' || !find_index(r, rest[1], &index)) {
         return false;
     }
     rest += 2;
@@ -100,7 +119,7 @@ static bool read_index(const pm_scene_reader *r, const char **text, long *value)
     if (*rest != ']') {
         return false;
     }
-    *value = r->index[letter - letters] + offset;
+    *value = index + offset;
     *text = rest + 1;
     return true;
 }
@@ -140,6 +159,57 @@ pm_status pm_scene_expand(pm_scene_reader *r, pm_yaml at, const char *text, cons
 pm_status pm_scene_read_indexed(pm_scene_reader *r, pm_yaml at, const char **text) {
     PM_TRY(pm_yaml_text(at, r->arena, text));
     return pm_scene_expand(r, at, *text, text);
+}
+
+// --- tables of ports ---
+
+static pm_status check_numbers(const char *path, const char *dataset, int count,
+                               const double *table) {
+    for (int i = 0; i < 2 * count; ++i) {
+        if (!(table[i] >= 0 && table[i] <= MAX_INDEX && table[i] == floor(table[i]))) {
+            return pm_fail(PM_EDATA, "%s: dataset %s: row %d has %g, expected a whole number >= 0",
+                           path, dataset, i / 2, table[i]);
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status load_table(pm_scene_reader *r, const char *path, const char *dataset, int count,
+                            double **table) {
+    const int extent[2] = {count, 2};
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
+    *table = pm_arena_array(r->arena, 2 * (size_t)count, sizeof **table);
+    PM_TRY_DONE(*table == NULL ? pm_scene_no_memory() : PM_OK);
+    PM_TRY_DONE(pm_hdf5_read(file, dataset, 2, extent, *table));
+    status = check_numbers(path, dataset, count, *table);
+done:
+    pm_hdf5_close(file);
+    return status;
+}
+
+pm_status pm_scene_read_table(pm_scene_reader *r, pm_yaml block, int count, const double **table) {
+    static const char *const keys[] = {"file", "dataset", NULL};
+    const pm_yaml value = pm_yaml_get(block, "table");
+    const char *path, *dataset;
+    pm_yaml file, name;
+    double *numbers = NULL;
+    *table = NULL;
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    if (r->naxis == 0) {
+        return pm_yaml_fail(value, "a table needs a range of ports, such as joint[0:30]");
+    }
+    PM_TRY(pm_yaml_allow(value, keys));
+    PM_TRY(pm_yaml_require(value, "file", &file));
+    PM_TRY(pm_yaml_require(value, "dataset", &name));
+    PM_TRY(pm_scene_read_path(r, file, &path));
+    PM_TRY(pm_yaml_text(name, r->arena, &dataset));
+    PM_TRY(load_table(r, path, dataset, count, &numbers));
+    *table = numbers;
+    return PM_OK;
 }
 
 // --- all entries of a mapping ---

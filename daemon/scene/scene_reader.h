@@ -20,6 +20,7 @@ typedef struct pm_scene_reader {
     int nname;                    // column names read so far
     int naxis;                    // of the range whose block is being read; 0: there is no range
     int index[PM_SCENE_MAX_AXES]; // [naxis] of the component that is being read
+    const double *row; // [2] of the table, for the port that is being read; NULL: it has no table
 } pm_scene_reader;
 
 // The components that a key means: one, or with NAME[A:B] one for each index from A up to, not
@@ -67,9 +68,14 @@ pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
 // Makes component `number` of a range the one that is being read.
 void pm_scene_enter(pm_scene_reader *r, const pm_scene_range *range, int number);
 // Replaces every index in a text by its number in the component that is being read: "link[i+1]"
-// becomes link8, and "cell[i][j]" becomes cell3_7. Other brackets stay. PM_ECONFIG: an index is
-// negative.
+// becomes link8, and "cell[i][j]" becomes cell3_7. With a row of a table, [a] and [b] are its two
+// numbers. Other brackets stay. PM_ECONFIG: an index is negative.
 pm_status pm_scene_expand(pm_scene_reader *r, pm_yaml at, const char *text, const char **result);
+// Reads the key `table` of an entry that stands for `count` ports: a dataset of an HDF5 file whose
+// rows are the numbers for [a] and [b] in each port. `table` [count][2] lies in the arena; NULL:
+// the entry has no table. PM_ECONFIG, PM_EFILE, PM_EDATA: a number is not whole or negative;
+// PM_ENOMEM.
+pm_status pm_scene_read_table(pm_scene_reader *r, pm_yaml block, int count, const double **table);
 // Reads a text and expands it.
 pm_status pm_scene_read_indexed(pm_scene_reader *r, pm_yaml at, const char **text);
 
@@ -122,9 +128,10 @@ const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t s
 
 // Divides the subsystems among `count` processes so that the processes have about equal costs and
 // exchange few numbers. cost [nsubsystem] is that of each subsystem; NULL: it is estimated from the
-// numbers of components. mark [nsubsystem] receives the process of each subsystem, from 0 to count -
-// 1; a process may have none. The same scene and costs give the same result. The ends of ports
-// (scene->end_at) must have been listed. PM_ECONFIG: the program was built without METIS. PM_ENOMEM.
+// numbers of components. mark [nsubsystem] receives the process of each subsystem, from 0 to count
+// - 1; a process may have none. The same scene and costs give the same result. The ends of ports
+// (scene->end_at) must have been listed. PM_ECONFIG: the program was built without METIS.
+// PM_ENOMEM.
 pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *mark);
 
 // Fails with PM_ENOMEM.

@@ -3,6 +3,8 @@
 #include <stdio.h>
 
 #include "scene/scene.h"
+#include "store/hdf5_io.h"
+#include "tests/support/scratch.h"
 #include "tests/support/yaml_case.h"
 
 #define HEAD "scene: many\ntime: {dt: 1, steps: 1, integrator: euler}\n"
@@ -144,8 +146,80 @@ static void many_parts_are_read(void **state) {
     pm_scene_free(scene);
 }
 
+// --- ports from a table ---
+
+static const char network[] =
+    HEAD "subsystems:\n"
+         "  \"node[0:4]\": {weights: a.h5, state: {x: {unit: m, size: 2}}}\n"
+         "ports:\n"
+         "  \"edge[1:4]\": {law: bracket, table: {file: table.h5, dataset: edges}, weights: j.h5,\n"
+         "    between: [\"node[a]\", \"node[b]\"], expose: {\"node[a]\": x, \"node[b]\": x}}\n"
+         "  last: {law: bracket, between: [node0, node2], weights: j.h5,\n"
+         "    expose: {node0: x, node2: x}}\n";
+
+static void write_edges(const char *path, const double edges[6]) {
+    const int extent[2] = {3, 2};
+    pm_hdf5 *file = NULL;
+    assert_int_equal(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC), PM_OK);
+    assert_int_equal(pm_hdf5_write(file, "edges", 2, extent, edges), PM_OK);
+    assert_int_equal(pm_hdf5_commit(file), PM_OK);
+    pm_hdf5_close(file);
+}
+
+static void a_table_makes_a_network(void **state) {
+    static const double edges[6] = {3, 0, 1, 3, 2, 1};
+    write_edges(scratch_path(*state, "table.h5"), edges);
+    pm_scene *scene = NULL;
+    if (pm_scene_parse(&scene, network, scratch_path(*state, "t.yaml")) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    assert_int_equal(scene->nport, 4);
+    for (int i = 0; i < 6; ++i) {
+        assert_int_equal(scene->port[i / 2].subsystem[i % 2], (int)edges[i]);
+    }
+    assert_string_equal(scene->port[2].name, "edge3");
+    assert_string_equal(scene->port[3].name, "last");
+    assert_int_equal(scene->port[3].subsystem[1], 2);
+    pm_scene_free(scene);
+}
+
+static void mistakes_in_tables_are_named(void **state) {
+    static const struct {
+        const char *from, *to;
+        double wrong; // the number in row 1
+        pm_status code;
+        const char *expected;
+    } cases[] = {
+        {"edge[1:4]", "edge[1:4]", 1.5, PM_EDATA, "row 1 has 1.5, expected a whole number >= 0"},
+        {"edge[1:4]", "edge[1:4]", -1, PM_EDATA, "row 1 has -1, expected a whole number >= 0"},
+        {"edge[1:4]", "edge[1:4]", 7, PM_ECONFIG, "or boundary input \"node7\""},
+        {"edge[1:4]", "edge[1:4]", 3, PM_ECONFIG, "found \"node3\" twice"},
+        {"edge[1:4]", "edge[1:5]", 1, PM_EDATA, "dimension 1 is 3, expected 4"},
+        {"\"edge[1:4]\"", "edge", 1, PM_ECONFIG, "a table needs a range of ports"},
+        {"dataset: edges", "dataset: edge", 1, PM_EDATA, "dataset edge is missing"},
+        {"file: table.h5, ", "", 1, PM_ECONFIG, "file"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
+        char text[1024];
+        pm_scene *scene = NULL;
+        write_edges(scratch_path(*state, "table.h5"), (double[6]){3, 0, cases[i].wrong, 3, 2, 1});
+        const char *at = strstr(network, cases[i].from);
+        assert_non_null(at);
+        snprintf(text, sizeof text, "%.*s%s%s", (int)(at - network), network, cases[i].to,
+                 at + strlen(cases[i].from));
+        assert_int_equal(pm_scene_parse(&scene, text, scratch_path(*state, "t.yaml")),
+                         cases[i].code);
+        if (strstr(pm_error(), cases[i].expected) == NULL) {
+            fail_msg("case %zu: \"%s\" does not say \"%s\"", i, pm_error(), cases[i].expected);
+        }
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_table_makes_a_network, scratch_setup, scratch_teardown),
+        cmocka_unit_test_setup_teardown(mistakes_in_tables_are_named, scratch_setup,
+                                        scratch_teardown),
         cmocka_unit_test(a_range_makes_a_chain),
         cmocka_unit_test(two_ranges_make_a_grid),
         cmocka_unit_test(mistakes_name_their_place),
