@@ -143,17 +143,6 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
     return PM_OK;
 }
 
-// Reads a number > 0 that ends with the text or one of `separators`, to which `end` points.
-static pm_status read_positive(const char *name, const char *text, const char *separators,
-                               char **end, double *result) {
-    const double number = strtod(text, end);
-    if (*end == text || strchr(separators, **end) == NULL || !(number > 0 && isfinite(number))) {
-        return pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", name, text);
-    }
-    *result = number;
-    return PM_OK;
-}
-
 pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result) {
     char *end;
     errno = 0;
@@ -168,19 +157,12 @@ pm_status pm_options_count(const char *name, const char *text, int64_t most, int
 
 pm_status pm_options_positive(const char *name, const char *text, double *result) {
     char *end;
-    return read_positive(name, text, "", &end, result);
-}
-
-pm_status pm_options_positives(const char *name, const char *text, int most, double *result,
-                               int *count) {
-    char *end;
-    for (*count = 0; *count < most; text = end + 1) {
-        PM_TRY(read_positive(name, text, ",", &end, &result[(*count)++]));
-        if (*end == '\0') {
-            return PM_OK;
-        }
+    const double number = strtod(text, &end);
+    if (end == text || *end != 0 || !(number > 0 && isfinite(number))) {
+        return pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", name, text);
     }
-    return pm_fail(PM_EUSAGE, "%s: at most %d numbers are possible", name, most);
+    *result = number;
+    return PM_OK;
 }
 
 pm_status pm_options_range(const char *text, int count, int *first, int *end) {

@@ -53,11 +53,6 @@ pm_status pm_options_count(const char *name, const char *text, int64_t most, int
 // Reads the value of the option `name`, a number > 0. PM_EUSAGE.
 pm_status pm_options_positive(const char *name, const char *text, double *result);
 
-// Reads the value of the option `name`, up to `most` numbers > 0 joined by commas, into result
-// [count]. PM_EUSAGE.
-pm_status pm_options_positives(const char *name, const char *text, int most, double *result,
-                               int *count);
-
 // Makes the folder `path` and its parents if they do not exist. PM_EFILE: it cannot be made or
 // written; PM_ENOMEM.
 pm_status pm_options_folder(const char *path);

@@ -1,6 +1,8 @@
 // Given pairs: their checks, and the graphs of their rates.
 #include "model/given.h"
 
+#include <stddef.h>
+
 #include "model/formula.h"
 
 // The components of a support that a name in a pair stands for.

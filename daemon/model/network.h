@@ -4,8 +4,7 @@
 // ".deviation", ".layer<i>.weight", ".layer<i>.bias", ".output.weight", ".output.bias", ".linear",
 // ".quadratic". A network without features is one learned constant, "<prefix>.constant".
 //
-// Networks on meshes are in mesh/message.h, thermal energies in thermal.h; the functions here take
-// specs without a message and with nthermal = 0.
+// Thermal energies are in thermal.h; the functions here take specs with nthermal = 0.
 #ifndef PM_MODEL_NETWORK_H
 #define PM_MODEL_NETWORK_H
 
@@ -44,9 +43,6 @@ typedef enum pm_normaliser_kind {
     PM_NORMALISE_SCALE,
     // "<prefix>.along": for each expression the root mean square of its length.
     PM_NORMALISE_ALONG,
-    // "<prefix>.patterns" [size][columns]: the leading patterns of one expression (proper
-    // orthogonal decomposition), each of which has entries with the root mean square 1.
-    PM_NORMALISE_PATTERNS,
     // "<prefix>.scale" of an irreversible operator, chosen as for a reversible one.
     PM_NORMALISE_FRICTION,
     // "<prefix>.scale" of an unstructured rate: the sizes of the groups' rates in the data, or root

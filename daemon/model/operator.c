@@ -2,8 +2,6 @@
 // that makes the laws hold.
 #include "model/dissipation.h"
 #include "model/given.h"
-#include "model/mesh/message.h"
-#include "model/mesh/nodal.h"
 #include "model/operator_shape.h"
 
 // Keeps the projection finite where the normal vanishes and there is nothing to project out.
@@ -16,8 +14,7 @@ typedef struct construction {
     const pm_site *site;
     pm_support support;
     pm_node scale;  // [1][support.n]
-    pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned; on a
-                    // mesh of each node C or G
+    pm_node matrix; // C - C^T [rows][rows] or G [rows][rank]; PM_NO_NODE: nothing learned
     pm_node along;  // [nalong][size]; PM_NO_NODE: the frame is the identity
 } construction;
 
@@ -48,9 +45,6 @@ static pm_node build_matrix(pm_graph *g, const pm_operator *op, const pm_site *s
     const pm_operator_shape shape = pm_operator_shape_of(op, s);
     const int nout = shape.rows * shape.columns;
     pm_operator_join(name, op->prefix, "matrix");
-    if (op->spec->network.message != NULL) {
-        return pm_message_build_nodes(g, &op->spec->network, &site->symbols, nout, params, name);
-    }
     const pm_node entries =
         pm_network_build(g, &op->spec->network, &site->symbols, nout, params, name);
     const pm_node matrix = pm_reshape(g, entries, shape.rows, shape.columns);
@@ -136,26 +130,9 @@ static pm_node apply_across(const construction *c, pm_node x) {
     return pm_concat(g, count, part);
 }
 
-// Returns the matrix of each node times the components of x of that node.
-static pm_node apply_nodal(const construction *c, pm_node x) {
-    int components[2 * PM_MAX_GROUPS];
-    pm_nodal_fields fields = {pm_operator_shape_of(c->op, &c->support).count, 0, components};
-    for (int i = 0; i < c->support.ngroup; ++i) {
-        if (c->support.learned[i]) {
-            components[fields.count++] = c->support.group[i]->size / fields.nnode;
-        }
-    }
-    return c->op->kind == PM_REVERSIBLE
-               ? pm_nodal_skew(c->g, fields, c->matrix, x)
-               : pm_nodal_square(c->g, fields, c->op->spec->rank, c->matrix, x);
-}
-
 // Returns (C - C^T) x or G G^T x for a row x.
 static pm_node apply_matrix(const construction *c, pm_node x) {
     pm_graph *g = c->g;
-    if (c->op->spec->network.message != NULL) {
-        return apply_nodal(c, x);
-    }
     if (c->op->spec->nagainst > 0) {
         return apply_across(c, x);
     }

@@ -5,12 +5,11 @@
 
 #include "model/dissipation.h"
 #include "model/given.h"
-#include "model/mesh/message.h"
 #include "model/operator_shape.h"
 
 // The initial entries of the factor of a learned M have this magnitude. At zero the factor would
 // have no gradient. The signs of its rows alternate, since the projection removes what all rows
-// have in common. (On a mesh the weights of the decoder are drawn.)
+// have in common.
 #define FACTOR_START 1.0
 // A constant conductance starts from this magnitude: too large a one falls in one iteration, but
 // one that is too small can only grow while all temperature differences shrink.
@@ -29,8 +28,8 @@ static pm_status check_heats(const pm_operator *op, const pm_site *site) {
     if (spec->nheats == 0 || !spec->learned) {
         return PM_OK;
     }
-    if (op->form != PM_HARD || spec->network.message != NULL) {
-        return pm_fail(PM_ECONFIG, "%s: heats belongs to form: hard, not on a mesh", op->prefix);
+    if (op->form != PM_HARD) {
+        return pm_fail(PM_ECONFIG, "%s: heats belongs to form: hard", op->prefix);
     }
     const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     for (int i = 0; i < s.ngroup; ++i) {
@@ -72,25 +71,6 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
         }
     }
     return pm_given_check(spec, op->kind == PM_REVERSIBLE, site, op->prefix);
-}
-
-// Checks that an operator on a mesh acts on fields and has no frame.
-static pm_status check_nodal(const pm_operator *op, const pm_support *s) {
-    const int nnode = pm_operator_shape_of(op, s).count;
-    if (op->spec->network.message == NULL) {
-        return PM_OK;
-    }
-    if (op->spec->nalong > 0 || op->spec->nagainst > 0) {
-        return pm_fail(PM_ECONFIG, "%s: an operator on a mesh has no along and no against",
-                       op->prefix);
-    }
-    for (int i = 0; i < s->ngroup; ++i) {
-        if (s->learned[i] && s->group[i]->size % nnode != 0) {
-            return pm_fail(PM_ECONFIG, "%s: acts_on names \"%s\", which is no field on %d nodes",
-                           op->prefix, s->group[i]->name, nnode);
-        }
-    }
-    return PM_OK;
 }
 
 static pm_status check_formulas(const pm_operator_spec *spec, const pm_site *site) {
@@ -195,9 +175,6 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     if (op->spec->nheats > 0) {
         PM_TRY(declare_split(op, site, params));
     }
-    if (network->message != NULL) {
-        return pm_message_declare_nodes(network, &site->symbols, nout, params, name);
-    }
     if (op->kind == PM_REVERSIBLE) {
         return pm_network_declare(network, &site->symbols, nout, NULL, params, name);
     }
@@ -227,7 +204,6 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     PM_TRY(check_formulas(spec, site));
     const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
-    PM_TRY(pm_spec_locate(spec->at, check_nodal(op, &s)));
     pm_operator_name name;
     PM_TRY(pm_params_add(params, pm_operator_join(name, op->prefix, "scale"), 1, s.n, false, 0, 1));
     if (spec->nalong > 0) {
@@ -273,10 +249,6 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
                                         .expression = spec->strength->feature,
                                         .symbols = &site->symbols};
         PM_TRY(visit(context, &strength));
-    }
-    if (spec->learned && spec->network.message != NULL) {
-        return pm_message_visit(&spec->network, &site->symbols,
-                                pm_operator_join(name, op->prefix, "matrix"), visit, context);
     }
     if (spec->learned && spec->network.nfeature > 0) {
         const pm_normaliser features = {.kind = PM_NORMALISE_FEATURES,

@@ -20,14 +20,12 @@ static int listed_rows(const pm_operator_spec *spec, const pm_support *s, int co
 
 pm_operator_shape pm_operator_shape_of(const pm_operator *op, const pm_support *support) {
     const pm_operator_spec *spec = op->spec;
-    const pm_message_spec *message = spec->network.message;
-    const int count = message == NULL ? 1 : message->mesh->nnode;
-    const int rows = listed_rows(spec, support, spec->nacts, spec->acts_on) / count;
+    const int rows = listed_rows(spec, support, spec->nacts, spec->acts_on);
     const int columns = op->kind == PM_IRREVERSIBLE ? spec->rank
                         : spec->nagainst > 0
                             ? listed_rows(spec, support, spec->nagainst, spec->against)
                             : rows;
-    return (pm_operator_shape){count, rows, columns};
+    return (pm_operator_shape){rows, columns};
 }
 
 const char *pm_operator_join(pm_operator_name buffer, const char *prefix, const char *name) {

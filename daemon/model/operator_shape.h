@@ -1,15 +1,13 @@
 // The shape of the learned matrix of an operator, for the two files that implement operator.h.
 //
 // The matrix is C [rows][columns] of a reversible operator or the factor G [rows][columns] of an
-// irreversible one. Its rows are those of the frame (spec.h). On a mesh there is one matrix for
-// each node, and rows and columns are those of one node.
+// irreversible one. Its rows are those of the frame (spec.h).
 #ifndef PM_MODEL_OPERATOR_SHAPE_H
 #define PM_MODEL_OPERATOR_SHAPE_H
 
 #include "model/operator.h"
 
 typedef struct pm_operator_shape {
-    int count; // matrices: 1, or one for each node of the mesh
     int rows;
     // A reversible operator has as many columns as rows or, with `against`, as the other end has
     // rows. An irreversible operator has as many columns as its rank.

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model/mesh/message.h"
 #include "model/thermal.h"
 
 // The square of the smallest change of normalised features for which a discrete slope is corrected.
@@ -19,9 +18,6 @@ static const char *prefix_of(term_prefix buffer, const char *prefix, int term) {
 
 static pm_status declare_term(const pm_network_spec *term, const pm_symbols *symbols,
                               pm_params *params, const char *prefix) {
-    if (term->message != NULL) {
-        return pm_message_declare_sum(term, symbols, params, prefix);
-    }
     PM_TRY(term->nthermal > 0 ? pm_thermal_declare(term, symbols, params, prefix)
                               : pm_network_declare(term, symbols, 1, NULL, params, prefix));
     char unit[sizeof(term_prefix) + 8];
@@ -46,9 +42,6 @@ static pm_node build_from(pm_graph *g, const pm_network_spec *term, pm_node feat
 
 static pm_node build_term(pm_graph *g, const pm_network_spec *term, const pm_symbols *symbols,
                           const pm_params *params, const char *prefix) {
-    if (term->message != NULL) {
-        return pm_message_build_sum(g, term, symbols, params, prefix);
-    }
     if (term->nfeature > 0) {
         const pm_node features = pm_features_build(g, term->nfeature, term->feature, symbols);
         return build_from(g, term, features, params, prefix);
@@ -120,8 +113,7 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
 bool pm_potential_is_discrete(const pm_potential_spec *spec) {
     bool all = pm_features_are_discrete(spec->ngiven, spec->given);
     for (int i = 0; i < spec->nterm; ++i) {
-        all = all && spec->term[i].message == NULL &&
-              pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature);
+        all = all && pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature);
     }
     return all;
 }
@@ -190,10 +182,7 @@ pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *sy
                              const char *prefix, pm_normaliser_visit *visit, void *context) {
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
-        if (spec->term[i].message != NULL) {
-            PM_TRY(pm_message_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
-                                    context));
-        } else if (spec->term[i].nthermal > 0) {
+        if (spec->term[i].nthermal > 0) {
             PM_TRY(pm_thermal_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
                                     context));
         } else if (spec->term[i].nfeature > 0) {

@@ -29,7 +29,7 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
 void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
                            const pm_symbols *to, const pm_params *params, const char *prefix,
                            pm_node *covector);
-// Returns true if all summands have discrete derivatives. Networks on meshes have none.
+// Returns true if all summands have discrete derivatives.
 bool pm_potential_is_discrete(const pm_potential_spec *spec);
 
 // Visits the constants of all networks, which training fixes from the data (network.h). Passes on

@@ -8,7 +8,6 @@
 #include <stdbool.h>
 
 #include "base/status.h"
-#include "model/mesh/mesh.h"
 
 // --- layout of a state ---
 
@@ -111,26 +110,12 @@ typedef enum pm_activation { PM_TANH, PM_SOFTPLUS, PM_SILU } pm_activation;
 // extrapolates better.
 typedef enum pm_skip { PM_SKIP_NONE, PM_SKIP_LINEAR, PM_SKIP_QUADRATIC, PM_SKIP_QUARTIC } pm_skip;
 
-// The additional settings of a network on the graph of a mesh (mesh/message.h).
-typedef struct pm_message_spec {
-    const pm_mesh *mesh;
-    int width;          // numbers in the hidden state of a node and in a message
-    int passes;         // times that messages travel one edge
-    int patterns;       // proper orthogonal modes that all nodes share; 0: none
-    const char *driver; // the field to which the outputs are proportional, or NULL
-    double within;      // s: a rate is the output of the network divided by this time
-} pm_message_spec;
-
 // A network from features to numbers. Features are expressions over named groups (feature.h):
 // "q", "|q|", "ln|q|", "|p|^2", "<q,p>". A network without features is a learned constant.
 typedef struct pm_network_spec {
-    // NULL: the features are inputs of the layers. Else the features are groups, each of them a
-    // field on the nodes of the mesh.
-    const pm_message_spec *message;
     int nfeature;
     const char *const *feature;
-    int nhidden;       // hidden layers; 0: only the skip. On a mesh the layers are those on the
-                       // amplitudes of the patterns
+    int nhidden;       // hidden layers; 0: only the skip
     const int *hidden; // [nhidden] units
     pm_activation activation;
     pm_skip skip;
@@ -195,8 +180,7 @@ typedef struct pm_given_pair {
 //   - with `along`: one row for each scalar group of acts_on, and for each vector group one row for
 //     each vector of `along` ("q", "q/|q|", "q/|q|^2"). If the features are invariant, the result
 //     rotates with the state.
-// A network on a mesh gives a matrix for each node, which acts on the components of that node, and
-// U is the identity. A reversible operator may act on some groups `against` others, which acts_on
+// A reversible operator may act on some groups `against` others, which acts_on
 // does not list: C has rows for `acts_on` and columns for `against`. The groups of the two lists
 // drive each other like the two groups of a pair.
 typedef struct pm_operator_spec {
@@ -238,7 +222,6 @@ typedef struct pm_solid_spec {
 typedef struct pm_part_spec {
     pm_form form;
     const pm_constants *constants; // of all formulas; NULL: none
-    const pm_mesh *mesh;           // for networks on a mesh; NULL: there is none
     const pm_solid_spec *solid;    // a solid, and then nothing else but the form; NULL: none
     int nderived;
     const pm_derived_spec *derived; // [nderived] that energy and entropy may name
@@ -262,7 +245,6 @@ typedef struct pm_port_spec {
     const char *law;
     pm_form form;
     const pm_constants *constants;
-    const pm_mesh *mesh;
     pm_potential_spec energy, entropy; // exchange only
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate;  // exchange in the free form only

@@ -1,25 +1,10 @@
-// A scaled network over the groups of a site, or a network on a mesh with these groups as fields.
+// A scaled network over the groups of a site.
 #include "model/unstructured_rate.h"
 
 #include <stdio.h>
 
-#include "model/mesh/message.h"
-
-// Returns the groups of a site as the fields of a network on a mesh.
-static pm_fields fields_of(const pm_site *site, const char *group[2 * PM_MAX_GROUPS]) {
-    for (int i = 0; i < site->ngroup; ++i) {
-        group[i] = site->group[i].name;
-    }
-    return (pm_fields){site->ngroup, group};
-}
-
 pm_status pm_unstructured_rate_declare(const pm_network_spec *spec, const pm_site *site,
                                        pm_params *params, const char *prefix) {
-    const char *group[2 * PM_MAX_GROUPS];
-    if (spec->message != NULL) {
-        return pm_message_declare_fields(spec, &site->symbols, fields_of(site, group), params,
-                                         prefix);
-    }
     char name[96];
     snprintf(name, sizeof name, "%s.scale", prefix);
     PM_TRY(pm_params_add(params, name, 1, site->n, false, 0, 1));
@@ -28,11 +13,6 @@ pm_status pm_unstructured_rate_declare(const pm_network_spec *spec, const pm_sit
 
 pm_node pm_unstructured_rate_build(pm_graph *g, const pm_network_spec *spec, const pm_site *site,
                                    const pm_params *params, const char *prefix) {
-    const char *group[2 * PM_MAX_GROUPS];
-    if (spec->message != NULL) {
-        return pm_message_build_fields(g, spec, &site->symbols, fields_of(site, group), params,
-                                       prefix);
-    }
     const pm_node rate = pm_network_build(g, spec, &site->symbols, site->n, params, prefix);
     return pm_mul(g, rate, pm_network_param(g, params, prefix, "scale"));
 }
@@ -41,9 +21,8 @@ pm_status pm_unstructured_rate_visit(const pm_network_spec *spec, const pm_site 
                                      const char *prefix, pm_normaliser_visit *visit,
                                      void *context) {
     const char *group[2 * PM_MAX_GROUPS];
-    const pm_fields fields = fields_of(site, group);
-    if (spec->message != NULL) {
-        return pm_message_visit_fields(spec, &site->symbols, fields, prefix, visit, context);
+    for (int i = 0; i < site->ngroup; ++i) {
+        group[i] = site->group[i].name;
     }
     const pm_normaliser scale = {.kind = PM_NORMALISE_RATE,
                                  .prefix = prefix,

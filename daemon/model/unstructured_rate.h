@@ -1,9 +1,8 @@
 // The free form: a rate that is the output of a network, without energy, entropy or structure. The
 // other forms are compared with it.
 //     rate = scale * network(features)
-// The scale [1][n] makes the units of the groups comparable. On a mesh the network is one of
-// mesh/message.h. The site (site.h) lists the groups whose rate is built and the symbols that
-// features may name.
+// The scale [1][n] makes the units of the groups comparable. The site (site.h) lists the groups
+// whose rate is built and the symbols that features may name.
 #ifndef PM_MODEL_UNSTRUCTURED_RATE_H
 #define PM_MODEL_UNSTRUCTURED_RATE_H
 

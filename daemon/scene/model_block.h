@@ -11,7 +11,6 @@
 typedef struct pm_model_context {
     pm_arena *arena;
     const pm_constants *constants; // that formulas may name
-    const pm_mesh *mesh;           // for networks on a mesh; NULL: there is none
 } pm_model_context;
 
 // Returns true if a value is absent or the word "none".

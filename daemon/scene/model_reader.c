@@ -13,8 +13,7 @@
 
 static const char *const form_names[] = {
     [PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free", NULL};
-#define MODEL_KEYS \
-    "form", "energy", "entropy", "reversible", "irreversible", "rate", "constants", "mesh"
+#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible", "rate", "constants"
 
 // Reads the network of the free form. No other form has one.
 static pm_status read_rate(pm_yaml block, const pm_model_context *r, pm_form form,
@@ -27,7 +26,7 @@ static pm_status read_rate(pm_yaml block, const pm_model_context *r, pm_form for
     }
     PM_TRY(pm_yaml_require(block, "rate", &value));
     PM_TRY(pm_yaml_allow(value, network_keys));
-    return pm_network_read(value, r->mesh, r->arena, rate);
+    return pm_network_read(value, r->arena, rate);
 }
 
 // Reads a constant: a number, or {learned: start, positive: true, shared: true}.
@@ -101,16 +100,15 @@ static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
 // Reads the keys that the blocks of parts and of ports share. The constants `own` replace constants
 // of the same name in the block.
 static pm_status read_model(pm_yaml block, pm_yaml own, pm_arena *arena,
-                            const pm_constants **constants, const pm_mesh **mesh, pm_form *form,
+                            const pm_constants **constants, pm_form *form,
                             pm_potential_spec *energy, pm_potential_spec *entropy,
                             pm_operator_spec *reversible, pm_operator_spec *irreversible,
                             pm_network_spec *rate) {
     int choice;
     PM_TRY(read_constants(own, pm_yaml_get(block, "constants"), arena, constants));
-    PM_TRY(pm_mesh_read(pm_yaml_get(block, "mesh"), arena, mesh));
     PM_TRY(pm_model_read_choice(block, "form", form_names, &choice));
     *form = (pm_form)choice;
-    const pm_model_context r = {arena, *constants, *mesh};
+    const pm_model_context r = {arena, *constants};
     PM_TRY(read_rate(block, &r, *form, rate));
     PM_TRY(pm_model_read_potential(pm_yaml_get(block, "energy"), &r, energy));
     PM_TRY(pm_model_read_potential(pm_yaml_get(block, "entropy"), &r, entropy));
@@ -164,9 +162,8 @@ pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
     pm_part_spec read;
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_model_read_at(block, arena, &read.at));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
-                      &read.energy, &read.entropy, &read.reversible, &read.irreversible,
-                      &read.rate));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
+                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
     PM_TRY(pm_model_read_derived(pm_yaml_get(block, "derived"), arena, &read));
     PM_TRY(read_solid(pm_yaml_get(block, "solid"), arena, &read.solid));
     *spec = read;
@@ -201,9 +198,8 @@ pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, p
     }
     PM_TRY(read_law_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
     PM_TRY(read_ends(block, read.law, &read.ends));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.mesh, &read.form,
-                      &read.energy, &read.entropy, &read.reversible, &read.irreversible,
-                      &read.rate));
+    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
+                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
     *spec = read;
     return PM_OK;
 }

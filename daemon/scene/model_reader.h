@@ -15,16 +15,13 @@
 //     learned: {acts_on: [p, s], rank: 1, features: [s], hidden: [8], activation: softplus}
 //   rate: {features: [q, p, s], hidden: [16]}               # only in form: free
 //   derived: {gap: {of: [q], size: 4}}                      # offset + matrix * groups (spec.h)
-//   mesh: {size: [40, 10, 10], elements: [20, 5, 5]}        # a box of bricks (model/mesh/mesh.h)
 //
 // A network without features is a constant. Its defaults are: no hidden layers, activation tanh (or
-// softplus, silu), skip none (or linear, quadratic, quartic), rank 1. A network on the mesh has, in
-// the place of features, activation and skip, {nodes: [u], width: 8, passes: 1, patterns: 16,
-// hidden: [48]} and, as a rate, driven_by: other.dE.f, within: 0.05. A thermal energy {features:
-// [x, p], thermal: [s], hidden: [8], exponentials: 2, temperature: 300.0} increases with the
-// entropies s and is convex in them (model/thermal.h). A network of an energy with `scaled: true`
-// has a unit of its own. A learned irreversible operator with `heats: [s]` gives the dissipated
-// energy to these entropies (model/dissipation.h).
+// softplus, silu), skip none (or linear, quadratic, quartic), rank 1. A thermal energy
+// {features: [x, p], thermal: [s], hidden: [8], exponentials: 2, temperature: 300.0} increases with
+// the entropies s and is convex in them (model/thermal.h). A network of an energy with `scaled:
+// true` has a unit of its own. A learned irreversible operator with `heats: [s]` gives the
+// dissipated energy to these entropies (model/dissipation.h).
 //
 // The block of a port begins with a law, such as `law: bracket`. It names groups "a.q" and
 // co-energies "a.dE.s" (model/spec.h). A learned reversible operator may couple some groups with

@@ -182,12 +182,11 @@ static void write_derived(FILE *file, const pm_part_spec *spec) {
 }
 
 // Writes the keys that the blocks of parts and of ports share.
-static void write_model(FILE *file, const pm_constants *constants, const pm_mesh *mesh,
-                        pm_form form, const pm_potential_spec *energy,
-                        const pm_potential_spec *entropy, const pm_operator_spec *reversible,
-                        const pm_operator_spec *irreversible, const pm_network_spec *rate) {
+static void write_model(FILE *file, const pm_constants *constants, pm_form form,
+                        const pm_potential_spec *energy, const pm_potential_spec *entropy,
+                        const pm_operator_spec *reversible, const pm_operator_spec *irreversible,
+                        const pm_network_spec *rate) {
     write_constants(file, constants);
-    pm_mesh_write(file, mesh);
     fprintf(file, "form: %s\n", form_names[form]);
     if (form == PM_FREE) {
         fputs("rate: {", file);
@@ -216,8 +215,8 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
     if (file == NULL) {
         return NULL;
     }
-    write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
-                &spec->reversible, &spec->irreversible, &spec->rate);
+    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+                &spec->irreversible, &spec->rate);
     write_derived(file, spec);
     if (spec->solid != NULL) {
         fprintf(file, "solid: {branches: %d, units: %d, temperature: ", spec->solid->nbranch,
@@ -238,8 +237,8 @@ const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
     fputs("law: ", file);
     pm_model_write_text(file, spec->law);
     fputc('\n', file);
-    write_model(file, spec->constants, spec->mesh, spec->form, &spec->energy, &spec->entropy,
-                &spec->reversible, &spec->irreversible, &spec->rate);
+    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+                &spec->irreversible, &spec->rate);
     write_matrix(file, &spec->matrix);
     fputs(spec->matrix.identity || spec->matrix.value != NULL ? "\n" : "", file);
     if (spec->ends != PM_BOTH_ENDS) {

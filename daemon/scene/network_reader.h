@@ -1,4 +1,4 @@
-// Reads and writes networks and meshes, which are parts of the `model:` block (model_reader.h), and
+// Reads and writes networks, which are parts of the `model:` block (model_reader.h), and
 // the names, choices and numbers of which all parts of the block consist. Readers copy all that
 // they return into the arena, so that the result outlives the document. A reader returns
 // PM_ECONFIG, with the place in the file in its message, if a value is not allowed, and PM_ENOMEM.
@@ -12,17 +12,12 @@
 #include "store/yaml.h"
 
 // The keys of a network, for the list of keys that a caller allows in a block.
-#define PM_NETWORK_KEYS                                                                 \
-    "features", "hidden", "activation", "skip", "nodes", "width", "passes", "patterns", \
-        "driven_by", "within"
+#define PM_NETWORK_KEYS "features", "hidden", "activation", "skip"
 
 // Reads the keys of a network and sets *network, with defaults for the keys that are absent. The
-// block may hold other keys, which the caller has checked. `mesh` is the mesh of the model, which
-// must outlive the network, or NULL if there is none. PM_ECONFIG: a key has a value that is not
-// allowed, is missing, or does not belong to this kind of network. PM_ENOMEM. After a failure
-// *network is undefined.
-pm_status pm_network_read(pm_yaml block, const pm_mesh *mesh, pm_arena *arena,
-                          pm_network_spec *network);
+// block may hold other keys, which the caller has checked. PM_ECONFIG: a key has a value
+// that is not allowed. PM_ENOMEM. After a failure *network is undefined.
+pm_status pm_network_read(pm_yaml block, pm_arena *arena, pm_network_spec *network);
 // Writes the keys of a network and their values, without the braces around them.
 void pm_network_write(FILE *file, const pm_network_spec *network);
 
@@ -30,12 +25,6 @@ void pm_network_write(FILE *file, const pm_network_spec *network);
 // the arena. PM_ENOMEM: the network is as before.
 pm_status pm_spec_append_features(pm_network_spec *network, int count, const char *const *name,
                                   pm_arena *arena);
-
-// Reads a mesh into the arena. *mesh becomes NULL if the block does not exist. PM_ECONFIG: a key is
-// missing or unknown, or a value is not allowed. PM_ENOMEM.
-pm_status pm_mesh_read(pm_yaml block, pm_arena *arena, const pm_mesh **mesh);
-// Writes the mesh as a line of the `model:` block, or nothing if `mesh` is NULL.
-void pm_mesh_write(FILE *file, const pm_mesh *mesh);
 
 // --- words ---
 

@@ -49,7 +49,7 @@ static pm_status read_strength(pm_yaml block, const pm_model_context *r, pm_oper
         return pm_fail(PM_ENOMEM, "out of memory while reading a model");
     }
     PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(pm_network_read(block, NULL, r->arena, strength));
+    PM_TRY(pm_network_read(block, r->arena, strength));
     if (strength->nfeature == 0) {
         return pm_yaml_fail(block, "a strength needs features");
     }
@@ -82,7 +82,7 @@ static pm_status read_learned(pm_yaml block, const pm_model_context *r, bool rev
     }
     op->learned = true;
     PM_TRY(read_strength(pm_yaml_get(block, "strength"), r, op));
-    return pm_network_read(block, r->mesh, r->arena, &op->network);
+    return pm_network_read(block, r->arena, &op->network);
 }
 
 pm_status pm_model_read_operator(pm_yaml block, const pm_model_context *r, bool reversible,

@@ -59,9 +59,6 @@ static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *te
     if (!pm_yaml_exists(thermal)) {
         return PM_OK;
     }
-    if (term->message != NULL) {
-        return pm_yaml_fail(thermal, "a network of nodes cannot be thermal");
-    }
     const char *const *entropy;
     PM_TRY(pm_model_read_names(item, "thermal", arena, &term->nthermal, &entropy));
     if (term->nthermal < 1 || term->nthermal + term->nfeature > PM_MAX_FEATURES) {
@@ -81,13 +78,12 @@ static pm_status read_term(pm_yaml item, const pm_model_context *r, pm_network_s
                                        "temperature",   "scaled",         NULL};
     const pm_yaml zero_at_origin = pm_yaml_get(item, "zero_at_origin");
     PM_TRY(pm_yaml_allow(item, keys));
-    PM_TRY(pm_network_read(item, r->mesh, r->arena, term));
+    PM_TRY(pm_network_read(item, r->arena, term));
     PM_TRY(read_thermal(item, r->arena, term));
     if (pm_yaml_exists(zero_at_origin)) {
         PM_TRY(pm_yaml_bool(zero_at_origin, &term->zero_at_origin));
     }
-    const bool able = term->nfeature > 0 && term->nthermal == 0 && term->message == NULL &&
-                      term->skip != PM_SKIP_NONE;
+    const bool able = term->nfeature > 0 && term->nthermal == 0 && term->skip != PM_SKIP_NONE;
     return able || !term->zero_at_origin
                ? PM_OK
                : pm_yaml_fail(zero_at_origin,

@@ -419,7 +419,6 @@ pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *
     PM_TRY_DONE(pm_system_check_boundary_inputs(system));
     PM_TRY_DONE(pm_system_check_coordinates(system));
     PM_TRY_DONE(pm_system_check_origin(system));
-    PM_TRY_DONE(pm_system_check_steps(system));
     system->digest = digest_system(system);
     *result = system;
     system = NULL;

@@ -86,12 +86,6 @@ const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_ar
 // pm_system_load calls this function.
 pm_status pm_system_check_origin(pm_system *system);
 
-// Checks that the scene has the integrator and step for which its weights were trained. The check
-// concerns only networks on meshes whose output is a change over the time `within` (model/spec.h).
-// All other weights give rates, which any integrator can use. Weights without a record of their
-// step pass. PM_EWEIGHTS. pm_system_load calls this function.
-pm_status pm_system_check_steps(const pm_system *system);
-
 // Gives a solid the layout of its subsystem, and loads its mesh. PM_EWEIGHTS: the groups of the
 // state are not those of a solid on this mesh, or the scene names no mesh. PM_ECONFIG: the scene
 // names a mesh, and the weights are no solid's. PM_EDATA, PM_EFILE, PM_ENOMEM. pm_system_load calls

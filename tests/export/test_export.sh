@@ -44,7 +44,8 @@ for integrator in euler heun rk6; do
     same "$folder/gas_$integrator.yaml" 10
 done
 refused 3 "integrator discrete_gradient cannot be exported" configs/bouncing_masses.yaml
-refused 3 "only BLAS" configs/beam_graph.yaml
+wide_scene >"$folder/wide.yaml"
+refused 3 "only BLAS" "$folder/wide.yaml"
 "$portmetd" export configs/double_pendulum.yaml >/dev/null 2>&1
 [ $? -eq 2 ] || fail "an export to nowhere"
 

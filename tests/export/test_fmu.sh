@@ -43,7 +43,8 @@ CC=/nowhere "$portmetd" export configs/double_pendulum.yaml -o "$folder/plain.fm
 grep -q "sources alone" "$folder/out" || fail "no compiler: $(cat "$folder/out")"
 "$portmetd" export configs/double_pendulum.yaml -o /nowhere/x.fmu >"$folder/out" 2>&1
 [ $? -eq 4 ] || fail "an FMU in a folder that is not there"
-"$portmetd" export configs/beam_graph.yaml -o "$folder/none.fmu" >"$folder/out" 2>&1
+wide_scene >"$folder/wide.yaml"
+"$portmetd" export "$folder/wide.yaml" -o "$folder/none.fmu" >"$folder/out" 2>&1
 [ ! -e "$folder/none.fmu" ] || fail "half an FMU is left"
 rm -f "$folder/out"
 

@@ -25,23 +25,7 @@ static void check(int holds) {
 
 static const pm_layout layout = {
     3, (pm_group[]){{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
-// Where there is a mesh: fields on the 8 free nodes of two bricks, and what a free rate has none
-// of.
-static const pm_layout fields = {
-    3, (pm_group[]){{"u", "m", 24, 0}, {"m", "m", 24, 24}, {"s", "J/K", 1, 48}}, 49};
-static const pm_layout free_fields = {2, (pm_group[]){{"u", "m", 24, 0}, {"m", "m", 24, 24}}, 48};
-
-static const pm_layout *layout_of(const pm_mesh *mesh, pm_form form) {
-    return mesh == NULL ? &layout : form == PM_FREE ? &free_fields : &fields;
-}
-
 static bool is_small_network(const pm_network_spec *spec) {
-    const pm_message_spec *m = spec->message;
-    if (m != NULL && ((long)m->mesh->nedge + m->width) * m->width * (m->passes + 1L) +
-                             (long)m->mesh->nnode * m->patterns >
-                         LARGEST_MODEL) {
-        return false;
-    }
     long numbers = spec->skip >= PM_SKIP_QUADRATIC ? 100L * spec->nfeature * spec->nfeature : 0;
     int width = 5 * spec->nfeature;
     for (int i = 0; i < spec->nhidden; ++i) {
@@ -122,7 +106,7 @@ static void try_part(pm_yaml root, pm_arena *arena) {
         !are_small_images(&part.spec)) {
         return;
     }
-    part.layout = *layout_of(part.spec.mesh, part.spec.form);
+    part.layout = layout;
     pm_graph *g = NULL;
     if (pm_part_declare(&part) == PM_OK && pm_graph_open(&g) == PM_OK) {
         const pm_node z = pm_input(g, true, 1, part.layout.nz);
@@ -154,14 +138,14 @@ static void try_port(pm_yaml root, pm_arena *arena) {
         !is_small_operator(&port.spec.reversible) || !is_small_operator(&port.spec.irreversible)) {
         return;
     }
-    const pm_layout *l = layout_of(port.spec.mesh, port.spec.form);
-    port.layout[0] = port.layout[1] = *l;
+    const int nz = layout.nz;
+    port.layout[0] = port.layout[1] = layout;
     pm_graph *g = NULL;
     if (pm_port_declare(&port) == PM_OK && pm_graph_open(&g) == PM_OK) {
         pm_port_nodes end[2];
         for (int i = 0; i < 2; ++i) {
-            end[i] = (pm_port_nodes){pm_input(g, true, 1, l->nz), pm_input(g, true, 1, l->nz),
-                                     pm_input(g, true, 1, l->nz), PM_NO_NODE};
+            end[i] = (pm_port_nodes){pm_input(g, true, 1, nz), pm_input(g, true, 1, nz),
+                                     pm_input(g, true, 1, nz), PM_NO_NODE};
         }
         pm_node degeneracy = PM_NO_NODE;
         const pm_node rate = port.law->rate(g, &port, PM_END_A, end, &degeneracy);

@@ -1,6 +1,5 @@
 // The `model:` block of parts and ports: the reader finds what the text says, the text of a spec
-// reads back as an equal spec, and errors name the place in the file. Networks on meshes:
-// test_mesh_reader.c.
+// reads back as an equal spec, and errors name the place in the file.
 #include <math.h>
 
 #include "model/port.h"
@@ -248,7 +247,8 @@ static const yaml_case bad[] = {
     {"hidden: [16, 8]", "hidden: [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[1", "hidden: 17 layers"},
     {"hidden: [16, 8]", "layers: [16, 8]", "layers", "allowed: features, hidden, activation, skip"},
     {"activation: silu", "activation: relu", "relu", "one of tanh, softplus, silu, found \"relu\""},
-    {"skip: linear", "skip: cubic", "cubic", "one of none, linear, quadratic, quartic, found \"cubic\""},
+    {"skip: linear", "skip: cubic", "cubic",
+     "one of none, linear, quadratic, quartic, found \"cubic\""},
     {"zero_at_origin: true", "zero_at_origin: often", "often",
      "zero_at_origin: expected one of false, true"},
     {"{features: [\"|p|^2\"], skip: linear}", "{zero_at_origin: true}", "true",

@@ -95,9 +95,9 @@ class Files(unittest.TestCase):
             self.assertIn("q", report)
 
     def test_ranges_of_columns(self):
-        data = portmet.Dataset("configs/reference/beam_graph.h5")
+        data = portmet.Dataset("configs/reference/beam_solid.h5")
         self.assertEqual(data.z.shape[2], len(data.columns))
-        self.assertIn("u2159", data.columns)
+        self.assertIn("u2267", data.columns)
 
     def test_weights(self):
         part = portmet.Weights("configs/weights/double_pendulum/upper.h5")

@@ -355,32 +355,12 @@ static void exchange_is_measured(void **state) {
 
 // --- the step ---
 
-// Two bodies on a mesh, each of which drives the other.
-static const char mesh_scene[] =
-    "scene: bodies\n"
-    "time: {dt: 0.02, steps: 5, integrator: rk4, substeps: 2}\n"
-    "subsystems:\n"
-    "  a: {weights: a.h5, state: {u: {unit: m, size: 24}, s: {unit: J, size: 1}}}\n"
-    "  b: {weights: b.h5, state: {u: {unit: m, size: 24}, s: {unit: J, size: 1}}}\n"
-    "ports:\n"
-    "  joint: {law: exchange, between: [a, b], weights: joint.h5, expose: {a: u, b: u}}\n";
-#define MESH "mesh: {size: [3, 1, 1], elements: [2, 1, 1]}\n"
-static const char mesh_part[] =
-    MESH "energy: [{given: s}, {nodes: [u], width: 3, passes: 1, patterns: 2, hidden: [3]}]\n"
-         "entropy: {given: s}\n"
-         "irreversible: {learned: {acts_on: u, nodes: [u], width: 2, passes: 1, rank: 2}}\n";
-static const char mesh_port[] =
-    "law: exchange\nform: free\n" MESH "rate: {nodes: [own.u], driven_by: other.dE.u, width: 3, "
-    "passes: 1, patterns: 2}\n";
-
 static void steps_allocate_nothing(void **state) {
     (void)state;
     for (uint64_t seed = 1; seed <= 6; ++seed) {
-        const bool mesh = seed % 2 == 0;
         random_system w;
-        random_system_of_text(&w, seed, mesh ? mesh_scene : random_system_scene,
-                              mesh ? mesh_part : random_system_part,
-                              mesh ? mesh_port : random_system_port);
+        random_system_of_text(&w, seed, random_system_scene, random_system_part,
+                              random_system_port);
         w.scene->dt = 1e-4;
         pm_monolithic *assembly = open(&w);
         step(assembly);

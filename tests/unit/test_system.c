@@ -275,75 +275,6 @@ static void test_mismatch(void **state) {
                    "5:20: subsystem lower", "joint.h5: weights of a");
 }
 
-// The random_system presses on a body of 2 x 1 x 1 bricks; what that does is learned.
-static const char pressed[] =
-    "scene: pressed\n"
-    "time: {dt: 0.1, steps: 1, integrator: euler, substeps: 2}\n"
-    "models: {rests: {energy: \"|u|^2/2\"}}\n"
-    "subsystems:\n"
-    "  body: {model: rests, state: {u: {unit: m, size: 24}}}\n"
-    "boundary_inputs:\n"
-    "  hand: {f: {unit: m, dE: \"f[0:24]\"}}\n"
-    "ports:\n"
-    "  grip: {law: exchange, between: [body, hand], expose: {body: u, hand: f},\n"
-    "         weights: grip.h5}\n";
-
-static void save_grip(scratch *folder, const char *integrator, double step) {
-    static const char text[] =
-        "law: exchange\nform: free\nmesh: {size: [2, 1, 1], elements: [2, 1, 1]}\n"
-        "rate: {nodes: [own.u], driven_by: other.dE.f, width: 1, passes: 0, within: 0.05}\n";
-    pm_scene *scene = edited_from(pressed, folder, "pressed", "pressed");
-    pm_system *system = NULL;
-    pm_yaml_document *document = NULL;
-    pm_yaml root;
-    const pm_provenance provenance = {
-        .command = "test", .data = "", .integrator = integrator, .step = step};
-    assert_int_equal(pm_system_new(&system, scene), PM_OK);
-    pm_port_model *port = system->port[0];
-    assert_int_equal(pm_yaml_parse(&document, text, "model", &root), PM_OK);
-    assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, &system->arena, &port->spec), PM_OK);
-    pm_yaml_close(document);
-    assert_int_equal(pm_port_declare(port), PM_OK);
-    assert_int_equal(pm_weights_save_port(scene->port[0].weights, port, &provenance), PM_OK);
-    pm_system_free(system);
-    pm_scene_free(scene);
-}
-
-static void what_a_step_does_holds_for_that_step(void **state) {
-    static const struct {
-        const char *integrator;
-        double step;
-        const char *from, *to, *refused;
-    } cases[] = {
-        {"euler", 0.05, "pressed", "pressed", NULL},
-        {"euler", 0.05, "substeps: 2", "substeps: 4", "takes steps of 0.025 s of euler"},
-        {"euler", 0.05, "dt: 0.1", "dt: 0.2", "takes steps of 0.1 s of euler"},
-        {"euler", 0.05, "dt: 0.1", "dt: 0.15, tolerance: 1e-3", "steps of up to 0.075 s of euler"},
-        {"euler", 0.05, "dt: 0.1", "dt: 0.1, tolerance: 1e-3", "steps of up to 0.05 s of euler"},
-        {"euler", 0.05, "euler", "heun", "takes steps of 0.05 s of heun"},
-        {"heun", 0.05, "euler", "heun", NULL},
-        {NULL, 0, "substeps: 2", "substeps: 4", NULL},       // not known
-        {"euler", 0.02, "substeps: 2", "substeps: 4", NULL}, // shorter than 0.05: a rate
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
-        save_grip(*state, cases[i].integrator, cases[i].step);
-        pm_scene *scene = edited_from(pressed, *state, cases[i].from, cases[i].to);
-        pm_system *system = NULL;
-        const pm_status status = pm_system_load(&system, scene, NULL);
-        if (status != (cases[i].refused == NULL ? PM_OK : PM_EWEIGHTS)) {
-            fail_msg("case %zu: status %d, %s", i, status, pm_error());
-        }
-        if (cases[i].refused != NULL) {
-            assert_non_null(strstr(pm_error(), "t.yaml:10:19: grip: the weights "));
-            assert_non_null(
-                strstr(pm_error(), "within a step of 0.05 s of euler, and hold for no"));
-            assert_non_null(strstr(pm_error(), cases[i].refused));
-        }
-        pm_system_free(system);
-        pm_scene_free(scene);
-    }
-}
-
 // Features say rates, of which every integrator makes its steps.
 static void rates_hold_for_all_steps(void **state) {
     part_integrator = "rk4";
@@ -425,7 +356,6 @@ int main(void) {
         cmocka_unit_test(test_mismatch),
         cmocka_unit_test(test_weights_folder),
         cmocka_unit_test(coordinates_must_agree_where_they_are_known),
-        cmocka_unit_test(what_a_step_does_holds_for_that_step),
         cmocka_unit_test(rates_hold_for_all_steps),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -155,56 +155,34 @@ expect 4 "$new: cannot make or write this folder" reduce "$modes" --data "$folde
 expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
 expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
 
-# --- nodes, and a network on their mesh ---
+# --- nodes ---
 nodes=$folder/nodes.h5
-succeed "elements: [4, 1, 1]}   16 free nodes, 56 edges" nodes "$folder/beam.h5" --relaxation 0.2,0.5 -o "$nodes"
-grep -q "nodes.h5: 2 trajectories of 5 states, 289 columns" "$folder/out" || fail "nodes: what it wrote"
-succeed "1 trajectories of 5 states, 193 columns" nodes "$folder/beam.h5" --trajectories 1 -o "$folder/one/nodes.h5"
-mkdir "$folder/graph"
-sed -e 's/u\[0:2160\]/u[0:48]/; s/_\[0:2160\]/_[0:48]/; s/f\[0:2160\]/f[0:48]/; s/4320/96/; s/steps: 40/steps: 4/' \
-    -e "s|^reference: .*|reference: {file: $nodes, trajectory: 0}|" configs/beam_graph.yaml >"$folder/graph/scene.yaml"
-# with_graph SED-SCRIPT: the training of the configurations, small and changed by the script.
-with_graph() {
-    sed -e 's|^scene: .*|scene: scene.yaml|; s/\[20, 5, 5\]/[4, 1, 1]/; s/patterns: [0-9]*/patterns: 3/; /^stages/,$d' -e "$1" \
-        configs/train/beam_graph.yaml >"$folder/graph/train.yaml"
-    echo "stages: [{optimiser: adam, iterations: 1, batch: 4, rate: 1.0e-3}]" >>"$folder/graph/train.yaml"
-}
-with_graph ''
-# One iteration leaves it as it was drawn, which is worse than a state that stays as it is: 13.
-expect 13 "worse than a state that stays as it is" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/weights/beam_graph"
-succeed "sigma    trajectory" evaluate "$folder/graph/scene.yaml" --data "$nodes"
-sed 's/integrator: euler/integrator: euler, substeps: 2/' "$folder/graph/scene.yaml" >"$folder/graph/halved.yaml"
-expect 6 "within a step of 0.05 s of euler, and hold for no other; the scene takes steps of 0.025 s" \
-    evaluate "$folder/graph/halved.yaml" --data "$nodes"
-with_graph 's/^symmetry: square/symmetry: round/'
-expect 3 "symmetry: expected one of any, square" fit "$folder/graph/train.yaml" --data "$nodes" -o "$new"
-with_graph 's/size: \[40, 10, 10\]/size: [40, 10, 9]/'
-expect 3 "the mesh has no square section" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
-with_graph 's/patterns: 3/patterns: 9/'
-expect 5 "9 patterns cannot be found in 8 states" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
-with_graph 's/\[4, 1, 1\]/[5, 1, 1]/'
-expect 3 "no field on a mesh of 20 nodes (model of body)" fit "$folder/graph/train.yaml" --data "$nodes" -o "$folder/graph/bad"
-for times in '' 0 -1 x 0.1,,0.2 0.1, '0.1 0.2' nan; do
-    expect 2 "--relaxation: expected a number > 0" nodes "$folder/beam.h5" --relaxation "$times" -o "$nodes"
-done
+mesh=$folder/mesh.h5
+succeed "20 nodes, 4 bricks" nodes "$folder/beam.h5" --mesh "$mesh" -o "$nodes"
+grep -q "nodes.h5: 2 trajectories of 5 states, 241 columns" "$folder/out" || fail "nodes: what it wrote"
+succeed "1 trajectories of 5 states, 241 columns" nodes "$folder/beam.h5" --mesh "$mesh" --trajectories 1 -o "$folder/one/nodes.h5"
+expect 2 "mesh" nodes "$folder/beam.h5" -o "$nodes"
 for states in 6 1.5 0 3x; do
-    expect 2 "--states: expected a" nodes "$folder/beam.h5" --states "$states" -o "$nodes"
+    expect 2 "--states: expected a" nodes "$folder/beam.h5" --mesh "$mesh" --states "$states" -o "$nodes"
 done
-succeed "2 trajectories of 3 states, 193 columns" nodes "$folder/beam.h5" --states 3 -o "$folder/one/nodes.h5"
-expect 2 "--relaxation: at most 4 numbers" nodes "$folder/beam.h5" --relaxation 1,2,3,4,5 -o "$nodes"
-expect 2 "--temperature: expected a number > 0, found \"0\"" nodes "$folder/beam.h5" --temperature 0 -o "$nodes"
-expect 2 "--temperature: expected a number > 0, found \"1,2\"" nodes "$folder/beam.h5" --temperature 1,2 -o "$nodes"
+succeed "2 trajectories of 3 states, 241 columns" nodes "$folder/beam.h5" --mesh "$mesh" --states 3 -o "$folder/one/nodes.h5"
+for temperature in 0 1,2; do
+    expect 2 "--temperature: expected a number > 0, found \"$temperature\"" \
+        nodes "$folder/beam.h5" --mesh "$mesh" --temperature "$temperature" -o "$nodes"
+done
 expect 5 "one/nodes.h5: trajectories of 3 states, those of $folder/beam.h5 have 5: only whole trajectories" \
     reconstruct "$folder/one/nodes.h5" --truth "$folder/beam.h5"
 succeed "stress  " reconstruct "$nodes" --truth "$folder/beam.h5" -o "$folder/again.h5"
 grep -qa "Fields reconstructed from nodal values" "$folder/again.h5" || fail "reconstruct: title of fields of nodal values"
 expect 2 "nodal values need --truth, modes a --basis" reconstruct "$nodes"
-expect 5 "$folder/one/modes.h5 as nodal values of $folder/beam.h5: expected columns u[0:48], sigma[0:96]" \
+expect 5 "$folder/one/modes.h5 as nodal values of $folder/beam.h5: expected columns u[0:60] and sigma[0:120]" \
     reconstruct "$folder/one/modes.h5" --truth "$folder/beam.h5" --trajectories 1
-expect 2 "expected A:B" nodes "$folder/beam.h5" --trajectories 0:3 -o "$nodes"
-expect 4 "nowhere.h5" nodes "$folder/nowhere.h5" -o "$nodes"
-expect 5 "/z" nodes "$nodes" -o "$new"
-expect 4 "/nowhere/new.h5" nodes "$folder/beam.h5" -o /nowhere/new.h5
+expect 5 "expected columns other_u[0:60] and other_sigma[0:120]" \
+    reconstruct "$nodes" --truth "$folder/beam.h5" --body other
+expect 2 "expected A:B" nodes "$folder/beam.h5" --mesh "$mesh" --trajectories 0:3 -o "$nodes"
+expect 4 "nowhere.h5" nodes "$folder/nowhere.h5" --mesh "$mesh" -o "$nodes"
+expect 5 "/z" nodes "$nodes" --mesh "$mesh" -o "$new"
+expect 4 "/nowhere/new.h5" nodes "$folder/beam.h5" --mesh "$mesh" -o /nowhere/new.h5
 
 # --- contact ---
 fields="lower=$folder/beams_lower.h5,upper=$folder/beams_upper.h5"

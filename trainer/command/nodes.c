@@ -5,20 +5,16 @@
 #include <string.h>
 
 #include "base/options.h"
-#include "body/nodes.h"
 #include "body/solid_nodes.h"
 #include "command/commands.h"
 
 typedef struct nodes_arguments {
-    const char *fields, *mesh, *relaxation, *temperature, *states, *trajectories, *output;
+    const char *fields, *mesh, *temperature, *states, *trajectories, *output;
 } nodes_arguments;
 
 static pm_status read_arguments(nodes_arguments *a, int argc, char **argv, bool *helped) {
     const pm_option table[] = {
-        {"--mesh", NULL, "FILE", NULL, &a->mesh, false,
-         "write the values at all nodes of any mesh, for a solid, and to FILE the mesh"},
-        {"--relaxation", NULL, "TAU[,TAU...]", NULL, &a->relaxation, false,
-         "s, relaxation times of the material's Prony series, e.g. 0.2,0.5 (default: none)"},
+        {"--mesh", NULL, "FILE", NULL, &a->mesh, true, "mesh to write (HDF5)"},
         {"--temperature", NULL, "T", NULL, &a->temperature, false,
          "K, at which dissipated energy becomes entropy (default: 300)"},
         {"--states", NULL, "N", NULL, &a->states, false,
@@ -28,11 +24,10 @@ static pm_status read_arguments(nodes_arguments *a, int argc, char **argv, bool 
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
     };
     const pm_options options = {
-        .usage = "portmet-train nodes FIELDS -o FILE [options]",
-        .summary =
-            "Writes the fields of a body on a box of bricks as trajectories of the values at its\n"
-            "free nodes: a dataset for `evaluate`, and for `fit` to train networks on the mesh.\n"
-            "`reconstruct` turns nodal values into fields again.",
+        .usage = "portmet-train nodes FIELDS --mesh FILE -o FILE [options]",
+        .summary = "Writes the fields of a body as trajectories of the values at its nodes,\n"
+                   "a dataset for `evaluate`, and the mesh, which a scene with a solid names.\n"
+                   "`reconstruct` turns nodal values into fields again.",
         .positional_name = "FIELDS",
         .positional = &a->fields,
         .count = sizeof table / sizeof *table,
@@ -42,8 +37,7 @@ static pm_status read_arguments(nodes_arguments *a, int argc, char **argv, bool 
 }
 
 // Reads the number of states to keep.
-static pm_status read_states(const nodes_arguments *a, const pm_field *field,
-                             pm_nodes_settings *settings) {
+static pm_status read_states(const nodes_arguments *a, const pm_field *field, int *nstate) {
     double count = field->ntime;
     if (a->states != NULL) {
         PM_TRY(pm_options_positive("--states", a->states, &count));
@@ -52,55 +46,34 @@ static pm_status read_states(const nodes_arguments *a, const pm_field *field,
         return pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found \"%s\"",
                        field->ntime, a->states);
     }
-    settings->nstate = (int)count;
+    *nstate = (int)count;
     return PM_OK;
 }
 
-static pm_status read_settings(const nodes_arguments *a, pm_nodes_settings *settings) {
-    settings->temperature = 300;
-    if (a->temperature != NULL) {
-        PM_TRY(pm_options_positive("--temperature", a->temperature, &settings->temperature));
-    }
-    return a->relaxation == NULL
-               ? PM_OK
-               : pm_options_positives("--relaxation", a->relaxation, PM_NODES_MOST_BRANCHES,
-                                      settings->tau, &settings->nbranch);
-}
-
-static pm_status print_mesh(const pm_field *field) {
-    pm_arena arena = {0};
-    const pm_mesh *mesh;
-    const int *node;
-    const pm_status status = pm_nodes_mesh(field, &arena, &mesh, &node);
-    if (status == PM_OK) {
-        printf("mesh: {size: [%g, %g, %g], elements: [%d, %d, %d]}   %d free nodes, %d edges\n",
-               mesh->size[0], mesh->size[1], mesh->size[2], mesh->elements[0], mesh->elements[1],
-               mesh->elements[2], mesh->nnode, mesh->nedge);
-    }
-    pm_arena_free(&arena);
-    return status;
-}
-
-// Makes the dataset and the mesh of a solid.
-static pm_status make_solid(const nodes_arguments *a, const pm_field *field,
-                            const pm_nodes_settings *settings, int count, const int *trajectory,
-                            pm_dataset **nodes) {
+// Makes the dataset, and writes the mesh.
+static pm_status make_nodes(const nodes_arguments *a, const pm_field *field, int count,
+                            const int *trajectory, pm_dataset **nodes) {
     pm_arena arena = {0};
     pm_solid_data data;
+    double temperature = PM_DEFAULT_TEMPERATURE;
+    int nstate = 0;
     pm_status status;
+    if (a->temperature != NULL) {
+        PM_TRY(pm_options_positive("--temperature", a->temperature, &temperature));
+    }
+    PM_TRY(read_states(a, field, &nstate));
     PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));
     memcpy(data.trajectory, trajectory, (size_t)count * sizeof *trajectory);
     data.count = count;
     PM_TRY_DONE(pm_solid_mesh_save(&data.mesh, a->mesh));
     printf("wrote %s: %d nodes, %d bricks\n", a->mesh, data.mesh.nnode, data.mesh.nelement);
-    status = pm_solid_nodes_dataset(nodes, &data, settings->nstate, settings->temperature);
+    status = pm_solid_nodes_dataset(nodes, &data, nstate, temperature);
 done:
     pm_arena_free(&arena);
     return status;
 }
 
-static pm_status write_nodes(const nodes_arguments *a, const pm_field *field,
-                             const pm_nodes_settings *settings, const char *command) {
+static pm_status write_nodes(const nodes_arguments *a, const pm_field *field, const char *command) {
     int count = 0, *trajectory = calloc((size_t)field->ntrajectory, sizeof *trajectory);
     pm_dataset *nodes = NULL;
     pm_status status;
@@ -108,8 +81,7 @@ static pm_status write_nodes(const nodes_arguments *a, const pm_field *field,
         return pm_fail(PM_ENOMEM, "out of memory for a list of trajectories");
     }
     PM_TRY_DONE(pm_options_list(a->trajectories, field->ntrajectory, trajectory, &count));
-    PM_TRY_DONE(a->mesh != NULL ? make_solid(a, field, settings, count, trajectory, &nodes)
-                                : pm_nodes_dataset(&nodes, field, count, trajectory, settings));
+    PM_TRY_DONE(make_nodes(a, field, count, trajectory, &nodes));
     PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", a->fields));
     PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
     PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
@@ -132,14 +104,10 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
-    pm_nodes_settings settings = {0};
     pm_field *field = NULL;
     pm_status status;
-    PM_TRY(read_settings(&a, &settings));
     PM_TRY_DONE(pm_field_load(&field, a.fields));
-    PM_TRY_DONE(read_states(&a, field, &settings));
-    PM_TRY_DONE(a.mesh != NULL ? PM_OK : print_mesh(field));
-    PM_TRY_DONE(write_nodes(&a, field, &settings, command));
+    PM_TRY_DONE(write_nodes(&a, field, command));
 done:
     pm_field_free(field);
     return status;

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "base/options.h"
-#include "body/nodes.h"
 #include "body/solid_nodes.h"
 #include "command/commands.h"
 #include "command/save_fields.h"
@@ -45,7 +44,7 @@ static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv,
             "`evaluate --record` work as well. Prints the relative L2 errors per trajectory;\n"
             "stresses are compared on the free nodes. Modes need the option --basis. Nodal values\n"
             "need the option --truth, which describes the body, and as many states as the truth\n"
-            "has. The option --relaxation of `nodes` makes no difference here.",
+            "has.",
         .positional_name = "DATASET",
         .positional = &a->dataset,
         .count = sizeof table / sizeof *table,
@@ -113,12 +112,14 @@ static pm_status make_from_nodes(const reconstruct_arguments *a, const pm_datase
             "can become fields again (`nodes` without --states)",
             a->dataset, nodes->ntime, a->truth, truth->ntime);
     }
-    const pm_status status = pm_solid_nodes_fit(nodes, a->body, truth)
-                                 ? pm_solid_nodes_fields(field, nodes, a->body, truth, trajectory)
-                                 : pm_nodes_fields(field, nodes, truth, trajectory);
-    return status == PM_EDATA
-               ? pm_fail(status, "%s as nodal values of %s: %s", a->dataset, a->truth, pm_error())
-               : status;
+    const char *body = a->body == NULL ? "" : a->body, *join = a->body == NULL ? "" : "_";
+    return pm_solid_nodes_fit(nodes, a->body, truth)
+               ? pm_solid_nodes_fields(field, nodes, a->body, truth, trajectory)
+               : pm_fail(PM_EDATA,
+                         "%s as nodal values of %s: expected columns %s%su[0:%d] and "
+                         "%s%ssigma[0:%d]",
+                         a->dataset, a->truth, body, join, 3 * truth->nnode, body, join,
+                         6 * truth->nnode);
 }
 
 static pm_status make_from_modes(const reconstruct_arguments *a, const pm_dataset *modes,

@@ -119,9 +119,6 @@ static pm_status default_energy(pm_part_spec *spec, pm_arena *arena) {
     }
     for (int i = 0; i < energy->nterm; ++i) {
         term[i] = energy->term[i];
-        if (term[i].message != NULL) {
-            continue;
-        }
         term[i].scaled = true;
         term[i].spread = ENERGY_SPREAD;
         if (term[i].nthermal == 0 && !term[i].zero_at_origin) {
@@ -139,8 +136,8 @@ static pm_status scale_terms(pm_potential_spec *potential, pm_arena *arena) {
     }
     for (int i = 0; i < potential->nterm; ++i) {
         term[i] = potential->term[i];
-        term[i].scaled = term[i].message == NULL;
-        term[i].spread = term[i].message == NULL ? ENERGY_SPREAD : 0;
+        term[i].scaled = true;
+        term[i].spread = ENERGY_SPREAD;
     }
     potential->term = term;
     return PM_OK;
@@ -149,7 +146,7 @@ static pm_status scale_terms(pm_potential_spec *potential, pm_arena *arena) {
 // --- operators ---
 
 static void default_spread(pm_operator_spec *op) {
-    if (op->learned && op->network.message == NULL) {
+    if (op->learned) {
         op->network.spread = OPERATOR_SPREAD;
     }
 }
@@ -162,8 +159,7 @@ static bool can_heat(const pm_operator_spec *op, pm_form form, int components, i
     for (int i = 0; i < op->nacts; ++i) {
         other = other || !is_listed(count, heats, op->acts_on[i]);
     }
-    return op->learned && op->network.message == NULL && op->nheats == 0 && form == PM_HARD &&
-           count > 0 && other;
+    return op->learned && op->nheats == 0 && form == PM_HARD && count > 0 && other;
 }
 
 pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena *arena) {

@@ -13,7 +13,6 @@
 #include "learn/normalization.h"
 #include "learn/spectrum.h"
 #include "learn/start.h"
-#include "learn/symmetry.h"
 
 // Training begins again with other initial weights if the best rollouts on the validation part have
 // more than this fraction of the error of persistence.
@@ -117,18 +116,11 @@ static pm_status optimise(pm_fit *f, pm_objective *objective) {
                : pm_spectrum_report(objective, stdout);
 }
 
-// Makes the samples of the training part, with symmetric copies if the training file says so.
+// Makes the samples of the training part.
 static pm_status make_samples(pm_fit *f, pm_residual residual, int unroll, int input_order,
                               pm_samples *samples) {
-    pm_symmetry *symmetry = NULL;
-    if (f->training->square) {
-        PM_TRY(pm_symmetry_make(&symmetry, f->training->system, unroll, input_order,
-                                &f->training->arena));
-    }
-    PM_TRY(pm_samples_make(samples, f->training->scene, f->dataset, 0, f->split.ntraining, residual,
-                           unroll, input_order));
-    samples->symmetry = symmetry;
-    return PM_OK;
+    return pm_samples_make(samples, f->training->scene, f->dataset, 0, f->split.ntraining, residual,
+                           unroll, input_order);
 }
 
 // Chooses initial weights by the seed of the training and the number of the attempt.

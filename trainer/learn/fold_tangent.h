@@ -3,6 +3,7 @@
 #ifndef PM_TRAINER_LEARN_FOLD_TANGENT_H
 #define PM_TRAINER_LEARN_FOLD_TANGENT_H
 
+#include "base/arena.h"
 #include "model/part.h"
 
 // For each marked network in the part's energy and entropy, subtracts the value at zero features

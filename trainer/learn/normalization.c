@@ -20,8 +20,6 @@
 
 // The most numbers in the windows that are examined. If there are more, some windows are chosen.
 #define MOST_NUMBERS 100000000
-// Snapshots shorter than this fraction of the typical length are scaled as if they were that long.
-#define SMALLEST_SNAPSHOT 0.1
 // A typical difference of temperature that drives heat, relative to the temperature.
 #define TYPICAL_WARMTH 0.05
 
@@ -115,8 +113,7 @@ static pm_status collect(void *context, const pm_normaliser *n) {
     if (c->count == MAX_SETS) {
         return pm_fail(PM_ECONFIG, "more than %d networks and operators", MAX_SETS);
     }
-    static const char *const name[] = {"deviation", "scale", "along", "patterns",
-                                       "scale",     "scale", "unit"};
+    static const char *const name[] = {"deviation", "scale", "along", "scale", "scale", "unit"};
     if (n->kind == PM_NORMALISE_UNIT) {
         fix_unit(c, n);
         return PM_OK;
@@ -225,75 +222,14 @@ static void fix_along(const set *s, const double *value, int count, int cols) {
     }
 }
 
-// Divides snapshots [count][cols] by their lengths, so that all count equally.
-static void scale_snapshots(const double *value, int count, int cols, double *snapshot) {
-    const double typical = pooled_rms(value, count, cols, 0, cols);
-    for (int i = 0; i < count; ++i) {
-        const double *from = value + (size_t)i * (size_t)cols;
-        const double own = pooled_rms(from, 1, cols, 0, cols);
-        const double length = fmax(own, SMALLEST_SNAPSHOT * typical);
-        for (int c = 0; c < cols; ++c) {
-            snapshot[(size_t)i * (size_t)cols + (size_t)c] = length > 0 ? from[c] / length : 0;
-        }
-    }
-}
-
-// Finds the leading directions of the snapshots from the eigenvectors of their scalar products
-// (Sirovich, Q. Appl. Math. 45 (1987) 561), rounded to single precision.
-static pm_status find_patterns(const set *s, const double *snapshot, int count, int cols) {
-    const int npattern = s->deviation->cols;
-    double *product = malloc((size_t)count * (size_t)count * sizeof *product);
-    double *value = malloc((size_t)npattern * sizeof *value);
-    double *vector = malloc((size_t)npattern * (size_t)count * sizeof *vector);
-    double *pattern = malloc((size_t)npattern * (size_t)cols * sizeof *pattern);
-    pm_status status = PM_OK;
-    if (product == NULL || value == NULL || vector == NULL || pattern == NULL) {
-        status = pm_fail(PM_ENOMEM, "out of memory for patterns");
-        goto done;
-    }
-    pm_gemm(false, true, count, count, cols, snapshot, snapshot, product);
-    if (npattern > count || !pm_eigen_largest(count, product, npattern, value, vector)) {
-        status = pm_fail(PM_EDATA, "%d patterns cannot be found in %d states", npattern, count);
-        goto done;
-    }
-    pm_gemm(false, false, npattern, cols, count, vector, snapshot, pattern);
-    for (int k = 0; k < npattern; ++k) {
-        const double *from = pattern + (size_t)k * (size_t)cols;
-        const double rms = pooled_rms(from, 1, cols, 0, cols);
-        for (int c = 0; c < cols; ++c) {
-            s->deviation->value[(size_t)c * (size_t)npattern + (size_t)k] =
-                rms > 0 ? (float)(from[c] / rms) : 0;
-        }
-    }
-done:
-    free(product);
-    free(value);
-    free(vector);
-    free(pattern);
-    return status;
-}
-
-static pm_status fix_patterns(const set *s, const double *value, int count, int cols) {
-    double *snapshot = malloc((size_t)count * (size_t)cols * sizeof *snapshot);
-    if (snapshot == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for patterns");
-    }
-    scale_snapshots(value, count, cols, snapshot);
-    const pm_status status = find_patterns(s, snapshot, count, cols);
-    free(snapshot);
-    return status;
-}
-
-static pm_status fix(const set *s, bool by_rates, const double *value, int count, int cols) {
+static void fix(const set *s, bool by_rates, const double *value, int count, int cols) {
     switch (s->kind) {
-    case PM_NORMALISE_PATTERNS:
-        return fix_patterns(s, value, count, cols);
     case PM_NORMALISE_FEATURES:
         fix_features(s, value, count, cols);
-        return PM_OK;
+        return;
     case PM_NORMALISE_ALONG:
         fix_along(s, value, count, cols);
-        return PM_OK;
+        return;
     case PM_NORMALISE_SCALE:
     case PM_NORMALISE_FRICTION:
     case PM_NORMALISE_RATE:
@@ -305,7 +241,6 @@ static pm_status fix(const set *s, bool by_rates, const double *value, int count
     } else {
         fix_scale(s, value, count, cols);
     }
-    return PM_OK;
 }
 
 // --- running the graphs ---
@@ -343,12 +278,10 @@ static int choose_windows(const pm_samples *samples) {
     return samples->count < most ? samples->count : most;
 }
 
-// Writes evenly chosen windows, each as another one of its symmetric copies.
+// Writes evenly chosen windows.
 static void write_windows(const pm_samples *samples, int count, double *window) {
-    const int copies = pm_samples_symmetry_copies(samples) / samples->count;
     for (int i = 0; i < count; ++i) {
-        const int which = (int)((long)i * samples->count / count);
-        pm_samples_window(samples, which + i % copies * samples->count,
+        pm_samples_window(samples, (int)((long)i * samples->count / count),
                           window + (size_t)i * (size_t)pm_samples_width(samples));
     }
 }
@@ -366,13 +299,12 @@ static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *sa
     PM_TRY(pm_program_open(&program, c->g, c->count, output, count));
     write_windows(samples, count, pm_program_value(program, window));
     pm_program_run(program, count);
-    pm_status status = PM_OK;
-    for (int i = 0; i < c->count && status == PM_OK; ++i) {
-        status = fix(&c->set[i], !c->plain, pm_program_value(program, output[i]), count,
-                     pm_graph_shape(c->g, output[i]).cols);
+    for (int i = 0; i < c->count; ++i) {
+        fix(&c->set[i], !c->plain, pm_program_value(program, output[i]), count,
+            pm_graph_shape(c->g, output[i]).cols);
     }
     pm_program_close(program);
-    return status;
+    return PM_OK;
 }
 
 static pm_status one_pass(pm_system *system, const pm_samples *samples,

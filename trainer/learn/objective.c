@@ -217,10 +217,6 @@ int pm_objective_samples(const pm_objective *o) {
     return o->samples->count;
 }
 
-int pm_objective_symmetry_copies(const pm_objective *o) {
-    return pm_samples_symmetry_copies(o->samples);
-}
-
 pm_loss_context pm_objective_context(const pm_objective *o) {
     return (pm_loss_context){o->system, o->samples, &o->loss};
 }
@@ -231,14 +227,12 @@ static double robust_weight(const pm_objective *o, int sample) {
 }
 
 double pm_objective_sample_weight(const pm_objective *o, int sample) {
-    const int original = sample % o->samples->count;
-    const double importance = o->importance == NULL ? 1 : o->importance[original];
-    return importance * robust_weight(o, original);
+    const double importance = o->importance == NULL ? 1 : o->importance[sample];
+    return importance * robust_weight(o, sample);
 }
 
 double pm_objective_sample_share(const pm_objective *o, int sample) {
-    const int original = sample % o->samples->count;
-    return o->square[original] * robust_weight(o, original);
+    return o->square[sample] * robust_weight(o, sample);
 }
 
 void pm_objective_set_importance(pm_objective *o, const double *importance) {
@@ -305,7 +299,7 @@ static void *work(void *context) {
         const double *square = pm_program_value(program, o->residual);
         for (int i = 0; i < batch; ++i) {
             const int sample = l->index == NULL ? first + i : l->index[first + i];
-            o->square[sample % o->samples->count] = square[i];
+            o->square[sample] = square[i];
         }
     }
     return NULL;
@@ -334,12 +328,12 @@ static void share_squares(pm_objective *o) {
     const int chunk = chunk_of(l->count, o->chunk, o->lanes.count);
     for (int i = 0; i < l->count; ++i) {
         const int lane = i / chunk % o->lanes.count - o->lanes.first;
-        const int sample = (l->index == NULL ? i : l->index[i]) % o->samples->count;
+        const int sample = l->index == NULL ? i : l->index[i];
         o->exchange[i] = lane >= 0 && lane < o->lanes.own ? o->square[sample] : 0;
     }
     pm_team_sum(o->loss.team, (size_t)l->count, o->exchange);
     for (int i = 0; i < l->count; ++i) {
-        const int sample = (l->index == NULL ? i : l->index[i]) % o->samples->count;
+        const int sample = l->index == NULL ? i : l->index[i];
         o->square[sample] = o->exchange[i];
     }
 }
@@ -381,7 +375,7 @@ static pm_status median_square(const pm_objective *o, int count, const int *inde
         return pm_fail(PM_ENOMEM, "out of memory for a median");
     }
     for (int i = 0; i < n; ++i) {
-        sorted[i] = o->square[index == NULL ? i : index[i] % o->samples->count];
+        sorted[i] = o->square[index == NULL ? i : index[i]];
     }
     qsort(sorted, (size_t)n, sizeof *sorted, compare);
     *median = sorted[n / 2];

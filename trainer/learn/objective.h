@@ -21,8 +21,6 @@ pm_status pm_objective_open(pm_objective **objective, pm_system *system, const p
 void pm_objective_close(pm_objective *objective); // NULL is allowed
 
 int pm_objective_samples(const pm_objective *o); // the number of samples
-// Returns the number of samples including their symmetric copies (learn/samples.h).
-int pm_objective_symmetry_copies(const pm_objective *o);
 
 int pm_objective_size(const pm_objective *o); // the number of weights
 // These functions copy all weights from the system to theta [pm_objective_size], and back.
@@ -31,8 +29,7 @@ void pm_objective_set_weights(pm_objective *o, const double *theta);
 
 // Returns the loss at the present weights of the system. Writes its gradient [pm_objective_size]
 // unless `gradient` is NULL; the loss alone takes a fraction of the time. The mean is over the
-// samples index [count], or over all samples in their original orientation if `index` is NULL. An
-// index names a sample or one of its symmetric copies, and at most one of them per sample.
+// samples index [count], which are different, or over all samples if `index` is NULL.
 double pm_objective_evaluate(pm_objective *o, int count, const int *index, double *gradient);
 
 // Sets the robust scale D^2 = d^2 times the median squared residual of the samples index [count]

@@ -16,8 +16,8 @@ static double rate_at(const pm_schedule *s, double fraction) {
     return exp(weight * log(s->first_rate) + (1 - weight) * log(s->last_rate));
 }
 
-// Fills index [count] with all samples in random order, each as a random one of its `copies`.
-static void shuffle(int *index, int count, int copies, uint64_t seed, int epoch) {
+// Fills index [count] with all samples in random order.
+static void shuffle(int *index, int count, uint64_t seed, int epoch) {
     pm_rng rng;
     pm_rng_init(&rng, seed, (uint64_t)epoch);
     for (int i = 0; i < count; ++i) {
@@ -28,9 +28,6 @@ static void shuffle(int *index, int count, int copies, uint64_t seed, int epoch)
         const int kept = index[i];
         index[i] = index[j];
         index[j] = kept;
-    }
-    for (int i = 0; i < count && copies > 1; ++i) {
-        index[i] += count * (int)pm_rng_below(&rng, (uint64_t)copies);
     }
 }
 
@@ -54,7 +51,7 @@ static pm_status run_epoch(pm_optimisation *o, int count, int *index, double *gr
                            double *loss) {
     const pm_schedule *s = &o->schedule;
     const int batches = (count + s->batch - 1) / s->batch;
-    shuffle(index, count, pm_objective_symmetry_copies(o->objective) / count, o->seed, o->done);
+    shuffle(index, count, o->seed, o->done);
     while (o->batches < batches) {
         const int first = o->batches * s->batch;
         const int size = count - first < s->batch ? count - first : s->batch;

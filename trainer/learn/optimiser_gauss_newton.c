@@ -64,9 +64,8 @@ typedef struct solver {
 } solver;
 
 // Moves a fresh random batch to the front of the index, and behind it further samples that judge
-// its step, each as a random symmetric copy.
+// its step.
 static void draw_batch(solver *s, int count) {
-    const int copies = pm_objective_symmetry_copies(s->o->objective) / count;
     pm_rng rng;
     pm_rng_init(&rng, s->o->seed, (uint64_t)s->o->done);
     for (int i = 0; i < count; ++i) {
@@ -77,9 +76,6 @@ static void draw_batch(solver *s, int count) {
         const int kept = s->index[i];
         s->index[i] = s->index[j];
         s->index[j] = kept;
-    }
-    for (int i = 0; i < s->checked && copies > 1; ++i) {
-        s->index[i] += count * (int)pm_rng_below(&rng, (uint64_t)copies);
     }
 }
 

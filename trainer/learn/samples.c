@@ -5,8 +5,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "learn/symmetry.h"
-
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory for training samples");
 }
@@ -222,18 +220,9 @@ void pm_samples_rescale(pm_samples *samples, const double *scale) {
     }
 }
 
-int pm_samples_symmetry_copies(const pm_samples *s) {
-    return s->symmetry == NULL ? s->count : PM_SYMMETRY_COPIES_OF_SQUARE * s->count;
-}
-
 void pm_samples_window(const pm_samples *s, int k, double *window) {
-    const int width = pm_samples_width(s), image = k / s->count;
-    const double *from = s->z + (size_t)(k % s->count) * (size_t)width;
-    if (image == 0) {
-        memcpy(window, from, (size_t)width * sizeof *window);
-    } else {
-        pm_symmetry_image(s->symmetry, image, width, from, window);
-    }
+    const size_t width = (size_t)pm_samples_width(s);
+    memcpy(window, s->z + (size_t)k * width, width * sizeof *window);
 }
 
 void pm_samples_free(pm_samples *samples) {

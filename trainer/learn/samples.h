@@ -9,8 +9,6 @@
 // state of a window, or the rates at this state.
 typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residual;
 
-typedef struct pm_symmetry pm_symmetry; // learn/symmetry.h
-
 // `count` windows. A window holds 1 + unroll states [1 + unroll][nz], followed by the coefficients
 // of the boundary inputs over its steps [unroll][input_order][nboundary_input]
 // (pm_boundary_input_interval), and by the weights of the residuals [nz] if the samples are
@@ -19,14 +17,13 @@ typedef struct pm_symmetry pm_symmetry; // learn/symmetry.h
 // where there are boundary inputs, and of all states of shorter trajectories). The differences of
 // nine states are weighted by their accuracy, which a formula of seven states estimates.
 typedef struct pm_samples {
-    pm_arena arena; // owns the arrays below, but not the symmetry
+    pm_arena arena; // owns the arrays below
     int count, unroll, nz;
     int nboundary_input; // scene->nprescribed
     int input_order; // PM_BOUNDARY_INPUT_ORDER, or 1: only the values at the beginning of each step
     bool weighted;
     double *z;     // [count][pm_samples_width]
     double *scale; // [nz] root mean square of the increment of one step, pooled over each group
-    const pm_symmetry *symmetry; // borrowed: its copies of each window are samples, too; or NULL
 } pm_samples;
 
 // Makes the windows of trajectories [first, end) of the dataset. The caller frees. PM_EDATA if the
@@ -58,9 +55,6 @@ static inline int pm_samples_left_out(const pm_samples *s) {
     return s->unroll * (PM_BOUNDARY_INPUT_ORDER - s->input_order) * s->nboundary_input;
 }
 
-// Returns the number of samples including symmetric copies: sample k is copy k / count of window k
-// % count.
-int pm_samples_symmetry_copies(const pm_samples *s);
 // Writes the window [pm_samples_width] of sample k.
 void pm_samples_window(const pm_samples *s, int k, double *window);
 

@@ -236,7 +236,6 @@ bool pm_training_is_measured(const pm_training *training) {
 
 static pm_status make_digest(pm_training *t) {
     uint64_t digest = pm_digest_integer(PM_DIGEST_INIT, (int64_t)t->seed);
-    digest = pm_digest_integer(digest, t->square);
     digest = pm_digest_integer(digest, t->plain);
     digest = pm_digest_integer(digest, t->tries);
     digest = pm_digest_integer(digest, t->try_iterations);
@@ -265,10 +264,9 @@ static pm_status load_scene(pm_training *t, pm_yaml at, const char *path) {
 }
 
 static pm_status read_all(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"scene", "data",  "seed",     "models", "subsystems",
-                                       "ports", "loss",  "symmetry", "stages", "defaults",
-                                       "start", "noise", NULL};
-    static const char *const sections[] = {"any", "square", NULL};
+    static const char *const keys[] = {"scene",      "data",  "seed",  "models",
+                                       "subsystems", "ports", "loss",  "stages",
+                                       "defaults",   "start", "noise", NULL};
     static const char *const defaults[] = {"physical", "plain", NULL};
     PM_TRY(pm_yaml_allow(root, keys));
     pm_yaml value;
@@ -286,11 +284,6 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
         PM_TRY(pm_yaml_int(value, 0, 2147483647, &seed));
     }
     t->seed = (uint64_t)seed;
-    if (pm_yaml_exists(value = pm_yaml_get(root, "symmetry"))) {
-        int section = 0;
-        PM_TRY(pm_yaml_choice(value, sections, &section));
-        t->square = section == 1;
-    }
     if (pm_yaml_exists(value = pm_yaml_get(root, "defaults"))) {
         int choice = 0;
         PM_TRY(pm_yaml_choice(value, defaults, &choice));

@@ -37,7 +37,6 @@ typedef struct pm_training {
     double seconds;       // only the first seconds of each trajectory are used; infinite: all
     const char *data_set; // the dataset of the file that holds the measurements; NULL: z
     uint64_t seed;
-    bool square;        // samples have symmetric copies (learn/symmetry.h)
     bool plain;         // models stay as they are written (learn/defaults.h)
     int tries;          // initial draws to choose from (learn/start.h)
     int try_iterations; // iterations of each draw in the first round

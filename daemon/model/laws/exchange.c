@@ -41,16 +41,9 @@ static pm_site site_of(const pm_port_model *port, pm_graph *g, pm_end own,
     return site;
 }
 
-// Returns true if this end has a boundary term. On a mesh there is one network, for the fields of
-// one end; the other end is a boundary input without a state that changes.
-static bool has_term(const pm_port_model *port, pm_end own, const pm_site *site) {
-    const pm_network_spec *rate = &port->spec.rate;
-    int size;
-    if (port->spec.ends == (own == PM_END_A ? PM_END_B_ALONE : PM_END_A_ALONE)) {
-        return false;
-    }
-    return rate->message == NULL ||
-           pm_feature_size(rate->feature[0], &site->symbols, &size) == PM_OK;
+// Returns true if this end has a boundary term.
+static bool has_term(const pm_port_model *port, pm_end own) {
+    return port->spec.ends != (own == PM_END_A ? PM_END_B_ALONE : PM_END_A_ALONE);
 }
 
 static pm_status check_form(const pm_port_spec *spec) {
@@ -69,7 +62,6 @@ static pm_status check_form(const pm_port_spec *spec) {
 
 static pm_status declare(pm_port_model *port) {
     PM_TRY(pm_spec_locate(port->spec.at, check_form(&port->spec)));
-    bool any = false;
     PM_TRY(
         pm_spec_locate(port->spec.at, pm_constants_declare(port->spec.constants, &port->params)));
     static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
@@ -77,10 +69,9 @@ static pm_status declare(pm_port_model *port) {
     for (int own = 0; own < 2; ++own) {
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, NULL, (pm_end)own, none);
-        if (!has_term(port, (pm_end)own, &site)) {
+        if (!has_term(port, (pm_end)own)) {
             continue;
         }
-        any = true;
         if (port->spec.form == PM_FREE) {
             PM_TRY(pm_unstructured_rate_declare(&port->spec.rate, &site, &port->params, b.rate));
             continue;
@@ -90,10 +81,7 @@ static pm_status declare(pm_port_model *port) {
         PM_TRY(pm_operator_declare(&b.L, &site, &port->params));
         PM_TRY(pm_operator_declare(&b.M, &site, &port->params));
     }
-    return any ? PM_OK
-               : pm_spec_locate(
-                     port->spec.rate.at,
-                     pm_fail(PM_ECONFIG, "neither end exposes \"%s\"", port->spec.rate.feature[0]));
+    return PM_OK;
 }
 
 static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
@@ -101,7 +89,7 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     const boundary b = boundary_of(port, own);
     const pm_site site = site_of(port, g, own, end);
     const pm_params *params = &port->params;
-    if (!has_term(port, own, &site)) {
+    if (!has_term(port, own)) {
         return PM_NO_NODE;
     }
     if (port->spec.form == PM_FREE) {
@@ -125,7 +113,7 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
         const boundary b = boundary_of(port, (pm_end)own);
         const pm_site site = site_of(port, g, (pm_end)own, end);
         const pm_symbols *symbols = &site.symbols;
-        if (!has_term(port, (pm_end)own, &site)) {
+        if (!has_term(port, (pm_end)own)) {
             continue;
         }
         if (port->spec.form == PM_FREE) {
