@@ -1,9 +1,10 @@
-// Measures a chain of learned links in one process, and in several with a coordinator: the time of
-// a step by the clock, the processor time of each process, and the time for which each waits. The
-// links begin in different states, so that none rests. The weights are the shipped ones.
-//   run_bench_processes CONFIGS LINKS STEPS PROCESSES [URL]
+// Measures learned links (many_links.h) in one process, and in several with a coordinator: the time
+// of a step by the clock, the processor time of each process, and the time for which each waits.
+//   run_bench_processes CONFIGS SHAPE LINKS STEPS PROCESSES [URL [SESSION PROCESS]]
 // PROCESSES 0 is a run in one process that books every step in its ledger. Without URL the
 // processes meet over LCM on this host. With mpi:// mpirun starts them, one more than PROCESSES.
+// With SESSION, a number that all processes of a run share, only one of them is run: PROCESS, from
+// 0, or the coordinator, -1. So they can be on several hosts.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,17 +15,12 @@
 
 #include "base/linalg.h"
 #include "base/progress.h"
-#include "base/rng.h"
 #include "lockstep/lockstep.h"
+#include "many_links.h"
 #include "sim/monolithic.h"
 
-#define NZ 5 // of a link
-#define SEED 18u
 #define WARM 4 // steps before the measurement
 #define LCM_URL "udpm://239.255.76.67:7667?ttl=0"
-
-// Links one and two. Further ones start near the second.
-static const double start[2 * NZ] = {4.5, 4.4, -0.5, 1.4, -0.1, -2.7, 0.1, 1.4, -0.2, 0.1};
 
 typedef struct bench {
     int links, processes;
@@ -60,51 +56,18 @@ static void print(const bench *b, const char *name, double seconds, double cpu, 
     fflush(stdout);
 }
 
-// --- the chain ---
-
-static pm_status parse(bench *b, const char *configs) {
-    static const char format[] =
-        "scene: chain\ntime: {dt: 1.0e-6, steps: %ld, integrator: euler}\nsubsystems:\n"
-        "  link0: {weights: weights/double_pendulum/upper.h5, state: %s}\n"
-        "  \"link[1:%d]\": {weights: weights/double_pendulum/lower.h5, state: %s}\n"
-        "ports:\n  \"joint[0:%d]\": {law: bracket, between: [\"link[i]\", \"link[i+1]\"],\n"
-        "    weights: weights/double_pendulum/joint.h5,\n"
-        "    expose: {\"link[i]\": [q, p, s], \"link[i+1]\": [q, p, s]}}\n"
-        "processes:\n";
-    static const char state[] =
-        "{q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}";
-    char path[4096], *text = NULL;
-    size_t size;
-    FILE *file = open_memstream(&text, &size);
-    if (file == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a scene");
-    }
-    fprintf(file, format, b->steps + WARM, state, b->links, state, b->links - 1);
-    const int count = b->processes > 0 ? b->processes : 1;
-    for (int i = 0; i < count; ++i) {
-        fprintf(file, "  process%d: \"link[%d:%d]\"\n", i, (int)((long)b->links * i / count),
-                (int)((long)b->links * (i + 1) / count));
-    }
-    fclose(file);
-    snprintf(path, sizeof path, "%s/chain.yaml", configs);
-    const pm_status status = pm_scene_parse(&b->scene, text, path);
-    free(text);
-    return status;
-}
-
-static pm_status open_chain(bench *b, const char *configs) {
-    PM_TRY(parse(b, configs));
+static pm_status open_links(bench *b, const char *configs, const char *shape) {
+    const many_links what = {.configs = configs,
+                             .shape = shape,
+                             .integrator = "euler",
+                             .links = b->links,
+                             .processes = b->processes > 0 ? b->processes : 1,
+                             .steps = b->steps + WARM};
+    PM_TRY(many_links_scene(&b->scene, &what));
     PM_TRY(pm_system_load(&b->system, b->scene, NULL));
-    b->z = malloc((size_t)b->scene->nz * sizeof *b->z);
-    if (b->z == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for %d links", b->links);
-    }
-    pm_rng rng;
-    pm_rng_init(&rng, SEED, 0);
-    for (int i = 0; i < b->scene->nz; ++i) {
-        b->z[i] = start[i < NZ ? i : NZ + i % NZ] + 0.05 * pm_rng_normal(&rng);
-    }
-    return PM_OK;
+    b->links = b->scene->nsubsystem;
+    b->z = many_links_states(b->scene);
+    return b->z != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for %d links", b->links);
 }
 
 // --- the runs ---
@@ -198,19 +161,27 @@ static pm_status run_processes(bench *b) {
     return status;
 }
 
+// Runs one process of a run on several hosts.
+static pm_status run_one(bench *b, int64_t session, int process_id) {
+    return process_id < 0 ? conduct(b, session) : serve(b, process_id, session);
+}
+
 int main(int argc, char **argv) {
-    if (argc < 5 || argc > 6) {
-        fprintf(stderr, "usage: run_bench_processes CONFIGS LINKS STEPS PROCESSES [URL]\n");
+    if (argc < 6 || argc > 9 || argc == 8) {
+        fprintf(stderr, "usage: run_bench_processes CONFIGS SHAPE LINKS STEPS PROCESSES [URL "
+                        "[SESSION PROCESS]]\n");
         return PM_EUSAGE;
     }
     pm_linalg_init();
-    bench b = {.links = atoi(argv[2]),
-               .steps = atol(argv[3]),
-               .processes = atoi(argv[4]),
-               .url = argc == 6 ? argv[5] : LCM_URL};
-    pm_status status = open_chain(&b, argv[1]);
+    bench b = {.links = atoi(argv[3]),
+               .steps = atol(argv[4]),
+               .processes = atoi(argv[5]),
+               .url = argc > 6 ? argv[6] : LCM_URL};
+    pm_status status = open_links(&b, argv[1], argv[2]);
     if (status == PM_OK) {
-        status = b.processes > 0 ? run_processes(&b) : run_here(&b);
+        status = argc == 9         ? run_one(&b, atol(argv[7]), atoi(argv[8]))
+                 : b.processes > 0 ? run_processes(&b)
+                                   : run_here(&b);
     }
     if (status != PM_OK) {
         fprintf(stderr, "bench_processes: %s\n", pm_error());

@@ -1,7 +1,7 @@
-// Measures chains of 2 to 100,000 learned links in one process: the processor time of a link and
-// step, of reading and building a link, and the memory of a link. The sizes take turns, so that a
-// busy machine slows all of them alike. The weights are the shipped ones.
-//   run_bench_scale CONFIGS [INTEGRATOR]
+// Measures systems of 2 to 100,000 learned links (many_links.h) in one process: the processor time
+// of a link and step, of reading and building a link, and the memory of a link. The sizes take
+// turns, so that a busy machine slows all of them alike.
+//   run_bench_scale CONFIGS [INTEGRATOR [SHAPE]]
 #include <malloc.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,19 +9,14 @@
 #include <time.h>
 
 #include "base/linalg.h"
-#include "base/rng.h"
+#include "many_links.h"
 #include "sim/monolithic.h"
 
-#define NZ 5       // of a link
 #define ROUNDS 9   // of which the median counts
 #define WORK 40000 // links times steps of a round, at least one step
-#define SEED 18u
 
 static const int sizes[] = {2, 8, 64, 1000, 10000, 100000};
 #define SIZES ((int)(sizeof sizes / sizeof sizes[0]))
-
-// Links one and two. Further ones start near the second.
-static const double start[2 * NZ] = {4.5, 4.4, -0.5, 1.4, -0.1, -2.7, 0.1, 1.4, -0.2, 0.1};
 
 typedef struct subject {
     int links;
@@ -45,26 +40,12 @@ static size_t allocated(void) {
     return info.uordblks + info.hblkhd;
 }
 
-static pm_status parse(subject *s, const char *configs, const char *integrator) {
-    static const char format[] =
-        "scene: chain\ntime: {dt: 1.0e-6, steps: 1, integrator: %s}\nsubsystems:\n"
-        "  link0: {weights: weights/double_pendulum/upper.h5, state: %s}\n"
-        "  \"link[1:%d]\": {weights: weights/double_pendulum/lower.h5, state: %s}\n"
-        "ports:\n  \"joint[0:%d]\": {law: bracket, between: [\"link[i]\", \"link[i+1]\"],\n"
-        "    weights: weights/double_pendulum/joint.h5,\n"
-        "    expose: {\"link[i]\": [q, p, s], \"link[i+1]\": [q, p, s]}}\n";
-    static const char state[] =
-        "{q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}";
-    char text[1024], path[4096];
-    snprintf(text, sizeof text, format, integrator, state, s->links, state, s->links - 1);
-    snprintf(path, sizeof path, "%s/chain.yaml", configs);
-    return pm_scene_parse(&s->scene, text, path);
-}
-
-static pm_status open_subject(subject *s, const char *configs, const char *integrator) {
+static pm_status open_subject(subject *s, many_links what) {
     const size_t nothing = allocated();
     const double before = now();
-    PM_TRY(parse(s, configs, integrator));
+    what.links = s->links;
+    PM_TRY(many_links_scene(&s->scene, &what));
+    s->links = s->scene->nsubsystem; // a grid is a square
     const double parsed = now();
     s->bytes[0] = allocated() - nothing;
     PM_TRY(pm_system_load(&s->system, s->scene, NULL));
@@ -75,14 +56,9 @@ static pm_status open_subject(subject *s, const char *configs, const char *integ
     s->bytes[2] = allocated() - nothing - s->bytes[0] - s->bytes[1];
     s->read = parsed - before;
     s->load = loaded - parsed;
-    double *z = malloc((size_t)s->scene->nz * sizeof *z);
+    double *z = many_links_states(s->scene);
     if (z == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for %d links", s->links);
-    }
-    pm_rng rng;
-    pm_rng_init(&rng, SEED, 0);
-    for (int i = 0; i < s->scene->nz; ++i) {
-        z[i] = start[i < NZ ? i : NZ + i % NZ] + 0.05 * pm_rng_normal(&rng);
     }
     pm_monolithic_set_state(s->monolithic, z);
     free(z);
@@ -114,17 +90,17 @@ static void print(subject *s) {
            (double)s->bytes[2] / n);
 }
 
-static pm_status run(subject *subjects, const char *configs, const char *integrator) {
+static pm_status run(subject *subjects, const many_links *what) {
     for (int i = 0; i < SIZES; ++i) {
         subjects[i].links = sizes[i];
-        PM_TRY(open_subject(&subjects[i], configs, integrator));
+        PM_TRY(open_subject(&subjects[i], *what));
     }
     for (int round = 0; round < ROUNDS; ++round) {
         for (int i = 0; i < SIZES; ++i) {
             PM_TRY(measure(&subjects[i], round));
         }
     }
-    printf("%s; processor time of a link\n", integrator);
+    printf("%s, %s; processor time of a link\n", what->shape, what->integrator);
     printf(
         "  links  ns/step: least, median, quartiles  M/s    us: read    load    open  bytes: scene "
         "system integration\n");
@@ -135,13 +111,17 @@ static pm_status run(subject *subjects, const char *configs, const char *integra
 }
 
 int main(int argc, char **argv) {
-    if (argc < 2 || argc > 3) {
-        fprintf(stderr, "usage: run_bench_scale CONFIGS [INTEGRATOR]\n");
+    if (argc < 2 || argc > 4) {
+        fprintf(stderr, "usage: run_bench_scale CONFIGS [INTEGRATOR [SHAPE]]\n");
         return PM_EUSAGE;
     }
     pm_linalg_init();
     subject subjects[SIZES] = {{0}};
-    const pm_status status = run(subjects, argv[1], argc == 3 ? argv[2] : "euler");
+    const many_links what = {.configs = argv[1],
+                             .shape = argc > 3 ? argv[3] : "chain",
+                             .integrator = argc > 2 ? argv[2] : "euler",
+                             .steps = 1};
+    const pm_status status = run(subjects, &what);
     if (status != PM_OK) {
         fprintf(stderr, "bench_scale: %s\n", pm_error());
     }
