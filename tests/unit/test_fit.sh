@@ -232,6 +232,35 @@ fit broken broken || fail "fit broken"
 says '^stage 2/2 ends after .* goes on from the best weights\.'
 says 'those of stage 1 after'
 [ $code -eq 0 ] || fail "broken: exit code $code"
+# Conduction that is too fast for the substeps: the first loss is not finite, and more substeps are taken.
+sed '/^seed/,$d' "$folder/base.yaml" >"$folder/stiff.yaml"
+cat >>"$folder/stiff.yaml" <<'END'
+models:
+  link:
+    form: hard
+    constants: {m: {learned: 1.0, positive: true}, C: 0.1, b: 0.0869, c: 5.08, Tr: 300.0}
+    energy:
+      - "|p|^2/(2*m)"
+      - "C/2*ln(|q|)^2 + b*Tr*ln(|q|)"
+      - "c*Tr*(exp((s - b*ln(|q|))/c) - 1)"
+    entropy: {given: s}
+    reversible: {given: [[q, p, 1.0]]}
+  joint:
+    law: bracket
+    form: hard
+    constants: {K: 3000.0}
+    reversible: {given: [[a.p, b.q, 1.0]]}
+    irreversible: {given: [[a.s, b.s, "K*b.dE.s/a.dE.s"]]}
+subsystems: {upper: link, lower: link}
+ports: {joint: joint}
+loss: {residual: step}
+stages:
+  - {optimiser: gauss_newton, iterations: 2, batch: 200, substeps: 4}
+END
+fit stiff stiff
+says '^stage 1/1: .* The steps are too long for the model: 8 substeps are taken\.'
+says '128 substeps are taken\.'
+says '^stage 1/1 gauss_newton *2 iterations'
 # Bad rollouts make it begin again with other initial weights, at most twice.
 config unlucky '{optimiser: adam, iterations: 1, rate: 1.0e-12}'
 sed -i -e '/^defaults: plain/d' -e '$a start: {tries: 2, iterations: 1}' "$folder/unlucky.yaml"

@@ -18,6 +18,8 @@
 // more than this fraction of the error of persistence.
 #define UNLUCKY 0.02
 #define MOST_ATTEMPTS 3
+// The number of substeps is doubled at most so often.
+#define MOST_FINER 6
 // The difference between the seeds of two attempts.
 #define SEED_STRIDE 7000003
 
@@ -157,9 +159,34 @@ static pm_status run_stage(pm_fit *f) {
     return status;
 }
 
-// A stage whose loss is not finite ends there, and training goes on from the best weights so far.
+// Doubles the number of substeps of all stages of steps.
+static void refine(pm_fit *f) {
+    for (int i = 0; i < f->training->nstage; ++i) {
+        pm_loss *loss = &f->training->stage[i].loss;
+        loss->substeps *= loss->residual == PM_RESIDUAL_STEP ? 2 : 1;
+    }
+}
+
+// Whether the stage has failed in its first iteration, so that its substeps are most likely too
+// long for an explicit integrator of the model. What the training file says exactly stays as it is.
+static bool may_be_finer(const pm_fit *f) {
+    return !f->training->plain && f->position[PM_FIT_DONE] == 0 &&
+           f->position[PM_FIT_FINER] < MOST_FINER &&
+           f->training->stage[f->stage].loss.residual == PM_RESIDUAL_STEP;
+}
+
+// A stage whose first loss is not finite begins again with more substeps. Later it ends, and
+// training goes on from the best weights so far.
 static pm_status run_stage_or_return(pm_fit *f) {
-    const pm_status status = run_stage(f);
+    pm_status status = run_stage(f);
+    while (status == PM_ENUMERIC && may_be_finer(f)) {
+        ++f->position[PM_FIT_FINER];
+        refine(f);
+        printf("stage %d/%d: %s. The steps are too long for the model: %d substeps are taken.\n",
+               f->stage + 1, f->training->nstage, pm_error(),
+               f->training->stage[f->stage].loss.substeps);
+        status = run_stage(f);
+    }
     if (status != PM_ENUMERIC || f->position[PM_FIT_BEST] < 0) {
         return status;
     }
@@ -394,6 +421,9 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     f->saved = pm_clock();
     PM_TRY(initialise(f));
     PM_TRY(arguments->resume ? pm_fit_load(f) : PM_OK);
+    for (int i = 0; i < f->position[PM_FIT_FINER]; ++i) {
+        refine(f);
+    }
     return pm_fit_open_curves(f);
 }
 

@@ -38,6 +38,7 @@ enum {
     PM_FIT_BEST_STAGE, // where the best weights were found
     PM_FIT_BEST_DONE,
     PM_FIT_ATTEMPT, // completed trainings from other initial weights
+    PM_FIT_FINER,   // how often the substeps of all stages of steps have been doubled
     PM_FIT_DIGEST,  // the digest of each stage (learn/training.h)
     PM_FIT_POSITION = PM_FIT_DIGEST + PM_MAX_TRAINING_STAGES
 };
