@@ -9,7 +9,8 @@
 #include "lockstep/resend_buffer.h"
 #include "sim/local_subsystems.h"
 
-// Where the flux messages have what the other side of a remote end (sim/local_subsystems.h) shows.
+// The place in the flux messages of what the other side of a remote end (sim/local_subsystems.h)
+// shows.
 typedef struct pm_process_remote {
     int remote;    // position of the remote end
     int first, ny; // first position and number of its components in y, e and eta

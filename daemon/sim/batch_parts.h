@@ -44,11 +44,12 @@ typedef struct pm_batch_part {
     pm_program *bulk_term; // computes the rate from z, dE, dS, for one block; NULL: no bulk term
     double *bulk_input[PM_SHOWN_COUNT]; // z, dE, dS; NULL: the bulk term does not depend on it
     const double *bulk_rate;            // result of `bulk_term`
-    // Of scenes with a tolerance; otherwise NULL. The largest relative error of a substep in the
-    // present step, and [ngroup][nblock][width] the largest length that each group has had.
+    // Scenes with a tolerance have these; others have NULL. They are the largest relative error of
+    // a substep in the present step, and [ngroup][nblock][width] the largest length that each group
+    // has had.
     double *error, *size;
-    // Of balanced integrators; otherwise NULL. The projection now and after the last successful
-    // step, and exposures in this run beyond one for each stage.
+    // Balanced integrators have these; others have NULL. They are the projection now and after the
+    // last successful step, and exposures in this run beyond one for each stage.
     pm_invariant_projection *projection, *safe_projection;
     long *again;
     double *lane_values; // [4 nz] the numbers of one lane
@@ -99,8 +100,9 @@ typedef struct pm_batch_place {
 
 #define PM_BATCH_NOWHERE (-1)
 
-// Where the numbers of a subsystem or of a ghost lie in the batch's arrays: component c of its
-// state is number `first` + c `step`, and its lane, counted through all parts, is `lane`.
+// An address says where the numbers of a subsystem or of a ghost lie in the batch's arrays:
+// component c of its state is number `first` + c `step`, and its lane, counted through all parts,
+// is `lane`.
 typedef struct pm_batch_address {
     int first, step, lane;
 } pm_batch_address;

@@ -6,7 +6,7 @@
 
 #include "sim/batch_parts.h"
 
-// As in subsystem_stage.c.
+// The limit is that of subsystem_stage.c.
 #define MOST_MOVES 3
 
 pm_status pm_batch_substep_open(pm_batch_part *p, pm_arena *arena, const pm_scene *scene) {

@@ -12,7 +12,7 @@
 // empty. The bits are the same.
 #define FEWEST_IN_BATCH 16
 
-// What stands at the other end of a port of a subsystem that is stepped alone.
+// A peer is what stands at the other end of a port of a subsystem that is stepped alone.
 typedef enum peer_kind { PEER_BOUNDARY_INPUT, PEER_HERE, PEER_REMOTE } peer_kind;
 
 typedef struct peer {
@@ -31,7 +31,8 @@ struct pm_local_subsystems {
     peer **peer;              // [count][ports of the subsystem]
     int nremote;
     pm_remote_end *remote; // [nremote]
-    // Of subsystems that are stepped alone: subsystem here and its port, and what was heard.
+    // These serve subsystems that are stepped alone: subsystem here and its port, and what was
+    // heard.
     int (*own)[2];         // [nremote]
     pm_port_values *heard; // [nremote]
 };

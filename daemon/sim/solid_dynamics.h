@@ -12,7 +12,7 @@
 // may be in a body without branches, the body moves less far; if it does not move, only the
 // branches lose energy, so that a move with a heat of at least zero always exists.
 //
-// Where a mesh names nodes of contact, the group `contact` has the momenta of these nodes again, so
+// If a mesh names nodes of contact, the group `contact` has the momenta of these nodes again, so
 // that ports of the law `contact` expose them alone. Forces of contact (contact_gap.h) depend on
 // where the body moves, so that a step solves the balance several times. Each time the iteration
 // starts from the last solution. While the forces at the end of the substep keep their bits, a body

@@ -10,8 +10,8 @@
 // the largest gross flux of the scene, which no process knows: a smaller one is rounding itself. A
 // tally therefore keeps the worst residuals of PM_TALLY_CLASSES classes of gross fluxes. A class
 // holds the fluxes between two powers of 2^8, and those of the largest classes count: a flux counts
-// if it is at least 2^-32 of the largest, and does not count if it is less than 2^-40 = 9e-13 of
-// it.
+// if it is at least 2^-40 = 9e-13 of the largest, and does not count if it is less than 2^-48 =
+// 4e-15 of it.
 #ifndef PM_SIM_TALLY_H
 #define PM_SIM_TALLY_H
 
@@ -20,7 +20,7 @@
 #include "scene/system.h"
 #include "sim/lanes.h"
 
-#define PM_TALLY_CLASSES 5
+#define PM_TALLY_CLASSES 6
 #define PM_TALLY_HARD 0 // components that keep both laws by construction
 #define PM_TALLY_SOFT 1 // all others
 
