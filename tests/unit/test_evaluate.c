@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "evaluate/evaluate.h"
+#include "evaluate/thermo.h"
 #include "model/training_range.h"
 #include "sim/monolithic.h"
 #include "tests/support/fixture.h"
@@ -238,8 +239,26 @@ static void what_cannot_be_evaluated(void **state) {
     bench_close(&b);
 }
 
+// The summary of many quantities names the worst of them.
+static void many_rows_are_summarised(void **state) {
+    (void)state;
+    const pm_thermo_row row[3] = {
+        {.kind = "power", .name = "a", .median = 1, .mean = 4, .largest = 9, .typical = 30},
+        {.kind = "power", .name = "b", .median = 5, .mean = 6, .largest = 7, .typical = 10},
+        {.kind = "power", .name = "c", .median = 2, .mean = 2, .largest = 2, .typical = 20}};
+    pm_thermo_row sum, worst;
+    assert_int_equal(pm_thermo_summarise(row, 3, &sum, &worst), PM_OK);
+    assert_string_equal(sum.kind, "power");
+    assert_near("median", sum.median, 2, 0);
+    assert_near("mean", sum.mean, 4, 1e-15);
+    assert_near("largest", sum.largest, 9, 0);
+    assert_near("typical", sum.typical, 20, 0);
+    assert_string_equal(worst.name, "b");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(many_rows_are_summarised),
         cmocka_unit_test(own_trajectories_score_zero),
         cmocka_unit_test(errors_are_relative),
         cmocka_unit_test(threads_change_nothing),

@@ -248,6 +248,11 @@ succeed '"trained_groups": {' evaluate "$scene" --json --data "$data" --trained 
 succeed '"high": 0, "mean": 0, "max": 0}' evaluate "$scene" --json --data "$new"
 succeed '"kind": "production", "name": "", "median": 0, "mean": 0, "max": 0, "bias": 0' evaluate "$scene" --json --data "$new"
 succeed "Reference: the model in the true states; their entropies are given" evaluate "$scene" --data "$data"
+# Many ports have two lines for each kind of quantity.
+succeed "power       of 9 ports" evaluate configs/chain_10.yaml --data configs/reference/chain_10.h5
+[ "$(grep -c '^  power' "$folder/out")" -eq 2 ] || fail "evaluate: expected two lines for the powers of nine ports"
+grep -q '^  power       worst: joint2 ' "$folder/out" || fail "evaluate: expected the port with the largest error"
+[ "$(grep -c '^  energy ' "$folder/out")" -eq 2 ] || fail "evaluate: expected two lines for ten energies"
 expect 5 "nan.h5" evaluate "$scene" --data "$folder/nan.h5"
 expect 5 "scene.yaml:7:30: subsystem left: column \"q1\" is not in the dataset" evaluate "$scene" \
     --data configs/reference/double_pendulum.h5

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/progress.h"
+#include "evaluate/inner_variables.h"
 #include "sim/monolithic.h"
 
 // Relative. The scene has dt as decimal text, the dataset as a double.
@@ -75,13 +76,18 @@ static void take_temperatures(const pm_evaluation *e, pm_rollout *rollout, pm_mo
 
 // Evaluates energies, entropies and temperatures in the true states. `z` [nz] is work space.
 static void look_at_truth(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
-                          double *z) {
+                          pm_inner_variables *inner, double *z) {
     const int ntime = e->truth->ntime, stride = ntime / TEMPERATURES + 1;
     if (pm_system_without_energy(e->system) >= 0) {
         return;
     }
     for (int j = 0; j < ntime; ++j) {
         pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, j), z);
+        if (j == 0) {
+            pm_inner_variables_start(inner, z);
+        } else {
+            pm_inner_variables_follow(inner, e->truth->dt, z);
+        }
         pm_monolithic_set_state(assembly, z);
         keep_parts(e, rollout, 1, j, pm_monolithic_sample(assembly));
         if (j % stride == 0) {
@@ -136,12 +142,12 @@ static void score(const pm_evaluation *e, pm_rollout *rollout, const double *pre
 
 // Rolls out one trajectory. `z` [nz] is work space.
 static void roll(const pm_evaluation *e, pm_monolithic *assembly, pm_boundary_input *boundary_input,
-                 int index, double *z) {
+                 pm_inner_variables *inner, int index, double *z) {
     pm_rollout *rollout = &e->rollout[index];
     pm_boundary_input_follow(boundary_input, e->truth, rollout->trajectory);
     pm_monolithic_set_boundary_input(assembly, boundary_input);
     const size_t row_size = (size_t)e->truth->ncolumn * sizeof *z;
-    look_at_truth(e, rollout, assembly, z);
+    look_at_truth(e, rollout, assembly, inner, z);
     pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, 0), z);
     pm_monolithic_set_state(assembly, z);
     pm_ledger_init(&rollout->ledger, e->system);
@@ -207,15 +213,17 @@ static void *work(void *context) {
     const pm_evaluation *e = p->evaluation;
     pm_arena arena = {0};
     pm_boundary_input boundary_input;
+    pm_inner_variables inner = {0};
     pm_monolithic *assembly = NULL;
     double *z = pm_arena_array(&arena, (size_t)system->scene->nz, sizeof *z);
     pm_status status = z == NULL ? pm_fail(PM_ENOMEM, "evaluate: out of memory") : PM_OK;
     PM_TRY_DONE(status);
     PM_TRY_DONE(
         pm_boundary_input_bind(&boundary_input, system->scene, e->truth, e->stride, &arena));
+    PM_TRY_DONE(pm_inner_variables_open(&inner, &arena, system, &e->columns));
     PM_TRY_DONE(pm_monolithic_open(&assembly, system));
     for (int index = take(p); index >= 0; index = take(p)) {
-        roll(e, assembly, &boundary_input, index, z);
+        roll(e, assembly, &boundary_input, &inner, index, z);
         report_done(p);
     }
 done:
@@ -223,6 +231,7 @@ done:
         report_failure(p, status);
     }
     pm_monolithic_close(assembly);
+    pm_inner_variables_close(&inner);
     pm_arena_free(&arena);
     return NULL;
 }

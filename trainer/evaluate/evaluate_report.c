@@ -6,6 +6,7 @@
 #include <string.h>
 
 #define MOST_LISTED 64 // subsystems that are named one by one
+#define MOST_ROWS 8   // ports or subsystems whose quantities of one kind have a line each
 
 // The extremes of the laws over all rollouts.
 typedef struct summary {
@@ -123,27 +124,50 @@ static void print_outside(const pm_evaluation *e) {
     }
 }
 
+// Prints the line of one quantity; `name` stands in place of that of the row.
+static void print_row(const pm_thermo_row *r, const char *name) {
+    const bool production = strcmp(r->kind, "production") == 0;
+    const char *unit = strcmp(r->kind, "power") == 0    ? "W"
+                       : strcmp(r->kind, "energy") == 0 ? "J"
+                                                        : "J/K";
+    printf("  %-11s %-16s %9.3g %9.3g %9.3g ", r->kind, name, 100 * r->median, 100 * r->mean,
+           100 * r->largest);
+    if (production) {
+        printf("%+9.3g", 100 * r->bias);
+    } else {
+        printf("%9s", "");
+    }
+    printf(" %9.3g %s\n", r->typical, unit);
+}
+
+// Prints the rows of one kind, which follow each other: each of them, or, if they are many, the
+// summary over all and the one with the largest median.
+static void print_kind(const pm_thermo_row *row, int count) {
+    pm_thermo_row sum, worst;
+    char name[300];
+    for (int i = 0; i < count && count <= MOST_ROWS; ++i) {
+        print_row(&row[i], strcmp(row[i].kind, "production") == 0 ? "of entropy" : row[i].name);
+    }
+    if (count > MOST_ROWS && pm_thermo_summarise(row, count, &sum, &worst) == PM_OK) {
+        snprintf(name, sizeof name, "of %d %s", count,
+                 strcmp(sum.kind, "power") == 0 ? "ports" : "subsystems");
+        print_row(&sum, name);
+        snprintf(name, sizeof name, "worst: %s", worst.name);
+        print_row(&worst, name);
+    }
+}
+
 static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
     if (thermo->count == 0) {
         return;
     }
     printf(
         "\nRelative error, %%                    median      mean   largest      bias   typical\n");
-    for (int i = 0; i < thermo->count; ++i) {
-        const pm_thermo_row *r = &thermo->row[i];
-        const bool production = strcmp(r->kind, "production") == 0;
-        const char *unit = strcmp(r->kind, "power") == 0    ? "W"
-                           : strcmp(r->kind, "energy") == 0 ? "J"
-                                                            : "J/K";
-        printf("  %-11s %-16s %9.3g %9.3g %9.3g ", production ? "production" : r->kind,
-               production ? "of entropy" : r->name, 100 * r->median, 100 * r->mean,
-               100 * r->largest);
-        if (production) {
-            printf("%+9.3g", 100 * r->bias);
-        } else {
-            printf("%9s", "");
+    for (int i = 0, next; i < thermo->count; i = next) {
+        for (next = i; next < thermo->count && thermo->row[next].kind == thermo->row[i].kind;) {
+            ++next;
         }
-        printf(" %9.3g %s\n", r->typical, unit);
+        print_kind(&thermo->row[i], next - i);
     }
     printf("  Reference: the model in the true states%s.\n",
            thermo->given ? "; their entropies are given"

@@ -236,3 +236,25 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
 void pm_thermo_free(pm_thermo *thermo) {
     pm_arena_free(&thermo->arena);
 }
+
+pm_status pm_thermo_summarise(const pm_thermo_row *row, int count, pm_thermo_row *sum,
+                              pm_thermo_row *worst) {
+    double *median = malloc(2 * (size_t)count * sizeof *median);
+    if (median == NULL) {
+        return no_memory();
+    }
+    double *typical = median + count;
+    *worst = row[0];
+    *sum = (pm_thermo_row){.kind = row[0].kind, .name = ""};
+    for (int i = 0; i < count; ++i) {
+        median[i] = row[i].median;
+        typical[i] = row[i].typical;
+        sum->mean += row[i].mean / count;
+        sum->largest = fmax(sum->largest, row[i].largest);
+        *worst = row[i].median > worst->median ? row[i] : *worst;
+    }
+    sum->median = pm_box_of(count, median).median;
+    sum->typical = pm_box_of(count, typical).median;
+    free(median);
+    return PM_OK;
+}

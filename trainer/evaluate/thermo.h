@@ -1,6 +1,7 @@
 // Scores the thermodynamic quantities of the rollouts of an evaluation: the entropy produced, the
 // energy and entropy of each subsystem, and the power through each port. The reference values are
-// the model's own energies and entropies in the true states. Where an entropy is a given variable
+// the model's own energies and entropies in the true states; the inner variables of a solid there
+// follow from the true displacements (inner_variables.h). Where an entropy is a given variable
 // of the state, its reference value is the truth itself.
 #ifndef PM_TRAINER_EVALUATE_THERMO_H
 #define PM_TRAINER_EVALUATE_THERMO_H
@@ -21,7 +22,7 @@ typedef struct pm_thermo_row {
 typedef struct pm_thermo {
     pm_arena arena;
     int count;
-    pm_thermo_row *row;      // [count]
+    pm_thermo_row *row;      // [count] rows of one kind, with the same pointer `kind`, together
     double coldest, warmest; // K, over all rollouts; both 0 if there is no entropy
     bool given;              // the entropy of every subsystem is given or a formula
 } pm_thermo;
@@ -37,5 +38,12 @@ typedef struct pm_thermo {
 // There are no rows if energy is not defined. The caller frees. PM_ENOMEM.
 pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *evaluation);
 void pm_thermo_free(pm_thermo *thermo);
+
+// Summarises `count` rows of one kind. `sum` receives the median of their medians, the mean of
+// their means, the largest of their largest errors and the median of their typical values, under
+// the name
+// ""; `worst` receives the row with the largest median. PM_ENOMEM.
+pm_status pm_thermo_summarise(const pm_thermo_row *row, int count, pm_thermo_row *sum,
+                              pm_thermo_row *worst);
 
 #endif
