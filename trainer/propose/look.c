@@ -16,6 +16,7 @@
 #define EVEN_TERMS 64      // of a function that is even in time
 #define MOST_TERMS (EVEN_TERMS + PM_LOOK_SOURCES + 1) // of a regression
 #define SMALLEST_REST 1e-5 // unexplained fraction below which nothing is left to explain
+#define UPRIGHT 0.02       // relative to |x||x'|: largest part of a rate along a turning direction
 #define SAME 2e-3          // relative to |q||p|: the change below which q x p is conserved
 
 static void take_rate(const pm_look *look, int i, int j, double *rate) {
@@ -397,4 +398,22 @@ bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group 
         }
     }
     return count > 0 && size > 0 && change < SAME * SAME * size;
+}
+
+int pm_look_turns(const pm_look *look, const pm_look_group *target, const pm_look_group *spin) {
+    double along = 0, size = 0, turn = 0;
+    for (int k = 0; k < look->count; ++k) {
+        const double *z = look->z + (ptrdiff_t)k * look->scene->nz;
+        const double *x = z + target->first, *m = z + spin->first;
+        const double *rate = look->rate + (ptrdiff_t)k * look->scene->nz + target->first;
+        const double product = x[0] * rate[0] + x[1] * rate[1] + x[2] * rate[2];
+        along += product * product;
+        size += (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) *
+                (rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);
+        for (int c = 0; c < 3; ++c) {
+            const int d = (c + 1) % 3, e = (c + 2) % 3;
+            turn += rate[c] * (x[d] * m[e] - x[e] * m[d]);
+        }
+    }
+    return !(along < UPRIGHT * UPRIGHT * size) ? 0 : turn > 0 ? 1 : -1;
 }

@@ -86,4 +86,11 @@ int pm_look_rank(const pm_look *look, int count, const pm_look_group *group);
 bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
                             const pm_look_group *p);
 
+// Returns 1 or -1 if `target`, of three components, keeps its length in the examined states and
+// turns like a direction in a body with the angular momentum `spin`, of three components: 1 if its
+// rate is target x w, as seen from the body, and -1 if it is w x target, as seen from outside, for
+// an angular velocity w whose scalar product with `spin` is positive in the mean. Returns 0
+// otherwise.
+int pm_look_turns(const pm_look *look, const pm_look_group *target, const pm_look_group *spin);
+
 #endif

@@ -73,14 +73,18 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
                                   : "");
             break;
         case PM_VIEW_SPIN:
-            fprintf(f, "; an angular momentum of three components: L = m x");
+            fprintf(f, "; an angular momentum of three components: L = %sm x",
+                    v->sign[g] < 0 ? "-" : "");
+            break;
+        case PM_VIEW_DIRECTION:
+            fprintf(f, "; a direction, which turns with %s", pm_draft_name(v, v->mate[g]));
             break;
         default:
             break;
         }
         fprintf(f, "%s", v->gyroscopic[g] ? "; its components move each other" : "");
         fprintf(f, "%s%s\n",
-                v->geometric[g] && v->kind[g] != PM_VIEW_POSITION
+                v->geometric[g] && v->kind[g] == PM_VIEW_OTHER
                     ? "; other variables move it, friction does not act on it"
                     : "",
                 v->group[g].constant
@@ -167,11 +171,13 @@ static const char *hidden_of(int inputs) {
     return inputs == 1 ? "[8, 8]" : inputs <= 3 ? "[12, 12]" : "[16, 16]";
 }
 
-// Returns true if the subsystem has variables without a role, such as the angular momentum of a
-// rotor in a body, on which the energy of rotation may depend.
+// Returns true if the subsystem has variables on which the energy of rotation may depend: some
+// without a role, such as the angular momentum of a rotor in a body, or the axis of a body seen
+// from outside.
 static bool moves_spin(const pm_part_view *v) {
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant) {
+        const bool axis = v->kind[g] == PM_VIEW_DIRECTION && v->sign[g] < 0;
+        if ((v->kind[g] == PM_VIEW_OTHER || axis) && !v->group[g].constant) {
             return true;
         }
     }
@@ -328,15 +334,22 @@ static bool is_coupled(const pm_part_view *v, int g) {
     return is_free(v, g) || v->gyroscopic[g] || moves_more(v, g);
 }
 
-// Writes L = m x. In other units than kg m^2/s the cross product has a factor.
-static void write_spin(FILE *f, const char *before, const char *name, const pm_unit *unit) {
-    const bool scaled = unit->factor < 1 || unit->factor > 1;
-    if (!scaled) {
-        fprintf(f, "%s[%s, %s, cross]", before, name, name);
+// Writes L = sign z x for an angular momentum, and with a direction for this direction. In other
+// units than kg m^2/s the cross product has a factor.
+static void write_cross(const pm_draft *d, const char *before, const pm_part_view *v, int g) {
+    const int spin = v->kind[g] == PM_VIEW_SPIN ? g : v->mate[g];
+    const double factor = v->unit[spin].factor * v->sign[g];
+    const char *m = pm_draft_name(v, spin), *name = pm_draft_name(v, g);
+    if (!(factor < 1 || factor > 1)) {
+        fprintf(d->file, "%s[%s, %s, cross]", before, m, name);
+        return;
     }
-    for (int c = 0; c < 3 && scaled; ++c) {
-        fprintf(f, "%s[\"%s[%d]\", \"%s[%d]\", \"-%.17g*%s[%d]\"]", c == 0 ? before : ", ", name, c,
-                name, (c + 1) % 3, 1 / unit->factor, name, (c + 2) % 3);
+    for (int c = 0, n = 0; c < 3; ++c) {
+        for (int k = 1; k <= (g == spin ? 1 : 2); ++k) {
+            fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]",
+                    n++ == 0 ? before : ", ", m, c, name, (c + k) % 3, (k == 1 ? -1 : 1) / factor,
+                    name, (c + 3 - k) % 3);
+        }
     }
 }
 
@@ -346,7 +359,8 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
     bool odd = false;
     for (int g = 0; g < v->count; ++g) {
         const char *name = pm_draft_name(v, g), *before = given > 0 ? ", " : "given: [";
-        if (given == 0 && (v->kind[g] == PM_VIEW_POSITION || v->kind[g] == PM_VIEW_SPIN)) {
+        const bool turns = v->kind[g] == PM_VIEW_SPIN || v->kind[g] == PM_VIEW_DIRECTION;
+        if (given == 0 && (v->kind[g] == PM_VIEW_POSITION || turns)) {
             fprintf(f, "    reversible:\n      ");
         }
         if (v->kind[g] == PM_VIEW_POSITION) {
@@ -354,8 +368,8 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
             pm_draft_coefficient(f, v->sign[g], &v->unit[g], &v->unit[v->mate[g]]);
             fputc(']', f);
             ++given;
-        } else if (v->kind[g] == PM_VIEW_SPIN) {
-            write_spin(f, before, name, &v->unit[g]);
+        } else if (turns) {
+            write_cross(d, before, v, g);
             ++given;
         }
         others += is_coupled(v, g) ? v->group[g].group->size : 0;

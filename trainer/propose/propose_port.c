@@ -18,31 +18,44 @@ static bool is_entropy_unit(const pm_group *group) {
     return pm_unit_equal(&entropy, &unit);
 }
 
+// Whether a variable of one end may move this one of the other end without loss: their units
+// differ, and one of them changes its sign when time runs backwards. A voltage at the end of a
+// resistor moves a charge by dissipation alone.
+static bool may_move(const pm_layout *other, const pm_group *group) {
+    const pm_unit unit = pm_unit_parse(group->unit);
+    bool moves = false;
+    for (int g = 0; g < other->ngroup && !is_entropy_unit(group); ++g) {
+        const pm_unit of_other = pm_unit_parse(other->group[g].unit);
+        moves = moves || (!is_entropy_unit(&other->group[g]) && !pm_unit_equal(&unit, &of_other) &&
+                          (pm_view_is_odd(&unit) || pm_view_is_odd(&of_other)));
+    }
+    return moves;
+}
+
 // Writes a learned coupling with a boundary input, whose values are not among the states that
 // propose/look.h examines.
 static void write_boundary_input_pairs(const pm_draft *d, int port) {
+    const pm_layout *layout[2] = {shown(d, port, 0), shown(d, port, 1)};
+    bool any = false;
+    for (int g = 0; g < layout[0]->ngroup; ++g) {
+        any = any || may_move(layout[1], &layout[0]->group[g]);
+    }
+    if (!any) {
+        return;
+    }
     fprintf(d->file,
             "    reversible:\n      # How the boundary input acts on the subsystem is learned.\n");
     for (int end = 0; end < 2; ++end) {
-        const pm_layout *layout = shown(d, port, end);
         pm_draft_list l =
             pm_draft_open(d->file, end == 0 ? "      learned: {acts_on: " : ", against: ");
-        for (int g = 0; g < layout->ngroup; ++g) {
-            if (!is_entropy_unit(&layout->group[g])) {
-                pm_draft_add(&l, ends[end], layout->group[g].name);
+        for (int g = 0; g < layout[end]->ngroup; ++g) {
+            if (may_move(layout[1 - end], &layout[end]->group[g])) {
+                pm_draft_add(&l, ends[end], layout[end]->group[g].name);
             }
         }
         fprintf(d->file, "]");
     }
     fprintf(d->file, "}\n");
-}
-
-static int count_mechanical(const pm_layout *layout) {
-    int count = 0;
-    for (int g = 0; g < layout->ngroup; ++g) {
-        count += !is_entropy_unit(&layout->group[g]);
-    }
-    return count;
 }
 
 // Writes the pairs whose coefficients the data show. Friction accounts for the rest.
@@ -164,9 +177,7 @@ static void write_reversible(const pm_draft *d, int port) {
     FILE *f = d->file;
     const pm_scene_port *scene = &d->p->scene->port[port];
     if (scene->subsystem[0] < 0 || scene->subsystem[1] < 0) {
-        if (count_mechanical(&scene->layout[0]) > 0 && count_mechanical(&scene->layout[1]) > 0) {
-            write_boundary_input_pairs(d, port);
-        }
+        write_boundary_input_pairs(d, port);
         return;
     }
     pm_port_view view;
@@ -265,7 +276,9 @@ static void write_port_irreversible(const pm_draft *d, int port) {
         for (int end = 0; end < 2; ++end) {
             const pm_layout *layout = shown(d, port, end);
             for (int g = 0; g < layout->ngroup; ++g) {
-                if (port_heats(d, port, end, &layout->group[g])) {
+                // A boundary input has a temperature, and no entropy that could be a feature.
+                if (d->p->scene->port[port].subsystem[end] >= 0 &&
+                    port_heats(d, port, end, &layout->group[g])) {
                     pm_draft_add(&l, ends[end], layout->group[g].name);
                 }
             }

@@ -18,6 +18,10 @@ static bool is_nonentropy(const pm_part_view *v, int g) {
     return v->kind[g] != PM_VIEW_ENTROPY && v->kind[g] != PM_VIEW_HEAT;
 }
 
+bool pm_view_is_odd(const pm_unit *unit) {
+    return !unit->known || (unit->power[PM_UNIT_S] + unit->power[PM_UNIT_A]) % 2 != 0;
+}
+
 bool pm_view_exposes(const pm_scene *scene, int port, int end, const char *group) {
     return pm_layout_find(&scene->port[port].layout[end], group) != NULL;
 }
@@ -173,15 +177,39 @@ static void name_pair(const pm_look *look, pm_part_view *parts, int part, const 
 static bool may_pair(const pm_part_view *v, int a, int b) {
     const pm_unit action = pm_unit_parse("J s");
     const pm_unit product = pm_unit_product(&v->unit[a], &v->unit[b]);
-    return v->mate[a] < 0 && v->mate[b] < 0 && is_nonentropy(v, a) && is_nonentropy(v, b) &&
-           v->group[a].group->size == v->group[b].group->size && pm_unit_equal(&product, &action);
+    const bool spins = v->kind[a] == PM_VIEW_SPIN || v->kind[b] == PM_VIEW_SPIN;
+    return !spins && v->mate[a] < 0 && v->mate[b] < 0 && is_nonentropy(v, a) &&
+           is_nonentropy(v, b) && v->group[a].group->size == v->group[b].group->size &&
+           pm_unit_equal(&product, &action);
+}
+
+static bool is_spin(const pm_part_view *v, int g) {
+    const pm_unit action = pm_unit_parse("J s");
+    return v->group[g].group->size == 3 && pm_unit_equal(&v->unit[g], &action);
+}
+
+// Finds vectors that turn with an angular momentum of the same subsystem, such as the direction of
+// gravity as a top sees it. Friction does not act on them.
+static void find_directions(const pm_look *look, pm_part_view *v) {
+    for (int g = 0; g < v->count; ++g) {
+        const bool vector = v->group[g].group->size == 3 && !is_spin(v, g) && is_nonentropy(v, g);
+        for (int m = 0; m < v->count && vector && !v->group[g].constant; ++m) {
+            const int turns = is_spin(v, m) ? pm_look_turns(look, &v->group[g], &v->group[m]) : 0;
+            if (turns != 0) {
+                v->kind[g] = PM_VIEW_DIRECTION;
+                v->kind[m] = PM_VIEW_SPIN;
+                v->mate[g] = m;
+                v->sign[g] = v->sign[m] = turns;
+            }
+        }
+    }
 }
 
 // Chooses, among several possible conjugate pairs, those whose variables explain each other best.
 static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
     pm_part_view *v = &parts[part];
-    const pm_unit action = pm_unit_parse("J s");
     bool found = true;
+    find_directions(look, v);
     while (found) {
         pairing best = {.rest = INFINITY};
         found = false;
@@ -200,8 +228,9 @@ static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
         }
     }
     for (int a = 0; a < v->count; ++a) {
-        if (v->mate[a] < 0 && v->group[a].group->size == 3 && pm_unit_equal(&v->unit[a], &action)) {
+        if (v->mate[a] < 0 && is_spin(v, a) && v->kind[a] != PM_VIEW_SPIN) {
             v->kind[a] = PM_VIEW_SPIN;
+            v->sign[a] = 1;
         }
     }
 }
@@ -211,7 +240,8 @@ static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
 static void find_geometric(const pm_look *look, pm_part_view *parts, int part) {
     pm_part_view *v = &parts[part];
     for (int g = 0; g < v->count; ++g) {
-        if (!is_length(&v->unit[g])) {
+        v->geometric[g] = v->kind[g] == PM_VIEW_DIRECTION;
+        if (!is_length(&v->unit[g]) || v->geometric[g]) {
             continue;
         }
         v->geometric[g] = v->kind[g] == PM_VIEW_POSITION;
@@ -236,8 +266,7 @@ static void begin_part(const pm_look *look, int subsystem, pm_part_view *v) {
     for (int g = 0; g < v->count; ++g) {
         v->group[g] = pm_look_at(look, subsystem, g);
         v->unit[g] = pm_unit_parse(layout->group[g].unit);
-        v->odd[g] = !v->unit[g].known ||
-                    (v->unit[g].power[PM_UNIT_S] + v->unit[g].power[PM_UNIT_A]) % 2 != 0;
+        v->odd[g] = pm_view_is_odd(&v->unit[g]);
         v->mate[g] = -1;
         if (pm_unit_equal(&v->unit[g], &entropy)) {
             v->kind[g] = PM_VIEW_ENTROPY;

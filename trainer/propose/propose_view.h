@@ -12,7 +12,8 @@ typedef enum pm_view_kind {
     PM_VIEW_HEAT,     // unit J or K, in a subsystem without a variable in J/K
     PM_VIEW_POSITION, // of a conjugate pair, the variable whose rate the other one explains better
     PM_VIEW_MOMENTUM, // of a conjugate pair, the other variable
-    PM_VIEW_SPIN      // an angular momentum of three components without a conjugate variable
+    PM_VIEW_SPIN,     // an angular momentum of three components without a conjugate variable
+    PM_VIEW_DIRECTION // three components of constant length, which a spin turns
 } pm_view_kind;
 
 // The roles of the variables of one subsystem, with one entry for each of its groups.
@@ -23,8 +24,11 @@ typedef struct pm_part_view {
     pm_look_group group[PM_MAX_GROUPS];
     pm_unit unit[PM_MAX_GROUPS];
     pm_view_kind kind[PM_MAX_GROUPS];
-    int mate[PM_MAX_GROUPS];    // index of the conjugate group in this subsystem, or -1
-    double sign[PM_MAX_GROUPS]; // positions: dposition/dt = sign dE/dmomentum in SI units, 1 or -1
+    // Index of the conjugate group in this subsystem, for directions that of the spin; or -1.
+    int mate[PM_MAX_GROUPS];
+    // 1 or -1. Positions: dposition/dt = sign dE/dmomentum in SI units. Directions and spins: L(z)
+    // e = sign z x e; -1 where the components are those seen from outside the body.
+    double sign[PM_MAX_GROUPS];
     // Positions: momenta explain the rate linearly, but for 0.1 % of its variance.
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
@@ -67,6 +71,10 @@ void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_p
 // follows the group. `parts` is the result of pm_view_parts.
 bool pm_view_carries_entropy(const pm_look *look, const pm_part_view *parts, int port, int end,
                              int group);
+
+// Returns true if a variable of this unit changes its sign when time runs backwards, or if the unit
+// is not known.
+bool pm_view_is_odd(const pm_unit *unit);
 
 // Returns the factor by which a coefficient of a lossless pair in SI units becomes that of the
 // units of both variables.

@@ -1,0 +1,187 @@
+// Proposals of training files: directions that turn with a body, and boundary inputs.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "propose/propose.h"
+
+#define MOST_TEXT 16384
+
+static void assert_says(const char *text, const char *expected) {
+    if (strstr(text, expected) == NULL) {
+        fail_msg("expected \"%s\" in:\n%s", expected, text);
+    }
+}
+
+static void assert_omits(const char *text, const char *unexpected) {
+    if (strstr(text, unexpected) != NULL) {
+        fail_msg("did not expect \"%s\" in:\n%s", unexpected, text);
+    }
+}
+
+// Proposes a training file for the dataset, which is freed, and returns its text.
+static void propose(const char *scene_of_text, pm_dataset *d, char text[MOST_TEXT]) {
+    char path[] = "/tmp/test_proposeXXXXXX";
+    const int id = mkstemp(path);
+    assert_true(id >= 0);
+    close(id);
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, scene_of_text, "scene.yaml"), PM_OK);
+    const pm_proposal p = {scene, d, "scene.yaml", "data.h5", PM_HARD};
+    assert_int_equal(pm_propose(&p, path), PM_OK);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    text[fread(text, 1, MOST_TEXT - 1, file)] = '\0';
+    fclose(file);
+    remove(path);
+    pm_scene_free(scene);
+    pm_dataset_free(d);
+}
+
+#define TOP(momentum)                                             \
+    "scene: top\n"                                                \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 1}\n" \
+    "subsystems:\n"                                               \
+    "  top:\n"                                                    \
+    "    weights: top.h5\n"                                       \
+    "    state:\n"                                                \
+    "      M: {unit: " momentum ", columns: [Mx, My, Mz]}\n"      \
+    "      g: {unit: \"1\", columns: [gx, gy, gz]}\n"             \
+    "      s: {unit: J/K, columns: [s]}\n"
+
+// Euler's equations of a heavy top with friction, with explicit steps of `sign` times the rotation.
+static pm_dataset *spin_top(double sign, double unit) {
+    static const char *const column[] = {"Mx", "My", "Mz", "gx", "gy", "gz", "s"};
+    static const double inertia[3] = {1, 2, 3}, lever[3] = {0, 0, 0.5};
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 3, 60, 7, 0.05, column), PM_OK);
+    for (int k = 0; k < 3; ++k) {
+        double M[3] = {1 + k, 0.5, -1}, g[3] = {0.6, 0, 0.8}, s = 0;
+        for (int i = 0; i < 60; ++i) {
+            memcpy(pm_dataset_state(d, k, i),
+                   (const double[]){M[0] * unit, M[1] * unit, M[2] * unit, g[0], g[1], g[2], s},
+                   7 * sizeof(double));
+            for (int fine = 0; fine < 200; ++fine) {
+                double rate[6], w[3];
+                for (int c = 0; c < 3; ++c) {
+                    w[c] = M[c] / inertia[c];
+                    s += 2.5e-4 * 0.1 * w[c] * w[c] / 300;
+                }
+                for (int c = 0; c < 3; ++c) {
+                    const int a = (c + 1) % 3, b = (c + 2) % 3;
+                    rate[c] =
+                        sign * (M[a] * w[b] - M[b] * w[a] + g[a] * lever[b] - g[b] * lever[a]);
+                    rate[c] -= 0.1 * w[c];
+                    rate[3 + c] = sign * (g[a] * w[b] - g[b] * w[a]);
+                }
+                for (int c = 0; c < 3; ++c) {
+                    M[c] += 2.5e-4 * rate[c];
+                    g[c] += 2.5e-4 * rate[3 + c];
+                }
+            }
+        }
+    }
+    return d;
+}
+
+// The direction of gravity turns with a heavy top, and is no conjugate variable of its momentum.
+static void a_direction_turns_with_its_body(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose(TOP("kg m^2/s"), spin_top(1, 1), text);
+    assert_says(text, "given: [[M, M, cross], [M, g, cross]]");
+    assert_says(text, "acts_on: [M, s], rank: 3");
+    assert_says(text, "{features: [M], hidden");
+    propose(TOP("g m^2/s"), spin_top(1, 1000), text);
+    assert_says(text, "[\"M[0]\", \"g[1]\", \"-1000*g[2]\"], [\"M[0]\", \"g[2]\", \"1000*g[1]\"]");
+}
+
+// Seen from outside, the products have the other sign, and the energy of rotation depends on the
+// direction.
+static void a_direction_may_be_seen_from_outside(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose(TOP("kg m^2/s"), spin_top(-1, 1), text);
+    assert_says(text, "[\"M[0]\", \"g[1]\", \"1*g[2]\"]");
+    assert_says(text, "{features: [M, g], hidden");
+}
+
+#define FED(input)                                                \
+    "scene: fed\n"                                                \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 1}\n" \
+    "subsystems:\n"                                               \
+    "  store:\n"                                                  \
+    "    weights: store.h5\n"                                     \
+    "    state:\n"                                                \
+    "      Q: {unit: uC, columns: [Q]}\n"                         \
+    "      s: {unit: J/K, columns: [s]}\n"                        \
+    "boundary_inputs:\n"                                          \
+    "  source:\n" input "ports:\n"                                \
+    "  lead:\n"                                                   \
+    "    law: bracket\n"                                          \
+    "    between: [source, store]\n"                              \
+    "    expose: {source: [u, s], store: [Q, s]}\n"               \
+    "    weights: lead.h5\n"
+
+static pm_dataset *charge(void) {
+    static const char *const column[] = {"Q", "s"};
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 2, 50, 2, 0.1, column), PM_OK);
+    for (int i = 0; i < 2 * 100; ++i) {
+        d->z[i] = sin(0.37 * i + i % 2);
+    }
+    return d;
+}
+
+// A voltage moves a charge through a resistor only. A current moves it without loss.
+static void a_boundary_input_acts_as_its_unit_says(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose(FED("    u: {unit: C, dE: [3.0], dS: [0]}\n    s: {unit: J/K, dE: [300.0], dS: [1]}\n"),
+            charge(), text);
+    assert_omits(text, "against: [b.Q]");
+    assert_says(text, "acts_on: [a.u, b.Q, a.s, b.s]");
+    propose(FED("    u: {unit: Wb, dE: [3.0]}\n    s: {unit: J/K, dE: [300.0], dS: [1]}\n"),
+            charge(), text);
+    assert_says(text, "learned: {acts_on: [a.u], against: [b.Q]}");
+}
+
+#define WARMED                                                            \
+    "scene: warmed\n"                                                     \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 1}\n"         \
+    "subsystems:\n"                                                       \
+    "  wall: {weights: wall.h5, state: {s: {unit: J/K, columns: [s]}}}\n" \
+    "boundary_inputs:\n"                                                  \
+    "  water: {s: {unit: J/K, dE: [310.0], dS: [1]}}\n"                   \
+    "ports:\n"                                                            \
+    "  film:\n"                                                           \
+    "    law: bracket\n"                                                  \
+    "    between: [wall, water]\n"                                        \
+    "    expose: {wall: [s], water: [s]}\n"                               \
+    "    weights: film.h5\n"
+
+// A boundary input shows a temperature, and no entropy on which a conductance could depend.
+static void a_boundary_input_is_no_feature(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose(WARMED, charge(), text);
+    assert_says(text, "acts_on: [a.s, b.s], rank: 1, features: [a.s], hidden: [4]");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_direction_turns_with_its_body),
+        cmocka_unit_test(a_direction_may_be_seen_from_outside),
+        cmocka_unit_test(a_boundary_input_acts_as_its_unit_says),
+        cmocka_unit_test(a_boundary_input_is_no_feature),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
