@@ -47,6 +47,9 @@ static const symbol symbols[] = {
     {"h", {0, 0, 1}, 3600},
     {"bar", {1, -1, -2}, 1e5},
     {"deg", {0}, 0.017453292519943295},
+    {"\xc2\xb0", {0}, 0.017453292519943295}, // the sign for degrees
+    {"eV", {1, 2, -2}, 1.602176634e-19},
+    {"cal", {1, 2, -2}, 4.184},
 };
 
 // The two signs for micro are U+00B5 and U+03BC in UTF-8.
@@ -80,45 +83,118 @@ static const symbol *find_prefixed(const char *name, size_t length, double *fact
     return found;
 }
 
-// Multiplies the unit by a power of the symbol `name` with `length` letters.
-static bool multiply(pm_unit *unit, const char *name, size_t length, int power) {
-    double factor;
-    const symbol *s = find_prefixed(name, length, &factor);
-    if (s == NULL) {
-        return false;
-    }
+static void multiply_by(pm_unit *unit, const symbol *s, double factor, int power) {
     for (int k = 0; k < PM_UNIT_BASES; ++k) {
         unit->power[k] += power * s->power[k];
     }
     unit->factor *= pow(factor * s->factor, power);
+}
+
+static bool is_degree(const symbol *s) {
+    return strcmp(s->name, "deg") == 0 || strcmp(s->name, "\xc2\xb0") == 0;
+}
+
+// Multiplies the unit by a power of the symbol `name` with `length` letters. A text such as "Nms"
+// or "mAh", which is no symbol, is a product of symbols. Only the first of them may have a prefix,
+// and the power belongs to the last.
+static bool multiply(pm_unit *unit, const char *name, size_t length, int sign, int power) {
+    double factor;
+    bool first = true;
+    while (length > 0) {
+        size_t head = length;
+        const symbol *s = NULL;
+        for (; head > 0; --head) {
+            s = first ? find_prefixed(name, head, &factor) : find_symbol(name, head);
+            if (s != NULL) {
+                break;
+            }
+        }
+        if (s == NULL || (head < length && is_degree(s))) { // "degC" has an offset
+            return false;
+        }
+        multiply_by(unit, s, first ? factor : 1, sign * (head == length ? power : 1));
+        name += head;
+        length -= head;
+        first = false;
+    }
     return true;
 }
 
-static bool is_letter(char c) {
-    return isalpha((unsigned char)c) || (unsigned char)c >= 0x80; // or a part of a sign for micro
+// --- signs outside ASCII, in UTF-8 ---
+
+// Returns the length of the sign of multiplication at `text`, a blank among them, or 0.
+static size_t skip_product(const char *text) {
+    static const char *const signs[] = {" ", "*", ".", "\xc2\xb7", "\xe2\x8b\x85"};
+    for (size_t i = 0; i < sizeof signs / sizeof *signs; ++i) {
+        if (strncmp(text, signs[i], strlen(signs[i])) == 0) {
+            return strlen(signs[i]);
+        }
+    }
+    return 0;
+}
+
+// Reads a raised character, such as that for 2 or for a minus, into *digit. Returns its length or
+// 0.
+static size_t read_raised(const char *text, char *digit) {
+    static const char *const signs[] = {"\xe2\x81\xb0", "\xc2\xb9",     "\xc2\xb2",
+                                        "\xc2\xb3",     "\xe2\x81\xb4", "\xe2\x81\xb5",
+                                        "\xe2\x81\xb6", "\xe2\x81\xb7", "\xe2\x81\xb8",
+                                        "\xe2\x81\xb9", "\xe2\x81\xbb"};
+    for (size_t i = 0; i < sizeof signs / sizeof *signs; ++i) {
+        if (strncmp(text, signs[i], strlen(signs[i])) == 0) {
+            *digit = "0123456789-"[i];
+            return strlen(signs[i]);
+        }
+    }
+    return 0;
+}
+
+static bool is_letter(const char *text) {
+    char digit;
+    return isalpha((unsigned char)*text) ||
+           ((unsigned char)*text >= 0x80 && skip_product(text) == 0 &&
+            read_raised(text, &digit) == 0);
+}
+
+// Reads a power, such as "^2", "**2", "2" or raised characters, and moves *text behind it. Without
+// any the power is 1. Returns false if there is none after a '^', or if it is larger than 9.
+static bool take_power(const char **text, int *power) {
+    const size_t mark = **text == '^' ? 1 : strncmp(*text, "**", 2) == 0 ? 2 : 0;
+    char raised[4] = {0}, *after = NULL;
+    const char *number = *text + mark;
+    size_t count = 0;
+    for (size_t length; count < 3 && (length = read_raised(number, &raised[count])) > 0; ++count) {
+        number += length;
+    }
+    const char *begin = count > 0 ? raised : number;
+    const long read = strtol(begin, &after, 10);
+    const bool given = after != begin;
+    if ((mark > 0 && !given) || read < -9 || read > 9) {
+        return false;
+    }
+    *power = given ? (int)read : 1;
+    *text = !given ? *text : count > 0 ? number : after;
+    return true;
 }
 
 // Reads a symbol with its power; `sign` is -1 after a '/'.
 static bool take_symbol(pm_unit *unit, const char **text, int sign) {
     const char *name = *text, *end = name;
-    while (is_letter(*end)) {
+    int power = 1;
+    while (is_letter(end)) {
         ++end;
     }
-    const char *number = *end == '^' ? end + 1 : end;
-    char *after = NULL;
-    long power = strtol(number, &after, 10);
-    const bool given = after != number;
-    if ((*end == '^' && !given) || power < -9 || power > 9) {
-        return false;
-    }
-    *text = given ? after : end;
-    return multiply(unit, name, (size_t)(end - name), sign * (given ? (int)power : 1));
+    *text = end;
+    return take_power(text, &power) && multiply(unit, name, (size_t)(end - name), sign, power);
 }
 
 pm_unit pm_unit_parse(const char *text) {
     pm_unit unit = {.known = true, .factor = 1};
     int sign = 1, within = 1; // for the next symbol; for symbols in parentheses
     bool inside = false;
+    if (strcmp(text, "-") == 0) { // the usual sign for a number
+        return unit;
+    }
     while (unit.known && *text != '\0') {
         if (*text == '/') {
             sign = -1;
@@ -131,12 +207,12 @@ pm_unit pm_unit_parse(const char *text) {
             inside = false;
             sign = 1;
             ++text;
-        } else if (*text == ' ' || *text == '*' || *text == '.') {
-            ++text;
+        } else if (skip_product(text) > 0) {
+            text += skip_product(text);
         } else if (*text == '1' && !isdigit((unsigned char)text[1])) {
             ++text; // a number, as in "1/s"
         } else {
-            unit.known = is_letter(*text) && take_symbol(&unit, &text, sign);
+            unit.known = is_letter(text) && take_symbol(&unit, &text, sign);
             sign = inside ? within : 1;
         }
     }

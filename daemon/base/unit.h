@@ -13,9 +13,11 @@ typedef struct pm_unit {
     double factor;            // how many of these base units one of this unit is: 1e-3 for "mm"
 } pm_unit;
 
-// Reads symbols that are joined by blanks, '*' or '.', each with an optional power "^2", "^-1" or
-// "2". A '/' divides by the next symbol, or by several in parentheses. "1" and "" are
-// dimensionless. The result is `known` if every symbol is kg or an SI unit without a prefix.
+// Reads symbols that are joined by blanks, '*', '.' or a raised dot, or by nothing as in "Nm" and
+// "mAh", each with an optional power "^2", "^-1", "**2", "2" or in raised characters. A '/' divides
+// by the next symbol, or by several in parentheses. "1", "-" and "" are dimensionless. The result
+// is `known` if every symbol is known: SI units with their prefixes, g, l, L, min, h, bar, deg, the
+// sign for degrees, eV and cal.
 pm_unit pm_unit_parse(const char *text);
 
 // Returns true if both units are known and equal.

@@ -36,6 +36,25 @@ static void units_are_powers_of_base_units(void **state) {
     assert_unit("1/s", "Hz", true);
     assert_unit("furlong", "furlong", false); // not known, so never equal
     assert_unit("m^x", "m", false);
+    assert_unit("kg*m**2/s", "J s", true);
+    assert_unit("-", "1", true);
+}
+
+// The forms in which people write units: without blanks, with raised dots and digits.
+static void units_are_read_as_people_write_them(void **state) {
+    (void)state;
+    assert_unit("Nms", "J s", true);
+    assert_unit("Vs", "Wb", true);
+    assert_unit("kgm\xc2\xb2/s", "J s", true);
+    assert_unit("N\xc2\xb7m\xc2\xb7s", "J s", true);
+    assert_unit("kg m s\xe2\x81\xbb\xc2\xb9", "N s", true);
+    assert_unit("J K\xe2\x81\xbb\xc2\xb9", "J/K", true);
+    assert_unit("mAh", "C", true);
+    assert_unit("kWh/K", "J/K", true);
+    assert_unit("steps", "1", false);
+    assert_unit("\xc2\xb0"
+                "C",
+                "C", false); // a temperature with an offset, which is no power
 }
 
 static void assert_factor(const char *text, const char *base, double factor) {
@@ -57,6 +76,9 @@ static void prefixes_are_factors(void **state) {
     assert_factor("\xc2\xb5s", "s", 1e-6);
     assert_factor("ml", "m^3", 1e-6);
     assert_factor("hPa", "Pa", 100);
+    assert_factor("mAh", "C", 3.6);
+    assert_factor("kWh", "J", 3.6e6);
+    assert_factor("\xc2\xb0", "1", 0.017453292519943295);
     assert_factor("deg", "1", 0.017453292519943295);
     assert_unit("kk", "1", false);
 }
@@ -413,6 +435,7 @@ static void a_scene_of_one_has_all_groups(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(units_are_powers_of_base_units),
+        cmocka_unit_test(units_are_read_as_people_write_them),
         cmocka_unit_test(prefixes_are_factors),
         cmocka_unit_test(every_fifth_is_kept_back),
         cmocka_unit_test(a_dataset_is_sorted_by_the_choice),

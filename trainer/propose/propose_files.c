@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/path.h"
+#include "base/unit.h"
 #include "propose/propose.h"
 #include "store/yaml.h"
 
@@ -15,6 +16,22 @@
 static char *absolute(const char *path) {
     char *whole = realpath(path, NULL);
     return whole != NULL ? whole : strdup(path);
+}
+
+// Prints a line for each group whose unit is not known. Such a group gets no role.
+static void name_unknown_units(const pm_scene *scene) {
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            if (!pm_unit_parse(group->unit).known) {
+                printf("%s.%s: the unit \"%s\" is not known, so that the proposal cannot tell what "
+                       "the "
+                       "group is. SI units with prefixes are known, such as kg m/s, mm or kJ/K.\n",
+                       subsystem->name, group->name, group->unit);
+            }
+        }
+    }
 }
 
 static pm_status write_proposal(const char *scene_path, const char *data, pm_form form,
@@ -37,6 +54,7 @@ static pm_status write_proposal(const char *scene_path, const char *data, pm_for
                                   .data_path = data_name,
                                   .form = form};
     PM_TRY_DONE(pm_propose(&proposal, output));
+    name_unknown_units(scene);
     printf("wrote %s\n", output);
 done:
     free(scene_name);

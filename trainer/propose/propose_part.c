@@ -80,6 +80,8 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
             fprintf(f, "; a direction, which turns with %s", pm_draft_name(v, v->mate[g]));
             break;
         default:
+            fprintf(f, "%s",
+                    v->unit[g].known ? "" : "; the unit is NOT KNOWN, so that it says nothing");
             break;
         }
         fprintf(f, "%s", v->gyroscopic[g] ? "; its components move each other" : "");
