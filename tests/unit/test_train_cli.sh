@@ -97,9 +97,21 @@ if command -v gnuplot >/dev/null; then
     ! grep -q multiplot "$folder/both.gp" || fail "beams that are placed are in panels"
     succeed "wrote" picture "$folder/beam.h5" "$upper" -o "$folder/apart.png"
     grep -q "multiplot layout 2,1" "$folder/apart.gp" || fail "beams that are not placed are in one scene"
+    succeed "wrote" picture "$lower" "$upper" --beside "$lower,$upper" --trajectory 0,1 --time 0.2 --error -o "$folder/beside.png"
+    [ "$(grep -c '^splot' "$folder/beside.gp")" -eq 3 ] || fail "expected three panels"
+    [ "$(faces "$folder/beside.gp")" -eq $((3 * 36)) ] || fail "expected both beams in each panel"
+    grep -q "trajectory 0, 0.2 s" "$folder/beside.gp" && grep -q "trajectory 1, 0.2 s" "$folder/beside.gp" ||
+        fail "expected a trajectory for each scene"
+    # An error is zero against itself.
+    succeed "wrote" picture "$lower" --beside "$lower" --time 0.2 --error -o "$folder/same.png"
+    [ "$(faces "$folder/same.gp")" -eq $((3 * 18)) ] || fail "expected three panels of one beam"
+    [ "$(tail -n 120 "$folder/same.gp" | grep -Ec '^(-?[0-9.e+-]+ ){3}0$')" -ge 64 ] || fail "expected no error"
 fi
 expect 5 "there is no trajectory 2, only 2" picture "$lower" --trajectory 2 -o "$folder/new.png"
 expect 2 '--time "soon": expected a number' picture "$lower" --time soon -o "$folder/new.png"
+expect 2 'expected a whole number' picture "$lower" --trajectory 0,1 -o "$folder/new.png"
+expect 2 'or two joined by a comma' picture "$lower" --beside "$upper" --trajectory 0,1,2 -o "$folder/new.png"
+expect 2 'or --beside with a field of each body' picture "$lower" "$upper" --beside "$upper" --error -o "$folder/new.png"
 expect 2 'expected a whole number' picture "$lower" --trajectory 0.5 -o "$folder/new.png"
 expect 5 "/z" picture configs/reference/double_pendulum.h5 -o "$folder/new.png"
 expect 2 "script of the picture has this name" picture "$lower" -o "$folder/new.gp"

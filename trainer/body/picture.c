@@ -5,7 +5,6 @@
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/path.h"
@@ -26,6 +25,12 @@ typedef struct drawn_body {
     int q, stress;          // first variables that are positions (-1: none), and stresses
     pm_surface surface;
 } drawn_body;
+
+// The bodies that are drawn in one panel.
+typedef struct panel {
+    const drawn_body *body;
+    int count, first; // the first one in the picture
+} panel;
 
 // Returns the index of the state nearest to a time.
 static int nearest_state(const pm_field *field, double time) {
@@ -48,11 +53,12 @@ static pm_status open_body(drawn_body *b, const pm_picture *picture, int i, bool
                        "%s: the field has no mesh of hexahedra, or no stress to colour it by",
                        picture->title[i]);
     }
-    if (picture->trajectory < 0 || picture->trajectory >= field->ntrajectory) {
+    const int trajectory = picture->trajectory[i];
+    if (trajectory < 0 || trajectory >= field->ntrajectory) {
         return pm_fail(PM_EDATA, "%s: there is no trajectory %d, only %d of them",
-                       picture->title[i], picture->trajectory, field->ntrajectory);
+                       picture->title[i], trajectory, field->ntrajectory);
     }
-    b->z = pm_field_state(field, picture->trajectory, nearest_state(field, picture->time));
+    b->z = pm_field_state(field, trajectory, nearest_state(field, picture->time));
     return pm_surface_find(&b->surface, field->nelement, field->hexahedron, arena);
 }
 
@@ -151,38 +157,43 @@ static void write_setting(FILE *file, const pm_picture *picture, const drawn_bou
             picture->error ? 0.42 : 0.2, picture->error ? 0.5 : 0.6);
 }
 
-// Writes a panel with the surfaces of `count` bodies.
-static void write_panel(FILE *file, const pm_picture *picture, const drawn_body *bodies, int count,
-                        const char *title) {
-    write_bodies(file, count, bodies, "$surface");
+// Writes a panel, with the names of its bodies in the title if `named`.
+static void write_panel(FILE *file, const pm_picture *picture, const panel *p, const char *title,
+                        bool named) {
+    write_bodies(file, p->count, p->body, "$surface");
     fputs("set title ", file);
     write_quoted(file, title);
-    fprintf(file, ".' trajectory %d, %.4g s' noenhanced\n", picture->trajectory,
-            bodies->field->t[nearest_state(bodies->field, picture->time)]);
+    for (int i = 0; i < p->count && named; ++i) {
+        fputs(i > 0 ? ".', '." : ".", file);
+        write_quoted(file, picture->title[p->first + i]);
+    }
+    fprintf(file, ".' trajectory %d, %.4g s' noenhanced\n", picture->trajectory[p->first],
+            p->body->field->t[nearest_state(p->body->field, picture->time)]);
     fputs("splot $surface using 1:2:3:4 with pm3d\n", file);
 }
 
-// Writes a panel of the second body, coloured by the difference of the stresses, on a scale of its
-// own.
-static void write_error(FILE *file, const pm_picture *picture, const drawn_body *bodies) {
-    drawn_body error = bodies[1];
+// Writes a panel of the bodies of the second panel, coloured by the difference of the stresses, on
+// a scale of its own. `error` [p[1].count] is work space.
+static void write_error(FILE *file, const pm_picture *picture, const panel *p, drawn_body *error) {
     drawn_bounds of = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}, 0};
-    error.from = &bodies[0];
-    widen(&of, &error);
+    for (int i = 0; i < p[1].count; ++i) {
+        error[i] = p[1].body[i];
+        error[i].from = &p[0].body[i];
+        widen(&of, &error[i]);
+    }
     fprintf(file,
             "set cbrange [0:%.4g]\nset cblabel 'of the error, kPa'\n"
             "set colorbox user origin 0.88, 0.06 size 0.02, 0.24\n",
             fmax(of.stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT);
-    write_panel(file, picture, &error, 1, "error,");
+    write_panel(file, picture, &(panel){error, p[1].count, p[1].first}, "error,", false);
 }
 
-// Writes the whole script. `together` puts all bodies into one panel.
-static void write_script(FILE *file, const pm_picture *picture, const drawn_body *bodies,
-                         bool together, const char *path) {
-    const int npanel = together ? 1 : picture->count;
+// Writes the whole script. `error` [count] is work space.
+static void write_script(FILE *file, const pm_picture *picture, int npanel, const panel *p,
+                         drawn_body *error, const char *path) {
     drawn_bounds all = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}, 0};
     for (int i = 0; i < picture->count; ++i) {
-        widen(&all, &bodies[i]);
+        widen(&all, &p->body[i]);
     }
     const int nall = npanel + picture->error;
     write_setting(file, picture, &all, path, nall);
@@ -190,58 +201,87 @@ static void write_script(FILE *file, const pm_picture *picture, const drawn_body
         fprintf(file, "set multiplot layout %d,1\n", nall);
     }
     for (int i = 0; i < npanel; ++i) {
-        write_panel(file, picture, &bodies[i], together ? picture->count : 1,
-                    npanel > 1 ? picture->title[i] : "");
+        write_panel(file, picture, &p[i], "", npanel > 1);
         fputs(i == 0 ? "unset colorbox\n" : "", file);
     }
     if (picture->error) {
-        write_error(file, picture, bodies);
+        write_error(file, picture, p, error);
     }
 }
 
-static pm_status write_file(const pm_picture *picture, const drawn_body *bodies, bool together,
-                            const char *script, const char *path) {
+static pm_status write_file(const pm_picture *picture, int npanel, const panel *p,
+                            drawn_body *error, const char *script, const char *path) {
     FILE *file = fopen(script, "w");
     if (file == NULL) {
         return pm_fail(PM_EFILE, "%s: %s", script, strerror(errno));
     }
-    write_script(file, picture, bodies, together, path);
+    write_script(file, picture, npanel, p, error, path);
     const bool failed = ferror(file) != 0;
     return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: cannot be written", script) : PM_OK;
 }
 
-// Checks that the fields have a difference, if it is to be drawn.
-static pm_status check_error(const pm_picture *picture, bool together) {
-    const pm_field *const *f = picture->field;
-    return !picture->error || (picture->count == 2 && !together && f[0]->nnode == f[1]->nnode)
-               ? PM_OK
-               : pm_fail(PM_EUSAGE, "picture: --error: expected two fields of one body");
+// --- panels ---
+
+// Divides the bodies into panels [count]. Returns their number.
+static int make_panels(const pm_picture *picture, const drawn_body *bodies, bool together,
+                       panel *p) {
+    int npanel = 0;
+    for (int i = 0; i < picture->count; ++i) {
+        const bool begins = i == 0 || !together || i == picture->count - picture->nbeside;
+        if (begins) {
+            p[npanel++] = (panel){&bodies[i], 0, i};
+        }
+        ++p[npanel - 1].count;
+    }
+    return npanel;
+}
+
+// Checks that the bodies of two panels have a difference, if it is to be drawn.
+static pm_status check_error(const pm_picture *picture, int npanel, const panel *p) {
+    bool good = !picture->error || (npanel == 2 && p[0].count == p[1].count);
+    for (int i = 0; picture->error && good && i < p[0].count; ++i) {
+        good = p[0].body[i].field->nnode == p[1].body[i].field->nnode;
+    }
+    return good ? PM_OK
+                : pm_fail(PM_EUSAGE,
+                          "picture: --error: expected two fields of one body, or --beside with a "
+                          "field of each body");
+}
+
+static pm_status draw(const pm_picture *picture, const char *script, const char *path,
+                      pm_arena *arena) {
+    const size_t n = (size_t)picture->count;
+    drawn_body *bodies = pm_arena_array(arena, n, sizeof *bodies);
+    drawn_body *error = pm_arena_array(arena, n, sizeof *error);
+    panel *p = pm_arena_array(arena, n, sizeof *p);
+    bool together = true;
+    if (bodies == NULL || error == NULL || p == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a picture");
+    }
+    for (int i = 0; i < picture->count; ++i) {
+        together = together && picture->field[i]->placed;
+    }
+    for (int i = 0; i < picture->count; ++i) {
+        PM_TRY(open_body(&bodies[i], picture, i, together, arena));
+    }
+    const int npanel = make_panels(picture, bodies, together, p);
+    PM_TRY(check_error(picture, npanel, p));
+    PM_TRY(write_file(picture, npanel, p, error, script, path));
+    return pm_gnuplot_run(".", script);
 }
 
 pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
     pm_arena arena = {NULL};
     const char *script = pm_arena_printf(&arena, "%.*s.gp", (int)pm_path_stem(path), path);
-    drawn_body *bodies = calloc((size_t)picture->count, sizeof *bodies);
-    bool together = true;
-    pm_status status = PM_OK;
-    if (script == NULL || bodies == NULL) {
+    pm_status status;
+    if (script == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a picture");
     } else if (strcmp(script, path) == 0) {
         status = pm_fail(PM_EUSAGE,
                          "%s: the script of the picture has this name; choose another one", path);
+    } else {
+        status = draw(picture, script, path, &arena);
     }
-    for (int i = 0; i < picture->count; ++i) {
-        together = together && picture->field[i]->placed;
-    }
-    for (int i = 0; i < picture->count && status == PM_OK; ++i) {
-        status = open_body(&bodies[i], picture, i, together, &arena);
-    }
-    PM_TRY_DONE(status);
-    PM_TRY_DONE(check_error(picture, together));
-    PM_TRY_DONE(write_file(picture, bodies, together, script, path));
-    status = pm_gnuplot_run(".", script);
-done:
-    free(bodies);
     pm_arena_free(&arena);
     return status;
 }
