@@ -1,9 +1,10 @@
 #!/bin/sh
-# test_mesh_cli.sh PORTMET_MESH PORTMET_TRAIN: meshes of other programs become meshes of portmet, and bodies of any shape
+# test_mesh_cli.sh PORTMET_MESH PORTMET_TRAIN [WRITE_MESH_FILE]: meshes of other programs become meshes of portmet, and bodies of any shape
 # are simulated on them and follow the shipped material.
 . "$(dirname "$0")/../support/setting.sh"
 mesh=$1
 train=$2
+writer=${3:-}
 
 # says CODE TEXT PROGRAM ARGUMENT...
 says() {
@@ -118,10 +119,42 @@ says 5 'no physical group "clamped", found: wall, body' "$mesh" "$folder/two.msh
 msh 4 "2 9 10 11" >"$folder/mixed.msh"
 says 5 "element 3 (one of 1) is a Tetrahedron 4, expected hexahedra" "$mesh" "$folder/mixed.msh" --clamped wall -o "$folder/none.h5"
 says 0 "12 hexahedra" "$mesh" "$folder/mixed.msh" --clamped wall --split -o "$folder/split.h5"
-msh 5 "9 2 3 10 11 6 7 12" >"$folder/inside.msh"
-says 5 "element 3 is turned inside out" "$mesh" "$folder/inside.msh" --clamped wall -o "$folder/none.h5"
+# Its nodes are numbered as in a mirror, which is the same brick.
+msh 5 "9 2 3 10 11 6 7 12" >"$folder/mirror.msh"
+says 0 "2 hexahedra, 12 nodes, of which 4 are clamped" "$mesh" "$folder/mirror.msh" --clamped wall -o "$folder/mirror.h5"
+msh 5 "2 9 3 10 6 11 12 7" >"$folder/twisted.msh"
+says 5 "element 3 has no positive volume everywhere" "$mesh" "$folder/twisted.msh" --clamped wall -o "$folder/none.h5"
 echo "not a mesh" >"$folder/text.msh"
 says 4 "line 1: syntax error" "$mesh" "$folder/text.msh" -o "$folder/none.h5"
+says 4 ": the file is damaged, or Gmsh" "$mesh" "$folder/text.msh" -o "$folder/none.h5"
+says 0 "2 hexahedra, 12 nodes, of which 4 are clamped" "$mesh" "$folder/two.msh" --clamped x=2 -o "$folder/plane.h5"
+says 5 "no node lies in the plane x=0.3" "$mesh" "$folder/two.msh" --clamped x=0.3 -o "$folder/none.h5"
+says 5 'no physical group "x=", found: wall, body; --clamped also takes a plane' "$mesh" "$folder/two.msh" --clamped x= -o "$folder/none.h5"
+# Formats with names of groups, and formats without.
+if [ -n "$writer" ]; then
+    for format in "2.2 0 msh" "2.2 1 msh" "4.1 0 msh" "4.1 1 msh" "4.1 0 unv" "4.1 0 vtk" "4.1 1 vtk" "4.1 0 bdf" "4.1 0 mesh"; do
+        set -- $format
+        file=$folder/format_$1_$2.$3
+        clamped=wall
+        [ "$3" = msh ] || [ "$3" = unv ] || clamped=x=0
+        "$writer" "$folder/two.msh" "$file" "$1" "$2" || fail "$format: cannot be written"
+        says 0 "2 hexahedra, 12 nodes, of which 4 are clamped" "$mesh" "$file" --clamped $clamped -o "$folder/format.h5"
+        for dataset in /hexahedra /clamped /node_position_reference; do
+            h5diff "$folder/format.h5" "$folder/two.h5" $dataset >/dev/null || fail "$format: $dataset differs"
+        done
+    done
+    says 5 'no physical group "wall", found: none' "$mesh" "$folder/format_4.1_0.vtk" --clamped wall -o "$folder/none.h5"
+    # Tetrahedra of a file, whose new nodes lie halfway between its own, and a surface.
+    "$writer" configs/meshes/column.geo "$folder/tetrahedra.vtk" 4.1 0 || fail "column.geo: cannot be written"
+    says 5 "is a Tetrahedron 4, expected hexahedra" "$mesh" "$folder/tetrahedra.vtk" --clamped x=0 -o "$folder/none.h5"
+    says 0 "hexahedra" "$mesh" "$folder/tetrahedra.vtk" --clamped x=0 --split -o "$folder/column.h5"
+    sed '/Physical/d' configs/meshes/column.geo >"$folder/box.geo" # else Gmsh writes the groups alone
+    "$writer" "$folder/box.geo" "$folder/surface.stl" 4.1 0 || fail "surface.stl: cannot be written"
+    says 5 "no element of a volume, expected hexahedra; a surface becomes a volume by a .geo file" \
+        "$mesh" "$folder/surface.stl" --clamped x=0 -o "$folder/none.h5"
+    printf 'Merge "surface.stl";\nSurface Loop(1) = {1};\nVolume(1) = {1};\nMesh.SecondOrderLinear = 1;\n' >"$folder/surface.geo"
+    says 0 "hexahedra" "$mesh" "$folder/surface.geo" --clamped x=0 --split -o "$folder/surface.h5"
+fi
 # The geometry of the shipped mesh gives a mesh; versions of Gmsh differ in its nodes.
 says 0 "hexahedra" "$mesh" configs/meshes/l_body.geo -o "$folder/l_body.h5"
 

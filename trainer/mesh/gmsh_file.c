@@ -2,6 +2,7 @@
 #include "mesh/gmsh_file.h"
 
 #include <gmshc.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +11,9 @@
 
 // Gmsh's number of the hexahedron with eight nodes. It orders them as VTK does.
 #define HEXAHEDRON 5
+// Nodes closer to a plane than this share of the body's largest coordinate range lie in it. Some
+// formats have seven digits.
+#define IN_PLANE 1e-5
 
 // What Gmsh gives of a mesh. It owns the arrays until they are freed.
 typedef struct gmsh_mesh {
@@ -40,12 +44,20 @@ static void close_mesh(gmsh_mesh *g) {
 }
 
 static pm_status fail(const char *path) {
-    char *text = NULL;
+    char *text = NULL, *version = NULL;
     int error = 0;
     gmshLoggerGetLastError(&text, &error);
-    const pm_status status = pm_fail(PM_EFILE, "%s: Gmsh: %s", path,
-                                     text != NULL && text[0] != 0 ? text : "unknown error");
+    const bool known = text != NULL && text[0] != 0;
+    gmshOptionGetString("General.Version", &version, &error);
+    // A file of a format that Gmsh does not know is read as a script.
+    const pm_status status =
+        known && strstr(text, "syntax error") != NULL
+            ? pm_fail(PM_EFILE,
+                      "%s: Gmsh: %s: the file is damaged, or Gmsh %s does not read its format",
+                      path, text, version == NULL ? "" : version)
+            : pm_fail(PM_EFILE, "%s: Gmsh: %s", path, known ? text : "unknown error");
     gmshFree(text);
+    gmshFree(version);
     return status;
 }
 
@@ -75,6 +87,8 @@ static pm_status read_all(gmsh_mesh *g, const char *path, bool split) {
     if (!meshed) {
         gmshModelMeshGenerate(3, &error); // splits elements, too
     } else if (split) {
+        // New nodes lie on straight edges: a mesh has no curves to put them on.
+        gmshOptionSetNumber("Mesh.SecondOrderLinear", 1, &error);
         gmshModelMeshRefine(&error);
     }
     PM_TRY(error != 0 ? fail(path) : PM_OK);
@@ -122,19 +136,38 @@ static pm_status find_bricks(const gmsh_mesh *g, const char *path, size_t *at) {
     }
     return *at < g->ntype
                ? PM_OK
-               : pm_fail(PM_EDATA, "%s: no element of a volume, expected hexahedra", path);
+               : pm_fail(PM_EDATA,
+                         "%s: no element of a volume, expected hexahedra; a surface becomes a "
+                         "volume by a .geo file (TRUTH.md, Meshes)",
+                         path);
 }
 
-static pm_status check_bricks(const pm_solid_mesh *mesh, const size_t *tag, const char *path) {
+// Returns true if an element with these nodes [PM_BRICK_NODES] has positive volume everywhere.
+static bool is_good(const pm_solid_mesh *mesh, const int *node) {
+    double x[3 * PM_BRICK_NODES];
+    pm_brick brick;
+    for (int n = 0; n < PM_BRICK_NODES; ++n) {
+        memcpy(x + 3 * n, mesh->position + 3 * (ptrdiff_t)node[n], 3 * sizeof *x);
+    }
+    return pm_brick_make(&brick, x);
+}
+
+// Exchanges bottom and top of the elements that are numbered as in a mirror. Refuses elements
+// without positive volume.
+static pm_status turn_bricks(const pm_solid_mesh *mesh, int *brick, const size_t *tag,
+                             const char *path) {
+    enum { HALF = PM_BRICK_NODES / 2 };
     for (int e = 0; e < mesh->nelement; ++e) {
-        double x[3 * PM_BRICK_NODES];
-        pm_brick brick;
-        for (int n = 0; n < PM_BRICK_NODES; ++n) {
-            memcpy(x + 3 * n, mesh->position + 3 * (ptrdiff_t)mesh->brick[PM_BRICK_NODES * e + n],
-                   3 * sizeof *x);
+        int *node = brick + (ptrdiff_t)PM_BRICK_NODES * e, bottom[HALF];
+        if (is_good(mesh, node)) {
+            continue;
         }
-        if (!pm_brick_make(&brick, x)) {
-            return pm_fail(PM_EDATA, "%s: element %zu is turned inside out", path, tag[e]);
+        memcpy(bottom, node, sizeof bottom);
+        memcpy(node, node + HALF, sizeof bottom);
+        memcpy(node + HALF, bottom, sizeof bottom);
+        if (!is_good(mesh, node)) {
+            return pm_fail(PM_EDATA, "%s: element %zu has no positive volume everywhere", path,
+                           tag[e]);
         }
     }
     return PM_OK;
@@ -164,8 +197,8 @@ static bool clamp_group(int dimension, int group, const int *number, size_t most
     return error == 0;
 }
 
-static pm_status clamp(const char *wanted, const int *number, size_t most, const char *path,
-                       bool *clamped) {
+static pm_status clamp_by_name(const char *wanted, const int *number, size_t most, const char *path,
+                               bool *clamped) {
     int *pair = NULL, error = 0;
     size_t count = 0, found = 0;
     char names[200] = "";
@@ -187,14 +220,52 @@ static pm_status clamp(const char *wanted, const int *number, size_t most, const
         return fail(path);
     }
     return found > 0 ? PM_OK
-                     : pm_fail(PM_EDATA, "%s: no physical group \"%s\", found: %s", path, wanted,
-                               names[0] != 0 ? names : "none");
+                     : pm_fail(PM_EDATA,
+                               "%s: no physical group \"%s\", found: %s; --clamped also takes a "
+                               "plane such as x=0",
+                               path, wanted, names[0] != 0 ? names : "none");
+}
+
+// Reads a plane such as "x=0.5": its axis, 0 to 2, and place. Returns false if the text is none.
+static bool read_plane(const char *text, int *axis, double *place) {
+    char *end = NULL;
+    if (text[0] < 'x' || text[0] > 'z' || text[1] != '=' || text[2] == 0) {
+        return false;
+    }
+    *axis = text[0] - 'x';
+    *place = strtod(text + 2, &end);
+    return *end == 0 && isfinite(*place);
+}
+
+// Marks the nodes in a plane.
+static pm_status clamp_by_plane(const char *wanted, int axis, double place, const char *path,
+                                const pm_solid_mesh *mesh, bool *clamped) {
+    double low = INFINITY, high = -INFINITY;
+    int count = 0;
+    for (int i = 0; i < 3 * mesh->nnode; ++i) {
+        low = fmin(low, mesh->position[i]);
+        high = fmax(high, mesh->position[i]);
+    }
+    for (int i = 0; i < mesh->nnode; ++i) {
+        clamped[i] = fabs(mesh->position[3 * i + axis] - place) <= IN_PLANE * (high - low);
+        count += clamped[i];
+    }
+    return count > 0 ? PM_OK : pm_fail(PM_EDATA, "%s: no node lies in the plane %s", path, wanted);
+}
+
+static pm_status clamp(const char *wanted, const int *number, size_t most, const char *path,
+                       const pm_solid_mesh *mesh, bool *clamped) {
+    int axis;
+    double place;
+    return read_plane(wanted, &axis, &place)
+               ? clamp_by_plane(wanted, axis, place, path, mesh, clamped)
+               : clamp_by_name(wanted, number, most, path, clamped);
 }
 
 // --- the result ---
 
 // Numbers the nodes of the bricks in the order of their tags, and copies both.
-static pm_status copy(const gmsh_mesh *g, size_t at, pm_arena *arena, int **number,
+static pm_status copy(const gmsh_mesh *g, size_t at, pm_arena *arena, int **number, int **bricks,
                       pm_solid_mesh *mesh) {
     const size_t ncorner = g->ncorner[at];
     double *x = pm_arena_array(arena, 3 * g->nnode, sizeof *x);
@@ -219,6 +290,7 @@ static pm_status copy(const gmsh_mesh *g, size_t at, pm_arena *arena, int **numb
     for (size_t i = 0; i < ncorner; ++i) {
         brick[i] = (*number)[g->corner[at][i]];
     }
+    *bricks = brick;
     *mesh = (pm_solid_mesh){
         .nnode = count, .nelement = (int)(ncorner / PM_BRICK_NODES), .position = x, .brick = brick};
     return PM_OK;
@@ -227,14 +299,14 @@ static pm_status copy(const gmsh_mesh *g, size_t at, pm_arena *arena, int **numb
 static pm_status make_mesh(const gmsh_mesh *g, const char *path, const char *wanted,
                            pm_arena *arena, pm_solid_mesh *mesh) {
     size_t at;
-    int *number;
+    int *number = NULL, *bricks = NULL;
     PM_TRY(find_bricks(g, path, &at));
-    PM_TRY(copy(g, at, arena, &number, mesh));
+    PM_TRY(copy(g, at, arena, &number, &bricks, mesh));
     bool *clamped = pm_arena_array(arena, (size_t)mesh->nnode, sizeof *clamped);
     PM_TRY(clamped == NULL ? pm_fail(PM_ENOMEM, "out of memory for a mesh") : PM_OK);
-    PM_TRY(clamp(wanted, number, g->most, path, clamped));
+    PM_TRY(clamp(wanted, number, g->most, path, mesh, clamped));
     mesh->clamped = clamped;
-    return check_bricks(mesh, g->element[at], path);
+    return turn_bricks(mesh, bricks, g->element[at], path);
 }
 
 pm_status pm_gmsh_read(pm_solid_mesh *mesh, const char *path, const char *clamped, bool split,

@@ -12,7 +12,8 @@ static pm_status run(int argc, char **argv) {
     bool split = false, helped = false;
     const pm_option table[] = {
         {"--clamped", NULL, "NAME", NULL, &clamped, false,
-         "the physical group whose nodes do not move (default: clamped)"},
+         "the physical group whose nodes do not move (default: clamped), or their plane, such as "
+         "x=0"},
         {"--split", NULL, NULL, &split, NULL, false,
          "split tetrahedra, prisms and hexahedra into smaller hexahedra"},
         {"--output", "-o", "FILE", NULL, &output, true, "mesh to write (HDF5)"},
@@ -20,8 +21,8 @@ static pm_status run(int argc, char **argv) {
     const pm_options options = {
         .usage = "portmet-mesh FILE -o MESH [options]",
         .summary =
-            "Reads a mesh of hexahedra from any FILE that Gmsh reads, such as .msh, .inp, .unv or\n"
-            ".vtk, or meshes a geometry such as .geo or .step. Lengths are in m. Scenes and truth\n"
+            "Reads a mesh of hexahedra from any FILE that Gmsh reads, such as .msh, .unv, .vtk or\n"
+            ".bdf, or meshes a geometry such as .geo or .step. Lengths are in m. Scenes and truth\n"
             "files take MESH as `mesh:`.",
         .positional_name = "FILE",
         .positional = &input,
