@@ -447,6 +447,13 @@ pm_node pm_add_or(pm_graph *g, pm_node a, pm_node b) {
     return pm_add(g, a, b);
 }
 
+pm_node pm_concat_or(pm_graph *g, pm_node a, pm_node b) {
+    if (a == PM_NO_NODE || b == PM_NO_NODE) {
+        return a == PM_NO_NODE ? b : a;
+    }
+    return pm_concat(g, 2, (const pm_node[]){a, b});
+}
+
 pm_node pm_transpose(pm_graph *g, pm_node x) {
     const pm_shape shape = pm_graph_shape(g, x);
     const int count = shape.rows * shape.cols;

@@ -255,7 +255,7 @@ static pm_node build_rate(const construction *c, pm_node d, pm_node normal, pm_n
         return apply_projected(c, d, normal);
     }
     const pm_node residual = pm_div(c->g, apply(c, normal), c->scale);
-    *degeneracy = pm_add_or(c->g, *degeneracy, pm_dot(c->g, residual, residual));
+    *degeneracy = pm_concat_or(c->g, *degeneracy, residual);
     return apply(c, d);
 }
 

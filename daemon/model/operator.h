@@ -39,9 +39,9 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
 
 // Returns the rate [1][site->n] of the operator, in the units of the groups per second, or
 // PM_NO_NODE if there is no operator or no driving. driving, normal: [1][site->n]. If the normal is
-// PM_NO_NODE the operator need not be degenerate, and is not projected. In the soft form |K n|^2
-// [1][1] in scaled coordinates is added to *degeneracy, which is PM_NO_NODE before the first
-// addition.
+// PM_NO_NODE the operator need not be degenerate, and is not projected. In the soft form the
+// components of K n in scaled coordinates are appended to *degeneracy [1][...], which is PM_NO_NODE
+// before the first ones.
 pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
                           const pm_params *params, pm_node driving, pm_node normal,
                           pm_node *degeneracy);

@@ -54,8 +54,8 @@ pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z
 bool pm_part_is_discrete(const pm_part *part);
 
 // Returns the bulk term [1][nz], in units of z per second, or PM_NO_NODE if nothing acts. dE and dS
-// may be PM_NO_NODE. In the soft form the squared residual |L dS|^2 + |M dE|^2 [1][1] in scaled
-// coordinates is added to *degeneracy, which is PM_NO_NODE before the first addition.
+// may be PM_NO_NODE. In the soft form the components of L dS and M dE in scaled coordinates are
+// appended to *degeneracy [1][...], which is PM_NO_NODE before the first ones.
 pm_node pm_part_bulk(pm_graph *g, const pm_part *part, pm_node z, pm_node dE, pm_node dS,
                      pm_node *degeneracy);
 

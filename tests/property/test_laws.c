@@ -379,10 +379,11 @@ static double penalty(random_system *w) {
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const part_nodes n = build_part(g, w->system->part[0]);
     assert_int_not_equal(n.degeneracy, PM_NO_NODE);
-    pm_program *p = run(w, g, 1, &n.degeneracy, 1, &n.z);
+    const pm_node square = pm_dot(g, n.degeneracy, n.degeneracy);
+    pm_program *p = run(w, g, 1, &square, 1, &n.z);
     double sum = 0;
     for (int i = 0; i < BATCH; ++i) {
-        sum += *item(g, p, n.degeneracy, i) / BATCH;
+        sum += *item(g, p, square, i) / BATCH;
     }
     pm_program_close(p);
     pm_graph_close(g);

@@ -2,6 +2,7 @@
 #include "learn/loss_graph.h"
 
 #include <assert.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "learn/step_graph.h"
@@ -54,7 +55,7 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
     }
     nodes->residual = pm_concat(g, unroll, s->residual);
     if (nodes->degeneracy != PM_NO_NODE) {
-        nodes->degeneracy = pm_scale(g, nodes->degeneracy, 1.0 / (unroll * substeps * rk->nstage));
+        nodes->degeneracy = pm_scale(g, nodes->degeneracy, 1.0 / sqrt(unroll));
     }
 }
 

@@ -22,9 +22,12 @@ typedef struct pm_loss {
 
 // The nodes that pm_loss_graph_build makes.
 typedef struct pm_loss_nodes {
-    pm_node input;      // [1][pm_samples_width] batched: a window (learn/samples.h)
-    pm_node residual;   // [1][unroll nz]: (z - z_data) weight / scale after each step
-    pm_node degeneracy; // [1][1]: |L dS|^2 + |M dE|^2, scaled, mean; PM_NO_NODE in the hard form
+    pm_node input;    // [1][pm_samples_width] batched: a window (learn/samples.h)
+    pm_node residual; // [1][unroll nz]: (z - z_data) weight / scale after each step
+    // [1][...]: the components of L dS and M dE of every subsystem and port at the first state of
+    // each step, in scaled coordinates, divided by the root of `unroll`. The sum of their squares
+    // is the mean of the penalty over the steps. PM_NO_NODE in the hard form.
+    pm_node degeneracy;
 } pm_loss_nodes;
 
 // Returns the number of polynomial coefficients of the boundary inputs that the loss reads for each

@@ -63,7 +63,8 @@ static void build_loss(pm_objective *o, pm_graph *g, const pm_loss_nodes *nodes)
         loss = pm_mul(g, d2, pm_log(g, pm_offset(g, pm_div(g, loss, d2), 1)));
     }
     if (degeneracy != PM_NO_NODE) {
-        loss = pm_add(g, loss, pm_scale(g, degeneracy, o->loss.degeneracy));
+        const pm_node penalty = pm_dot(g, degeneracy, degeneracy);
+        loss = pm_add(g, loss, pm_scale(g, penalty, o->loss.degeneracy));
     }
     o->sum = pm_sum_to(g, loss, (pm_shape){false, 1, 1});
     pm_node *leaf = o->entry_gradient; // plan_lanes replaces these nodes by their gradients

@@ -1,7 +1,7 @@
 // The loss of a system on samples, and its gradient with respect to all weights.
 //
 //     loss = mean over samples of rho( mean over steps and components of ((z - z_data) / scale)^2 )
-//            + degeneracy weight * mean squared degeneracy residual (soft form)
+//            + degeneracy weight * mean over steps of |L dS|^2 + |M dE|^2 (soft form)
 //     rho(x) = x, or with a robust loss: D^2 ln(1 + x / D^2), which reduces the weight of outliers
 //
 // Two threads, or the processes of a team (learn/team.h), work on chunks of samples. The chunks are

@@ -4,9 +4,6 @@
 #include <math.h>
 #include <stddef.h>
 
-// Keeps the root of the degeneracy differentiable at zero.
-#define SMALLEST_DEGENERACY 1e-20
-
 int pm_residuals_count(const pm_objective *objective) {
     const pm_samples *samples = pm_objective_context(objective).samples;
     return samples->nz * samples->unroll;
@@ -21,10 +18,8 @@ pm_status pm_residuals_build(pm_graph *g, const pm_loss_context *context, pm_nod
     const int n = pm_graph_shape(g, nodes.residual).cols;
     const pm_node part[2] = {
         pm_scale(g, nodes.residual, 1 / sqrt(n)),
-        nodes.degeneracy == PM_NO_NODE
-            ? PM_NO_NODE
-            : pm_sqrt(g, pm_offset(g, pm_scale(g, nodes.degeneracy, c->loss->degeneracy),
-                                   SMALLEST_DEGENERACY)),
+        nodes.degeneracy == PM_NO_NODE ? PM_NO_NODE
+                                       : pm_scale(g, nodes.degeneracy, sqrt(c->loss->degeneracy)),
     };
     *residual = pm_concat(g, part[1] == PM_NO_NODE ? 1 : 2, part);
     return PM_OK;

@@ -12,8 +12,8 @@
 int pm_residuals_count(const pm_objective *objective);
 
 // Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the
-// data and, in the soft form, the root of the weighted degeneracy penalty. *input receives the
-// window (learn/loss_graph.h). PM_ENOMEM.
+// data and, in the soft form, every component of L dS and M dE, times the root of the weight of the
+// penalty. *input receives the window (learn/loss_graph.h). PM_ENOMEM.
 pm_status pm_residuals_build(pm_graph *g, const pm_loss_context *context, pm_node *input,
                              pm_node *residual);
 

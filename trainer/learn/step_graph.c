@@ -171,9 +171,10 @@ void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk
                 build_responses(g, system, work->state, h, work);
             }
             const double fraction = (substep + pm_integrator_time(rk, stage)) / substeps;
+            pm_node later = PM_NO_NODE; // residuals of later stages are left out
             pm_build_rates(g, system, work->state,
                            pm_build_boundary_input(g, system, boundary_input, fraction), work->last,
-                           degeneracy);
+                           substep == 0 && stage == 0 ? degeneracy : &later);
             for (int i = 0; i < count; ++i) {
                 work->k[i * rk->nstage + stage] = stretched(g, work->state[i].zdot, work->stretch);
             }

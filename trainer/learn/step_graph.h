@@ -33,8 +33,8 @@ void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
                          const pm_state_nodes *state, pm_node prescribed, pm_port_nodes end[2]);
 
 // Computes zdot of state [nsubsystem] from z, dE, dS and the values of the boundary inputs, and
-// adds the squared degeneracy residuals to *degeneracy. `last` [nport] holds the irreversible rates
-// of the previous iteration of the prediction (prediction.h), all PM_NO_NODE at first, and receives
+// appends the degeneracy residuals to *degeneracy. `last` [nport] holds the irreversible rates of
+// the previous iteration of the prediction (prediction.h), all PM_NO_NODE at first, and receives
 // those of this one.
 void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node prescribed,
                     pm_node *last, pm_node *degeneracy);
@@ -49,9 +49,9 @@ typedef struct pm_step_work {
                      // PM_NO_NODE: 1
 } pm_step_work;
 
-// Replaces z [nsubsystem] by the states after `substeps` steps of h seconds each, and adds the
-// squared degeneracy residuals to *degeneracy. `boundary_input` holds polynomials as in
-// pm_build_boundary_input.
+// Replaces z [nsubsystem] by the states after `substeps` steps of h seconds each, and appends the
+// degeneracy residuals of the states before these steps to *degeneracy. `boundary_input` holds
+// polynomials as in pm_build_boundary_input.
 void pm_build_step(pm_graph *g, const pm_system *system, const pm_integrator *rk, double h,
                    int substeps, pm_node *z, pm_node boundary_input, pm_node *degeneracy,
                    const pm_step_work *work);
