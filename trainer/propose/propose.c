@@ -4,12 +4,17 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "propose/decay.h"
 #include "propose/propose_draft.h"
 
 // Bounds on the substep times the fastest rate of change: in the last stage, and in a scene that
 // resolves its dynamics.
 #define FINE 0.25
 #define RESOLVED 0.5
+// Bounds on the substep times the fastest decay, likewise. Explicit integrators are unstable beyond
+// 2 to 2.8, and the estimate of the decay may be too small.
+#define DECAYS 1.0
+#define STABLE 2.0
 // The most iterations on derivatives and on steps. A stage ends sooner when it makes no more
 // progress.
 #define DERIVATIVE_ITERATIONS 240
@@ -19,6 +24,13 @@
 #define STEP_BATCH 2048
 #define STEP_WORK 40000
 #define MOST_TIMES 4
+
+// Returns the number of substeps, at least 1, such that a substep times the fastest rate of change
+// is at most `turn`, and times the fastest decay at most `decay`.
+static double substeps_for(const pm_draft *d, double turn, double decay) {
+    const double dt = d->p->scene->dt;
+    return fmax(1, ceil(fmax(d->look.fastest * dt / turn, d->decay * dt / decay)));
+}
 
 static void write_head(const pm_draft *d) {
     FILE *f = d->file;
@@ -33,12 +45,17 @@ static void write_head(const pm_draft *d) {
         data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
     fprintf(f, "# The fastest rate changes by a factor of %.3g per s, %.3g per step of %g s. ",
             d->look.fastest, d->look.fastest * d->p->scene->dt, d->p->scene->dt);
-    const double wanted = ceil(d->look.fastest * d->p->scene->dt / RESOLVED);
+    if (d->decay > 0) {
+        fprintf(f, "Deviations decay by a rate of up to\n# %.3g per s, %.3g per step. ", d->decay,
+                d->decay * d->p->scene->dt);
+    }
+    const double wanted = substeps_for(d, RESOLVED, STABLE);
     fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", d->p->scene->integrator->name,
             d->p->scene->substeps,
             wanted <= d->p->scene->substeps
                 ? "that is enough"
-                : "MORE are needed, such that a substep changes it by at most 0.5");
+                : "MORE are needed, such that a substep changes a rate by at most 0.5, and that a "
+                  "decay is at most 2 per substep");
     if (d->rotates) {
         fprintf(f,
                 "# The sum of q x p is conserved. Nothing depends on directions, so that energies "
@@ -50,18 +67,17 @@ static void write_head(const pm_draft *d) {
     fprintf(f, "seed: 1\n\nmodels:\n");
 }
 
-// Returns the number of substeps such that a substep times the fastest rate of change is at most
-// `turn`, but no more than the scene has.
-static int substeps_for(const pm_draft *d, double turn) {
-    const double wanted = ceil(d->look.fastest * d->p->scene->dt / turn);
+// Returns the number of substeps for training, but no more than the scene has.
+static int training_substeps(const pm_draft *d) {
+    const double wanted = substeps_for(d, FINE, DECAYS);
     const int most = d->p->scene->substeps;
-    return wanted < 1 ? 1 : wanted < most ? (int)wanted : most;
+    return wanted < most ? (int)wanted : most;
 }
 
 // Returns the most iterations on steps: the more, the less work each of them is.
 static int step_iterations(const pm_draft *d) {
     const int samples = d->look.samples < STEP_BATCH ? d->look.samples : STEP_BATCH;
-    const double work = (double)samples * substeps_for(d, FINE) * d->p->scene->nz;
+    const double work = (double)samples * training_substeps(d) * d->p->scene->nz;
     return (int)(STEP_ITERATIONS * fmin(fmax(STEP_WORK / work, 1), MOST_TIMES));
 }
 
@@ -82,7 +98,7 @@ static void write_stages(const pm_draft *d) {
             DERIVATIVE_ITERATIONS);
     fprintf(f,
             "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: 20}\n",
-            step_iterations(d), STEP_BATCH, substeps_for(d, FINE));
+            step_iterations(d), STEP_BATCH, training_substeps(d));
 }
 
 static void write_all(const pm_draft *d) {
@@ -128,6 +144,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         status = d.part == NULL ? pm_fail(PM_ENOMEM, "out of memory for a proposal")
                                 : pm_fail(PM_EFILE, "%s: cannot be written", path);
     } else {
+        d.decay = pm_look_decay(&d.look);
         pm_view_parts(&d.look, d.part);
         d.rotates = pm_view_rotates(&d.look, d.part);
         write_all(&d);

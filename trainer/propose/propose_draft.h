@@ -13,6 +13,7 @@ typedef struct pm_draft {
     pm_look look;
     pm_part_view *part; // [nsubsystem]
     bool rotates;       // the dynamics do not depend on directions
+    double decay;       // 1/s: the fastest decay (propose/decay.h)
     int width;          // number of units in each hidden layer
 } pm_draft;
 
