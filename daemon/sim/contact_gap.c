@@ -155,6 +155,16 @@ void pm_contact_gap_begin(pm_contact_gap *gap, const double *z) {
     gap->change = INFINITY;
 }
 
+// Computes the weights of e0 and e1, of which the work is work[0] and work[1] J, in the force with
+// which ports book their power. `gain` is what the pairs store, J.
+static void weigh(const double work[2], double gain, double weight[2]) {
+    const double size = work[0] * work[0] + work[1] * work[1];
+    const double missing = fmax(gain - (work[0] + work[1]) / 2, 0);
+    for (int i = 0; i < 2; ++i) {
+        weight[i] = 0.5 + (size > 0 ? missing * work[i] / size : 0);
+    }
+}
+
 void pm_contact_gap_expose(pm_contact_gap *gap, const double *z) {
     const double now = store(gap, z), gain = now - gap->stored0;
     double work[2] = {0}; // of e0 and of e1
@@ -166,20 +176,18 @@ void pm_contact_gap_expose(pm_contact_gap *gap, const double *z) {
         work[0] += gap->e0[i] * (z[c] - gap->start[c]);
         work[1] += gap->e[i] * (z[c] - gap->start[c]);
     }
-    double share = 0.5;
-    if (work[0] + work[1] < 2 * gain && work[1] > work[0]) {
-        share = (gain - work[0]) / (work[1] - work[0]);
-    }
+    double weight[2];
+    weigh(work, gain, weight);
     for (int i = 0; i < gap->n; ++i) {
         const int c = gap->component[i];
-        gap->dE[c] = (1 - share) * gap->e0[i] + share * gap->e[i];
+        gap->dE[c] = weight[0] * gap->e0[i] + weight[1] * gap->e[i];
         gap->response[c] = gap->e[i];
     }
     gap->dE[gap->s] = gap->temperature;
     gap->dS[gap->s] = 1;
     gap->S = z[gap->s];
     gap->E = now + gap->temperature * gap->S;
-    gap->heat = fmax((1 - share) * work[0] + share * work[1] - gain, 0);
+    gap->heat = fmax(weight[0] * work[0] + weight[1] * work[1] - gain, 0);
 }
 
 // --- the compliance of the bodies ---

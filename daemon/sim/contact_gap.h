@@ -5,13 +5,14 @@
 //
 // State and force. The gap's state holds the travel x of the bodies, on which its energy E depends,
 // and an entropy s that takes up heat. In a substep from x0 to x1 it shows the co-energy
-//     e = (1 - c) e0 + c e1  with  e0 = dE/dx(x0), e1 = dE/dx(x1),
+//     e = a e0 + b e1  with  e0 = dE/dx(x0), e1 = dE/dx(x1),
 // with which ports book their power, and as `response` the co-energy e1, because a solid is in
 // balance with the force at the end of the substep. (Once the bodies agree with the gap, e1 keeps
 // the value that they have answered.) The gap takes in e.(x1 - x0); what it does not store becomes
-// heat. c is 1/2 unless the heat would be negative, as it may be where pairs open; c then makes the
-// heat zero. With c = 1 the heat is not negative if E is convex, so that there is such a c. The
-// laws hold for any x1.
+// heat. a and b are 1/2 unless the heat would be negative, as it may be where pairs open, or where
+// E is not convex along the motion because points slide. They are then the numbers closest to 1/2,
+// in the sense of least squares, with which the heat is zero. The laws hold for any x1, and the
+// forces on both bodies stay equal and opposite, since they are so in e0 and in e1.
 //
 // Iteration. The answer of the bodies to the forces e1 is the travel y(e1). A substep is solved
 // when y(dE/dx(x)) = x. Answers of the past give pairs of changes of e1 and y, from which a
