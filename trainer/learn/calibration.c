@@ -18,17 +18,17 @@
 #define ENOUGH 1e-3     // it ends when a step lowers the objective by less
 #define DAMPING 1e-8    // of its first step: hardly any, as the fit ended near the minimum
 #define OUTLIER 6       // deviations of the noise between an outlier and its neighbours
-#define NOISE_KNOWN 0.1 // relative error of the variance of the noise
-#define ROUNDS 20       // of the weighted mean, whose weights depend on it
-#define LEAST_RATIO 0.01
 #define NORMAL 1.644854 // 95 % of a normal distribution lie below
+#define INSIDE 0.9      // of the measurements
+#define GROW 1.02       // factor from one scale that is tried to the next
+#define LARGEST 1e8     // of the scales
 
-// The errors of one trajectory: mean squares in units of the variance of the noise.
-typedef struct excess {
-    double found;    // beyond noise and the estimate of the start
-    double expected; // what the covariance of the weights leads to expect
-    double samples;
-} excess;
+// A measurement of a trajectory that is left out.
+typedef struct left_out {
+    double error; // square of the error, over that of half the width of a band of deviation 1
+    double other; // variance expected from noise and the estimate of the start
+    double own;   // variance that the covariance of the weights causes
+} left_out;
 
 typedef struct calibration {
     pm_uncertainty *u;
@@ -36,10 +36,12 @@ typedef struct calibration {
     const pm_calibration_how *how;
     double *weights;   // [nweight] of the fit
     pm_window *window; // [nwindow] of the fit, and their starts [nwindow][nz]
-    double *z;
+    double *z, *by_zeta, *by_theta;
     int nwindow;
-    excess excess[MOST_HELD]; // [count]
-    int count;
+    int count;          // trajectories that are compared
+    int end[MOST_HELD]; // [count] the samples of trajectory i are sample[end[i - 1]] to end[i] - 1
+    left_out *sample;   // [capacity]
+    int nsample, capacity;
 } calibration;
 
 static pm_status no_memory(void) {
@@ -75,30 +77,35 @@ static bool stands_out(const comparison *p, int k) {
     return far_before && far_after && !(before * after < 0) && !(isnan(before) && isnan(after));
 }
 
-// Adds the samples of one column after the first seconds.
-static void add_column(const calibration *c, const comparison *p, double seconds, excess *x) {
-    const double first = pm_dataset_time(p->data, p->trajectory, 0), square = p->noise * p->noise;
-    for (int k = 0; k < p->e->ntime; ++k) {
+// Notes the samples of one column after the first seconds.
+static void add_column(calibration *c, const comparison *p, double seconds) {
+    const double first = pm_dataset_time(p->data, p->trajectory, 0);
+    for (int k = 0; k < p->e->ntime && c->nsample < c->capacity; ++k) {
         const double t = pm_dataset_time(p->data, p->trajectory, k) - first;
-        const double error = error_of(p, k);
+        const double error = error_of(p, k) / NORMAL;
         if (!(t > seconds && t <= p->e->until) || !isfinite(error) || stands_out(p, k)) {
             continue;
         }
         const ptrdiff_t at = ((ptrdiff_t)p->id * p->e->ntime + k) * p->e->ny + p->column;
-        const double weights = p->e->by_weights[at], deviation = p->e->deviation[at];
-        const double other = deviation * deviation - c->u->scale * weights;
-        if (isfinite(other)) {
-            x->found += (error * error - other) / square;
-            x->expected += weights / square;
-            ++x->samples;
+        const double own = p->e->by_weights[at], deviation = p->e->deviation[at];
+        const double other = deviation * deviation - c->u->scale * own;
+        if (isfinite(other) && own > 0) {
+            c->sample[c->nsample++] = (left_out){error * error, fmax(other, 0), own};
         }
     }
 }
 
-// Compares the errors of a predicted trajectory with what noise and the estimate of its start lead
-// to expect, and notes the mean square of the rest beside that which the weights cause.
-static void compare(calibration *c, const pm_estimate *e, int id, int trajectory, double seconds) {
-    excess x = {0};
+// Notes the errors of a predicted trajectory beside what noise, the estimate of its start and the
+// weights lead to expect.
+static pm_status compare(calibration *c, const pm_estimate *e, int id, int trajectory,
+                         double seconds) {
+    const int before = c->nsample, capacity = before + e->ntime * e->ny;
+    left_out *sample = realloc(c->sample, (size_t)capacity * sizeof *sample);
+    if (sample == NULL) {
+        return no_memory();
+    }
+    c->sample = sample;
+    c->capacity = capacity;
     for (int i = 0; i < e->ny; ++i) {
         const comparison p = {.e = e,
                               .data = c->how->data,
@@ -107,13 +114,12 @@ static void compare(calibration *c, const pm_estimate *e, int id, int trajectory
                               .column = i,
                               .position = c->s->observation->column[i],
                               .noise = c->u->noise[i]};
-        add_column(c, &p, seconds, &x);
+        add_column(c, &p, seconds);
     }
-    if (x.expected > 0) {
-        x.found /= x.samples;
-        x.expected /= x.samples;
-        c->excess[c->count++] = x;
+    if (c->nsample > before) {
+        c->end[c->count++] = c->nsample;
     }
+    return PM_OK;
 }
 
 // Returns how many seconds of a trajectory determine its start: as few as there may be in use, but
@@ -143,11 +149,11 @@ static pm_status predict(calibration *c, int count, const int *trajectory) {
     if (n == 0) {
         return PM_OK;
     }
-    const pm_status status = pm_estimate_make(&e, c->s->how.system, c->s->observation, c->how->data,
-                                              n, trajectory, &how);
+    pm_status status = pm_estimate_make(&e, c->s->how.system, c->s->observation, c->how->data, n,
+                                        trajectory, &how);
     if (status == PM_OK) {
-        for (int i = 0; i < n; ++i) {
-            compare(c, &e, i, trajectory[i], how.seconds);
+        for (int i = 0; i < n && status == PM_OK; ++i) {
+            status = compare(c, &e, i, trajectory[i], how.seconds);
         }
         pm_estimate_free(&e);
     }
@@ -223,23 +229,31 @@ static double student(double freedom) {
            (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * freedom * freedom * freedom);
 }
 
-// Returns the weighted mean of found/expected over all trajectories. A trajectory counts by the
-// inverse variance of its ratio: its errors due to weights count as a single number, those due to
-// noise are independent, and the variance of the noise is known to NOISE_KNOWN.
-static double mean_ratio(const calibration *c) {
-    double ratio = 1;
-    for (int round = 0; round < ROUNDS; ++round) {
-        double sum = 0, weights = 0;
-        for (int i = 0; i < c->count; ++i) {
-            const excess *x = &c->excess[i];
-            const double own = ratio * x->expected, noise = NOISE_KNOWN * NOISE_KNOWN / 2;
-            const double weight = x->expected * x->expected / (own * own + 1 / x->samples + noise);
-            sum += weight * x->found / x->expected;
-            weights += weight;
+// Returns by how much the weighted share of measurements inside their bands exceeds INSIDE at a
+// scale.
+static double surplus(const calibration *c, double scale) {
+    // The trajectory for which the covariance of the weights is right.
+    double sum = erf(NORMAL * sqrt(scale / 2)) - INSIDE;
+    for (int i = 0, k = 0; i < c->count; ++i) {
+        const int first = k;
+        double own = 0;
+        for (; k < c->end[i]; ++k) {
+            const left_out *x = &c->sample[k];
+            const double by_weights = scale * x->own, variance = x->other + by_weights;
+            own += by_weights / variance * ((x->error <= variance ? 1 : 0) - INSIDE);
         }
-        ratio = fmax(sum / weights, LEAST_RATIO);
+        sum += own / (k - first);
     }
-    return ratio;
+    return sum;
+}
+
+// Returns the smallest scale from 1 on at which the share of measurements inside is large enough.
+static double smallest_scale(const calibration *c) {
+    double scale = 1;
+    while (surplus(c, scale) < 0 && scale < LARGEST) {
+        scale *= GROW;
+    }
+    return scale;
 }
 
 static pm_status run(calibration *c) {
@@ -268,8 +282,9 @@ pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibr
         // The variance of weights that each trajectory has for itself, with that of their mean in
         // the fit.
         const double own = 1 + s->tracks->count * (1 - 1 / u->inflation);
-        u->scale = width * width * fmax(mean_ratio(&c), own);
+        u->scale = fmax(smallest_scale(&c), width * width * own);
     }
+    free(c.sample);
     free(c.weights);
     free(c.window);
     free(c.z);

@@ -16,17 +16,21 @@ typedef struct pm_calibration_how {
     const volatile sig_atomic_t *stop; // ends the work when nonzero; or NULL
 } pm_calibration_how;
 
-// Sets u->scale. A trajectory i that the fit has not seen shows errors whose variance, beyond noise
-// and the estimate of its start, is k_i times that which u->covariance causes. The scale is
+// Sets u->scale. The deviation that bands assume for a measurement is
 //
-//     (t/z)^2 max(mean of k_i, 1 + N (1 - 1/u->inflation))
+//     sqrt(variance of noise + variance of the estimated start + scale * variance by the weights)
 //
-// The mean over n trajectories is weighted by inverse variances: all errors of one trajectory are
-// so strongly correlated that they count as a single number. The second term is what follows for
-// an unseen trajectory if each of the N trajectories of the fit has weights of its own, which
-// differ at random (random effects). t is the quantile of Student's distribution with n degrees of
-// freedom and z that of the normal distribution, both at 95 %, since few trajectories tell little
-// about k.
+// The scale is the smallest one, from 1 on, with which 90 % of the measurements of trajectories
+// that the fit has not seen lie inside bands of 90 %. A measurement counts by the share of the
+// third term in this sum, averaged over each trajectory, so that errors of a start do not count as
+// errors of the model. The covariance of the weights itself counts as one more trajectory, whose
+// errors are those that it leads to expect.
+//
+// The scale is at least (t/z)^2 (1 + N (1 - 1/u->inflation)), which follows for an unseen
+// trajectory if each of the N trajectories of the fit has weights of its own, which differ at
+// random (random effects). t is the quantile of Student's distribution with as many degrees of
+// freedom as there are predicted trajectories, and z that of the normal distribution, both at 95 %,
+// since few trajectories tell little about how much they differ.
 //
 // With four or more held trajectories, these are predicted. Otherwise the trajectories of the fit
 // are divided into at most five folds. The fit goes on without a fold, and those of the fold are
