@@ -28,10 +28,11 @@ static double *ones(size_t count) {
 static void use(const pm_basis *b) {
     const size_t nstate = (size_t)b->nstate, nnode = (size_t)b->nnode;
     double *a = ones(nstate), *c = ones(nstate * (size_t)b->nbranch),
-           *boundary_input = ones((size_t)b->nmode);
+           *boundary_input = ones((size_t)b->nmode),
+           *delayed = ones((size_t)b->nretardation * (size_t)b->nmode);
     double *feature = ones((size_t)pm_basis_features(b)), *work = ones(pm_local_work(&b->local));
     double *u = ones(3 * nnode), *stress = ones(PM_BASIS_TENSOR * nnode);
-    pm_basis_fill_features(b, &(pm_modal_state){a, c, boundary_input}, feature);
+    pm_basis_fill_features(b, &(pm_modal_state){a, c, boundary_input, delayed}, feature);
     pm_pattern_add(&b->displacement, pm_basis_features(b), feature, u);
     pm_pattern_add(&b->stress, pm_basis_features(b), feature, stress);
     pm_local_add(&b->local, u, stress, work);
@@ -41,6 +42,7 @@ static void use(const pm_basis *b) {
     free(a);
     free(c);
     free(boundary_input);
+    free(delayed);
     free(feature);
     free(work);
     free(u);

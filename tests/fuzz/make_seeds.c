@@ -43,8 +43,8 @@ static pm_status make_fields(void) {
 // Of one brick, with one of everything.
 static pm_status fill_basis(pm_basis *b) {
     static const int carries[8] = {0, 0, 0, 0, 0, 0, 0, 1};
-    b->nbranch = 1;
-    b->tau[0] = b->inertia_time = b->temperature = b->lead_scale[0] = 1;
+    b->nbranch = b->nretardation = 1;
+    b->tau[0] = b->retardation[0] = b->inertia_time = b->temperature = b->lead_scale[0] = 1;
     b->stiffness[0] = b->stiffness[1] = 1;
     PM_TRY(pm_basis_add_mesh(b, 1));
     for (int i = 0; i < 8; ++i) {

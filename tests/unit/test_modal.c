@@ -400,6 +400,7 @@ static void spoiled_bases_are_refused(void **state) {
         {&b->stiffness[1], 0},
         {&b->lead_scale[0], 0},
         {&b->tau[0], 0},
+        {&b->retardation[0], NAN},
         {&b->inertia_time, 0},
         {&b->temperature, -1},
     };

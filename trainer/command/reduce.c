@@ -104,6 +104,10 @@ static void print_basis(const pm_basis *b) {
         printf("%s%.3g", i == 0 ? "" : i == b->nstate ? " | " : " ", b->stiffness[i]);
     }
     printf("\n");
+    for (int i = 0; i < b->nretardation; ++i) {
+        printf("%s%.3g s", i == 0 ? "retardation       " : ", ", b->retardation[i]);
+    }
+    printf(b->nretardation > 0 ? "\n" : "");
 }
 
 static pm_status save_basis(const pm_basis *basis, const char *folder, const char *command) {

@@ -89,6 +89,17 @@ pm_status pm_basis_check(const pm_basis *basis, const char *text, const char *wh
                          own);
 }
 
+// --- internal variables ---
+
+// The solution is  y' = r y + (m - r) before + (1 - m) now,  r = exp(-dt/tau),  m = (1 - r) tau/dt.
+void pm_basis_relax(int count, double tau, double dt, const double *before, const double *now,
+                    double *y) {
+    const double r = exp(-dt / tau), m = (1 - r) * tau / dt;
+    for (int i = 0; i < count; ++i) {
+        y[i] = r * y[i] + (m - r) * before[i] + (1 - m) * now[i];
+    }
+}
+
 // --- features ---
 
 static int products(int n) {
@@ -96,7 +107,7 @@ static int products(int n) {
 }
 
 int pm_basis_features(const pm_basis *b) {
-    return (1 + b->nbranch) * (b->nstate + products(b->nlead)) + b->nmode;
+    return (1 + b->nbranch) * (b->nstate + products(b->nlead)) + (1 + b->nretardation) * b->nmode;
 }
 
 // Fills in the products of two and three of the leading numbers, and returns their end.
@@ -126,6 +137,10 @@ void pm_basis_fill_features(const pm_basis *b, const pm_modal_state *state, doub
     feature = fill_products(b, state->a, feature + b->nmode);
     for (int k = 0; k < b->nbranch; ++k) {
         feature = fill_products(b, state->c + (size_t)k * n, feature);
+    }
+    if (b->nretardation > 0) {
+        memcpy(feature, state->delayed,
+               (size_t)b->nretardation * (size_t)b->nmode * sizeof *feature);
     }
 }
 
@@ -250,6 +265,7 @@ static pm_status check_content(const pm_basis *b, const char *path) {
         is_positive(1, &b->inertia_time) && is_positive(1, &b->temperature) &&
         is_positive((size_t)b->nmode, b->stiffness) &&
         is_positive((size_t)b->nlead, b->lead_scale) && is_positive((size_t)b->nbranch, b->tau) &&
+        is_positive((size_t)b->nretardation, b->retardation) &&
         is_finite((size_t)b->nmode * width, b->mode) && pattern_is_finite(b, &b->displacement);
     good = good && (b->stress.rank == 0 || pattern_is_finite(b, &b->stress));
     for (int i = 0; i < 8 * b->nelement; ++i) {
@@ -264,6 +280,22 @@ static pm_status check_content(const pm_basis *b, const char *path) {
                           "%s: a number is not finite, a time, scale or stiffness is not > 0, or "
                           "an element has a node that does not exist",
                           path);
+}
+
+// Reads a list of times, which may be missing.
+static pm_status read_times(const pm_hdf5 *file, const char *path, const char *name, int *count,
+                            double *time) {
+    int n = 0;
+    if (!pm_hdf5_has(file, name)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_shape(file, name, 1, &n));
+    if (n > PM_BASIS_MAX_BRANCHES) {
+        return pm_fail(PM_EDATA, "%s: %s has %d times, at most %d are possible", path, name, n,
+                       PM_BASIS_MAX_BRANCHES);
+    }
+    *count = n;
+    return pm_hdf5_read(file, name, 1, &n, time);
 }
 
 static pm_status read_content(pm_basis *b, const pm_hdf5 *file, const char *path) {
@@ -288,13 +320,11 @@ static pm_status read_content(pm_basis *b, const pm_hdf5 *file, const char *path
         hexahedra[1] = 8;
         PM_TRY(pm_hdf5_read(file, "/hexahedra", 2, hexahedra, b->hexahedron));
     }
-    if (pm_hdf5_has(file, "/relaxation_time")) {
-        PM_TRY(pm_hdf5_shape(file, "/relaxation_time", 1, &b->nbranch));
-        if (b->nbranch > PM_BASIS_MAX_BRANCHES) {
-            return pm_fail(PM_EDATA, "%s: %d relaxation times, at most %d are possible", path,
-                           b->nbranch, PM_BASIS_MAX_BRANCHES);
-        }
-        PM_TRY(pm_hdf5_read(file, "/relaxation_time", 1, &b->nbranch, b->tau));
+    PM_TRY(read_times(file, path, "/relaxation_time", &b->nbranch, b->tau));
+    PM_TRY(read_times(file, path, "/retardation_time", &b->nretardation, b->retardation));
+    if (b->nretardation > 0 && b->nretardation != b->nbranch) {
+        return pm_fail(PM_EDATA, "%s: %d retardation times, expected 0 or %d as of relaxation",
+                       path, b->nretardation, b->nbranch);
     }
     PM_TRY(read_pattern(b, &b->displacement, file, path, "displacement", 3 * b->nnode));
     if (pm_hdf5_has(file, "/stress")) {
@@ -359,6 +389,9 @@ static pm_status write_content(const pm_basis *b, pm_hdf5 *file, const char *com
     }
     if (b->nbranch > 0) {
         PM_TRY(pm_hdf5_write(file, "/relaxation_time", 1, &b->nbranch, b->tau));
+    }
+    if (b->nretardation > 0) {
+        PM_TRY(pm_hdf5_write(file, "/retardation_time", 1, &b->nretardation, b->retardation));
     }
     PM_TRY(write_pattern(b, &b->displacement, file, "displacement"));
     if (b->stress.rank > 0) {

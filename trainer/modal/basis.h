@@ -3,9 +3,10 @@
 //
 // Displacements are u = sum_i a_i mode_i + remainder, with the amplitudes a_i. The first `nstate`
 // modes carry the energy. The state consists of their amplitudes a, their momenta p and their
-// internal variables c_k, both defined below. The remainder is a function of a, c_k and the loads.
+// internal variables c_k, both defined below. The remainder is a function of a, c_k, the loads and
+// the delayed loads, which are defined below.
 // It contains, for example, the change of length that linear modes show when a section rotates, and
-// the indentation just under a load.
+// the indentation under a load.
 //
 // Each mode is scaled such that a_i^2/2 is the elastic energy of the body that is deformed by this
 // mode alone, by a small amount, before the material relaxes. An amplitude therefore has the unit
@@ -13,6 +14,11 @@
 // material is a Prony series with the times tau_k. The basis applies this series to each mode
 // instead of each point of the body. The internal variables of the modes obey
 //     dc_k/dt = (a - c_k) / tau_k.
+// The remainder creeps, too. After a load is removed, the modes outside of the state come back as
+// slowly as those of the state, so that their loads of the moment do not determine them. They
+// depend on delayed loads l_k, too, which follow from the history of the loads by
+//     dl_k/dt = (load - l_k) / retardation_k.
+// The retardation times are those with which a body of this material creeps under a constant load.
 // The quasi-static body is given inertia such that all modes oscillate with the same short period
 // 2 pi inertia_time. The momentum of a mode is p = inertia_time^2 da/dt.
 //
@@ -46,29 +52,38 @@ typedef struct pm_basis {
     int nstate; // modes whose amplitudes are in the state: the first ones
     int nlead;  // modes whose products of two and three amplitudes are features: the first ones
     int nbranch;
-    double tau[PM_BASIS_MAX_BRANCHES]; // s, relaxation times
-    double inertia_time;               // s
-    double temperature;                // K, at which dissipated energy becomes entropy
-    double *position;                  // [nnode][3] m, undeformed
-    int nelement;                      // 0: the mesh is not known
-    double *hexahedron;                // [nelement][8] nodes, numbered as in VTK
-    double *mode;                      // [nmode][nnode][3] m/J^0.5, orthogonal
-    double *stiffness;                 // [nmode] J/m^2, 1 / (mode_i . mode_i)
-    double *lead_scale;                // [nlead] J^0.5, largest amplitude, which scales products
-    pm_pattern displacement;           // m, [nnode][3], the remainder
-    pm_local local;                    // stress close to the loads, which is added to `stress`
-    pm_pattern stress;                 // Pa, [nnode][6]; rank 0: not known
+    double tau[PM_BASIS_MAX_BRANCHES];         // s, relaxation times
+    int nretardation;                          // 0 or nbranch
+    double retardation[PM_BASIS_MAX_BRANCHES]; // s, retardation times
+    double inertia_time;                       // s
+    double temperature;                        // K, at which dissipated energy becomes entropy
+    double *position;                          // [nnode][3] m, undeformed
+    int nelement;                              // 0: the mesh is not known
+    double *hexahedron;                        // [nelement][8] nodes, numbered as in VTK
+    double *mode;                              // [nmode][nnode][3] m/J^0.5, orthogonal
+    double *stiffness;                         // [nmode] J/m^2, 1 / (mode_i . mode_i)
+    double *lead_scale;      // [nlead] J^0.5, largest amplitude, which scales products
+    pm_pattern displacement; // m, [nnode][3], the remainder
+    pm_local local;          // stress close to the loads, which is added to `stress`
+    pm_pattern stress;       // Pa, [nnode][6]; rank 0: not known
 } pm_basis;
 
 // The state of a body at one time. The caller owns the arrays.
 typedef struct pm_modal_state {
-    const double *a;    // [nstate] J^0.5
-    const double *c;    // [nbranch][nstate] J^0.5
-    const double *load; // [nmode] J^0.5
+    const double *a;       // [nstate] J^0.5
+    const double *c;       // [nbranch][nstate] J^0.5
+    const double *load;    // [nmode] J^0.5
+    const double *delayed; // [nretardation][nmode] J^0.5
 } pm_modal_state;
 
-// Returns the number of features. The features are a, c and the loads, and the products of two and
-// three of the leading amplitudes, and of the leading internal variables of each branch.
+// Advances count numbers y, which obey dy/dt = (x - y)/tau, over a time dt, s, in which x changes
+// linearly from `before` to `now`. The solution is exact.
+void pm_basis_relax(int count, double tau, double dt, const double *before, const double *now,
+                    double *y);
+
+// Returns the number of features. The features are a, c and the loads, the products of two and
+// three of the leading amplitudes and of the leading internal variables of each branch, and the
+// delayed loads.
 int pm_basis_features(const pm_basis *basis);
 // Fills feature [pm_basis_features].
 void pm_basis_fill_features(const pm_basis *basis, const pm_modal_state *state, double *feature);

@@ -1,7 +1,6 @@
 // Reads trajectories, projects them on modes, and integrates the internal variables.
 #include "modal/modal_trajectory.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "base/linalg.h"
@@ -26,12 +25,14 @@ pm_status pm_modal_trajectory_open(pm_modal_trajectory *p, const pm_field *field
     p->a = pm_arena_array(&p->arena, ntime * (size_t)nmode, sizeof *p->a);
     p->load = pm_arena_array(&p->arena, ntime * (size_t)nmode, sizeof *p->load);
     p->c = pm_arena_array(&p->arena, ((size_t)nbranch * ntime + 1) * (size_t)nmode, sizeof *p->c);
+    p->delayed =
+        pm_arena_array(&p->arena, ((size_t)nbranch * ntime + 1) * (size_t)nmode, sizeof *p->c);
     p->moved = pm_arena_array(&p->arena, width, sizeof *p->moved);
     if (p->sigma >= 0) {
         p->stress = pm_arena_array(&p->arena, 2 * ntime * width, sizeof *p->stress);
     }
     if (p->u == NULL || p->f == NULL || p->a == NULL || p->load == NULL || p->c == NULL ||
-        p->moved == NULL || (p->sigma >= 0 && p->stress == NULL)) {
+        p->delayed == NULL || p->moved == NULL || (p->sigma >= 0 && p->stress == NULL)) {
         pm_modal_trajectory_close(p);
         return pm_fail(PM_ENOMEM, "out of memory for a body's trajectory");
     }
@@ -92,17 +93,15 @@ void pm_modal_trajectory_read(pm_modal_trajectory *p, const pm_field *field, int
     drop_clamped_loads(p);
 }
 
-// Integrates dc/dt = (a - c)/tau, c [ntime][nmode], with a linear over each dt:
-//     c' = r c + (m - r) a + (1 - m) a',   r = exp(-dt/tau),   m = (1 - r) tau/dt
-static void integrate_branch(const pm_modal_trajectory *p, double tau, double dt, double *c) {
-    const double r = exp(-dt / tau), m = (1 - r) * tau / dt;
-    memcpy(c, p->a, (size_t)p->nmode * sizeof *c);
-    for (int j = 1; j < p->ntime; ++j) {
-        const double *before = p->a + (ptrdiff_t)(j - 1) * p->nmode, *a = before + p->nmode;
-        double *old = c + (ptrdiff_t)(j - 1) * p->nmode, *now = old + p->nmode;
-        for (int i = 0; i < p->nmode; ++i) {
-            now[i] = r * old[i] + (m - r) * before[i] + (1 - m) * a[i];
-        }
+// Integrates dy/dt = (x - y)/tau for x [ntime][nmode]. The values y at successive times are
+// `stride` numbers apart.
+static void integrate(const pm_modal_trajectory *p, const double *x, double tau, double dt,
+                      int stride, double *y) {
+    const size_t row = (size_t)p->nmode * sizeof *y;
+    memcpy(y, x, row);
+    for (int j = 1; j < p->ntime; ++j, x += p->nmode, y += stride) {
+        memcpy(y + stride, y, row);
+        pm_basis_relax(p->nmode, tau, dt, x, x + p->nmode, y + stride);
     }
 }
 
@@ -116,7 +115,11 @@ void pm_modal_trajectory_project(pm_modal_trajectory *p, const pm_basis *basis, 
         }
     }
     for (int k = 0; k < p->nbranch; ++k) {
-        integrate_branch(p, basis->tau[k], dt, p->c + (ptrdiff_t)k * p->ntime * p->nmode);
+        integrate(p, p->a, basis->tau[k], dt, p->nmode, p->c + (ptrdiff_t)k * p->ntime * p->nmode);
+    }
+    for (int k = 0; k < basis->nretardation; ++k) {
+        integrate(p, p->load, basis->retardation[k], dt, basis->nretardation * p->nmode,
+                  p->delayed + (ptrdiff_t)k * p->nmode);
     }
 }
 
@@ -127,5 +130,6 @@ void pm_modal_trajectory_state(const pm_modal_trajectory *p, const pm_basis *b, 
         memcpy(c + (ptrdiff_t)k * b->nstate, p->c + (ptrdiff_t)k * p->ntime * p->nmode + at,
                (size_t)b->nstate * sizeof *c);
     }
-    *r = (pm_modal_state){.a = p->a + at, .c = c, .load = p->load + at};
+    *r = (pm_modal_state){
+        .a = p->a + at, .c = c, .load = p->load + at, .delayed = p->delayed + at * b->nretardation};
 }

@@ -16,6 +16,8 @@ typedef struct state_reader {
     int *column;     // [nstate + nbranch nstate + nmode] of a, c and loads; NO_COLUMN: zero
     int *momentum;   // [nstate] columns of p
     double *value;   // [nstate + nbranch nstate + nmode] a, c and loads in a row
+    double *before;  // [nmode] J^0.5, loads in the row before
+    double *delayed; // [nretardation][nmode] J^0.5
     double *feature; // [pm_basis_features]
     double *u, *v;   // [nnode][3] m, m/s
     double *stress;  // [nnode][6] Pa
@@ -86,14 +88,18 @@ static pm_status open_reader(state_reader *r, const pm_basis *b, const pm_datase
     r->column = pm_arena_array(arena, count, sizeof *r->column);
     r->momentum = pm_arena_array(arena, (size_t)b->nstate, sizeof *r->momentum);
     r->value = pm_arena_array(arena, count, sizeof *r->value);
+    r->before = pm_arena_array(arena, (size_t)b->nmode, sizeof *r->before);
+    r->delayed =
+        pm_arena_array(arena, (size_t)(b->nretardation * b->nmode) + 1, sizeof *r->delayed);
     r->feature = pm_arena_array(arena, (size_t)pm_basis_features(b), sizeof *r->feature);
     r->u = pm_arena_array(arena, 3 * nnode, sizeof *r->u);
     r->work = pm_arena_array(arena, pm_local_work(&b->local), sizeof *r->work);
     r->v = pm_arena_array(arena, 3 * nnode, sizeof *r->v);
     r->force = pm_arena_array(arena, 3 * nnode, sizeof *r->force);
     r->stress = pm_arena_array(arena, PM_BASIS_TENSOR * nnode, sizeof *r->stress);
-    if (r->column == NULL || r->momentum == NULL || r->value == NULL || r->feature == NULL ||
-        r->u == NULL || r->v == NULL || r->work == NULL || r->stress == NULL || r->force == NULL) {
+    if (r->column == NULL || r->momentum == NULL || r->value == NULL || r->before == NULL ||
+        r->delayed == NULL || r->feature == NULL || r->u == NULL || r->v == NULL ||
+        r->work == NULL || r->stress == NULL || r->force == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a reconstruction");
     }
     return find_columns(r, b, d, body);
@@ -116,10 +122,26 @@ static void add_contact(state_reader *r, const pm_basis *b, const pm_contact_for
     }
 }
 
+// Advances the delayed loads to the loads of this row, a time dt after the row before. In the first
+// row of a trajectory they are the loads themselves.
+static void delay_loads(state_reader *r, const pm_basis *b, bool first, double dt) {
+    const double *load = r->value + (1 + b->nbranch) * b->nstate;
+    const size_t size = (size_t)b->nmode * sizeof *load;
+    for (int k = 0; k < b->nretardation; ++k) {
+        double *delayed = r->delayed + (ptrdiff_t)k * b->nmode;
+        if (first) {
+            memcpy(delayed, load, size);
+        } else {
+            pm_basis_relax(b->nmode, b->retardation[k], dt, r->before, load, delayed);
+        }
+    }
+    memcpy(r->before, load, size);
+}
+
 // Computes r->u, r->v and r->stress from one row of the dataset, without the local stress. The
-// velocities are those of the state's modes.
+// velocities are those of the state's modes. The rows of a trajectory must come in their order.
 static void read_row(state_reader *r, const pm_basis *b, const pm_contact_force *contact,
-                     const double *row) {
+                     const double *row, bool first, double dt) {
     const int n = b->nstate, count = (1 + b->nbranch) * n + b->nmode;
     const int nfeature = pm_basis_features(b);
     const ptrdiff_t width = 3 * (ptrdiff_t)b->nnode;
@@ -127,7 +149,9 @@ static void read_row(state_reader *r, const pm_basis *b, const pm_contact_force 
         r->value[i] = r->column[i] == NO_COLUMN ? 0 : row[r->column[i]];
     }
     add_contact(r, b, contact, row);
-    const pm_modal_state state = {r->value, r->value + n, r->value + (1 + b->nbranch) * n};
+    delay_loads(r, b, first, dt);
+    const pm_modal_state state = {r->value, r->value + n, r->value + (1 + b->nbranch) * n,
+                                  r->delayed};
     pm_basis_fill_features(b, &state, r->feature);
     memset(r->u, 0, (size_t)width * sizeof *r->u);
     memset(r->stress, 0, 2 * (size_t)width * sizeof *r->stress);
@@ -190,7 +214,7 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     }
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
-            read_row(&r, basis, contact, pm_dataset_state(modes, i, j));
+            read_row(&r, basis, contact, pm_dataset_state(modes, i, j), j == 0, modes->dt);
             add_local(&r, basis, loads == NULL ? NULL : pm_field_force(loads, trajectory[i], j));
             write_state(&r, basis, pm_field_state(d, i, j));
         }

@@ -1,9 +1,10 @@
-// Runs the two steps that fit a basis, and projects fields on a basis.
+// Runs the three steps that fit a basis, and projects fields on a basis.
 #include "modal/reduce.h"
 
 #include <assert.h>
 #include <string.h>
 
+#include "modal/reduce_creep.h"
 #include "modal/reduce_modes.h"
 #include "modal/reduce_patterns.h"
 
@@ -21,6 +22,7 @@ pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, cons
     PM_TRY_DONE(pm_reduction_open(&r, settings->nmode, settings->nbranch, settings->square,
                                   PM_LOADS_OF_ALL, true));
     PM_TRY_DONE(pm_reduce_modes(&r, &b));
+    PM_TRY_DONE(pm_reduce_creep(&r, b));
     PM_TRY_DONE(pm_reduce_patterns(&r, b));
     *basis = b;
     b = NULL;

@@ -1,4 +1,4 @@
-// The second step of a reduction: the remainder of the displacements, the stress, and the stress
+// The third step of a reduction: the remainder of the displacements, the stress, and the stress
 // close to the loads, as functions of the features of a state.
 #ifndef PM_TRAINER_MODAL_REDUCE_PATTERNS_H
 #define PM_TRAINER_MODAL_REDUCE_PATTERNS_H

@@ -1,5 +1,5 @@
 // The settings of a reduction, and the loop over trajectories and symmetric copies that its steps
-// (reduce_modes.h, reduce_patterns.h) and the projection (reduce.h) share.
+// (reduce_modes.h, reduce_creep.h, reduce_patterns.h) and the projection (reduce.h) share.
 #ifndef PM_TRAINER_MODAL_REDUCTION_H
 #define PM_TRAINER_MODAL_REDUCTION_H
 
