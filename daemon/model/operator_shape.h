@@ -1,4 +1,5 @@
-// The shape of the learned matrix of an operator, for the two files that implement operator.h.
+// The shape of the learned matrix of an operator, for the two files that implement operator.h and
+// for the trainer, which rotates factors.
 //
 // The matrix is C [rows][columns] of a reversible operator or the factor G [rows][columns] of an
 // irreversible one. Its rows are those of the frame (spec.h).

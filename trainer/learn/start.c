@@ -11,6 +11,7 @@
 #include "base/rng.h"
 #include "learn/objective.h"
 #include "learn/optimiser.h"
+#include "learn/processes.h"
 
 // The number of residuals per weight in a batch of a short fit, and the fewest samples in it.
 #define RESIDUALS_PER_WEIGHT 8
@@ -196,6 +197,10 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
     }
     free(s.candidate);
     pm_objective_set_weights(s.objective, theta);
+    if (status == PM_OK) {
+        status = pm_processes_separate(training->system);
+        pm_objective_weights(s.objective, theta);
+    }
     pm_objective_close(s.objective);
     return status;
 }

@@ -1,0 +1,230 @@
+// Learned irreversible processes are separated (learn/processes.h): the rotation makes factors
+// simple, rates stay the same, and the initial weights that a search chooses have separate
+// processes.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "learn/normalization.h"
+#include "learn/objective.h"
+#include "learn/processes.h"
+#include "learn/start.h"
+#include "learn/training.h"
+
+#define ROWS 7
+#define RANK 3
+#define NTRAJECTORY 5
+#define NTIME 20
+#define NZ 6
+#define DT 0.1
+
+static void random_rotation(pm_rng *rng, int rows, int rank, double *factor) {
+    for (int j = 0; j < rank; ++j) {
+        for (int k = j + 1; k < rank; ++k) {
+            const double angle = 6 * pm_rng_uniform(rng), c = cos(angle), s = sin(angle);
+            for (int i = 0; i < rows; ++i) {
+                double *row = factor + (ptrdiff_t)i * rank;
+                const double x = row[j], y = row[k];
+                row[j] = c * x - s * y;
+                row[k] = s * x + c * y;
+            }
+        }
+    }
+}
+
+// Each row of the original factor has one entry. Rows differ in size by a factor of 1e4.
+static void rotations_make_factors_simple(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= 20; ++seed) {
+        pm_rng rng;
+        pm_rng_init(&rng, seed, 0);
+        double factor[ROWS * RANK] = {0}, guide[ROWS * RANK], product[ROWS][ROWS] = {{0}};
+        for (int i = 0; i < ROWS; ++i) {
+            factor[i * RANK + i % RANK] = pow(10, 4 * pm_rng_uniform(&rng) - 2);
+        }
+        random_rotation(&rng, ROWS, RANK, factor);
+        for (int i = 0; i < ROWS * ROWS * RANK; ++i) {
+            product[i / RANK / ROWS][i / RANK % ROWS] += factor[i / RANK / ROWS * RANK + i % RANK] *
+                                                         factor[i / RANK % ROWS * RANK + i % RANK];
+        }
+        memcpy(guide, factor, sizeof guide);
+        pm_processes_rotate(ROWS, RANK, guide, factor);
+        assert_memory_equal(guide, factor, sizeof guide);
+        for (int i = 0; i < ROWS * ROWS * RANK; ++i) {
+            product[i / RANK / ROWS][i / RANK % ROWS] -= factor[i / RANK / ROWS * RANK + i % RANK] *
+                                                         factor[i / RANK % ROWS * RANK + i % RANK];
+        }
+        for (int i = 0; i < ROWS; ++i) {
+            double sum = 0, largest = 0;
+            for (int j = 0; j < RANK; ++j) {
+                sum += fabs(factor[i * RANK + j]);
+                largest = fmax(largest, fabs(factor[i * RANK + j]));
+            }
+            assert_true(sum - largest < 1e-9 * largest);
+            for (int k = 0; k < ROWS; ++k) {
+                assert_true(fabs(product[i][k]) < 1e-12 * 1e4);
+            }
+        }
+    }
+}
+
+static void write_file(const char *path, const char *text) {
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+// A training of two bodies, each with two dissipative variables and an entropy, and a port between
+// them, with constant factors.
+static pm_training *open_training(void) {
+    static const char scene_text[] =
+        "scene: two\ntime: {dt: 0.1, steps: 19, integrator: rk4}\nsubsystems:\n"
+        "  a: {weights: a.h5, state: {p: {unit: kg m/s, columns: [p1]}, e: {unit: m, columns: "
+        "[e1]}, s: {unit: J/K, columns: [s1]}}}\n"
+        "  b: {weights: b.h5, state: {p: {unit: kg m/s, columns: [p2]}, e: {unit: m, columns: "
+        "[e2]}, s: {unit: J/K, columns: [s2]}}}\nports:\n"
+        "  j: {law: bracket, between: [a, b], weights: j.h5, expose: {a: [p, s], b: [p, s]}}\n";
+    static const char training_text[] =
+        "scene: scene.yaml\nmodels:\n  part:\n"
+        "    energy: {features: [p, e, s], skip: quadratic}\n    entropy: {given: s}\n"
+        "    irreversible: {learned: {acts_on: [p, e, s], rank: 2, strength: {features: [p, e, s], "
+        "hidden: [3]}}}\n"
+        "  port:\n    law: bracket\n"
+        "    irreversible: {learned: {acts_on: [a.p, a.s, b.p, b.s], rank: 3}}\n"
+        "subsystems: {a: part, b: part}\nports: {j: port}\nstart: {tries: 2, iterations: 3}\n";
+    char folder[] = "/tmp/portmet-processes-XXXXXX", path[64], scene[64];
+    pm_training *t = NULL;
+    assert_non_null(mkdtemp(folder));
+    snprintf(scene, sizeof scene, "%s/scene.yaml", folder);
+    snprintf(path, sizeof path, "%s/train.yaml", folder);
+    write_file(scene, scene_text);
+    write_file(path, training_text);
+    if (pm_training_load(&t, path) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+    remove(path);
+    remove(scene);
+    remove(folder);
+    return t;
+}
+
+// The samples of smooth curves that no system has made.
+static void make_samples(const pm_training *t, pm_residual residual, pm_samples *samples) {
+    static const char *const columns[NZ] = {"p1", "e1", "s1", "p2", "e2", "s2"};
+    pm_dataset *data = NULL;
+    assert_int_equal(pm_dataset_new(&data, NTRAJECTORY, NTIME, NZ, DT, columns), PM_OK);
+    for (int i = 0; i < NTRAJECTORY * NTIME * NZ; ++i) {
+        const int trajectory = i / NZ / NTIME, time = i / NZ % NTIME, c = i % NZ;
+        pm_dataset_state(data, trajectory, time)[c] =
+            (c % 3 == 2 ? 0.02 : 1) * sin(trajectory + 0.7 * c + (1 + 0.1 * c) * DT * time);
+    }
+    assert_int_equal(pm_samples_make(samples, t->scene, data, 0, NTRAJECTORY, residual, 1, 1),
+                     PM_OK);
+    pm_dataset_free(data);
+}
+
+// Copies the factors of all three components, 4 + 4 + 12 entries.
+static void copy_factors(const pm_training *t, double *factor) {
+    for (int i = 0; i < 3; ++i) {
+        const pm_param_entry *entry =
+            pm_params_find(pm_system_params(t->system, i), "irreversible.matrix.constant");
+        assert_int_equal(entry->rows * entry->cols, i < 2 ? 4 : 12);
+        memcpy(factor, entry->value, (size_t)(entry->rows * entry->cols) * sizeof *factor);
+        factor += entry->rows * entry->cols;
+    }
+}
+
+static double largest_difference(const double *x, const double *y, int count) {
+    double largest = 0;
+    for (int i = 0; i < count; ++i) {
+        largest = fmax(largest, fabs(x[i] - y[i]));
+    }
+    return largest;
+}
+
+static void rates_stay_the_same(void **state) {
+    (void)state;
+    pm_training *t = open_training();
+    pm_samples samples;
+    double theta[200], before[20], after[20];
+    make_samples(t, PM_RESIDUAL_STEP, &samples);
+    pm_start_draw(t, theta);
+    assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
+    pm_samples_free(&samples);
+    make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
+    pm_objective *objective = NULL;
+    assert_int_equal(pm_objective_open(&objective, t->system, &samples, &t->stage[0].loss), PM_OK);
+    const double loss = pm_objective_evaluate(objective, 0, NULL, NULL);
+    copy_factors(t, before);
+    assert_int_equal(pm_processes_separate(t->system), PM_OK);
+    copy_factors(t, after);
+    const double same = pm_objective_evaluate(objective, 0, NULL, NULL);
+    if (!(fabs(same - loss) < 1e-12 * loss)) {
+        fail_msg("the loss was %.17g and is %.17g", loss, same);
+    }
+    assert_true(largest_difference(before, after, 4) > 1e-3);
+    assert_true(largest_difference(before + 8, after + 8, 12) > 1e-3);
+    // Processes of different strengths stay as they are.
+    pm_params_find(pm_system_params(t->system, 2), "irreversible.power")->value[0] = 0.1;
+    random_rotation(
+        &(pm_rng){0}, 4, 3,
+        pm_params_find(pm_system_params(t->system, 2), "irreversible.matrix.constant")->value);
+    copy_factors(t, before);
+    assert_int_equal(pm_processes_separate(t->system), PM_OK);
+    copy_factors(t, after);
+    assert_memory_equal(before + 8, after + 8, 12 * sizeof *before);
+    pm_objective_close(objective);
+    pm_samples_free(&samples);
+    pm_training_free(t);
+}
+
+static void initial_weights_have_separate_processes(void **state) {
+    (void)state;
+    static const volatile sig_atomic_t stop = 0;
+    pm_training *t = open_training();
+    pm_samples samples;
+    double declared[200], theta[200], chosen[20], separate[20];
+    double *next = declared;
+    for (int i = 0; i < 3; ++i) {
+        pm_params_gather(pm_system_params(t->system, i), next);
+        next += pm_params_trained(pm_system_params(t->system, i));
+    }
+    make_samples(t, PM_RESIDUAL_STEP, &samples);
+    pm_start_draw(t, theta);
+    assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
+    pm_samples_free(&samples);
+    make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
+    assert_int_equal(pm_start_search(t, &samples, t->seed, declared, theta, &stop), PM_OK);
+    copy_factors(t, chosen);
+    assert_int_equal(pm_processes_separate(t->system), PM_OK);
+    copy_factors(t, separate);
+    assert_true(largest_difference(chosen, separate, 20) < 1e-9);
+    // The weights that the search returns are those of the system.
+    double now[200];
+    next = now;
+    for (int i = 0; i < 3; ++i) {
+        pm_params_gather(pm_system_params(t->system, i), next);
+        next += pm_params_trained(pm_system_params(t->system, i));
+    }
+    assert_true(next - now < 200);
+    assert_true(largest_difference(theta, now, (int)(next - now)) < 1e-9);
+    pm_samples_free(&samples);
+    pm_training_free(t);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rotations_make_factors_simple),
+        cmocka_unit_test(rates_stay_the_same),
+        cmocka_unit_test(initial_weights_have_separate_processes),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
