@@ -45,7 +45,8 @@ static stencil stencil_at(int j, int ntime, int widest) {
 }
 
 // The states at either end of a trajectory that are no samples, because only one-sided differences
-// could be taken there. Short trajectories keep at least half of their states.
+// could be taken there, and no weight says how inaccurate they are. Short trajectories keep at
+// least half of their states.
 static int margin_of(pm_residual residual, const pm_dataset *d, int widest) {
     const int most = d->ntime / 4;
     return residual != PM_RESIDUAL_DERIVATIVE || d->zdot != NULL ? 0
@@ -187,9 +188,9 @@ static pm_status cut_all(pm_samples *s, const pm_scene *scene, const pm_dataset 
 static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d, int first, int end,
                       pm_residual residual, pm_arena *scratch) {
     track t = {.widest = s->nboundary_input > 0 ? WIDEST_WITH_INPUTS : WIDEST};
-    t.margin = margin_of(residual, d, t.widest);
     s->weighted = residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL &&
                   s->nboundary_input == 0 && d->ntime >= WIDEST;
+    t.margin = s->weighted ? 0 : margin_of(residual, d, t.widest);
     const int per_trajectory = d->ntime - (t.margin > 0 ? 2 * t.margin : s->unroll);
     if (per_trajectory <= 0 || end <= first) {
         return pm_fail(PM_EDATA, "%d trajectories of %d states are too short to train on",

@@ -15,7 +15,9 @@ typedef enum pm_residual { PM_RESIDUAL_STEP, PM_RESIDUAL_DERIVATIVE } pm_residua
 // weighted. For the derivative residual unroll is 1 and the second state is z + dt zdot, where zdot
 // are the rates of the dataset, or else differences of nine states, of order 8 (of five states
 // where there are boundary inputs, and of all states of shorter trajectories). The differences of
-// nine states are weighted by their accuracy, which a formula of seven states estimates.
+// nine states are weighted by their accuracy, which a formula of seven states estimates. They are
+// one-sided at the ends of a trajectory, since its first states are often like no others: where
+// everything relaxes, currents are large there alone. Unweighted samples leave out these ends.
 typedef struct pm_samples {
     pm_arena arena; // owns the arrays below
     int count, unroll, nz;
