@@ -38,7 +38,7 @@
 #define LONGEST 1.0
 // A guarded run ends when this number of iterations has not lowered the loss by this factor.
 #define PATIENCE 10
-#define PROGRESS 0.95
+#define PROGRESS 0.98
 // Where the moment holds that loss, and the robust scale D^2 at that time.
 #define SETTLED 2
 #define SETTLED_SCALE 3
