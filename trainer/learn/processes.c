@@ -16,16 +16,9 @@ static double angle_of(int rows, int rank, const double *guide, int j, int k) {
     double cosine = 0, sine = 0; // of four times the angle, up to a common factor
     for (int i = 0; i < rows; ++i) {
         const double *row = guide + (ptrdiff_t)i * rank;
-        double square = 0;
-        for (int c = 0; c < rank; ++c) {
-            square += row[c] * row[c];
-        }
-        if (square > 0) {
-            const double u = (row[j] * row[j] - row[k] * row[k]) / square;
-            const double v = 2 * row[j] * row[k] / square;
-            cosine += u * u - v * v;
-            sine += 2 * u * v;
-        }
+        const double u = row[j] * row[j] - row[k] * row[k], v = 2 * row[j] * row[k];
+        cosine += u * u - v * v;
+        sine += 2 * u * v;
     }
     return atan2(sine, cosine) / 4;
 }

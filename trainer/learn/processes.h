@@ -13,11 +13,10 @@
 
 #include "scene/system.h"
 
-// Rotates the columns of the guide [rows][rank] such that each row has large entries in few
-// columns: pairwise rotations make the sum over rows of sum_j G_ij^4/(sum_j G_ij^2)^2 as large as
-// they can. This is the quartimax rotation of factor analysis (Neuhaus, Wrigley, Brit. J. Stat.
-// Psych. 7 (1954) 81) of rows of length 1 (Kaiser, Psychometrika 23 (1958) 187). The factor
-// [rows][rank] takes part in all rotations.
+// Rotates the columns of the guide [rows][rank] such that rows have large entries in few columns:
+// pairwise rotations make the sum of the fourth powers of all entries as large as they can. This is
+// the quartimax rotation of factor analysis (Neuhaus, Wrigley, Brit. J. Stat. Psych. 7 (1954) 81).
+// The factor [rows][rank] takes part in all rotations.
 void pm_processes_rotate(int rows, int rank, double *guide, double *factor);
 
 // Separates the processes of every learned irreversible operator of the system that has constant
