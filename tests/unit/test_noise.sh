@@ -44,4 +44,16 @@ score gaps double_pendulum_noise double_pendulum 6 0.5 0.8 1.5
 score clean double_pendulum_hidden double_pendulum_hidden 3 0.01 0.02
 score camera double_pendulum_positions double_pendulum_positions 6 0.3 0.6
 
+# Motion alone tells the heat capacity of springs whose entropy is hidden, though only by terms of second order: 5.08 J/K.
+sed -e 's/^trajectories: .*/trajectories: 4/' "$configs/truth/double_pendulum.yaml" >"$folder/truth.yaml"
+"$train" truth "$folder/truth.yaml" -o "$folder/long.h5" >"$folder/out" 2>&1 || fail "truth of four trajectories"
+sed -e "s|^scene: \\.\\./|scene: $configs/|" -e 's/"0:40"/"0:4"/' -e 's/capacity: 5.08/capacity: {learned: 4.0, positive: true}/' \
+    "$configs/train/double_pendulum_hidden.yaml" >"$folder/training.yaml"
+timeout 600 "$train" fit "$folder/training.yaml" --data "$folder/long.h5" -o "$folder/weights" >"$folder/out" 2>&1 ||
+    fail "fit of heat capacities"
+for name in upper.capacity lower.capacity; do
+    awk -v name=$name '$1 == name { found = 1; bad = !($3 + 0 > 4.95 && $3 + 0 < 5.25) } END { exit bad || !found }' "$folder/out" ||
+        fail "expected $name = 5.08"
+done
+
 finish

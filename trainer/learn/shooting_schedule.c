@@ -17,7 +17,9 @@
 #define MOST_GROWN_GAP 10
 #define WIDER 3.0 // deviation of later starts from the guess, in units of what they are off by
 #define COARSER 2 // the factor between the steps of the integrator in the first windows and later
-#define LEVEL_ITERATIONS 12
+// A level goes on while its steps still lower the objective: what short windows leave wrong along a
+// direction that the data hardly determine, long windows repair only in tiny steps.
+#define LEVEL_ITERATIONS 100
 #define LEVEL_ENOUGH 1e-2
 #define LAST_ITERATIONS 40
 #define LAST_ENOUGH 1e-4
