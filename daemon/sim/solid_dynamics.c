@@ -205,6 +205,7 @@ bool pm_solid_dynamics_balance(pm_solid_dynamics *d, double h, const double *z,
     const int n = 3 * d->nnode;
     const bool booked = !pm_renew(d->mean, gather(d, mean), n) && d->solved;
     const bool solved = !pm_renew(d->end, gather(d, d->end_rate), n) && d->solved;
+    d->changed = !solved || !booked;
     if (solved && !booked && d->status == PM_OK) {
         book(d, h, z);
     }

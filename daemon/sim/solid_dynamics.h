@@ -42,6 +42,7 @@ typedef struct pm_solid_dynamics {
     double *end_rate;        // [nz] rates of the ports at the end of the substep, for the caller
     double *result;          // [nz] the state at the end of the substep
     bool solved;             // `result` belongs to this substep
+    bool changed;            // the last balance has written `result`
     pm_status status;        // of the last balance
 } pm_solid_dynamics;
 
@@ -59,8 +60,8 @@ void pm_solid_dynamics_start(pm_solid_dynamics *d, const double *z);
 void pm_solid_dynamics_expose(pm_solid_dynamics *d, const double *z, const double *from, double h);
 // Computes d->result from the state z at the start of the substep of h s and the rates [nz] of the
 // ports: their mean over the substep, and d->end_rate at its end. It does nothing if the rates have
-// the bits of the last call in this substep. Returns false, and fails the next end of a step, if no
-// balance of forces is found.
+// the bits of the last call in this substep; d->changed says whether it did. Returns false, and
+// fails the next end of a step, if no balance of forces is found.
 bool pm_solid_dynamics_balance(pm_solid_dynamics *d, double h, const double *z, const double *mean);
 // Ends a substep: the next call of pm_solid_dynamics_balance starts from d->result.
 void pm_solid_dynamics_end_substep(pm_solid_dynamics *d);

@@ -199,11 +199,13 @@ static void end_substep(pm_subsystem *s) {
     ++s->substep;
 }
 
+// Returns true if the present iterate of a solid, which has just been computed, is the last one.
+static bool stands_still(const pm_subsystem *s) {
+    return s->dynamics.solid != NULL && s->stage > 0 && !s->dynamics.solid->changed;
+}
+
 // Replaces the present iterate of the new state by the next one. s->error becomes their difference.
 static void find_next(pm_subsystem *s) {
-    if (s->dynamics.solid != NULL) {
-        pm_solid_dynamics_balance(s->dynamics.solid, s->h, s->z, s->k);
-    }
     const double *next = s->dynamics.solid != NULL ? s->dynamics.solid->result : s->next;
     if (s->dynamics.solid == NULL) {
         for (int c = 0; c < s->nz; ++c) {
@@ -220,24 +222,35 @@ static void find_next(pm_subsystem *s) {
     }
 }
 
-// Computes the next iterate of the new state. Its change is that of the group that changes most,
-// relative to the group's length. Ends the substep after the last iteration.
-static void iterate(pm_subsystem *s) {
+// Returns the change s->error of the iterate: that of the group that changes most, relative to the
+// group's length.
+static double change_of_iterate(pm_subsystem *s) {
     const pm_layout *layout = &s->scene->layout;
-    find_next(s);
-    s->exposed = false;
     double change = 0;
     for (int i = 0; i < layout->ngroup; ++i) {
         const pm_group *group = &layout->group[i];
         const double size = fmax(length_of(group, s->z), length_of(group, s->stage_z));
         change = fmax(change, size > 0 ? length_of(group, s->error) / size : 0);
     }
-    if (s->dynamics.gap != NULL) {
-        change = pm_contact_gap_change(s->dynamics.gap, change);
+    return s->dynamics.gap == NULL ? change : pm_contact_gap_change(s->dynamics.gap, change);
+}
+
+// Computes the next iterate of the new state. Ends the substep after the last iteration.
+static void iterate(pm_subsystem *s) {
+    if (s->dynamics.solid != NULL) {
+        pm_solid_dynamics_balance(s->dynamics.solid, s->h, s->z, s->k);
     }
+    const bool still = stands_still(s); // as in every second round in contact
+    double change = 0;
+    if (!still) {
+        find_next(s);
+        change = change_of_iterate(s);
+    }
+    s->exposed = still;
     const int left = s->integrator->most_iterations - ++s->stage;
     if (pm_iteration_end_round(&s->iteration, change, s->system->scene->diameter, left)) {
         end_substep(s);
+        s->exposed = false;
         pm_iteration_start(&s->iteration);
     }
 }
