@@ -158,10 +158,19 @@ void pm_contact_gap_begin(pm_contact_gap *gap, const double *z) {
 // Computes the weights of e0 and e1, of which the work is work[0] and work[1] J, in the force with
 // which ports book their power. `gain` is what the pairs store, J.
 static void weigh(const double work[2], double gain, double weight[2]) {
+    const double missing = gain - (work[0] + work[1]) / 2;
     const double size = work[0] * work[0] + work[1] * work[1];
-    const double missing = fmax(gain - (work[0] + work[1]) / 2, 0);
+    weight[0] = weight[1] = 0.5;
+    if (!(missing > 0) || !(size > 0)) {
+        return;
+    }
+    if (work[1] >= gain) { // as always if the energy is convex
+        weight[1] = (gain - work[0]) / (work[1] - work[0]);
+        weight[0] = 1 - weight[1];
+        return;
+    }
     for (int i = 0; i < 2; ++i) {
-        weight[i] = 0.5 + (size > 0 ? missing * work[i] / size : 0);
+        weight[i] += missing * work[i] / size;
     }
 }
 

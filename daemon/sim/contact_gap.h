@@ -9,10 +9,11 @@
 // with which ports book their power, and as `response` the co-energy e1, because a solid is in
 // balance with the force at the end of the substep. (Once the bodies agree with the gap, e1 keeps
 // the value that they have answered.) The gap takes in e.(x1 - x0); what it does not store becomes
-// heat. a and b are 1/2 unless the heat would be negative, as it may be where pairs open, or where
-// E is not convex along the motion because points slide. They are then the numbers closest to 1/2,
-// in the sense of least squares, with which the heat is zero. The laws hold for any x1, and the
-// forces on both bodies stay equal and opposite, since they are so in e0 and in e1.
+// heat. a and b are 1/2 unless the heat would be negative, as it may be where pairs open. They are
+// then such that the heat is zero: with a + b = 1 if b can be at most 1, as always if E is convex
+// along the motion, and else, as where points slide along a side that turns, the numbers closest to
+// 1/2 in the sense of least squares. The laws hold for any x1, and the forces on both bodies stay
+// equal and opposite, since they are so in e0 and in e1.
 //
 // Iteration. The answer of the bodies to the forces e1 is the travel y(e1). A substep is solved
 // when y(dE/dx(x)) = x. Answers of the past give pairs of changes of e1 and y, from which a
