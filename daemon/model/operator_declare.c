@@ -1,5 +1,6 @@
 // Checks an operator's spec, declares its parameters, and visits the constants that training fixes.
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -195,6 +196,24 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
     return status;
 }
 
+// Lets the learned coefficients of lossless pairs wait until initial weights have been chosen. An
+// energy that is larger by a factor, with a coefficient that is smaller by it, moves all but the
+// heat as before, so that the coefficients would go astray while the energy is far from its place.
+static void hold_coefficients(const pm_operator *op, pm_params *params) {
+    for (int k = 0; k < op->spec->ngiven && op->kind == PM_REVERSIBLE; ++k) {
+        const pm_formula *formula = &op->spec->given[k].formula;
+        const pm_constants *constants = formula->text == NULL ? NULL : formula->constants;
+        for (int i = 0; constants != NULL && i < constants->count; ++i) {
+            char name[PM_MAX_NAME + 16];
+            snprintf(name, sizeof name, "constant.%.*s", PM_MAX_NAME, constants->name[i]);
+            pm_param_entry *entry = pm_params_find(params, name);
+            if (entry != NULL && strstr(formula->text, constants->name[i]) != NULL) {
+                entry->late = true;
+            }
+        }
+    }
+}
+
 pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_params *params) {
     const pm_operator_spec *spec = op->spec;
     if (!pm_operator_exists(spec)) {
@@ -202,6 +221,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     }
     PM_TRY(pm_spec_locate(spec->at, check_groups(op, site)));
     PM_TRY(check_formulas(spec, site));
+    hold_coefficients(op, params);
     const pm_support s = pm_support_of(spec, op->kind == PM_IRREVERSIBLE, site);
     PM_TRY(pm_spec_locate(spec->at, check_along(op, site, &s)));
     pm_operator_name name;

@@ -176,12 +176,72 @@ static void a_boundary_input_is_no_feature(void **state) {
     assert_says(text, "acts_on: [a.s, b.s], rank: 1, features: [a.s], hidden: [4]");
 }
 
+#define APART(length)                                                    \
+    "scene: apart\n"                                                     \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 1}\n"        \
+    "subsystems:\n"                                                      \
+    "  spring: {weights: a.h5, state: {x: {unit: " length                \
+    ", columns: [x]}, s: {unit: J/K, columns: [s]}}}\n"                  \
+    "  mass: {weights: b.h5, state: {p: {unit: g m/s, columns: [p]}}}\n" \
+    "ports:\n"                                                           \
+    "  tip:\n"                                                           \
+    "    law: bracket\n"                                                 \
+    "    between: [spring, mass]\n"                                      \
+    "    expose: {spring: [x, s], mass: [p]}\n"                          \
+    "    weights: tip.h5\n"
+
+// A mass on a spring, in other units.
+static pm_dataset *swing(double length, double momentum) {
+    static const char *const column[] = {"x", "p", "s"};
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 3, 60, 3, 0.05, column), PM_OK);
+    for (int k = 0; k < 3; ++k) {
+        for (int i = 0; i < 60; ++i) {
+            const double at = 0.1 * i + k;
+            memcpy(pm_dataset_state(d, k, i),
+                   (const double[]){sin(at) * length, cos(at) * momentum, 1e-4 * i},
+                   3 * sizeof(double));
+        }
+    }
+    return d;
+}
+
+// A momentum of one subsystem moves a length of another one: the product of the units is that of an
+// action, so that the coefficient is 1 in SI units, unless there is a gear.
+static void a_length_and_a_momentum_are_conjugate_across_a_port(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose(APART("um"), swing(1e6, 1e3), text);
+    assert_says(text, "constants: {lever1: {learned: -1.0}}");
+    assert_says(text, "given: [[b.p, a.x, \"1000000000.0*lever1\"]]");
+    propose(APART("m^3"), swing(1, 1e3), text); // a piston, whose area is to be learned
+    assert_says(text, "learned: {acts_on: [a.x], against: [b.p]}");
+}
+
+#define FLYWHEEL                                                                                 \
+    "scene: flywheel\n"                                                                          \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 1}\n"                                \
+    "subsystems:\n"                                                                              \
+    "  wheel: {weights: a.h5, state: {L: {unit: kg m^2/s, columns: [x]}, q: {unit: C, columns: " \
+    "[p]}, s: {unit: J/K, columns: [s]}}}\n"
+
+// The heat of a body does not depend on how fast it turns, but it may depend on its charge.
+static void momenta_do_not_warm_a_body(void **state) {
+    (void)state;
+    char text[MOST_TEXT];
+    propose(FLYWHEEL, swing(1, 1), text);
+    assert_says(text, "- {features: [L, q], hidden");
+    assert_says(text, "- {features: [q, s], hidden");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_direction_turns_with_its_body),
         cmocka_unit_test(a_direction_may_be_seen_from_outside),
         cmocka_unit_test(a_boundary_input_acts_as_its_unit_says),
         cmocka_unit_test(a_boundary_input_is_no_feature),
+        cmocka_unit_test(a_length_and_a_momentum_are_conjugate_across_a_port),
+        cmocka_unit_test(momenta_do_not_warm_a_body),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,6 +3,7 @@
 #include "learn/magnitudes.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 // The estimates of the energy of one subsystem, of which the geometric mean is used.
@@ -83,15 +84,30 @@ static void add_estimate(estimate *e, const pm_group_magnitude *driven,
     }
 }
 
+// Returns the coefficient of a given pair, of a learned constant the value at which training
+// starts; 0 if it depends on the state.
+static double coefficient_of(const pm_given_pair *pair) {
+    const pm_constants *constants = pair->formula.constants;
+    if (pair->formula.text == NULL) {
+        return pair->coefficient;
+    }
+    for (int i = 0; constants != NULL && i < constants->count; ++i) {
+        if (strcmp(constants->name[i], pair->formula.text) == 0) {
+            return constants->value[i];
+        }
+    }
+    return 0;
+}
+
 static void estimate_part(const pm_magnitudes *m, const pm_system *system, int part, estimate *e) {
     const pm_operator_spec *L = &system->part[part]->spec.reversible;
     for (int k = 0; k < L->ngiven; ++k) {
         pm_group_magnitude row, col;
-        if (L->given[k].formula.text == NULL &&
-            pm_magnitudes_of_part(m, part, L->given[k].row, &row) &&
+        const double coefficient = coefficient_of(&L->given[k]);
+        if (pm_magnitudes_of_part(m, part, L->given[k].row, &row) &&
             pm_magnitudes_of_part(m, part, L->given[k].col, &col)) {
-            add_estimate(&e[part], &row, &col, L->given[k].coefficient);
-            add_estimate(&e[part], &col, &row, L->given[k].coefficient);
+            add_estimate(&e[part], &row, &col, coefficient);
+            add_estimate(&e[part], &col, &row, coefficient);
         }
     }
 }
@@ -102,13 +118,13 @@ static void estimate_port(const pm_magnitudes *m, const pm_system *system, int p
     for (int k = 0; k < L->ngiven; ++k) {
         pm_group_magnitude row, col;
         const char *name;
-        if (L->given[k].formula.text == NULL &&
-            pm_magnitudes_of_port(m, port, L->given[k].row, &row) &&
+        const double coefficient = coefficient_of(&L->given[k]);
+        if (pm_magnitudes_of_port(m, port, L->given[k].row, &row) &&
             pm_magnitudes_of_port(m, port, L->given[k].col, &col)) {
             const int of_row = part_of_end(scene, L->given[k].row, &name);
             const int of_col = part_of_end(scene, L->given[k].col, &name);
-            add_estimate(&e[of_col], &row, &col, L->given[k].coefficient);
-            add_estimate(&e[of_row], &col, &row, L->given[k].coefficient);
+            add_estimate(&e[of_col], &row, &col, coefficient);
+            add_estimate(&e[of_row], &col, &row, coefficient);
         }
     }
 }

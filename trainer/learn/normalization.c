@@ -33,6 +33,9 @@ typedef struct set {
     int twin[PM_MAX_FEATURES]; // of a scale: the group of the same name at the other end, or -1
     pm_group_magnitude magnitude[PM_MAX_FEATURES]; // of a scale, where they are known, else 0
     bool heated[PM_MAX_FEATURES];                  // of a scale: takes up heat
+    bool input[PM_MAX_FEATURES];                   // of a scale: a boundary input has it
+    pm_node
+        effort; // the co-energies of the groups of a boundary input, side by side, or PM_NO_NODE
 } set;
 
 typedef struct collection {
@@ -91,6 +94,29 @@ static bool find_magnitude(const collection *c, const pm_normaliser *n, const ch
     return pm_magnitudes_of_port(c->magnitudes, c->port, full, result);
 }
 
+// Builds the co-energies of those groups of a port that belong to a boundary input.
+static void find_efforts(const collection *c, const pm_normaliser *n, set *s) {
+    char name[PM_MAX_FEATURES][PM_MAX_NAME];
+    const char *list[PM_MAX_FEATURES];
+    int count = 0;
+    for (int i = 0; i < n->count && c->port >= 0; ++i) {
+        const char *group = n->expression[i];
+        const bool prefixed = (group[0] == 'a' || group[0] == 'b') && group[1] == '.';
+        s->input[i] =
+            prefixed && c->magnitudes->scene->port[c->port].subsystem[group[0] == 'b'] < 0;
+        if (s->input[i]) {
+            snprintf(name[count], PM_MAX_NAME, "%.2sdE.%s", group, group + 2);
+            list[count] = name[count];
+            ++count;
+        }
+    }
+    if (count > 0) {
+        const pm_node node = pm_features_build(c->g, count, list, n->symbols);
+        s->effort =
+            pm_broadcast_to(c->g, node, (pm_shape){true, 1, pm_graph_shape(c->g, node).cols});
+    }
+}
+
 // A group of a boundary input has the magnitude of the group of the same name at the other end.
 static void look_up_magnitudes(const collection *c, const pm_normaliser *n, set *s) {
     for (int i = 0; i < n->count; ++i) {
@@ -119,7 +145,7 @@ static pm_status collect(void *context, const pm_normaliser *n) {
         return PM_OK;
     }
     set *s = &c->set[c->count++];
-    *s = (set){.kind = n->kind, .count = n->count};
+    *s = (set){.kind = n->kind, .count = n->count, .effort = PM_NO_NODE};
     s->mean = n->kind == PM_NORMALISE_FEATURES ? entry_of(c, n->prefix, "mean") : NULL;
     s->deviation = entry_of(c, n->prefix, name[n->kind]);
     for (int i = 0; i < n->count; ++i) {
@@ -128,6 +154,7 @@ static pm_status collect(void *context, const pm_normaliser *n) {
     }
     if (is_scale(n->kind) && !c->plain) {
         look_up_magnitudes(c, n, s);
+        find_efforts(c, n, s);
     }
     const pm_node node = pm_features_build(c->g, n->count, n->expression, n->symbols);
     s->node = pm_broadcast_to(c->g, node, (pm_shape){true, 1, pm_graph_shape(c->g, node).cols});
@@ -182,13 +209,57 @@ static void fix_scale(const set *s, const double *value, int count, int cols) {
     }
 }
 
+// Returns the scale of group k of a subsystem for groups of the frequency `frequency`.
+static double scale_by_rates(const set *s, int k, double frequency, bool heats) {
+    const pm_group_magnitude *m = &s->magnitude[k];
+    if (s->kind == PM_NORMALISE_RATE) {
+        return m->rate;
+    }
+    if (s->heated[k]) {
+        return sqrt(m->rate * m->dS / TYPICAL_WARMTH);
+    }
+    return m->deviation * sqrt(frequency / m->energy) *
+           (s->kind == PM_NORMALISE_FRICTION && !heats ? sqrt(PM_DEFAULT_TEMPERATURE) : 1);
+}
+
+static void write_scale(const set *s, int group, double scale) {
+    int first = 0;
+    for (int k = 0; k < group; ++k) {
+        first += s->size[k];
+    }
+    for (int c = first; c < first + s->size[group]; ++c) {
+        s->deviation->value[c] = scale > 0 && isfinite(scale) ? scale : 1;
+    }
+}
+
+// Fixes the scales of the groups of a boundary input, which has no state: their co-energies have as
+// much power as those of the subsystem at the other end, whatever the units of both. `root` is the
+// root of that power, and `heat` the scale of an entropy there. An input without a co-energy has
+// the scale of the group of the same name.
+static void fix_inputs(const set *s, const double *effort, int count, double root, double heat,
+                       double frequency, bool heats) {
+    int cols = 0;
+    for (int k = 0; k < s->count; ++k) {
+        cols += s->input[k] ? s->size[k] : 0;
+    }
+    for (int k = 0, first = 0; k < s->count; first += s->input[k] ? s->size[k] : 0, ++k) {
+        const double size = s->input[k] ? pooled_rms(effort, count, cols, first, s->size[k]) : 0;
+        if (s->input[k] && s->heated[k]) {
+            write_scale(s, k, heat);
+        } else if (s->input[k]) {
+            write_scale(
+                s, k, size > 0 && root > 0 ? root / size : scale_by_rates(s, k, frequency, heats));
+        }
+    }
+}
+
 // Fixes the scales k of an operator such that matrix entries of size 1 give rates as large as those
 // of the data. With the frequency w of the groups, L_ij dE_j = k_i k_j E/x_j equals w x_i for k = x
 // sqrt(w/E). The same holds for friction. Irreversible operators in the metric of all groups are
 // driven by dS, which is smaller than dE by a temperature. Conduction of k^2 W/K moves entropy at
 // the rate k^2 dT/T.
-static void fix_scale_by_rates(const set *s) {
-    double frequency = 0, known = 0;
+static void fix_scale_by_rates(const set *s, const double *effort, int count) {
+    double frequency = 0, known = 0, root = 0, driven = 0, heat = 0, heated = 0;
     bool heats = false;
     for (int k = 0; k < s->count; ++k) {
         const pm_group_magnitude *m = &s->magnitude[k];
@@ -199,19 +270,20 @@ static void fix_scale_by_rates(const set *s) {
         }
     }
     frequency = known > 0 && frequency > 0 ? frequency / known : 1;
-    for (int k = 0, first = 0; k < s->count; first += s->size[k++]) {
+    for (int k = 0; k < s->count; ++k) {
         const pm_group_magnitude *m = &s->magnitude[k];
-        double scale = m->deviation * sqrt(frequency / m->energy);
-        if (s->kind == PM_NORMALISE_RATE) {
-            scale = m->rate;
-        } else if (s->heated[k]) {
-            scale = sqrt(m->rate * m->dS / TYPICAL_WARMTH);
-        } else if (s->kind == PM_NORMALISE_FRICTION && !heats) {
-            scale *= sqrt(PM_DEFAULT_TEMPERATURE);
+        const double scale = scale_by_rates(s, k, frequency, heats);
+        write_scale(s, k, scale);
+        if (!s->input[k] && m->deviation > 0) {
+            root += s->heated[k] ? 0 : scale * m->energy / m->deviation;
+            driven += !s->heated[k];
+            heat += s->heated[k] ? scale : 0;
+            heated += s->heated[k];
         }
-        for (int c = first; c < first + s->size[k]; ++c) {
-            s->deviation->value[c] = scale > 0 && isfinite(scale) ? scale : 1;
-        }
+    }
+    if (effort != NULL && s->kind != PM_NORMALISE_RATE) {
+        fix_inputs(s, effort, count, driven > 0 ? root / driven : 0, heated > 0 ? heat / heated : 0,
+                   frequency, heats);
     }
 }
 
@@ -222,7 +294,17 @@ static void fix_along(const set *s, const double *value, int count, int cols) {
     }
 }
 
-static void fix(const set *s, bool by_rates, const double *value, int count, int cols) {
+// Whether the magnitude of some group is known.
+static bool is_measured(const set *s) {
+    bool measured = false;
+    for (int k = 0; k < s->count; ++k) {
+        measured = measured || s->magnitude[k].deviation > 0;
+    }
+    return measured;
+}
+
+static void fix(const set *s, bool by_rates, const double *value, const double *effort, int count,
+                int cols) {
     switch (s->kind) {
     case PM_NORMALISE_FEATURES:
         fix_features(s, value, count, cols);
@@ -236,8 +318,8 @@ static void fix(const set *s, bool by_rates, const double *value, int count, int
     case PM_NORMALISE_UNIT:
         break;
     }
-    if (by_rates && s->magnitude[0].deviation > 0) {
-        fix_scale_by_rates(s);
+    if (by_rates && is_measured(s)) {
+        fix_scale_by_rates(s, effort, count);
     } else {
         fix_scale(s, value, count, cols);
     }
@@ -290,18 +372,23 @@ static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *sa
     if (c->count == 0) {
         return PM_OK;
     }
-    pm_node output[MAX_SETS];
+    pm_node output[2 * MAX_SETS];
     for (int i = 0; i < c->count; ++i) {
-        output[i] = c->set[i].node;
+        const set *s = &c->set[i];
+        output[2 * i] = s->node;
+        output[2 * i + 1] = s->effort == PM_NO_NODE ? s->node : s->effort;
     }
     pm_program *program = NULL;
     const int count = choose_windows(samples);
-    PM_TRY(pm_program_open(&program, c->g, c->count, output, count));
+    PM_TRY(pm_program_open(&program, c->g, 2 * c->count, output, count));
     write_windows(samples, count, pm_program_value(program, window));
     pm_program_run(program, count);
     for (int i = 0; i < c->count; ++i) {
-        fix(&c->set[i], !c->plain, pm_program_value(program, output[i]), count,
-            pm_graph_shape(c->g, output[i]).cols);
+        const set *s = &c->set[i];
+        const double *effort =
+            s->effort == PM_NO_NODE ? NULL : pm_program_value(program, s->effort);
+        fix(s, !c->plain, pm_program_value(program, s->node), effort, count,
+            pm_graph_shape(c->g, s->node).cols);
     }
     pm_program_close(program);
     return PM_OK;

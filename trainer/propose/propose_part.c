@@ -40,8 +40,9 @@ static void add_quoted(pm_draft_list *l, const char *before, const char *name, c
 // --- numbers ---
 
 void pm_draft_number(FILE *file, double number) {
-    const bool whole = number == round(number) && fabs(number) < 1e9;
-    fprintf(file, whole ? "%.1f" : "%.17g", number);
+    const double nearest = round(number);
+    const bool whole = fabs(number - nearest) <= 1e-14 * fabs(number); // but for rounding
+    fprintf(file, whole && fabs(nearest) <= 1e9 ? "%.1f" : "%.17g", whole ? nearest : number);
 }
 
 void pm_draft_coefficient(FILE *file, double coefficient, const pm_unit *a, const pm_unit *b) {
@@ -219,11 +220,14 @@ static int count_rest(const pm_part_view *v, const bool *done) {
     return count;
 }
 
-// Writes the thermal energy of one entropy, and its dependence on the rest of the state.
+// Writes the thermal energy of one entropy, and its dependence on the rest of the state. The energy
+// of motion and of currents, which is even in momenta and fluxes, does not depend on the
+// temperature. If it could, a large heat content would take the place of a small kinetic energy.
 static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, const bool *done) {
     pm_draft_list l = pm_draft_open(d->file, "      - {features: ");
     for (int g = 0; g < v->count; ++g) {
-        if (is_state(v, g) && !done[g] && v->kind[g] != PM_VIEW_SPIN) {
+        const bool moves = v->odd[g] && v->unit[g].known;
+        if (is_state(v, g) && !done[g] && !moves) {
             add_feature(d, &l, v, "", g);
         }
     }

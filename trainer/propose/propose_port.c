@@ -58,20 +58,57 @@ static void write_boundary_input_pairs(const pm_draft *d, int port) {
     fprintf(d->file, "}\n");
 }
 
+// A pair as it is written: the momentum, the position, and their units.
+typedef struct written_pair {
+    const char *end[2], *name[2];
+    const pm_unit *unit[2];
+} written_pair;
+
+static written_pair order_pair(const pm_part_view *a, const pm_part_view *b,
+                               const pm_pair_view *p) {
+    const written_pair w = {{ends[0], ends[1]},
+                            {pm_draft_name(a, p->a), pm_draft_name(b, p->b)},
+                            {&a->unit[p->a], &b->unit[p->b]}};
+    const written_pair swapped = {
+        {w.end[1], w.end[0]}, {w.name[1], w.name[0]}, {w.unit[1], w.unit[0]}};
+    return p->momentum_first ? w : swapped;
+}
+
+// Writes the learned coefficients of pairs as constants.
+static void write_levers(FILE *f, const pm_port_view *view) {
+    int count = 0;
+    for (int i = 0; i < view->count; ++i) {
+        if (view->pair[i].guessed) {
+            fprintf(f, count++ == 0 ? "    constants: {" : ", ");
+            fprintf(f, "lever%d: {learned: ", count);
+            pm_draft_number(f, view->pair[i].coefficient);
+            fputc('}', f);
+        }
+    }
+    fprintf(f, count > 0 ? "}   # of size 1, unless there is a gear or a lever\n" : "");
+}
+
 // Writes the pairs whose coefficients the data show. Friction accounts for the rest.
 static void write_given_pairs(FILE *f, const pm_part_view *a, const pm_part_view *b,
                               const pm_port_view *view) {
     fprintf(f,
             "      # The data show that a momentum of one end moves a position of the other end.\n"
             "      given: [");
-    for (int i = 0, n = 0; i < view->count; ++i) {
+    for (int i = 0, n = 0, levers = 0; i < view->count; ++i) {
         const pm_pair_view *p = &view->pair[i];
         if (p->coefficient != 0) {
-            fprintf(f, p->momentum_first ? "%s[a.%s, b.%s, " : "%s[b.%s, a.%s, ",
-                    n++ > 0 ? ", " : "",
-                    p->momentum_first ? pm_draft_name(a, p->a) : pm_draft_name(b, p->b),
-                    p->momentum_first ? pm_draft_name(b, p->b) : pm_draft_name(a, p->a));
-            pm_draft_coefficient(f, p->coefficient, &a->unit[p->a], &b->unit[p->b]);
+            const written_pair w = order_pair(a, b, p);
+            fprintf(f, "%s[%s%s, %s%s, ", n++ > 0 ? ", " : "", w.end[0], w.name[0], w.end[1],
+                    w.name[1]);
+            const double units = pm_view_coefficient_unit(w.unit[0], w.unit[1]);
+            const bool plain = p->guessed && !(units < 1 || units > 1);
+            fprintf(f, p->guessed && !plain ? "\"" : "");
+            if (!plain) {
+                pm_draft_number(f, p->guessed ? units : p->coefficient * units);
+            }
+            if (p->guessed) {
+                fprintf(f, plain ? "lever%d" : "*lever%d\"", ++levers);
+            }
             fputc(']', f);
         }
     }
@@ -127,6 +164,17 @@ typedef struct coupling {
     bool carries;                   // any current
 } coupling;
 
+static bool carries_entropy(const pm_draft *d, int port) {
+    bool carries = false;
+    for (int end = 0; end < 2; ++end) {
+        const int id = d->p->scene->port[port].subsystem[end];
+        for (int g = 0; g < d->part[id].count; ++g) {
+            carries = carries || pm_view_carries_entropy(&d->look, d->part, port, end, g);
+        }
+    }
+    return carries;
+}
+
 static coupling find_coupling(const pm_draft *d, int port, const pm_port_view *view, bool given) {
     const pm_scene_port *scene = &d->p->scene->port[port];
     coupling c = {.carries = false};
@@ -172,6 +220,23 @@ static void write_carried(const pm_draft *d, int port, const coupling *c) {
     fprintf(d->file, "], hidden: [%d], skip: linear}\n", CARRIED_WIDTH);
 }
 
+// Leaves the coefficients of pairs that are given, and sets the others to 0: those that the data
+// show, else the guessed ones if nothing else is to be learned. Returns whether any is left.
+static bool choose_given(pm_port_view *view, bool carries) {
+    bool given = false, all = !carries;
+    for (int i = 0; i < view->count; ++i) {
+        given = given || (view->pair[i].coefficient != 0 && !view->pair[i].guessed);
+        all = all && view->pair[i].coefficient != 0;
+    }
+    for (int i = 0; i < view->count; ++i) {
+        pm_pair_view *pair = &view->pair[i];
+        if (pair->guessed && (given || !all)) {
+            *pair = (pm_pair_view){.a = pair->a, .b = pair->b};
+        }
+    }
+    return given || (all && view->count > 0);
+}
+
 // Writes the reversible operator of a port between two subsystems, or of one with a boundary input.
 static void write_reversible(const pm_draft *d, int port) {
     FILE *f = d->file;
@@ -182,10 +247,7 @@ static void write_reversible(const pm_draft *d, int port) {
     }
     pm_port_view view;
     pm_view_port(&d->look, d->part, port, &view);
-    bool given = false;
-    for (int i = 0; i < view.count; ++i) {
-        given = given || view.pair[i].coefficient != 0;
-    }
+    const bool given = choose_given(&view, carries_entropy(d, port));
     const coupling c = find_coupling(d, port, &view, given);
     if (view.count == 0 && !c.carries) {
         fprintf(f,
@@ -193,6 +255,9 @@ static void write_reversible(const pm_draft *d, int port) {
         return;
     }
     const pm_part_view *a = &d->part[scene->subsystem[0]], *b = &d->part[scene->subsystem[1]];
+    if (given) {
+        write_levers(f, &view);
+    }
     fprintf(f, "    reversible:\n");
     if (given) {
         write_given_pairs(f, a, b, &view);

@@ -365,8 +365,37 @@ static double whole_coefficient(const pm_look *look, const pm_part_view *carrier
     return fabs(c - whole) < NEAR_WHOLE && fabs(whole) == 1 ? whole : 0;
 }
 
-static void view_pair(const pm_look *look, const pm_part_view *a, int ga, const pm_part_view *b,
-                      int gb, pm_port_view *view) {
+// Returns 1 or -1 if the rate of a position is linear in momenta of its own subsystem and of
+// neighbours, with the sign of the coefficient of this momentum, and the product of both units is
+// J s; else 0. The coefficient is 1 or -1, unless there is a gear or a lever between them.
+static double guess_coefficient(const pm_look *look, const pm_part_view *parts,
+                                const pm_part_view *carrier, int momentum, int carried,
+                                int position) {
+    const pm_part_view *v = &parts[carried];
+    const pm_unit action = pm_unit_parse("J s");
+    const pm_unit product = pm_unit_product(&carrier->unit[momentum], &v->unit[position]);
+    double coefficient[8] = {0};
+    if (!pm_unit_equal(&product, &action) || carrier->kind[momentum] == PM_VIEW_SPIN) {
+        return 0;
+    }
+    const sources s = find_sources(look, parts, carried, position, &carrier->unit[momentum]);
+    sources others = {0};
+    const double rest = pm_look_explain(look, &v->group[position], s.count, s.group, coefficient);
+    double sign = 0, unused[8];
+    for (int i = 0; i < s.count; ++i) {
+        if (s.group[i].first == carrier->group[momentum].first) {
+            sign = coefficient[i] < 0 ? -1 : 1;
+        } else {
+            others.group[others.count++] = s.group[i];
+        }
+    }
+    const double without =
+        pm_look_explain(look, &v->group[position], others.count, others.group, unused);
+    return rest < CLEAR && without - rest > TRACE ? sign : 0;
+}
+
+static void view_pair(const pm_look *look, const pm_part_view *parts, const pm_part_view *a, int ga,
+                      const pm_part_view *b, int gb, pm_port_view *view) {
     double c, mate, rest = 1;
     if (pm_unit_equal(&a->unit[ga], &b->unit[gb]) || !(a->odd[ga] || b->odd[gb])) {
         return; // only dissipation couples variables with equal units, or two that are even
@@ -376,9 +405,18 @@ static void view_pair(const pm_look *look, const pm_part_view *a, int ga, const 
     const bool of_a = gain(look, a, ga, &b->group[gb], &c, &mate, &rest) > TRACE;
     const bool of_b = gain(look, b, gb, &a->group[ga], &c, &mate, &rest) > TRACE;
     const bool comparable = a->group[ga].group->size == b->group[gb].group->size;
-    if (to_b != 0 || to_a != 0 || of_a || of_b || !comparable) {
-        view->pair[view->count++] = (pm_pair_view){
-            .a = ga, .b = gb, .momentum_first = to_b != 0, .coefficient = to_b != 0 ? to_b : to_a};
+    if (to_b == 0 && to_a == 0 && !of_a && !of_b && comparable) {
+        return;
+    }
+    pm_pair_view *pair = &view->pair[view->count++];
+    *pair = (pm_pair_view){
+        .a = ga, .b = gb, .momentum_first = to_b != 0, .coefficient = to_b != 0 ? to_b : to_a};
+    if (pair->coefficient == 0 && comparable) {
+        const double up = guess_coefficient(look, parts, a, ga, b->subsystem, gb);
+        const double down = guess_coefficient(look, parts, b, gb, a->subsystem, ga);
+        pair->guessed = up != 0 || down != 0;
+        pair->momentum_first = up != 0 && !(down != 0 && is_length(&a->unit[ga]));
+        pair->coefficient = pair->momentum_first ? -up : -down;
     }
 }
 
@@ -394,7 +432,7 @@ void pm_view_port(const pm_look *look, const pm_part_view *parts, int port, pm_p
             if (is_nonentropy(a, i) && is_nonentropy(b, k) &&
                 pm_view_exposes(look->scene, port, 0, a->group[i].group->name) &&
                 pm_view_exposes(look->scene, port, 1, b->group[k].group->name)) {
-                view_pair(look, a, i, b, k, view);
+                view_pair(look, parts, a, i, b, k, view);
             }
         }
     }

@@ -50,6 +50,7 @@ typedef struct pm_pair_view {
     bool momentum_first; // true: momentum a moves position b; false: momentum b moves position a,
                          // or the direction is to be learned
     double coefficient;  // 1 or -1, in SI units; 0: to be learned
+    bool guessed;        // the coefficient is where its training starts
 } pm_pair_view;
 
 // The lossless couplings that a port may have.
