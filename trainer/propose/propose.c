@@ -19,8 +19,10 @@
 // progress.
 #define DERIVATIVE_ITERATIONS 240
 #define STEP_ITERATIONS 60
-// The samples in a batch of steps, and the work of an iteration, in samples times substeps times
-// variables, up to which there are more iterations, at most MOST_TIMES as many.
+// The samples in a batch, and the work of an iteration, in samples times substeps times variables,
+// up to which there are more iterations, at most MOST_TIMES as many.
+#define DERIVATIVE_BATCH 8192
+#define DERIVATIVE_WORK 20000
 #define STEP_BATCH 2048
 #define STEP_WORK 40000
 #define MOST_TIMES 4
@@ -74,11 +76,11 @@ static int training_substeps(const pm_draft *d) {
     return wanted < most ? (int)wanted : most;
 }
 
-// Returns the most iterations on steps: the more, the less work each of them is.
-static int step_iterations(const pm_draft *d) {
-    const int samples = d->look.samples < STEP_BATCH ? d->look.samples : STEP_BATCH;
-    const double work = (double)samples * training_substeps(d) * d->p->scene->nz;
-    return (int)(STEP_ITERATIONS * fmin(fmax(STEP_WORK / work, 1), MOST_TIMES));
+// Returns the most iterations of a stage: the more, the less work each of them is.
+static int iterations_of(const pm_draft *d, int fewest, int batch, int substeps, double little) {
+    const int samples = d->look.samples < batch ? d->look.samples : batch;
+    const double work = (double)samples * substeps * d->p->scene->nz;
+    return (int)(fewest * fmin(fmax(little / work, 1), MOST_TIMES));
 }
 
 // Derivatives take all samples at once where there are not too many. A random batch lacks most of
@@ -94,11 +96,13 @@ static void write_stages(const pm_draft *d) {
                 "further,\n# then to single steps.\n",
           f);
     fprintf(f, "loss: {residual: step}\nstages:\n");
-    fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: 8192, residual: derivative}\n",
-            DERIVATIVE_ITERATIONS);
-    fprintf(f,
-            "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: 20}\n",
-            step_iterations(d), STEP_BATCH, training_substeps(d));
+    fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, residual: derivative}\n",
+            iterations_of(d, DERIVATIVE_ITERATIONS, DERIVATIVE_BATCH, 1, DERIVATIVE_WORK),
+            DERIVATIVE_BATCH);
+    const int substeps = training_substeps(d);
+    fprintf(
+        f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: 20}\n",
+        iterations_of(d, STEP_ITERATIONS, STEP_BATCH, substeps, STEP_WORK), STEP_BATCH, substeps);
 }
 
 static void write_all(const pm_draft *d) {
