@@ -47,7 +47,7 @@ pm_status pm_local_dynamics_open(pm_local_dynamics *t, pm_arena *arena, const pm
                                  int subsystem_id, const pm_integrator *integrator, double h);
 void pm_local_dynamics_close(pm_local_dynamics *t);
 
-// Marks the results as unknown, so that the next evaluation runs the graphs.
+// Begins a run: the next evaluation runs the graphs, and a gap (contact_gap.h) knows no answers.
 void pm_local_dynamics_forget(pm_local_dynamics *t);
 
 // Evaluates E, S and their derivatives at z [nz]; for a discrete integrator the discrete gradients
