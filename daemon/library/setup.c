@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include "base/digest.h"
+#include "library/estimated_start.h"
 #include "scene/live_replay.h"
 
 // Relative difference of two time steps that are meant to be equal; decimal fractions are rounded.
@@ -45,6 +46,20 @@ static pm_status load_reference(pm_setup *setup) {
     return PM_OK;
 }
 
+// Estimates the state in which the measurements of the reference begin.
+static pm_status estimate_initial(pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    pm_dataset *states = NULL;
+    pm_columns columns;
+    pm_status status;
+    PM_TRY_DONE(pm_estimated_start(scene, setup->weights, &states));
+    PM_TRY_DONE(pm_columns_bind(&columns, scene, states, &setup->arena));
+    pm_columns_to_state(&columns, pm_dataset_state(states, 0, 0), setup->initial);
+done:
+    pm_dataset_free(states);
+    return status;
+}
+
 static pm_status find_initial(pm_setup *setup) {
     const pm_scene *scene = setup->scene;
     setup->initial = pm_arena_array(&setup->arena, (size_t)scene->nz, sizeof(double));
@@ -53,6 +68,9 @@ static pm_status find_initial(pm_setup *setup) {
     }
     if (setup->reference != NULL) {
         pm_columns_to_state(&setup->columns, pm_setup_truth(setup, 0), setup->initial);
+    }
+    if (scene->reference_estimate > 0 && needs_reference(scene) != NULL) {
+        PM_TRY(estimate_initial(setup));
     }
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_scene_subsystem *subsystem = &scene->subsystem[i];
@@ -80,7 +98,7 @@ static pm_status start_live_inputs(pm_setup *setup) {
 }
 
 pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights) {
-    *setup = (pm_setup){.scene = scene};
+    *setup = (pm_setup){.scene = scene, .weights = weights};
     return pm_system_load(&setup->system, scene, weights);
 }
 
@@ -97,7 +115,8 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
                        needs->at, needs->name);
     }
     const bool follows = needs != NULL || scene->nboundary_input > 0;
-    if (scene->reference != NULL && (follows || purpose != PM_TO_SERVE)) {
+    const bool states = scene->reference != NULL && scene->reference_estimate == 0;
+    if (states && (follows || purpose != PM_TO_SERVE)) {
         PM_TRY(load_reference(setup));
     }
     PM_TRY(pm_boundary_input_bind(&setup->boundary_input, scene, setup->reference, setup->stride,

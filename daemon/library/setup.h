@@ -16,9 +16,11 @@ typedef struct pm_setup {
     pm_arena arena;
     pm_scene *scene;
     pm_system *system;
-    pm_dataset *reference; // NULL: the scene names no reference, or the purpose needs none
-    pm_columns columns;    // the columns of the reference that hold the scene's state
-    int stride;            // steps of the scene between two states of the reference
+    const char *weights; // the folder of the weights; NULL: where the scene says
+    // NULL: the scene names no reference, or one of measurements, or the purpose needs none
+    pm_dataset *reference;
+    pm_columns columns; // the columns of the reference that hold the scene's state
+    int stride;         // steps of the scene between two states of the reference
     // Values prescribed from outside; empty if the scene has no boundary inputs.
     pm_boundary_input boundary_input;
     double *live; // [scene->nlive] the values of live inputs in the present step, at first `start`
@@ -33,12 +35,14 @@ typedef struct pm_setup {
 
 // Begins a setup with a scene and its system. The setup takes over the scene. pm_system_load reads
 // the weights from the folder `weights`, or from the files that the scene names if `weights` is
-// NULL. The caller may change the scene's URL, number of steps and processes before it calls
-// pm_setup_complete. The caller frees the setup, after a failure too. Fails as pm_system_load does.
+// NULL; the string must outlive pm_setup_complete. The caller may change the scene's URL, number of
+// steps and processes before it calls pm_setup_complete. The caller frees the setup, after a
+// failure too. Fails as pm_system_load does.
 pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights);
 
 // Completes the setup with the reference, the boundary inputs and the initial state. Each subsystem
-// starts from its `initial`, or else from the first state of the reference. The function updates
+// starts from its `initial`, or else from the first state of the reference, which is estimated if
+// the reference holds measurements (library/estimated_start.h). The function updates
 // system->digest with the initial state and the boundary inputs, so that the processes of hosts
 // with different references refuse each other. PM_ECONFIG: a subsystem has neither an `initial` nor
 // a reference, except for PM_TO_DESCRIBE; or the reference does not contain the trajectory whose

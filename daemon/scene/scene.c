@@ -136,7 +136,7 @@ static pm_status read_lockstep(pm_scene_reader *r) {
 }
 
 static pm_status read_reference(pm_scene_reader *r) {
-    static const char *const keys[] = {"file", "trajectory", NULL};
+    static const char *const keys[] = {"file", "trajectory", "estimate", NULL};
     const pm_yaml reference = pm_yaml_get(r->root, "reference");
     if (!pm_yaml_exists(reference)) {
         return PM_OK;
@@ -146,6 +146,10 @@ static pm_status read_reference(pm_scene_reader *r) {
     PM_TRY(pm_yaml_require(reference, "file", &file));
     PM_TRY(pm_scene_read_path(r, file, &r->scene->reference));
     PM_TRY(pm_scene_read_at(r, file, &r->scene->reference_at));
+    const pm_yaml estimate = pm_yaml_get(reference, "estimate");
+    if (pm_yaml_exists(estimate)) {
+        PM_TRY(pm_yaml_double(estimate, DBL_MIN, 1e9, &r->scene->reference_estimate));
+    }
     const pm_yaml trajectory = pm_yaml_get(reference, "trajectory");
     const bool named = pm_yaml_exists(trajectory);
     PM_TRY(pm_scene_read_at(r, named ? trajectory : reference, &r->scene->reference_trajectory_at));
@@ -166,7 +170,7 @@ static pm_status read_scene(pm_scene_reader *r) {
     static const char *const keys[] = {
         "scene",    "url",    "key_file",     "time",        "subsystems", "boundary_inputs",
         "models",   "ports",  "processes",    "reference",   "laws",       "guards",
-        "lockstep", "record", "observations", "live_inputs", "tap", NULL};
+        "lockstep", "record", "observations", "live_inputs", "tap",        NULL};
     pm_yaml value;
     PM_TRY(pm_yaml_allow(r->root, keys));
     PM_TRY(pm_yaml_require(r->root, "scene", &value));

@@ -145,6 +145,9 @@ typedef struct pm_scene {
     int checkpoint;   // steps between two checkpoints of a process
     const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
+    // s; the reference holds measurements, from whose first seconds the start is estimated. 0: it
+    // holds states
+    double reference_estimate;
     const char *reference_trajectory_at; // place of `reference` if the scene names no trajectory
     int nobservation;
     pm_scene_observation *observation;          // [nobservation]
@@ -165,7 +168,7 @@ typedef struct pm_scene {
     int nlive;                       // values of all live inputs
     int nport;
     pm_scene_port *port; // [nport]
-    int nautomatic; // processes that `processes: {auto: N}` asks for; 0: the scene lists them
+    int nautomatic;      // processes that `processes: {auto: N}` asks for; 0: the scene lists them
     int nprocess;
     pm_scene_process *process; // [nprocess] in the order of their first subsystems
     int nz;                    // components of all subsystems
@@ -222,8 +225,8 @@ bool pm_scene_lists_subsystem(const pm_scene *scene, int id);
 // fluxes.
 bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
 
-// Divides the subsystems of a scene with nautomatic > 0 anew, by the costs cost [nsubsystem] of their
-// rounds (sim/round_cost.h). PM_ECONFIG: METIS failed. PM_ENOMEM.
+// Divides the subsystems of a scene with nautomatic > 0 anew, by the costs cost [nsubsystem] of
+// their rounds (sim/round_cost.h). PM_ECONFIG: METIS failed. PM_ENOMEM.
 pm_status pm_scene_cut_by_cost(pm_scene *scene, const int *cost);
 
 // Replaces all processes by a single one, "all", which serves every subsystem. PM_ENOMEM.
