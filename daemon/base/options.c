@@ -143,6 +143,19 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
     return PM_OK;
 }
 
+pm_status pm_options_output(const char *name, const char *path) {
+    const char *slash = path == NULL ? NULL : strrchr(path, '/');
+    char folder[4096];
+    struct stat found;
+    if (slash == NULL) {
+        return PM_OK;
+    }
+    snprintf(folder, sizeof folder, "%.*s", slash == path ? 1 : (int)(slash - path), path);
+    return stat(folder, &found) == 0 && S_ISDIR(found.st_mode)
+               ? PM_OK
+               : pm_fail(PM_EFILE, "%s %s: there is no folder %s", name, path, folder);
+}
+
 pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result) {
     char *end;
     errno = 0;

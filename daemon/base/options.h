@@ -53,6 +53,11 @@ pm_status pm_options_count(const char *name, const char *text, int64_t most, int
 // Reads the value of the option `name`, a number > 0. PM_EUSAGE.
 pm_status pm_options_positive(const char *name, const char *text, double *result);
 
+// Checks that the file `path`, the value of the option `name`, can be written later: a command that
+// works for minutes must not find out at its end that there is no such folder. NULL is allowed and
+// means that the option was not given. PM_EFILE.
+pm_status pm_options_output(const char *name, const char *path);
+
 // Makes the folder `path` and its parents if they do not exist. PM_EFILE: it cannot be made or
 // written; PM_ENOMEM.
 pm_status pm_options_folder(const char *path);

@@ -57,50 +57,30 @@ static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsyst
     return PM_OK;
 }
 
-// Splits the dataset's text of units, "m;kg m/s", into unit [ncolumn]; leaves NULL there if the
-// dataset names none.
-static pm_status split_units(const pm_dataset *dataset, pm_arena *arena, const char ***unit) {
-    const char *text = pm_dataset_find_note(dataset, "units");
-    *unit = NULL;
-    if (text == NULL) {
-        return PM_OK;
-    }
-    char *rest = pm_arena_strdup(arena, text);
-    const char **list = pm_arena_array(arena, (size_t)dataset->ncolumn, sizeof *list);
-    if (rest == NULL || list == NULL) {
-        return fail_memory();
-    }
-    int count = 0;
-    for (char *word = strsep(&rest, ";"); word != NULL; word = strsep(&rest, ";"), ++count) {
-        if (count < dataset->ncolumn) {
-            list[count] = word;
-        }
-    }
-    *unit = list;
-    return count == dataset->ncolumn
+pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_id,
+                                const char *column, const char *unit) {
+    const pm_group *group = &subsystem->layout.group[group_id];
+    return *unit == '\0' || strcmp(unit, group->unit) == 0
                ? PM_OK
-               : pm_fail(PM_EDATA, "the dataset names %d units of %d columns: \"%.64s\"", count,
-                         dataset->ncolumn, text);
+               : pm_fail(PM_EDATA,
+                         "%s: group %s.%s has the unit \"%s\", and the dataset's column \"%s\" has "
+                         "\"%s\"; values are not converted",
+                         subsystem->group_at[group_id], subsystem->name, group->name, group->unit,
+                         column, unit);
 }
 
-// Compares the units of the mapped columns with those of the scene, letter by letter.
 static pm_status check_units(const pm_columns *c, const pm_scene *scene, const pm_dataset *dataset,
                              pm_arena *arena) {
     const char **unit;
-    PM_TRY(split_units(dataset, arena, &unit));
+    PM_TRY(pm_dataset_units(dataset, arena, &unit));
     for (int s = 0; s < scene->nsubsystem && unit != NULL; ++s) {
         const pm_scene_subsystem *subsystem = &scene->subsystem[s];
         for (int g = 0; g < subsystem->layout.ngroup; ++g) {
             const pm_group *group = &subsystem->layout.group[g];
             for (int i = 0; i < group->size; ++i) {
                 const int k = c->column[subsystem->first + group->first + i];
-                if (k >= 0 && strcmp(unit[k], group->unit) != 0) {
-                    return pm_fail(PM_EDATA,
-                                   "%s: group %s.%s has the unit \"%s\", and the dataset's column "
-                                   "\"%s\" has \"%s\"",
-                                   subsystem->group_at[g], subsystem->name, group->name,
-                                   group->unit, dataset->column[k], unit[k]);
-                }
+                PM_TRY(k < 0 ? PM_OK
+                             : pm_columns_check_unit(subsystem, g, dataset->column[k], unit[k]));
             }
         }
     }

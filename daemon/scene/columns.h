@@ -26,6 +26,11 @@ typedef struct pm_columns {
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
                           pm_arena *arena);
 
+// Compares the unit of a column in the dataset with that of the group that the scene maps it to,
+// letter by letter; an empty unit is not known and equals any. PM_EDATA: they differ.
+pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_id,
+                                const char *column, const char *unit);
+
 // Converts a row of the dataset to the concatenated state z [nz], and back. The latter writes only
 // the mapped columns of the row.
 void pm_columns_to_state(const pm_columns *columns, const double *row, double *z);

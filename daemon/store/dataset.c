@@ -149,6 +149,30 @@ const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name) {
     return NULL;
 }
 
+pm_status pm_dataset_units(const pm_dataset *dataset, pm_arena *arena, const char ***unit) {
+    const char *text = pm_dataset_find_note(dataset, "units");
+    *unit = NULL;
+    if (text == NULL) {
+        return PM_OK;
+    }
+    char *rest = pm_arena_strdup(arena, text);
+    const char **list = pm_arena_array(arena, (size_t)dataset->ncolumn, sizeof *list);
+    if (rest == NULL || list == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for units");
+    }
+    int count = 0;
+    for (char *word = strsep(&rest, ";"); word != NULL; word = strsep(&rest, ";"), ++count) {
+        if (count < dataset->ncolumn) {
+            list[count] = word;
+        }
+    }
+    *unit = list;
+    return count == dataset->ncolumn
+               ? PM_OK
+               : pm_fail(PM_EDATA, "the dataset names %d units of %d columns: \"%.64s\"", count,
+                         dataset->ncolumn, text);
+}
+
 // --- checks ---
 
 static pm_status check_columns(const pm_dataset *d, const char *path) {
@@ -266,6 +290,14 @@ static pm_status read_content(pm_dataset *d, const pm_hdf5 *file, const char *pa
     PM_TRY(pm_hdf5_read_text(file, "/", LAYOUT, &d->arena, &layout));
     PM_TRY(split_columns(d, layout, path));
     PM_TRY(pm_hdf5_read(file, "/dt", 0, NULL, &d->dt));
+    int times[2];
+    if (pm_hdf5_shape(file, "/t", 2, times) == PM_OK) {
+        return pm_fail(
+            PM_EDATA,
+            "%s: /t has the times of each trajectory, which only measurements may have: fit "
+            "them with `noise` in the training file, and evaluate them with --estimate",
+            path);
+    }
     PM_TRY(pm_hdf5_read(file, "/t", 1, &shape[1], d->t));
     PM_TRY(pm_hdf5_read(file, "/z", 3, shape, d->z));
     if (pm_hdf5_has(file, "/zdot")) {

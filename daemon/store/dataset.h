@@ -7,8 +7,10 @@
 //   state_layout, attribute of /       names of the columns, separated by blanks; "f[0:180]" means
 //                                      f0 to f179 (names.h), and is used for more than 60 kB of
 //                                      names
-//   units, attribute of /              optional: units of the columns, separated by ';'. A scene
-//                                      must state the same text as the unit of the column's group
+//   units, attribute of /              optional: units of the columns, separated by ';', each empty
+//   if
+//                                      it is not known. A scene must state the same text as the
+//                                      unit of the column's group
 // A file of measurements (pm_dataset_load_measured) may have times [trajectory][time], and NaN
 // where a sample is missing. Other text attributes of / are notes, such as title, source, command,
 // seed, or coordinates (scene/weights.h).
@@ -64,6 +66,10 @@ pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *for
     __attribute__((format(printf, 3, 4)));
 // Returns the text of a note, or NULL if there is none of this name.
 const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name);
+// Divides the note `units` into *unit [ncolumn], whose texts lie in the arena. *unit is NULL if
+// there is no such note. An empty text is a unit that is not known. PM_EDATA: the note has another
+// number of units; PM_ENOMEM.
+pm_status pm_dataset_units(const pm_dataset *dataset, pm_arena *arena, const char ***unit);
 // Adds rates to be filled; they are zero. PM_ENOMEM.
 pm_status pm_dataset_with_rates(pm_dataset *dataset);
 // Checks the dataset and writes it; the file appears whole or not at all. PM_EFILE, PM_EDATA,

@@ -179,6 +179,7 @@ static void units_must_be_those_of_the_scene(void **state) {
         {"J/K;m;mm;J/K;J/K;m;m;1;m;m;J/K",
          "f:1:5: group two.q has the unit \"m\", and the dataset's column \"q2y\" has \"mm\""},
         {"J/K;m;m;J/K;J/K;m;m;mm;m;m;J/K", NULL}, // of a column that is not mapped
+        {";m;;J/K;J/K;m;m;1;m;m;J/K", NULL},      // an empty unit is not known
         {"J/K;m", "names 2 units of 11 columns"},
         {"", "names 1 units of 11 columns"},
     };

@@ -1,8 +1,8 @@
 #!/bin/sh
-# test_measured_cli.sh PORTMET_TRAIN: from tables of angles to a prediction with bands, by the commands of the
+# test_measured_cli.sh PORTMET_TRAIN PORTMETD: from tables of angles to a prediction with bands, by the commands of the
 # trainer's page; and mistakes in tables are told with their place.
 . "$(dirname "$0")/../support/setting.sh"
-train=$1
+train=$1 portmetd=$2
 
 # succeed TEXT ARGUMENT...: TEXT is in the output.
 succeed() {
@@ -177,7 +177,20 @@ h5diff "$folder/weights/arm.h5" "$folder/again/arm.h5" /parameters || fail "fit 
 # --- a run from an estimated start ---
 succeed "Laws" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
     --states "$folder/states.h5"
+states=$(h5dump -H -d /z "$folder/states.h5" | sed -n 's/.*SIMPLE { ( 1, \([0-9]*\), 3 ).*/\1/p')
+[ "${states:-0}" -ge 180 ] || fail "states: expected some 185 steps of 0.04 s, found ${states:-none}"
 h5dump -a /state_layout "$folder/states.h5" | grep -q '"arm.q arm.p arm.s"' || fail "states: expected hidden columns"
+
+sed -e '/^observations/i reference: {file: swing.h5, trajectory: 3, estimate: 1.5}' "$folder/pendulum.yaml" >"$folder/from_record.yaml"
+PATH="$(dirname "$train"):$PATH" timeout 100 "$portmetd" run "$folder/from_record.yaml" --weights "$folder/weights" --in-process \
+    --steps 20 --record "$folder/run.h5" >"$folder/out" 2>&1 || fail "run: expected a start from an estimate"
+h5dump -d /subsystems/arm/z -s 0,0 -c 1,3 "$folder/run.h5" | grep '(0,' | sed 's/.*: //' >"$folder/start_run"
+h5dump -d /z -s 0,0,0 -c 1,1,3 "$folder/states.h5" | grep '(0,' | sed 's/.*: //' >"$folder/start_states"
+cmp -s "$folder/start_run" "$folder/start_states" || fail "run: expected the start that evaluate --states writes"
+sed 's/estimate: 1.5/estimate: 1000/' "$folder/from_record.yaml" >"$folder/too_long.yaml"
+PATH="$(dirname "$train"):$PATH" timeout 100 "$portmetd" run "$folder/too_long.yaml" --weights "$folder/weights" --in-process \
+    >"$folder/out" 2>&1 && fail "run: expected a record that is too short to be refused"
+grep -qF "nothing is left to predict after 1000 s" "$folder/out" || fail "run: expected the reason"
 
 # --- synthetic measurements ---
 succeed "wrote" truth configs/truth/double_pendulum.yaml --trajectories 0:3 --noise 0.01 --missing 0.5 --seed 3 \
@@ -186,7 +199,42 @@ succeed "uneven" inspect "$folder/noisy.h5"
 kept=$(awk '$1 == "q1x" { print $2 + $3 }' "$folder/out")
 [ "${kept:-0}" -ge 240 ] && [ "$kept" -le 360 ] || fail "truth --missing: $kept of 600 states are left"
 
+# --- times that are not exactly dt apart are all used, and of a fast recording those that are about dt apart ---
+for step in 0.04 0.01; do
+    awk -v step=$step 'BEGIN {
+        srand(7); q = 1
+        print "Time (ms);angle;status"
+        for (i = 0; i < 8/step; i++) {
+            printf "%.2f;%.5f;ok\n", 1000*t, q + 0.02
+            wait = step*(0.8 + 0.4*rand())
+            for (j = 0; j < 20; j++) { v += wait/20*(-9*sin(q) - 0.2*v); q += wait/20*v }
+            t += wait
+        }
+    }' >"$folder/jitter_$step.csv"
+    succeed 'leaves out column "status", which holds no number but "ok"' import "$folder/jitter_$step.csv" -o "$folder/jitter_$step.h5"
+done
+sed -e 's/angle: 0.005/angle: 0.001/' -e 's/0:3/0:1/' -e '/useless:/d' -e 's/ + useless//' "$folder/training.yaml" >"$folder/jitter.yaml"
+succeed "trajectories 0 of at most 200 samples; no" fit "$folder/jitter.yaml" --data "$folder/jitter_0.04.h5" -o "$folder/jitter"
+succeed "of at most 800 samples, of which 2" fit "$folder/jitter.yaml" --data "$folder/jitter_0.01.h5" -o "$folder/jitter"
+grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
+
 # --- mistakes ---
+sed '/^noise/a stages: [{optimiser: adam, iterations: 3}]' "$folder/training.yaml" >"$folder/stages.yaml"
+refuse 3 'a fit to measurements has no stages' fit "$folder/stages.yaml" --data "$folder/swing.h5" -o "$folder/no"
+refuse 5 'which only measurements may have' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5"
+refuse 2 'nothing is left to predict after 100 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 100
+refuse 4 'there is no folder' import "$folder/swing_1.csv" -o "$folder/none/swing.h5"
+sed 's/(rad)/(deg)/' "$folder/swing_2.csv" >"$folder/other.csv"
+refuse 5 'in the same units' import "$folder/swing_1.csv" "$folder/other.csv" -o "$folder/no.h5"
+sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/degrees.yaml"
+sed 's/(rad)/(deg)/' "$folder/swing_1.csv" >"$folder/degrees.csv"
+succeed "1 trajectories" import "$folder/degrees.csv" -o "$folder/degrees.h5"
+refuse 5 'group arm.q has the unit "rad", and the dataset'"'"'s column "angle" has "deg"' evaluate "$folder/degrees.yaml" \
+    --weights "$folder/weights" --data "$folder/degrees.h5" --estimate 1
+printf 'when,a\n0,1\n1,2\n' >"$folder/bad.csv"
+refuse 5 'name it with --time, one of: when a' import "$folder/bad.csv" -o "$folder/no.h5"
+printf 't [m],a\n0,1\n1,2\n' >"$folder/bad.csv"
+refuse 5 '"m" is no unit of time' import "$folder/bad.csv" -o "$folder/no.h5"
 sed 's/hidden: true/hidden: {gues: 1}/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
 refuse 3 'gues' evaluate "$folder/wrong.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1
 sed 's/hidden: true/columns: [entropy]/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"

@@ -115,7 +115,7 @@ expect 2 'or --beside with a field of each body' picture "$lower" "$upper" --bes
 expect 2 'expected a whole number' picture "$lower" --trajectory 0.5 -o "$folder/new.png"
 expect 5 "/z" picture configs/reference/double_pendulum.h5 -o "$folder/new.png"
 expect 2 "script of the picture has this name" picture "$lower" -o "$folder/new.gp"
-expect 4 "/nowhere/new.gp" picture "$lower" -o /nowhere/new.png
+expect 4 "there is no folder /nowhere" picture "$lower" -o /nowhere/new.png
 with_beams 's/+y, -x, +z/+y, +x, +z/'
 expect 3 "right-handed" truth "$beam" -o "$new"
 with_beams 's/-26, 11/-26, 9/'

@@ -28,7 +28,8 @@ static pm_status read_arguments(correct_arguments *a, int argc, char **argv, boo
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    return pm_options_read(&options, argc, argv, helped);
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    return pm_options_output("--output", a->output);
 }
 
 pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop) {

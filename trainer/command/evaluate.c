@@ -3,6 +3,7 @@
 #include "command/commands.h"
 #include "command/evaluate_estimate.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,7 +20,7 @@
 
 typedef struct arguments {
     const char *scene, *data, *weights, *trajectories, *trained, *record, *plot, *estimate, *states,
-        *data_set, *truth;
+        *data_set, *truth, *until;
     bool json;
 } arguments;
 
@@ -45,6 +46,8 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
          "with --estimate: the dataset in FILE, such as z_noise; default: z"},
         {"--truth", NULL, "FILE", NULL, &a->truth, false,
          "with --estimate: states without noise, to print the errors of all variables"},
+        {"--until", NULL, "SECONDS", NULL, &a->until, false,
+         "without --estimate: roll out these first seconds of each trajectory alone"},
         {"--json", NULL, NULL, &a->json, NULL, false, "print JSON instead of tables"},
     };
     const pm_options options = {
@@ -61,7 +64,9 @@ static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helpe
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    return pm_options_read(&options, argc, argv, helped);
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    PM_TRY(pm_options_output("--states", a->states));
+    return pm_options_output("--record", a->record);
 }
 
 static void show_progress(void *context, int rollout) {
@@ -134,6 +139,21 @@ static pm_status choose(job *j, const arguments *a, int *count) {
     return PM_OK;
 }
 
+// Leaves out all states after `text` seconds.
+static pm_status shorten(pm_dataset *d, const char *text) {
+    double seconds = 0;
+    PM_TRY(pm_options_positive("--until", text, &seconds));
+    const double steps = floor(seconds / d->dt * (1 + 1e-9));
+    if (steps < 1) {
+        return pm_fail(PM_EUSAGE, "--until: expected at least one step of %g s, found %g s", d->dt,
+                       seconds);
+    }
+    if (steps < d->ntime - 1) {
+        pm_dataset_shorten(d, 1 + (int)steps);
+    }
+    return PM_OK;
+}
+
 static pm_status prepare(job *j, const arguments *a) {
     PM_TRY(pm_scene_load(&j->scene, a->scene));
     PM_TRY(pm_system_load(&j->system, j->scene, a->weights));
@@ -145,8 +165,8 @@ static pm_status prepare(job *j, const arguments *a) {
     if (j->seen == NULL || j->which == NULL) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
-    j->nseen = pm_seen_mark(j->system, j->truth, j->seen);
-    return PM_OK;
+    j->nseen = pm_seen_mark(j->system, j->truth, j->seen); // by digests of whole trajectories
+    return a->until == NULL ? PM_OK : shorten(j->truth, a->until);
 }
 
 static pm_status evaluate(job *j, const arguments *a) {

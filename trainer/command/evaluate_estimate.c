@@ -68,6 +68,20 @@ static pm_status choose(prediction *j) {
     return PM_OK;
 }
 
+// The length in s of the longest trajectory.
+static double longest(const prediction *j) {
+    double length = 0;
+    for (int i = 0; i < j->count; ++i) {
+        int last = j->data->ntime - 1;
+        while (last > 0 && isnan(pm_dataset_time(j->data, j->which[i], last))) {
+            --last;
+        }
+        length = fmax(length, pm_dataset_time(j->data, j->which[i], last) -
+                                  pm_dataset_time(j->data, j->which[i], 0));
+    }
+    return length;
+}
+
 // --- scores ---
 
 static pm_status score(prediction *j) {
@@ -91,9 +105,7 @@ static pm_status score(prediction *j) {
 static pm_status check_laws(prediction *j) {
     const pm_scene *scene = j->system->scene;
     const pm_estimate *e = &j->estimate;
-    const double length = pm_dataset_time(j->data, j->which[0], j->data->ntime - 1) -
-                          pm_dataset_time(j->data, j->which[0], 0);
-    const int ntime = isfinite(length) ? 1 + (int)(length / scene->dt * (1 + 1e-9)) : 2;
+    const int ntime = 1 + (int)(longest(j) / scene->dt * (1 + 1e-9));
     pm_columns columns;
     const char **column = pm_arena_array(&j->arena, (size_t)scene->nz, sizeof *column);
     if (column == NULL || scene->nprescribed > 0 || pm_system_without_energy(j->system) >= 0) {
@@ -307,6 +319,13 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
     PM_TRY(pm_observation_bind(&j->observation, j->system->scene, j->data, &j->arena));
     PM_TRY(choose(j));
+    if (j->how->seconds >= longest(j)) {
+        return pm_fail(
+            PM_EUSAGE,
+            "--estimate: nothing is left to predict after %g s, as the longest trajectory "
+            "has %g s",
+            j->how->seconds, longest(j));
+    }
     bool found = false;
     if (j->how->weights != NULL) {
         PM_TRY(pm_uncertainty_load(&j->uncertainty, j->how->weights, j->system, &j->observation,

@@ -5,10 +5,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/options.h"
+#include "base/unit.h"
 #include "command/table.h"
 #include "store/dataset.h"
+#include "store/names.h"
 
 #define MOST_FILES 10000
 #define EVEN 1e-3 // times that are off by less, in steps, are even: tables round
@@ -23,23 +26,45 @@ typedef struct import_arguments {
 static pm_status check_columns(const pm_table *first, const pm_table *other, const char *path) {
     bool same = first->ncolumn == other->ncolumn;
     for (int c = 0; same && c < first->ncolumn; ++c) {
-        same = strcmp(first->name[c], other->name[c]) == 0;
+        same = strcmp(first->name[c], other->name[c]) == 0 &&
+               strcmp(first->unit[c], other->unit[c]) == 0;
     }
     return same ? PM_OK
-                : pm_fail(PM_EDATA, "%s: expected the same columns as in the first file", path);
+                : pm_fail(PM_EDATA,
+                          "%s: expected the same columns as in the first file, in the same units",
+                          path);
 }
 
 // Finds the column of times by its name.
-static pm_status find_time(const pm_table *table, const char *name, const char *path, int *column) {
+static pm_status find_time(pm_table *table, const char *name, const char *path, int *column) {
     for (*column = 0; *column < table->ncolumn; ++*column) {
         const char *own = table->name[*column];
-        if (name == NULL ? strcmp(own, "t") == 0 || strcmp(own, "time") == 0
+        if (name == NULL ? strcasecmp(own, "t") == 0 || strcasecmp(own, "time") == 0
                          : strcmp(own, name) == 0) {
             return PM_OK;
         }
     }
-    return pm_fail(PM_EDATA, "%s: there is no column \"%s\" with times in s; name it with --time",
-                   path, name == NULL ? "t" : name);
+    const char *all = pm_names_fold(table->name, table->ncolumn, &table->arena);
+    return pm_fail(PM_EDATA,
+                   "%s: there is no column \"%s\" with times; name it with --time, one of: %.255s",
+                   path, name == NULL ? "t" : name, all == NULL ? "" : all);
+}
+
+// Converts the times of a table to s, by the unit of their column; without one they are in s.
+static pm_status convert_times(pm_table *table, int column, const char *path) {
+    const char *text = table->unit[column];
+    const pm_unit second = pm_unit_parse("s");
+    pm_unit unit = pm_unit_parse(*text == '\0' ? "s" : text);
+    const double factor = unit.factor;
+    unit.factor = second.factor;
+    if (!pm_unit_equal(&unit, &second)) {
+        return pm_fail(PM_EDATA, "%s: column \"%s\": \"%.40s\" is no unit of time, such as s or ms",
+                       path, table->name[column], text);
+    }
+    for (int k = 0; k < table->nrow; ++k) {
+        table->value[(ptrdiff_t)k * table->ncolumn + column] *= factor;
+    }
+    return PM_OK;
 }
 
 static pm_status note_units(pm_dataset *d, const pm_table *table, int time) {
@@ -120,6 +145,9 @@ static pm_status read_all(const import_arguments *a, pm_table *table, int count,
         PM_TRY(check_columns(&table[0], &table[i], a->file[i]));
     }
     PM_TRY(find_time(&table[0], a->time, a->file[0], time));
+    for (int i = 0; i < count; ++i) {
+        PM_TRY(convert_times(&table[i], *time, a->file[i]));
+    }
     return table[0].ncolumn > 1
                ? PM_OK
                : pm_fail(PM_EDATA, "%s: there is no column beside the times", a->file[0]);
@@ -162,16 +190,18 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
     const pm_option option[] = {
         {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
         {"--time", NULL, "NAME", NULL, &a->time, false,
-         "the column with times in s; default: t or time"},
+         "the column with times; default: t or time, in any letters"},
     };
     const pm_options options = {
         .usage = "portmet-train import TABLE... -o FILE [options]",
         .summary =
             "Turns tables of measurements into a dataset, one trajectory from each. A table is a\n"
             "text file whose first line names the columns, with units in brackets if they are\n"
-            "known: t [s], theta [rad]. Commas, semicolons or tabs separate the numbers; an\n"
-            "empty place or nan is a sample that is missing. Lines that begin with # are left\n"
-            "out. Times need not be even. Real vectors and matrices of a MATLAB file (.mat), also\n"
+            "known: t [s], theta [rad]. Times may be in s, ms or us, and need not be even. "
+            "Commas,\n"
+            "semicolons or tabs separate the numbers; an empty place or nan is a sample that is\n"
+            "missing. Lines that begin with # and columns without a number are left out. Real "
+            "vectors and matrices of a MATLAB file (.mat), also\n"
             "in structs, are columns, too, if the program was built with libmatio.",
         .positional_name = "TABLE",
         .positional = a->file,
@@ -182,6 +212,7 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
     };
     int count = 0;
     pm_status status = pm_options_read(&options, argc, argv, &helped);
+    status = status == PM_OK ? pm_options_output("--output", a->output) : status;
     while (count < MOST_FILES && a->file[count] != NULL) {
         ++count;
     }

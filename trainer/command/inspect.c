@@ -113,18 +113,9 @@ static time_facts describe_times(const pm_dataset *d, double *work) {
 
 // --- words ---
 
-// Copies the unit of a column from the note `units`, "a;b;c", or "" if there is none.
-static void unit_of(const pm_dataset *d, int column, char *unit, size_t size) {
-    const char *text = pm_dataset_find_note(d, "units");
-    for (int i = 0; i < column && text != NULL; ++i) {
-        text = strchr(text, ';');
-        text = text == NULL ? NULL : text + 1;
-    }
-    snprintf(unit, size, "%.*s", text == NULL ? 0 : (int)strcspn(text, ";"),
-             text == NULL ? "" : text);
-}
-
-static void print_facts(const pm_dataset *d, const char *path, double *work) {
+// Prints the table of columns; unit [ncolumn], or NULL: no unit is known.
+static void print_facts(const pm_dataset *d, const char *const *unit, const char *path,
+                        double *work) {
     const time_facts t = describe_times(d, work);
     printf("%s: %d trajectories of %.6g to %.6g s, at most %d samples each\n", path, d->ntrajectory,
            t.first, t.last, d->ntime);
@@ -139,11 +130,9 @@ static void print_facts(const pm_dataset *d, const char *path, double *work) {
            "missing", "least", "largest", "mean", "deviation", "noise, %", "smallest step");
     for (int c = 0; c < d->ncolumn; ++c) {
         const column_facts f = describe_column(d, c, work);
-        char unit[32];
-        unit_of(d, c, unit, sizeof unit);
         printf("%-14s %-8s %9ld %9ld %12.5g %12.5g %12.5g %12.5g %10.2g %10.2g\n", d->column[c],
-               unit, f.count, f.missing, f.least, f.largest, f.mean, f.deviation,
-               100 * f.noise / f.deviation, f.resolution);
+               unit == NULL ? "" : unit[c], f.count, f.missing, f.least, f.largest, f.mean,
+               f.deviation, 100 * f.noise / f.deviation, f.resolution);
     }
     printf("noise: at most so much, in %% of the deviation, by the fourth differences of "
            "neighbouring samples;\na motion that is fast compared with the sampling adds to it\n");
@@ -151,7 +140,7 @@ static void print_facts(const pm_dataset *d, const char *path, double *work) {
 
 // --- picture ---
 
-static pm_status plot(const pm_dataset *d, const char *folder) {
+static pm_status plot(const pm_dataset *d, const char *const *unit, const char *folder) {
     char path[4096];
     PM_TRY(pm_options_folder(folder));
     snprintf(path, sizeof path, "%s/measured.txt", folder);
@@ -175,10 +164,12 @@ static pm_status plot(const pm_dataset *d, const char *folder) {
                 "set tics nomirror out\nset datafile missing 'nan'\n",
                 60 + 170 * d->ncolumn, d->ncolumn);
         for (int c = 0; c < d->ncolumn; ++c) {
+            const bool known = unit != NULL && *unit[c] != '\0';
             fprintf(script,
-                    "set ylabel '%s'\n%splot 'measured.txt' using 1:%d with lines lw 0.5 "
+                    "set ylabel '%s%s%s'\n%splot 'measured.txt' using 1:%d with lines lw 0.5 "
                     "linecolor '#0072b2' notitle\n",
-                    d->column[c], c + 1 == d->ncolumn ? "set xlabel 'time, s'\n" : "", c + 2);
+                    d->column[c], known ? ", " : "", known ? unit[c] : "",
+                    c + 1 == d->ncolumn ? "set xlabel 'time, s'\n" : "", c + 2);
         }
         fprintf(script, "unset multiplot\n");
     }
@@ -188,6 +179,26 @@ static pm_status plot(const pm_dataset *d, const char *folder) {
     return written && data_closed && script_closed
                ? pm_gnuplot_run(folder, "measured.gp")
                : pm_fail(PM_EFILE, "%s: cannot be written", path);
+}
+
+static pm_status describe(const char *file, const char *name, const char *folder) {
+    pm_dataset *d = NULL;
+    double *work = NULL;
+    const char **unit = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_dataset_load_measured(&d, file, name));
+    PM_TRY_DONE(pm_dataset_units(d, &d->arena, &unit));
+    work = malloc(((size_t)d->ntrajectory * (size_t)d->ntime + 1) * sizeof *work);
+    if (work == NULL) {
+        status = pm_fail(PM_ENOMEM, "inspect: out of memory");
+        goto done;
+    }
+    print_facts(d, unit, file, work);
+    status = folder == NULL ? PM_OK : plot(d, unit, folder);
+done:
+    free(work);
+    pm_dataset_free(d);
+    return status;
 }
 
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop) {
@@ -213,15 +224,5 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
     if (helped) {
         return PM_OK;
     }
-    pm_dataset *d = NULL;
-    PM_TRY(pm_dataset_load_measured(&d, file, name));
-    double *work = malloc(((size_t)d->ntrajectory * (size_t)d->ntime + 1) * sizeof *work);
-    pm_status status = work == NULL ? pm_fail(PM_ENOMEM, "inspect: out of memory") : PM_OK;
-    if (status == PM_OK) {
-        print_facts(d, file, work);
-        status = folder == NULL ? PM_OK : plot(d, folder);
-    }
-    free(work);
-    pm_dataset_free(d);
-    return status;
+    return describe(file, name, folder);
 }

@@ -53,7 +53,8 @@ static pm_status read_arguments(picture_arguments *a, int argc, char **argv, boo
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    return pm_options_read(&options, argc, argv, helped);
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    return pm_options_output("--output", a->output);
 }
 
 static pm_status read_number(const char *name, const char *text, double *number) {

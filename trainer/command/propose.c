@@ -30,7 +30,8 @@ static pm_status read_arguments(propose_arguments *a, int argc, char **argv, boo
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    return pm_options_read(&options, argc, argv, helped);
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    return pm_options_output("--output", a->output);
 }
 
 static pm_status read_form(const char *text, pm_form *form) {

@@ -50,7 +50,8 @@ static pm_status read_arguments(reconstruct_arguments *a, int argc, char **argv,
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    return pm_options_read(&options, argc, argv, helped);
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    return pm_options_output("--output", a->output);
 }
 
 static pm_status check_arguments(const reconstruct_arguments *a) {

@@ -41,7 +41,8 @@ static pm_status read_arguments(solid_arguments *a, int argc, char **argv, bool 
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    return pm_options_read(&options, argc, argv, helped);
+    PM_TRY(pm_options_read(&options, argc, argv, helped));
+    return pm_options_output("--output", a->output);
 }
 
 // Reads a whole number from 0 to `most`.

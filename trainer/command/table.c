@@ -8,6 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+// What a column holds beside numbers.
+typedef struct text_column {
+    bool numbers; // some place holds a number
+    long line;    // of the first place that holds none; 0: there is no such place
+    char text[41];
+} text_column;
+
 typedef struct table_reader {
     pm_table *table;
     const char *path;
@@ -18,6 +25,7 @@ typedef struct table_reader {
     char separator;
     int capacity; // rows
     double *value;
+    text_column *column; // [PM_MOST_TABLE_COLUMNS]
 } table_reader;
 
 static pm_status no_memory(void) {
@@ -116,14 +124,17 @@ static pm_status read_names(table_reader *r) {
 
 // --- numbers ---
 
-static pm_status take_number(const table_reader *r, const char *text, double *value) {
+// Reads a place, which is NAN if it is empty or holds no number.
+static double take_number(const table_reader *r, const char *text, text_column *column) {
     char *end;
-    *value = *text == '\0' ? NAN : strtod(text, &end);
-    if (*text != '\0' && (*end != '\0' || isinf(*value))) {
-        return pm_fail(PM_EDATA, "%s:%ld: expected a number, found \"%.40s\"", r->path, r->number,
-                       text);
+    const double value = *text == '\0' ? NAN : strtod(text, &end);
+    const bool number = *text != '\0' && *end == '\0' && !isinf(value);
+    column->numbers = column->numbers || number;
+    if (*text != '\0' && !number && column->line == 0) {
+        column->line = r->number;
+        snprintf(column->text, sizeof column->text, "%s", text);
     }
-    return PM_OK;
+    return number ? value : NAN;
 }
 
 static pm_status read_row(table_reader *r) {
@@ -142,7 +153,7 @@ static pm_status read_row(table_reader *r) {
     int count = 0;
     for (char *place; (place = cut(r, &rest)) != NULL; ++count) {
         if (count < t->ncolumn) {
-            PM_TRY(take_number(r, place, &row[count]));
+            row[count] = take_number(r, place, &r->column[count]);
         }
     }
     ++t->nrow;
@@ -152,8 +163,35 @@ static pm_status read_row(table_reader *r) {
                          r->path, r->number, t->ncolumn, count);
 }
 
+// --- the whole ---
+
+// Leaves out columns of texts alone, and refuses texts among numbers. kept [ncolumn] receives the
+// places of the others.
+static pm_status choose_columns(const table_reader *r, int *kept) {
+    pm_table *t = r->table;
+    int count = 0;
+    for (int c = 0; c < t->ncolumn; ++c) {
+        const text_column *column = &r->column[c];
+        if (column->line > 0 && column->numbers) {
+            return pm_fail(PM_EDATA, "%s:%ld: expected a number, found \"%s\"", r->path,
+                           column->line, column->text);
+        }
+        if (column->line > 0) {
+            printf("%s: leaves out column \"%s\", which holds no number but \"%s\"\n", r->path,
+                   t->name[c], column->text);
+            continue;
+        }
+        t->name[count] = t->name[c];
+        t->unit[count] = t->unit[c];
+        kept[count++] = c;
+    }
+    t->ncolumn = count;
+    return count > 0 ? PM_OK : pm_fail(PM_EDATA, "%s: there is no column of numbers", r->path);
+}
+
 static pm_status read_table(table_reader *r) {
     pm_table *t = r->table;
+    int kept[PM_MOST_TABLE_COLUMNS];
     PM_TRY(read_names(r));
     while (next_line(r)) {
         PM_TRY(read_row(r));
@@ -161,12 +199,17 @@ static pm_status read_table(table_reader *r) {
     if (t->nrow < 2) {
         return pm_fail(PM_EDATA, "%s: %d rows of numbers, expected two or more", r->path, t->nrow);
     }
-    const size_t count = (size_t)t->nrow * (size_t)t->ncolumn;
-    t->value = pm_arena_array(&t->arena, count, sizeof *t->value);
+    const int width = t->ncolumn;
+    PM_TRY(choose_columns(r, kept));
+    t->value = pm_arena_array(&t->arena, (size_t)t->nrow * (size_t)t->ncolumn, sizeof *t->value);
     if (t->value == NULL) {
         return no_memory();
     }
-    memcpy(t->value, r->value, count * sizeof *t->value);
+    for (ptrdiff_t k = 0; k < t->nrow; ++k) {
+        for (int c = 0; c < t->ncolumn; ++c) {
+            t->value[k * t->ncolumn + c] = r->value[k * width + kept[c]];
+        }
+    }
     return PM_OK;
 }
 
@@ -176,7 +219,8 @@ pm_status pm_table_read(pm_table *table, const char *path) {
     if (r.file == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot be read", path);
     }
-    const pm_status status = read_table(&r);
+    r.column = pm_arena_array(&table->arena, PM_MOST_TABLE_COLUMNS, sizeof *r.column);
+    const pm_status status = r.column == NULL ? no_memory() : read_table(&r);
     fclose(r.file);
     free(r.line);
     free(r.value);

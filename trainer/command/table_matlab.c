@@ -86,7 +86,8 @@ static void tell_left_out(const reading *r, const char *name, const matvar_t *v)
            : v->class_type == MAT_C_SPARSE                                  ? " sparse"
            : v->class_type == MAT_C_OPAQUE || v->class_type == MAT_C_OBJECT ? " object"
            : v->isComplex                                                   ? " complex"
-                                                                            : "");
+           : is_matrix(v)                                                   ? ", others are longer"
+                                                                            : " of unknown type");
 }
 
 // --- variables ---

@@ -372,8 +372,14 @@ static pm_status allocate(pm_fit *f) {
 }
 
 static void print_head(const pm_fit *f) {
-    printf("%s: %d weights, trajectories %s of %d states", f->arguments->config, f->size,
-           f->split.training, f->dataset->ntime);
+    const struct pm_fit_measured *m = f->measured;
+    printf("%s: %d weights, trajectories %s of %s%d %s", f->arguments->config, f->size,
+           f->split.training, m == NULL ? "" : "at most ",
+           m == NULL ? f->dataset->ntime : m->data->ntime, m == NULL ? "states" : "samples");
+    if (m != NULL && m->used < m->samples) {
+        printf(", of which %.0f %% are used, about dt = %g s apart",
+               100.0 * (double)m->used / (double)m->samples, f->training->scene->dt);
+    }
     if (f->split.nvalidation > 0) {
         printf("; validation on %s", f->split.validation);
     } else {

@@ -159,6 +159,15 @@ static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     return PM_OK;
 }
 
+// Counts the samples of all trajectories, and those that tracks use.
+static void count_samples(struct pm_fit_measured *m, const pm_tracks *tracks) {
+    for (int i = 0; i < tracks->count; ++i) {
+        const pm_track *r = &tracks->track[i];
+        m->used += r->count;
+        m->samples += r->sample[r->count - 1] + 1;
+    }
+}
+
 static pm_status make_states(pm_fit *f) {
     struct pm_fit_measured *m = f->measured;
     int *all = pm_arena_array(&m->arena, (size_t)m->data->ntrajectory, sizeof *all);
@@ -171,6 +180,7 @@ static pm_status make_states(pm_fit *f) {
     }
     PM_TRY(pm_tracks_make(&tracks, f->training->scene, &m->observation, m->data,
                           m->data->ntrajectory, all, f->training->seconds, true));
+    count_samples(m, &tracks);
     const pm_status status = fill_states(f, &tracks);
     pm_tracks_free(&tracks);
     return status;
@@ -318,7 +328,8 @@ typedef struct course_context {
     pm_shooting *shooting;
 } course_context;
 
-// Names constants that the data hardly tell apart, once the starts of windows are known.
+// Names constants that the data hardly tell apart, once the starts of windows are known. Gaps count
+// as they will at the end, so that whole trajectories tell, and not single windows.
 static pm_status foresee(const pm_fit *f, pm_shooting *s, const pm_shooting_level *level) {
     struct pm_fit_measured *m = f->measured;
     double *noise = pm_arena_array(&m->arena, (size_t)s->ny, sizeof *noise);
@@ -330,7 +341,7 @@ static pm_status foresee(const pm_fit *f, pm_shooting *s, const pm_shooting_leve
         noise[c] = fmax(m->noise[c], PM_SHOOTING_EARLY_NOISE * s->tracks->deviation[c]);
     }
     for (int c = 0; c < s->nz; ++c) {
-        gap[c] = s->gap[c] / level->factor;
+        gap[c] = s->gap[c] / level->factor * PM_SHOOTING_LAST_GAP;
     }
     return pm_directions_foresee(s, noise, gap);
 }

@@ -17,10 +17,11 @@ struct pm_fit_measured {
     double *declared; // [weights] as declared, before random numbers are added to them
     double *typical;  // [nz] typical size of hidden components; 0: not known
     // The point from which an interrupted fit goes on (pm_shooting_level, as numbers), with the
-    // noise [observation.count], the gaps and the deviations of later starts [2][nz], and the starts
-    // [nstart] of all windows; f->theta has its weights.
+    // noise [observation.count], the gaps and the deviations of later starts [2][nz], and the
+    // starts [nstart] of all windows; f->theta has its weights.
     double level[PM_FIT_MEASURED_LEVEL], *level_noise, *level_gap, *level_start;
     int nstart;
+    long used, samples; // of all trajectories: samples that the fit uses, and all
 };
 
 // Loads the measurements, and makes f->dataset: states at the steps of the scene, interpolated from

@@ -6,6 +6,7 @@
 
 #include "learn/step_graph.h"
 #include "model/formula.h"
+#include "scene/columns.h"
 #include "store/names.h"
 
 #define MOST_SUBSYSTEMS 64 // of scenes with formulas of the state
@@ -52,6 +53,8 @@ static pm_status missing(const char *at, const char *column, const pm_dataset *d
 static pm_status bind_components(pm_observation *o, const pm_scene *scene,
                                  const pm_dataset *dataset, const pm_names *names,
                                  pm_arena *arena) {
+    const char **unit;
+    PM_TRY(pm_dataset_units(dataset, arena, &unit));
     for (int i = 0; i < scene->nsubsystem; ++i) {
         const pm_scene_subsystem *s = &scene->subsystem[i];
         if (s->column == NULL) {
@@ -73,6 +76,7 @@ static pm_status bind_components(pm_observation *o, const pm_scene *scene,
             while (s->layout.group[group].first + s->layout.group[group].size <= c) {
                 ++group;
             }
+            PM_TRY(unit == NULL ? PM_OK : pm_columns_check_unit(s, group, s->column[c], unit[k]));
             o->column[o->count] = k;
             o->component[o->count] = s->first + c;
             o->unit[o->count] = s->layout.group[group].unit;

@@ -24,7 +24,8 @@ typedef struct pm_observation {
 
 // Finds the columns of a measured dataset; hidden groups need no columns. The arrays lie in the
 // arena. PM_EDATA: the dataset lacks a column of a group that is not hidden, or the column of a
-// formula; PM_ECONFIG: a formula is wrong, or nothing is measured; PM_ENOMEM.
+// formula, or a column has another unit than its group; PM_ECONFIG: a formula is wrong, or nothing
+// is measured; PM_ENOMEM.
 pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm_dataset *dataset,
                               pm_arena *arena);
 

@@ -8,9 +8,8 @@
 #include <string.h>
 #include <time.h>
 
-// Gaps count like residuals of this many deviations of the noise, first and at the end.
+// Gaps count like residuals of this many deviations of the noise at first.
 #define FIRST_GAP 3.0
-#define LAST_GAP 0.03
 #define GAP_FALLS 0.3 // factor from level to level
 // Windows double while their gaps, as large as they become until the end of the next window, stay
 // below this many deviations of the noise.
@@ -80,7 +79,8 @@ static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, 
     return PM_OK;
 }
 
-// The size of the changes of component c over all windows, or what is known of it before.
+// The size of the changes of component c over all windows. As long as all windows start at the
+// guess, it is what the scene expects of it.
 static double size_of(const pm_shooting *s, const pm_shooting_course *course, int c) {
     double sum = 0, square = 0;
     for (int w = 0; w < s->nwindow; ++w) {
@@ -90,7 +90,8 @@ static double size_of(const pm_shooting *s, const pm_shooting_course *course, in
     }
     const double mean = sum / s->nwindow;
     const double deviation = sqrt(fmax(square / s->nwindow - mean * mean, 0));
-    return fmax(deviation, course->typical[c] > 0 ? 1e-3 * course->typical[c] : 0);
+    const double typical = fmax(course->typical[c], 0);
+    return deviation > 0 ? fmax(deviation, 1e-3 * typical) : typical;
 }
 
 // Sets by what gaps are divided: `factor` times the noise of the component's column, or for hidden
@@ -173,16 +174,15 @@ static double growth(const pm_shooting *s) {
 }
 
 static void print_level(const pm_shooting *s, const pm_shooting_level *level, int iterations,
-                        double before, double seconds) {
+                        double seconds) {
     double noise = 0;
     for (int c = 0; c < s->ny; ++c) {
         noise += log(s->noise[c] / s->tracks->deviation[c]) / s->ny;
     }
-    printf(
-        "%s of %-6d %8d iterations %8.2f s of CPU   %d windows, objective %.4e to %.4e, residual "
-        "%.3g %% of the deviation, gaps %.2g of the noise\n",
-        s->hold ? "starts, windows" : "windows", level->length, iterations, seconds, s->nwindow,
-        before, level->after, 100 * exp(noise), gap_size(s, level->factor));
+    printf("%s of %-6d %8d iterations %8.2f s of CPU   %d windows, residual %.3g %% of the "
+           "deviation, gaps %.2g of the noise\n",
+           s->hold ? "starts, windows" : "windows", level->length, iterations, seconds, s->nwindow,
+           100 * exp(noise), gap_size(s, level->factor));
     fflush(stdout);
 }
 
@@ -214,7 +214,6 @@ static pm_status keep_progress(void *context, const pm_shooting_progress *progre
 static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
                            pm_shooting_level *level) {
     int iterations = 0;
-    double objective = NAN;
     const clock_t started = clock();
     const bool last = level->part == PM_COURSE_LAST;
     bool settled = false;
@@ -233,7 +232,6 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
             set_gaps(s, course, level->factor);
         }
         PM_TRY(pm_shooting_minimise(s, &limits, &level->damping, &progress));
-        objective = isnan(objective) ? progress.before : objective;
         iterations += progress.iterations;
         level->after = progress.after;
         progress = (pm_shooting_progress){0};
@@ -244,7 +242,7 @@ static pm_status run_level(pm_shooting *s, const pm_shooting_course *course,
     level->round = 0;
     level->progress = progress;
     if (course->loud) {
-        print_level(s, level, iterations, objective, (double)(clock() - started) / CLOCKS_PER_SEC);
+        print_level(s, level, iterations, (double)(clock() - started) / CLOCKS_PER_SEC);
     }
     return PM_OK;
 }
@@ -295,14 +293,14 @@ static pm_status next_level(pm_shooting *s, const pm_shooting_course *course,
         return PM_OK;
     }
     level->part = PM_COURSE_GROW;
-    const bool closed = level->factor <= LAST_GAP;
+    const bool closed = level->factor <= PM_SHOOTING_LAST_GAP;
     const bool joins = growth(s) * gap_size(s, level->factor) < MOST_GROWN_GAP;
     // Once every track is one window, there is no gap left to close.
     if (level->length >= longest_record(s) || (closed && !joins)) {
         level->part = PM_COURSE_LAST;
         return update_noise(s, course, true, NULL);
     }
-    level->factor = fmax(level->factor * GAP_FALLS, LAST_GAP);
+    level->factor = fmax(level->factor * GAP_FALLS, PM_SHOOTING_LAST_GAP);
     if (joins) {
         level->length *= 2;
         PM_TRY(pm_shooting_divide(s, level->length));

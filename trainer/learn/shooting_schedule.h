@@ -9,6 +9,8 @@
 // Before the last level residuals count as noise of at least this fraction of a deviation. Clean
 // data would otherwise demand of short windows what the weights cannot fulfil yet.
 #define PM_SHOOTING_EARLY_NOISE 3e-3
+// Gaps count like residuals of this many deviations of the noise at the end of the course.
+#define PM_SHOOTING_LAST_GAP 0.03
 
 // The parts of a course, in their order.
 enum {

@@ -15,19 +15,38 @@ static pm_status no_memory(void) {
 
 // --- samples ---
 
-// Lists the samples of a trajectory and returns how many there are.
+// Whether the sample after sample j is nearer to the time `aim` than sample j. Beyond the last one
+// samples count as going on at its distance from the one before.
+static bool later_is_nearer(const pm_dataset *d, int trajectory, int j, int end, double aim,
+                            double dt) {
+    const double t = pm_dataset_time(d, trajectory, j);
+    if (j == 0) {
+        return false;
+    }
+    const double next = j + 1 < end ? pm_dataset_time(d, trajectory, j + 1)
+                                    : 2 * t - pm_dataset_time(d, trajectory, j - 1);
+    return next - aim <= aim - t + EQUAL * dt;
+}
+
+// Lists the samples of a trajectory and returns how many there are. With `thin`, each sample after
+// the first is the one whose time is nearest to dt after that of the one before.
 static int choose_samples(const pm_dataset *d, int trajectory, double dt, double until, bool thin,
                           int *sample) {
     const double start = pm_dataset_time(d, trajectory, 0);
-    int count = 0;
-    for (int j = 0; j < d->ntime; ++j) {
-        const double t = pm_dataset_time(d, trajectory, j);
+    int count = 0, end = 0;
+    for (; end < d->ntime; ++end) {
+        const double t = pm_dataset_time(d, trajectory, end);
         if (isnan(t) || t - start > until * (1 + EQUAL)) {
             break;
         }
-        const double last =
-            count == 0 ? -INFINITY : pm_dataset_time(d, trajectory, sample[count - 1]);
-        if (!thin || t - last >= dt * (1 - EQUAL)) {
+    }
+    for (int j = 0; j < end; ++j) {
+        const double aim =
+            count == 0 ? start : pm_dataset_time(d, trajectory, sample[count - 1]) + dt;
+        while (thin && j < end && later_is_nearer(d, trajectory, j, end, aim, dt)) {
+            ++j;
+        }
+        if (j < end) {
             sample[count++] = j;
         }
     }
@@ -144,7 +163,7 @@ static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observa
         r->count = choose_samples(d, which[i], scene->dt, until, thin, sample);
         if (r->count < 2) {
             return pm_fail(PM_EDATA,
-                           "trajectory %d has %d samples within %g s that are at least dt = %g s "
+                           "trajectory %d has %d samples within %g s that are about dt = %g s "
                            "apart, expected two or more",
                            which[i], r->count, until, scene->dt);
         }

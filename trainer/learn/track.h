@@ -27,9 +27,9 @@ typedef struct pm_tracks {
 
 // Makes the tracks of the trajectories `which` [count] of a measured dataset, from their first
 // sample until `until` seconds later (INFINITY: all). Between two samples the intervals are equal
-// and at most one dt of the scene long. With `thin`, samples that follow another one by less than
-// dt are left out. The caller frees. PM_EDATA: a trajectory has fewer than two samples, or the
-// scene has boundary inputs and the samples are not dt apart; PM_ENOMEM.
+// and at most one dt of the scene long. With `thin`, a track has samples that are about dt apart:
+// after each one the one nearest to dt later. The caller frees. PM_EDATA: a trajectory has fewer
+// than two samples, or the scene has boundary inputs and the samples are not dt apart; PM_ENOMEM.
 pm_status pm_tracks_make(pm_tracks *tracks, const pm_scene *scene, const pm_observation *o,
                          const pm_dataset *dataset, int count, const int *which, double until,
                          bool thin);

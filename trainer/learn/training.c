@@ -295,6 +295,11 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     pm_training_share(t->system);
     PM_TRY(pm_system_check_boundary_inputs(t->system));
     PM_TRY(pm_training_read_stages(t, root));
+    value = pm_yaml_get(root, "stages");
+    if (pm_training_is_measured(t) && pm_yaml_exists(value) && !pm_yaml_is_text(value, "auto")) {
+        return pm_yaml_fail(value, "a fit to measurements has no stages (noise, hidden groups or "
+                                   "observations make it one)");
+    }
     PM_TRY(read_start(t, pm_yaml_get(root, "start")));
     return make_digest(t);
 }

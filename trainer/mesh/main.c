@@ -32,6 +32,7 @@ static pm_status run(int argc, char **argv) {
     pm_arena arena = {0};
     pm_solid_mesh mesh;
     PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--output", output));
     if (helped) {
         return PM_OK;
     }
