@@ -301,6 +301,33 @@ grep -q 'subsystem lower: the weights .* relative_to for "q", the scene has rela
     fail "lost: expected relative_to"
 mv "$folder/kept.yaml" "$folder/scene.yaml"
 
+# --- no coefficient of L is known: the scale of all energies and temperatures is free ---
+cat >"$folder/scaled.yaml" <<'END'
+scene: scene.yaml
+data: {validation: none}
+start: {tries: 1}
+models:
+  link:
+    energy:
+      - {features: ["|p|^2"], skip: linear}
+      - {features: ["ln|q|"], thermal: [s], exponentials: 1, skip: quadratic}
+    entropy: {given: s}
+    reversible: {learned: {acts_on: [q], against: [p]}}
+  joint:
+    law: bracket
+    reversible: {learned: {acts_on: [a.p], against: [b.q]}}
+    irreversible: {learned: {acts_on: [a.s, b.s]}}
+subsystems: {upper: link, lower: link}
+ports: {joint: joint}
+stages: [{optimiser: gauss_newton, iterations: 2, batch: 50, substeps: 4}]
+END
+fit scaled scaled
+grep -q "temperatures are not determined" "$folder/out" || fail "fit: expected the scale of energy to be free"
+sed 's/learned: {acts_on: \[q\], against: \[p\]}/given: [[q, p, 1.0]]/' "$folder/scaled.yaml" >"$folder/known.yaml"
+fit known known
+grep -q "temperatures: all higher" "$folder/out" || fail "fit: expected a line about temperatures"
+grep -q "temperatures are not determined" "$folder/out" && fail "fit: the given pair fixes the scale of energy"
+
 # --- a scene alone: propose, and a black box beside ---
 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/proposed.yaml" >"$folder/out" 2>"$folder/err" ||
     fail propose

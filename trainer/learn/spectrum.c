@@ -19,6 +19,9 @@
 #define FLAT 1e-10
 #define MOST_NAMED 4
 #define WARMER 0.01 // relative
+// Parts of an effect that rounding decides, and below which other weights make up for it.
+#define NEGLIGIBLE 1e-5
+#define MATCHED 1e-3
 
 // A block of weights, and the number of flat directions that it accounts for.
 typedef struct block {
@@ -57,16 +60,13 @@ static int compare(const void *a, const void *b) {
     return (x->share < y->share) - (x->share > y->share);
 }
 
-// Returns the root mean square change of the scaled residuals when all temperatures rise by WARMER;
-// negative: no temperature is learned.
-static double effect_of_warmth(int n, const double *hessian, int nblock, const block *list) {
-    for (int i = 0; i < nblock; ++i) {
-        if (strcmp(list[i].name, PM_WARMTH) == 0) {
-            const size_t at = list[i].first;
-            return WARMER * sqrt(fmax(hessian[at * (size_t)n + at], 0));
-        }
+// Returns the weight by which all temperatures rise; -1: no temperature is learned.
+static int find_warmth(int nblock, const block *list) {
+    int i = 0;
+    while (i < nblock && strcmp(list[i].name, PM_WARMTH) != 0) {
+        ++i;
     }
-    return -1;
+    return i < nblock ? (int)list[i].first : -1;
 }
 
 // Scales the matrix to a unit diagonal. Rows of weights without any effect become 0.
@@ -83,6 +83,41 @@ static void scale_matrix(int n, double *h, double *root) {
     }
 }
 
+// Returns which part of the effect of weight `at` remains if all other weights change so as to make
+// up for it, as far as they can: 1/sqrt(H_aa (H^-1)_aa) for the matrix H, which is scaled to a unit
+// diagonal. The part counts as NEGLIGIBLE where rounding decides.
+static double unmatched_part(int n, const double *scaled, int at) {
+    double *factor = malloc((size_t)n * (size_t)n * sizeof *factor);
+    double *column = calloc((size_t)n, sizeof *column);
+    double part = 1; // without memory nothing is said
+    if (factor != NULL && column != NULL) {
+        memcpy(factor, scaled, (size_t)n * (size_t)n * sizeof *factor);
+        for (ptrdiff_t i = 0; i < n; ++i) {
+            factor[i * (n + 1)] += NEGLIGIBLE * NEGLIGIBLE;
+        }
+        column[at] = 1;
+        if (pm_cholesky_solve(n, factor, column) && column[at] > 0) {
+            part = 1 / sqrt(column[at]);
+        }
+    }
+    free(factor);
+    free(column);
+    return part;
+}
+
+// Prints by how much the residuals change if all temperatures rise by WARMER, and whether the data
+// determine the temperatures.
+static void report_warmth(int n, const double *scaled, int at, double effect, FILE *out) {
+    fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n", effect);
+    if (n <= MOST_DECOMPOSED && unmatched_part(n, scaled, at) < MATCHED) {
+        fprintf(
+            out,
+            "temperatures are not determined: other weights can make up for a common factor. If no "
+            "coefficient of L is given, the scale of all energies is free, and parts fit together "
+            "by the learned couplings alone; give a coefficient that is known.\n");
+    }
+}
+
 static pm_status report_flat(int n, double *h, int nblock, block *list, FILE *out) {
     double *value = malloc((size_t)n * sizeof *value);
     double *vector = malloc((size_t)n * (size_t)n * sizeof *vector);
@@ -91,7 +126,6 @@ static pm_status report_flat(int n, double *h, int nblock, block *list, FILE *ou
         status = pm_fail(PM_ENOMEM, "out of memory for a spectrum");
         goto done;
     }
-    scale_matrix(n, h, value);
     if (!pm_eigen_largest(n, h, n, value, vector)) {
         goto done; // a report must not fail a fit
     }
@@ -139,10 +173,10 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
     }
     list_blocks(system, list);
     pm_gauss_newton_matrix_evaluate(normal, count, index, gradient, hessian);
-    const double effect = effect_of_warmth(n, hessian, nblock, list);
-    if (effect >= 0) {
-        fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n",
-                effect);
+    const int warmth = find_warmth(nblock, list);
+    scale_matrix(n, hessian, gradient);
+    if (warmth >= 0) {
+        report_warmth(n, hessian, warmth, WARMER * gradient[warmth], out);
     }
     status = n <= MOST_DECOMPOSED ? report_flat(n, hessian, nblock, list, out) : PM_OK;
     fflush(out);
