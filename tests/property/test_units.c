@@ -186,6 +186,15 @@ static const char free_port[] = "    form: free\n    rate: {features: [own.x, ow
                                 "other.p, own.s, other.s], hidden: "
                                 "[4], skip: linear}\n";
 
+static void assert_same_curve(const curve *c, const curve *first, int units) {
+    for (int k = 0; k < ITERATIONS; ++k) {
+        if (!(fabs(c->loss[k] - first->loss[k]) <= SAME_CURVE * first->loss[k])) {
+            fail_msg("units %d, iteration %d: loss %.10g, expected %.10g", units, k, c->loss[k],
+                     first->loss[k]);
+        }
+    }
+}
+
 static void check_curves(const char *part, const char *port, const char *law) {
     static const double unit[4][NZ] = {{1, 1, 1, 1, 1, 1},
                                        {1000, 1, 1, 0.001, 1, 1},
@@ -199,12 +208,7 @@ static void check_curves(const char *part, const char *port, const char *law) {
         pm_dataset *data = make_data(unit[i], time[i]);
         const curve c = train(t, data, ITERATIONS, &theta);
         first = i == 0 ? c : first;
-        for (int k = 0; k < ITERATIONS; ++k) {
-            if (!(fabs(c.loss[k] - first.loss[k]) <= SAME_CURVE * first.loss[k])) {
-                fail_msg("units %d, iteration %d: loss %.10g, expected %.10g", i, k, c.loss[k],
-                         first.loss[k]);
-            }
-        }
+        assert_same_curve(&c, &first, i);
         free(theta);
         pm_dataset_free(data);
         pm_training_free(t);
@@ -249,12 +253,7 @@ static void curves_do_not_depend_on_units_of_inputs(void **state) {
         pm_dataset *data = make_data(unit[i], 1);
         const curve c = train(t, data, ITERATIONS, &theta);
         first = i == 0 ? c : first;
-        for (int k = 0; k < ITERATIONS; ++k) {
-            if (!(fabs(c.loss[k] - first.loss[k]) <= SAME_CURVE * first.loss[k])) {
-                fail_msg("units %d, iteration %d: loss %.10g, expected %.10g", i, k, c.loss[k],
-                         first.loss[k]);
-            }
-        }
+        assert_same_curve(&c, &first, i);
         free(theta);
         pm_dataset_free(data);
         pm_training_free(t);

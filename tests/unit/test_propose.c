@@ -15,6 +15,7 @@
 #include "learn/split.h"
 #include "propose/propose.h"
 #include "propose/propose_view.h"
+#include "tests/support/proposal.h"
 
 // --- units ---
 
@@ -214,31 +215,11 @@ static void assert_says(const char *text, const char *expected) {
     }
 }
 
-#define MOST_TEXT 16384
-
-// Proposes a training file for the dataset and returns its text.
-static void propose(const char *scene_of_text, const pm_dataset *d, char text[MOST_TEXT]) {
-    char path[] = "/tmp/test_proposeXXXXXX";
-    const int id = mkstemp(path);
-    assert_true(id >= 0);
-    close(id);
-    pm_scene *scene = NULL;
-    assert_int_equal(pm_scene_parse(&scene, scene_of_text, "pair.yaml"), PM_OK);
-    const pm_proposal p = {scene, d, "pair.yaml", "data.h5", PM_HARD};
-    assert_int_equal(pm_propose(&p, path), PM_OK);
-    FILE *file = fopen(path, "r");
-    assert_non_null(file);
-    text[fread(text, 1, MOST_TEXT - 1, file)] = '\0';
-    fclose(file);
-    remove(path);
-    pm_scene_free(scene);
-}
-
 static void a_proposal_names_them(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *d = make_data();
-    propose(scene_text, d, text);
+    propose_text(scene_text, d, text);
     assert_says(text, "given: [[v, u, 1.0]]");
     assert_says(text, "given: [[a.u, b.v, 1.0]]");
     assert_says(text, "entropy: {given: [w]}");
@@ -255,16 +236,16 @@ static void little_data_have_more_iterations(void **state) {
     (void)state;
     enum { COPIES = 20 };
     static const char *const column[] = {"x1", "p1", "s1", "x2", "p2", "s2"};
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *little = make_data(), *much = NULL;
-    propose(scene_text, little, text);
+    propose_text(scene_text, little, text);
     assert_says(text, "iterations: 960, batch: 8192, residual: derivative");
     assert_int_equal(pm_dataset_new(&much, 5 * COPIES, 60, 6, 0.05, column), PM_OK);
     for (int i = 0; i < 5 * COPIES; ++i) {
         memcpy(pm_dataset_state(much, i, 0), pm_dataset_state(little, i % 5, 0),
                (size_t)60 * 6 * sizeof(double));
     }
-    propose(scene_text, much, text);
+    propose_text(scene_text, much, text);
     assert_says(text, "iterations: 240, batch: 8192, residual: derivative");
     pm_dataset_free(much);
     pm_dataset_free(little);
@@ -273,13 +254,13 @@ static void little_data_have_more_iterations(void **state) {
 // Lengths in mm and entropies in kJ/K: coefficients carry the factors of the units.
 static void units_with_prefixes_give_coefficients(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     static const double factor[6] = {1e3, 1, 1, 1e3, 1, 1e-3};
     pm_dataset *d = make_data();
     for (int i = 0; i < d->ntrajectory * d->ntime * 6; ++i) {
         d->z[i] *= factor[i % 6];
     }
-    propose(PAIR("mm", "kJ/K"), d, text);
+    propose_text(PAIR("mm", "kJ/K"), d, text);
     assert_says(text, "given: [[v, u, 1000.0]]");
     assert_says(text, "given: [[a.u, b.v, 1000.0]]");
     assert_says(text, "entropy: {given: [w]}");
@@ -301,13 +282,13 @@ static void a_rotor_shares_the_energy_of_its_body(void **state) {
                                "      M: {unit: N m s, columns: [Mx, My, Mz]}\n"
                                "      h: {unit: N m s, columns: [h]}\n"
                                "      s: {unit: J/K, columns: [s]}\n";
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *d = NULL;
     assert_int_equal(pm_dataset_new(&d, 2, 50, 5, 0.1, column), PM_OK);
     for (int i = 0; i < 5 * 100; ++i) {
         d->z[i] = sin(0.37 * i + i % 5);
     }
-    propose(body, d, text);
+    propose_text(body, d, text);
     assert_says(text, "{features: [M, h], hidden");
     assert_says(text, "given: [[M, M, cross]]");
     pm_dataset_free(d);
@@ -328,7 +309,7 @@ static void a_flux_moves_two_charges(void **state) {
                                "      q1: {unit: C, columns: [q1]}\n"
                                "      phi: {unit: Wb, columns: [phi]}\n"
                                "      s: {unit: J/K, columns: [s]}\n";
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *d = NULL;
     assert_int_equal(pm_dataset_new(&d, 3, 50, 4, 0.1, column), PM_OK);
     for (int k = 0; k < 3; ++k) {
@@ -344,7 +325,7 @@ static void a_flux_moves_two_charges(void **state) {
             }
         }
     }
-    propose(loop, d, text);
+    propose_text(loop, d, text);
     assert_says(text, "given: [[q, phi, 1.0]]");
     assert_says(text, "learned: {acts_on: [q1, phi]}");
     pm_dataset_free(d);
@@ -364,13 +345,13 @@ static void amounts_are_not_coupled_without_loss(void **state) {
                                "      A: {unit: mol, columns: [A]}\n"
                                "      B: {unit: mol, columns: [B]}\n"
                                "      s: {unit: J/K, columns: [s]}\n";
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *d = NULL;
     assert_int_equal(pm_dataset_new(&d, 2, 50, 3, 0.1, column), PM_OK);
     for (int i = 0; i < 3 * 100; ++i) {
         d->z[i] = 1 + exp(-0.01 * i) * (i % 3 == 0 ? 1 : -0.5);
     }
-    propose(cell, d, text);
+    propose_text(cell, d, text);
     assert_says(text, "irreversible: {learned: {acts_on: [A, B, s], rank: 1, strength: "
                       "{features: [A, B, s]");
     assert_null(strstr(text, "    reversible"));
@@ -379,7 +360,7 @@ static void amounts_are_not_coupled_without_loss(void **state) {
 
 // A thermoelectric couple: with a Seebeck coefficient its current carries entropy from one block to
 // the other, which friction and conduction cannot describe.
-static void propose_couple(double seebeck, char text[MOST_TEXT]) {
+static void propose_couple(double seebeck, char text[PM_PROPOSAL_TEXT]) {
     static const char *const column[] = {"Q", "phi", "s1", "s2"};
     static const char couple[] = "scene: couple\n"
                                  "time: {dt: 0.1, steps: 49, integrator: rk4, substeps: 1}\n"
@@ -416,13 +397,13 @@ static void propose_couple(double seebeck, char text[MOST_TEXT]) {
             }
         }
     }
-    propose(couple, d, text);
+    propose_text(couple, d, text);
     pm_dataset_free(d);
 }
 
 static void a_current_may_carry_entropy(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose_couple(0.01, text);
     assert_says(text, "learned: {acts_on: [a.phi], against: [a.s, b.s], features: [a.s, b.s]");
     propose_couple(0, text);

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "propose/decay.h"
-#include "propose/propose.h"
+#include "tests/support/proposal.h"
 
 #define DECAY 200 // per s
 #define STATES 50
@@ -69,20 +69,9 @@ static void a_decay_that_is_over_shows_in_the_rates(void **state) {
 
 static void a_proposal_has_substeps_for_it(void **state) {
     (void)state;
-    char path[] = "/tmp/test_proposeXXXXXX", text[8192];
-    const int id = mkstemp(path);
-    assert_true(id >= 0);
-    close(id);
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *d = make_data();
-    pm_scene *scene = NULL;
-    assert_int_equal(pm_scene_parse(&scene, scene_text, "stiff.yaml"), PM_OK);
-    const pm_proposal p = {scene, d, "stiff.yaml", "data.h5", PM_HARD};
-    assert_int_equal(pm_propose(&p, path), PM_OK);
-    FILE *file = fopen(path, "r");
-    assert_non_null(file);
-    text[fread(text, 1, sizeof text - 1, file)] = '\0';
-    fclose(file);
-    remove(path);
+    propose_text(scene_text, d, text);
     assert_non_null(strstr(text, "rk4 of the scene has 64 substeps;\n# that is enough"));
     int substeps = 0;
     const char *found = strstr(text, "substeps: ");
@@ -90,7 +79,6 @@ static void a_proposal_has_substeps_for_it(void **state) {
     assert_int_equal(sscanf(found, "substeps: %d", &substeps), 1);
     assert_true(substeps > 0.8 * DECAY * 0.1 && substeps < 1.2 * DECAY * 0.1 + 1);
     pm_dataset_free(d);
-    pm_scene_free(scene);
 }
 
 int main(void) {

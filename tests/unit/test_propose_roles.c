@@ -11,9 +11,7 @@
 
 #include <cmocka.h>
 
-#include "propose/propose.h"
-
-#define MOST_TEXT 16384
+#include "tests/support/proposal.h"
 
 static void assert_says(const char *text, const char *expected) {
     if (strstr(text, expected) == NULL) {
@@ -28,21 +26,8 @@ static void assert_omits(const char *text, const char *unexpected) {
 }
 
 // Proposes a training file for the dataset, which is freed, and returns its text.
-static void propose(const char *scene_of_text, pm_dataset *d, char text[MOST_TEXT]) {
-    char path[] = "/tmp/test_proposeXXXXXX";
-    const int id = mkstemp(path);
-    assert_true(id >= 0);
-    close(id);
-    pm_scene *scene = NULL;
-    assert_int_equal(pm_scene_parse(&scene, scene_of_text, "scene.yaml"), PM_OK);
-    const pm_proposal p = {scene, d, "scene.yaml", "data.h5", PM_HARD};
-    assert_int_equal(pm_propose(&p, path), PM_OK);
-    FILE *file = fopen(path, "r");
-    assert_non_null(file);
-    text[fread(text, 1, MOST_TEXT - 1, file)] = '\0';
-    fclose(file);
-    remove(path);
-    pm_scene_free(scene);
+static void propose(const char *scene_text, pm_dataset *d, char text[PM_PROPOSAL_TEXT]) {
+    propose_text(scene_text, d, text);
     pm_dataset_free(d);
 }
 
@@ -95,7 +80,7 @@ static pm_dataset *spin_top(double sign, double unit) {
 // The direction of gravity turns with a heavy top, and is no conjugate variable of its momentum.
 static void a_direction_turns_with_its_body(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose(TOP("kg m^2/s"), spin_top(1, 1), text);
     assert_says(text, "given: [[M, M, cross], [M, g, cross]]");
     assert_says(text, "acts_on: [M, s], rank: 3");
@@ -108,7 +93,7 @@ static void a_direction_turns_with_its_body(void **state) {
 // direction.
 static void a_direction_may_be_seen_from_outside(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose(TOP("kg m^2/s"), spin_top(-1, 1), text);
     assert_says(text, "[\"M[0]\", \"g[1]\", \"1*g[2]\"]");
     assert_says(text, "{features: [M, g], hidden");
@@ -144,7 +129,7 @@ static pm_dataset *charge(void) {
 // A voltage moves a charge through a resistor only. A current moves it without loss.
 static void a_boundary_input_acts_as_its_unit_says(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose(FED("    u: {unit: C, dE: [3.0], dS: [0]}\n    s: {unit: J/K, dE: [300.0], dS: [1]}\n"),
             charge(), text);
     assert_omits(text, "against: [b.Q]");
@@ -171,7 +156,7 @@ static void a_boundary_input_acts_as_its_unit_says(void **state) {
 // A boundary input shows a temperature, and no entropy on which a conductance could depend.
 static void a_boundary_input_is_no_feature(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose(WARMED, charge(), text);
     assert_says(text, "acts_on: [a.s, b.s], rank: 1, features: [a.s], hidden: [4]");
 }
@@ -210,7 +195,7 @@ static pm_dataset *swing(double length, double momentum) {
 // action, so that the coefficient is 1 in SI units, unless there is a gear.
 static void a_length_and_a_momentum_are_conjugate_across_a_port(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose(APART("um"), swing(1e6, 1e3), text);
     assert_says(text, "constants: {lever1: {learned: -1.0}}");
     assert_says(text, "given: [[b.p, a.x, \"1000000000.0*lever1\"]]");
@@ -228,7 +213,7 @@ static void a_length_and_a_momentum_are_conjugate_across_a_port(void **state) {
 // The heat of a body does not depend on how fast it turns, but it may depend on its charge.
 static void momenta_do_not_warm_a_body(void **state) {
     (void)state;
-    char text[MOST_TEXT];
+    char text[PM_PROPOSAL_TEXT];
     propose(FLYWHEEL, swing(1, 1), text);
     assert_says(text, "- {features: [L, q], hidden");
     assert_says(text, "- {features: [q, s], hidden");

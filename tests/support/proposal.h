@@ -1,0 +1,40 @@
+// Proposes a training file for a dataset, for tests that look for words in it.
+#ifndef PM_TESTS_SUPPORT_PROPOSAL_H
+#define PM_TESTS_SUPPORT_PROPOSAL_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "propose/propose.h"
+#include "scene/scene.h"
+
+#define PM_PROPOSAL_TEXT 16384
+
+// Writes the training file that is proposed for the scene and the dataset into text. A failure ends
+// the test.
+static inline void propose_text(const char *scene_text, const pm_dataset *d,
+                                char text[PM_PROPOSAL_TEXT]) {
+    char path[] = "/tmp/test_proposeXXXXXX";
+    const int id = mkstemp(path);
+    assert_true(id >= 0);
+    close(id);
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, scene_text, "scene.yaml"), PM_OK);
+    const pm_proposal p = {scene, d, "scene.yaml", "data.h5", PM_HARD};
+    assert_int_equal(pm_propose(&p, path), PM_OK);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    text[fread(text, 1, PM_PROPOSAL_TEXT - 1, file)] = '\0';
+    fclose(file);
+    remove(path);
+    pm_scene_free(scene);
+}
+
+#endif
