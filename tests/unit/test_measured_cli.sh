@@ -160,6 +160,15 @@ grep -qE "room.C = 1[45][0-9][0-9]" "$folder/out" || fail "fit: expected a room 
 sed -e 's/stiffness\*cos(q)/0.1*cos(q)/' -e '/stiffness:/d' "$folder/training.yaml" >"$folder/poor.yaml"
 succeed "Verdict: poor" fit "$folder/poor.yaml" --data "$folder/swing.h5" -o "$folder/poor"
 
+# --- outliers neither spoil a fit nor its verdict ---
+for i in 1 2 3 4; do
+    awk -v OFS='; ' -F'; ' 'NR > 2 && NR % 40 == 7 && NF == 2 && $2 != "" { $2 = $2 + 4 } { print }' "$folder/swing_$i.csv" >"$folder/jump_$i.csv"
+done
+succeed "4 trajectories" import "$folder"/jump_?.csv -o "$folder/jump.h5"
+succeed "wrote" fit "$folder/training.yaml" --data "$folder/jump.h5" -o "$folder/jump"
+grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit with outliers: expected a stiffness of 9"
+grep -q "Verdict: poor" "$folder/out" && fail "fit with outliers: the model is right"
+
 # --- interrupted and resumed: the same bits ---
 # The signal comes as soon as the program catches it.
 for wait in 0.05 0.1 0.15 0.2 0.3 0.4 0.6 0.8 1.2 1.6 2.5 4; do

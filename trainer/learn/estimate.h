@@ -54,6 +54,12 @@ double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm
 // Returns the distribution of these errors over all trajectories.
 pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                           const int *which, double seconds, int column);
+// Returns the median distance of the measurements of a column after `seconds` from their
+// predictions, in units of their median distance from their own median, over all trajectories. A
+// few outliers do not count. NAN: there are no measurements, or memory ran out.
+double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
+                                 const pm_dataset *dataset, const int *which, double seconds,
+                                 int column);
 // Returns the fraction of the measurements of a column after `seconds` that lie within `width`
 // standard deviations of their predictions; NAN if there are none.
 double pm_estimate_coverage(const pm_estimate *e, const pm_observation *o,

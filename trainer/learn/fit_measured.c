@@ -13,11 +13,11 @@
 
 #define NETWORK_REACH 10.0    // of weights, whose inputs have deviations of 1
 #define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
-#define POOR 0.3        // median error of a column in its deviation, of which the report warns
-#define MOST_REPORTED 8 // trajectories whose starts the report estimates
-#define EARLY_REACH 1.0 // of the logarithm of a positive constant, before the last level
-#define FAR_REACH 1e6   // of constants whose unit and size are not known
-#define SWING 16        // steps in which hidden components swing once, in states that fix scales
+#define POOR 0.3              // typical error of a column, of which the report warns
+#define MOST_REPORTED 8       // trajectories whose starts the report estimates
+#define EARLY_REACH 1.0       // of the logarithm of a positive constant, before the last level
+#define FAR_REACH 1e6         // of constants whose unit and size are not known
+#define SWING 16 // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
 #define MOST_SEARCHED 400   // weights; with more, short fits to windows take too long
 #define SEARCHED 2          // first window lengths of the windows that choose initial weights
@@ -482,13 +482,15 @@ pm_status pm_fit_measured_report(pm_fit *f) {
         printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median,
                100 * box.largest);
         finite = finite && isfinite(box.median);
-        worst = fmax(worst, box.median);
+        worst =
+            fmax(worst, pm_estimate_typical_error(&e, &m->observation, m->data, which, seconds, c));
     }
     if (finite && worst > POOR) {
-        printf("Verdict: poor. Predictions miss %.0f %% of the deviation of a column. Other first "
-               "values of the constants may help, and larger deviations of hidden starts in the "
-               "scene: at least as large as what a variable changes during a trajectory.\n",
-               100 * worst);
+        printf(
+            "Verdict: poor. Predictions miss %.0f %% of the typical distance of a column from its "
+            "median. Other first values of the constants may help, or a larger deviation of hidden "
+            "starts in the scene.\n",
+            100 * worst);
     }
     pm_estimate_free(&e);
     return finite ? PM_OK
