@@ -30,9 +30,9 @@
 // Computing Suppl. 15 (2001) 239).
 #define NEARNESS 1e-4
 // In a guarded run the weights of hidden layers have a penalty of SHRINKAGE/4 times the loss times
-// the sum of their fourth powers (learn/damped_equations.h), divided by the number of steps in a
-// window, which tells so much more than a single step. Data that determine such a weight at all do
-// so much more strongly.
+// the sum of their fourth powers (learn/damped_equations.h). Data that determine such a weight at
+// all do so much more strongly. Windows of several steps have no penalty: their loss does not fall
+// below the noise of all their states, and the penalty would not disappear.
 #define SHRINKAGE 1e-2
 // No weight moves by more than this in a guarded step. A longer step may end where a hidden unit is
 // saturated or an exponential has vanished, from where no gradient leads back.
@@ -176,9 +176,9 @@ static pm_status iterate(solver *s, double *loss) {
     PM_TRY(pm_objective_rescale(o->objective, s->checked, s->index));
     const double before = loss_at(s, o->theta);
     choose_batch(s);
-    const int steps = pm_objective_context(o->objective).samples->unroll;
-    s->equations.shrinkage =
-        o->schedule.guarded && !o->schedule.early ? SHRINKAGE * before / steps : 0;
+    const bool shrinks = o->schedule.guarded && !o->schedule.early &&
+                         pm_objective_context(o->objective).samples->unroll == 1;
+    s->equations.shrinkage = shrinks ? SHRINKAGE * before : 0;
     pm_damped_equations_linearise(&s->equations, s->nchosen, s->chosen,
                                   s->o->seed + (uint64_t)s->o->done, before, o->theta);
     s->equations.near = o->schedule.guarded ? NEARNESS * before : 0;
