@@ -182,7 +182,7 @@ static void write_error(FILE *file, const pm_picture *picture, const panel *p, d
         widen(&of, &error[i]);
     }
     fprintf(file,
-            "set cbrange [0:%.4g]\nset cblabel 'of the error, kPa'\n"
+            "set cbrange [0:%.4g]\nset cblabel 'error, kPa'\n"
             "set colorbox user origin 0.88, 0.06 size 0.02, 0.24\n",
             fmax(of.stress, DBL_MIN * PASCAL_PER_UNIT) / PASCAL_PER_UNIT);
     write_panel(file, picture, &(panel){error, p[1].count, p[1].first}, "error,", false);
