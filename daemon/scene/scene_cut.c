@@ -4,6 +4,7 @@
 
 #ifdef PM_HAVE_METIS
 #include <metis.h>
+#include <string.h>
 
 #define SEED 1 // of METIS, so that every reading of a scene cuts alike
 
@@ -70,6 +71,48 @@ static pm_status partition(const pm_scene *scene, cut_graph *g, int count, int *
                          result == METIS_ERROR_MEMORY ? "out of memory" : "error in METIS");
 }
 
+// Returns the process that costs most of those with several subsystems. `load` [2 count] is
+// scratch. A process without subsystems is found as *empty; -1: there is none.
+static int find_costliest(const pm_scene *scene, const cut_graph *g, int count, const int *mark,
+                          long *load, int *empty) {
+    long *members = load + count;
+    memset(load, 0, 2 * (size_t)count * sizeof *load);
+    for (int i = 0; i < scene->nsubsystem; ++i) {
+        load[mark[i]] += g->cost[i];
+        members[mark[i]] += 1;
+    }
+    int costliest = -1;
+    *empty = -1;
+    for (int k = 0; k < count; ++k) {
+        *empty = members[k] == 0 ? k : *empty;
+        if (members[k] > 1 && (costliest < 0 || load[k] > load[costliest])) {
+            costliest = k;
+        }
+    }
+    return costliest;
+}
+
+// Gives subsystems to processes that METIS has left without, as it may where one subsystem costs
+// more than a whole process should: each takes the second half of the costliest process.
+static void fill_empty(const pm_scene *scene, const cut_graph *g, int count, long *load,
+                       int *mark) {
+    int empty;
+    int from = find_costliest(scene, g, count, mark, load, &empty);
+    while (empty >= 0 && from >= 0) {
+        long before = 0;
+        bool first = true;
+        for (int i = 0; i < scene->nsubsystem; ++i) {
+            if (mark[i] != from) {
+                continue;
+            }
+            before += g->cost[i];
+            mark[i] = first || 2 * before <= load[from] ? from : empty;
+            first = false;
+        }
+        from = find_costliest(scene, g, count, mark, load, &empty);
+    }
+}
+
 pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *mark) {
     _Static_assert(sizeof(idx_t) == sizeof(int), "METIS with 32-bit indices");
     pm_arena arena = {0};
@@ -80,13 +123,16 @@ pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *m
         .traffic = pm_arena_array(&arena, nend, sizeof *g.traffic),
         .cost = pm_arena_array(&arena, n, sizeof *g.cost),
     };
+    long *load = pm_arena_array(&arena, 2 * (size_t)count, sizeof *load);
     pm_status status = pm_scene_no_memory();
-    if (g.first != NULL && g.neighbour != NULL && g.traffic != NULL && g.cost != NULL) {
+    if (g.first != NULL && g.neighbour != NULL && g.traffic != NULL && g.cost != NULL &&
+        load != NULL) {
         fill_graph(scene, cost, &g);
         for (int i = 0; i < scene->nsubsystem; ++i) {
             mark[i] = 0;
         }
         status = partition(scene, &g, count, mark);
+        fill_empty(scene, &g, count, load, mark);
     }
     pm_arena_free(&arena);
     return status;

@@ -2,14 +2,15 @@
 #include "sim/round_cost.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <time.h>
 
 #include "sim/local_subsystems.h"
 
-#define MEMBERS 64 // of a model, at most
-#define ROUNDS 31  // of which the median counts
-#define UNIT 8     // cost of the cheapest subsystem
+#define MEMBERS 64      // of a model, at most
+#define BATCHES 9       // of rounds, of which the fastest counts
+#define SHORTEST 1e-4   // s that a batch takes at least, so that reading the clock costs nothing
+#define MOST_ROUNDS 512 // in a batch
+#define UNIT 8          // cost of the cheapest subsystem
 
 // Returns the processor time of this process in s.
 static double processor_time(void) {
@@ -18,14 +19,9 @@ static double processor_time(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-// Returns the time of a round, in s. `ones` are as many numbers as any end exposes.
-static double time_of_round(pm_local_subsystems *local, const pm_scene *scene, const double *z,
-                            const double *ones) {
+// Computes a round. `ones` are as many numbers as any end exposes.
+static void compute_round(pm_local_subsystems *local, const pm_scene *scene, const double *z,
+                          const double *ones) {
     pm_local_subsystems_set_state(local, z);
     pm_local_subsystems_expose(local);
     for (int i = 0; i < pm_local_subsystems_nremote(local); ++i) {
@@ -35,10 +31,18 @@ static double time_of_round(pm_local_subsystems *local, const pm_scene *scene, c
             .ny = ny, .y = ones, .e = ones, .eta = ones, .response = ones};
         pm_local_subsystems_hear(local, i, &values);
     }
-    const double start = processor_time();
     pm_local_subsystems_bulk(local);
     pm_local_subsystems_couple(local);
     pm_local_subsystems_advance(local);
+}
+
+// Returns the time of `rounds` rounds, in s.
+static double time_of_batch(pm_local_subsystems *local, const pm_scene *scene, const double *z,
+                            const double *ones, int rounds) {
+    const double start = processor_time();
+    for (int i = 0; i < rounds; ++i) {
+        compute_round(local, scene, z, ones);
+    }
     return processor_time() - start;
 }
 
@@ -47,14 +51,18 @@ static pm_status measure(const pm_system *system, int count, const int *id, cons
                          const pm_boundary_input *boundary_input, const double *ones,
                          double *seconds) {
     pm_local_subsystems *local = NULL;
-    double time[ROUNDS];
+    int rounds = 1;
     PM_TRY(pm_local_subsystems_open(&local, system, count, id));
     pm_local_subsystems_set_boundary_input(local, boundary_input);
-    for (int i = 0; i < ROUNDS; ++i) {
-        time[i] = time_of_round(local, system->scene, z, ones);
+    double time = time_of_batch(local, system->scene, z, ones, rounds);
+    while (time < SHORTEST && rounds < MOST_ROUNDS) {
+        rounds *= 2;
+        time = time_of_batch(local, system->scene, z, ones, rounds);
     }
-    qsort(time, ROUNDS, sizeof time[0], compare);
-    *seconds = time[ROUNDS / 2] / count;
+    for (int i = 1; i < BATCHES; ++i) {
+        time = fmin(time, time_of_batch(local, system->scene, z, ones, rounds));
+    }
+    *seconds = time / (rounds * (double)count);
     pm_local_subsystems_close(local);
     return PM_OK;
 }

@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -116,6 +117,29 @@ static void a_chain_is_cut(void **state) {
     pm_scene_free(scene);
 }
 
+// A link that costs more than a process should leaves no process without links.
+static void every_process_gets_a_link(void **state) {
+    (void)state;
+    static const char *const counts[] = {"3", "4", "7", "8", "12", "23", "24"};
+    for (size_t i = 0; i < sizeof counts / sizeof counts[0]; ++i) {
+        char text[1024];
+        snprintf(text, sizeof text, "%sprocesses: {auto: %s}\n", CHAIN, counts[i]);
+        pm_scene *scene = NULL;
+        if (pm_scene_parse(&scene, text, "t.yaml") == PM_ECONFIG) {
+            skip(); // built without METIS
+        }
+        int cost[24];
+        for (int k = 0; k < 24; ++k) {
+            cost[k] = 8;
+        }
+        for (cost[5] = 8; cost[5] < 2000; cost[5] *= 2) {
+            assert_int_equal(pm_scene_cut_by_cost(scene, cost), PM_OK);
+            assert_int_equal(scene->nprocess, strtol(counts[i], NULL, 10));
+        }
+        pm_scene_free(scene);
+    }
+}
+
 static void test_bad_processes(void **state) {
     (void)state;
     static const struct {
@@ -148,6 +172,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_processes),
         cmocka_unit_test(a_chain_is_cut),
+        cmocka_unit_test(every_process_gets_a_link),
         cmocka_unit_test(test_bad_processes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
