@@ -187,6 +187,7 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
     } else if (node->phase == PM_NODE_RUNNING) {
         pm_node_check(node, await(node));
     }
+    const double question = pm_node_publish_question(node);
     start_clock(node);
     if (node->phase == PM_NODE_FAILING) {
         repeat_failure(node);
@@ -195,8 +196,9 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
         node->next = node->until;
         node->phase = now >= node->until ? PM_NODE_FINISHED : PM_NODE_LEAVING;
     }
-    return node->phase == PM_NODE_FINISHED ? INFINITY
-                                           : pm_endpoint_clock(&node->endpoint, node->next);
+    return node->phase == PM_NODE_FINISHED
+               ? INFINITY
+               : pm_endpoint_clock(&node->endpoint, fmin(node->next, question));
 }
 
 // --- opening ---

@@ -103,6 +103,7 @@ struct pm_lockstep_node {
     int rounds;       // largest number of rounds in a step
     int substeps;     // number of substeps of the last step granted
     double asked_at;  // s, when it last published a hello as a question
+    int64_t to_ask;   // instance that the next question is for, which waits for its time; 0: none
     int64_t furthest; // largest number of steps that this instance has completed or loaded
     int64_t step;     // the step that is being computed, or comes next
     int round;        // number of the present round within the step
@@ -130,9 +131,13 @@ void pm_node_enter(pm_lockstep_node *node, pm_node_phase next);
 // this function.
 void pm_node_check(pm_lockstep_node *node, pm_status status);
 
-// Publishes a hello that asks the instance `coordinator`: in HELLO at the next poll, later at once,
-// but at most every 0.01 s.
+// Publishes a hello that asks the instance `coordinator`: in HELLO at the next poll, later at once
+// or 0.01 s after the last question.
 void pm_node_ask(pm_lockstep_node *node, int64_t coordinator);
+
+// Publishes the question that waits for its time, if it has come. Returns the time at which it will
+// come, s; INFINITY: none waits.
+double pm_node_publish_question(pm_lockstep_node *node);
 
 // Returns the position of a neighbour among the peers of the vitals; NULL stands for the
 // coordinator.

@@ -51,6 +51,7 @@ static void follow(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->endpoint.identity.hello.coordinator = tick->instance;
     node->followed = *tick;
     node->coordinator = tick->instance;
+    node->to_ask = 0;
     node->coordinator_alive = true;
     node->endpoint.steps = tick->steps;
     node->granted = tick->granted;

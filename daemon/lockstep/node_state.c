@@ -1,5 +1,7 @@
 // Transitions of a node's state machine that messages, steps and polls cause, and functions that
 // tell its state. node.h has the table of states.
+#include <math.h>
+
 #include "lockstep/node.h"
 
 #define ASK_INTERVAL 0.01 // s between two questions of a node that takes part in a run
@@ -23,15 +25,32 @@ void pm_node_check(pm_lockstep_node *node, pm_status status) {
 }
 
 void pm_node_ask(pm_lockstep_node *node, int64_t coordinator) {
-    const double now = node->endpoint.now;
     if (node->phase == PM_NODE_HELLO) {
         node->endpoint.identity.hello.coordinator = coordinator;
-        node->next = now; // the next poll says hello
-    } else if (now >= node->asked_at + ASK_INTERVAL) {
-        node->asked_at = now;
-        node->endpoint.identity.hello.coordinator = coordinator;
-        pm_node_check(node, pm_identity_publish_hello(&node->endpoint.identity));
+        node->next = node->endpoint.now; // the next poll says hello
+        return;
     }
+    // A question to a coordinator that this node does not follow yet is never given up for one to
+    // its own, which may be dead.
+    if (node->to_ask == 0 || coordinator != node->coordinator) {
+        node->to_ask = coordinator;
+    }
+    pm_node_publish_question(node);
+}
+
+double pm_node_publish_question(pm_lockstep_node *node) {
+    const double now = node->endpoint.now;
+    if (node->to_ask == 0 || node->phase != PM_NODE_RUNNING) {
+        return INFINITY;
+    }
+    if (now < node->asked_at + ASK_INTERVAL) {
+        return node->asked_at + ASK_INTERVAL;
+    }
+    node->asked_at = now;
+    node->endpoint.identity.hello.coordinator = node->to_ask;
+    node->to_ask = 0;
+    pm_node_check(node, pm_identity_publish_hello(&node->endpoint.identity));
+    return INFINITY;
 }
 
 int pm_node_peer(const pm_lockstep_node *node, const pm_flux_link *link) {

@@ -174,6 +174,29 @@ static void test_coordinator_and_long_reports(void **context) {
     }
 }
 
+// The coordinator dies while the run begins, at any turn, and returns after any pause. A node that
+// has joined asks the dead one again and again, and yet hears its successor.
+static void test_coordinator_at_the_beginning(void **context) {
+    (void)context;
+    for (int k = 0; k < 12 * 40; ++k) {
+        const int turns = 1 + k % 12;
+        const double pause = 0.003 * (k / 12.0);
+        stage t;
+        (k % 2 == 0 ? stage_open : stage_open_quick)(&t, 1 + k % 4, 1, NULL);
+        for (int i = 0; i < turns; ++i) {
+            cluster_turn(&t.c);
+        }
+        cluster_kill(&t.c, t.c.count);
+        for (const double end = t.c.now + pause; t.c.now < end;) {
+            cluster_turn(&t.c);
+        }
+        cluster_return(&t.c, t.c.count);
+        assert_true(cluster_run(&t.c) < 1);
+        assert_all_ok(&t.c);
+        stage_close(&t);
+    }
+}
+
 // A node that returns during the end of the run receives END as the answer to its hello. It ignores
 // an END that answers nothing, such as one of an earlier run; so does a node without checkpoints.
 static void test_node_at_the_end(void **context) {
@@ -323,6 +346,7 @@ int main(void) {
         cmocka_unit_test(test_each_at_every_step),
         cmocka_unit_test(test_all_at_once),
         cmocka_unit_test(test_at_random),
+        cmocka_unit_test(test_coordinator_at_the_beginning),
         cmocka_unit_test(test_coordinator_at_the_end),
         cmocka_unit_test(test_coordinator_and_long_reports),
         cmocka_unit_test(test_node_at_the_end),
