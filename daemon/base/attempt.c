@@ -1,11 +1,12 @@
 // Starts the child process and reads how it ended.
 #include "base/attempt.h"
 
-#include <errno.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include "base/child.h"
 
 #define CPU_LIMIT 20 // s; work that takes longer hangs
 
@@ -37,13 +38,10 @@ pm_status pm_attempt(void (*work)(const void *context), const void *context, pm_
         _exit(0);
     }
     int end = 0;
-    pid_t ended = child;
-    do {
-        ended = child < 0 ? -1 : waitpid(child, &end, 0);
-    } while (ended < 0 && child > 0 && errno == EINTR);
-    if (ended < 0) {
+    const int error = pm_child_wait(child, &end);
+    if (error != 0) {
         return pm_fail(PM_ENOMEM, "%s: cannot start a child process to open it: %s", what,
-                       strerror(errno));
+                       strerror(error));
     }
     if (WIFSIGNALED(end)) {
         return pm_fail(code, "%s (%s)", what, strsignal(WTERMSIG(end)));

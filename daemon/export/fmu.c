@@ -2,20 +2,17 @@
 #include "export/fmu.h"
 
 #include <errno.h>
-#include <spawn.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/utsname.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/child.h"
 #include "export/archive.h"
 #include "export/description.h"
 #include "export/fmu_text.h"
 #include "export/header.h"
 #include "export/source.h"
-
-extern char **environ;
 
 // One file: its name in the archive and in the temporary folder, and what writes it.
 typedef struct fmu_file {
@@ -133,21 +130,6 @@ static pm_status pack_all(packer *p) {
 
 // --- the binary ---
 
-// Runs a command and waits for it; true if it ends well.
-static bool run(char *const *argv) {
-    pid_t child;
-    int how;
-    if (posix_spawnp(&child, argv[0], NULL, NULL, argv, environ) != 0) {
-        return false;
-    }
-    while (waitpid(child, &how, 0) < 0) {
-        if (errno != EINTR) {
-            return false;
-        }
-    }
-    return WIFEXITED(how) && WEXITSTATUS(how) == 0;
-}
-
 // Compiles the sources into a library for this kind of machine, and packs it.
 static pm_status compile(packer *p, bool *compiled) {
     const char *name = p->setup->scene->name;
@@ -164,7 +146,8 @@ static pm_status compile(packer *p, bool *compiled) {
     char standard[] = "-std=c99", fast[] = "-O3", output[] = "-o", math[] = "-lm";
     char *argv[] = {compiler, standard, fast, position, hidden, shared,
                     output,   library,  one,  two,      math,   NULL};
-    *compiled = uname(&machine) == 0 && run(argv);
+    int code;
+    *compiled = uname(&machine) == 0 && pm_child_run(argv, false, &code) == 0 && code == 0;
     if (!*compiled) {
         return PM_OK;
     }

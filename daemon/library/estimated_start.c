@@ -1,15 +1,12 @@
 // Runs portmet-train, and reads the states that it writes to a temporary file.
 #include "library/estimated_start.h"
 
-#include <fcntl.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-extern char **environ;
+#include "base/child.h"
 
 // Writes the path of portmet-train beside the running program, or its name alone if there is none.
 static void find_program(char *path, size_t size) {
@@ -25,21 +22,15 @@ static void find_program(char *path, size_t size) {
     }
 }
 
-// Runs a program without its standard output, and waits for it.
-static pm_status run_program(const char *at, char **argv) {
-    posix_spawn_file_actions_t actions;
-    pid_t child;
-    int code = -1;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-    const int failed = posix_spawnp(&child, argv[0], &actions, NULL, argv, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    if (failed != 0) {
+// Runs portmet-train with the arguments argv.
+static pm_status run_trainer(const char *at, char **argv) {
+    int code;
+    const int error = pm_child_run(argv, true, &code);
+    if (error != 0) {
         return pm_fail(PM_EFILE, "%s: `estimate` needs the program portmet-train: %s", at,
-                       strerror(failed));
+                       strerror(error));
     }
-    waitpid(child, &code, 0);
-    return WIFEXITED(code) && WEXITSTATUS(code) == 0
+    return code == 0
                ? PM_OK
                : pm_fail(PM_EDATA, "%s: portmet-train evaluate --estimate failed, see above", at);
 }
@@ -70,7 +61,7 @@ pm_status pm_estimated_start(const pm_scene *scene, const char *weights, pm_data
                     weights == NULL ? NULL : "--weights",
                     (char *)weights,
                     NULL};
-    pm_status status = run_program(scene->reference_at, argv);
+    pm_status status = run_trainer(scene->reference_at, argv);
     if (status == PM_OK) {
         status = pm_dataset_load(states, output);
     }

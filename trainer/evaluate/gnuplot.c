@@ -1,10 +1,11 @@
 // Runs gnuplot as a child process.
 #include "evaluate/gnuplot.h"
 
-#include <errno.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include "base/child.h"
 
 pm_status pm_gnuplot_run(const char *folder, const char *script) {
     const pid_t child = fork();
@@ -15,12 +16,9 @@ pm_status pm_gnuplot_run(const char *folder, const char *script) {
         _exit(127);
     }
     int code = 0;
-    pid_t ended;
-    do {
-        ended = waitpid(child, &code, 0);
-    } while (ended < 0 && errno == EINTR);
-    if (child < 0 || ended < 0) {
-        return pm_fail(PM_EFILE, "gnuplot: %s", strerror(errno));
+    const int error = pm_child_wait(child, &code);
+    if (error != 0) {
+        return pm_fail(PM_EFILE, "gnuplot: %s", strerror(error));
     }
     if (WIFEXITED(code) && WEXITSTATUS(code) == 127) {
         return pm_fail(PM_EFILE, "gnuplot is not installed (Debian: gnuplot-nox); %s/%s is written",
