@@ -83,6 +83,7 @@ static const symbol *find_prefixed(const char *name, size_t length, double *fact
     return found;
 }
 
+// Multiplies the unit by a power of the symbol `s` with the prefix `factor`.
 static void multiply_by(pm_unit *unit, const symbol *s, double factor, int power) {
     for (int k = 0; k < PM_UNIT_BASES; ++k) {
         unit->power[k] += power * s->power[k];
@@ -133,8 +134,7 @@ static size_t skip_product(const char *text) {
     return 0;
 }
 
-// Reads a raised character, such as that for 2 or for a minus, into *digit. Returns its length or
-// 0.
+// Reads a raised digit or a raised minus into *digit. Returns its length, or 0 if there is none.
 static size_t read_raised(const char *text, char *digit) {
     static const char *const signs[] = {"\xe2\x81\xb0", "\xc2\xb9",     "\xc2\xb2",
                                         "\xc2\xb3",     "\xe2\x81\xb4", "\xe2\x81\xb5",

@@ -118,7 +118,7 @@ void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node 
 // --- combinations of the above ---
 
 pm_node pm_add_or(pm_graph *g, pm_node a, pm_node b); // a + b, where PM_NO_NODE is zero
-// The columns of a, then those of b, where PM_NO_NODE has none.
+// Returns the columns of a followed by those of b, where PM_NO_NODE has no columns.
 pm_node pm_concat_or(pm_graph *g, pm_node a, pm_node b);
 pm_node pm_square(pm_graph *g, pm_node x);
 pm_node pm_magnitude(pm_graph *g, pm_node x); // |x|; its derivative at 0 is 1

@@ -1,5 +1,5 @@
-// The initial state of a run that begins where a record of measurements begins (`estimate` under
-// `reference`). The trainer's program finds it: portmet-train evaluate --estimate.
+// Finds the initial state of a run that begins where a record of measurements begins (`estimate`
+// under `reference`). The command portmet-train evaluate --estimate computes it.
 #ifndef PM_LIBRARY_ESTIMATED_START_H
 #define PM_LIBRARY_ESTIMATED_START_H
 

@@ -145,8 +145,8 @@ typedef struct pm_scene {
     int checkpoint;   // steps between two checkpoints of a process
     const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
-    // s; the reference holds measurements, from whose first seconds the start is estimated. 0: it
-    // holds states
+    // s: the reference holds measurements, whose first seconds determine the initial state. 0: the
+    // reference holds states
     double reference_estimate;
     const char *reference_trajectory_at; // place of `reference` if the scene names no trajectory
     int nobservation;

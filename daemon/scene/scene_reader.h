@@ -130,8 +130,8 @@ const char *pm_scene_group_names(const pm_layout *layout, char *buffer, size_t s
 // exchange few numbers. cost [nsubsystem] is that of each subsystem; NULL: it is estimated from the
 // numbers of components. mark [nsubsystem] receives the process of each subsystem, from 0 to count
 // - 1; every process gets at least one, as `count` is at most the number of subsystems. The same
-// scene and costs give the same result. The ends of ports (scene->end_at) must have been listed. PM_ECONFIG: the program was built without METIS.
-// PM_ENOMEM.
+// scene and costs give the same result. The ends of ports (scene->end_at) must have been listed.
+// PM_ECONFIG: the program was built without METIS. PM_ENOMEM.
 pm_status pm_scene_cut(const pm_scene *scene, int count, const int *cost, int *mark);
 
 // Fails with PM_ENOMEM.

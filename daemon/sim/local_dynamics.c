@@ -137,8 +137,8 @@ void pm_local_dynamics_close(pm_local_dynamics *t) {
 void pm_local_dynamics_forget(pm_local_dynamics *t) {
     t->exposure_known = t->bulk_known = false;
     if (t->gap != NULL) {
-        t->gap->count =
-            0; // a run does not depend on what a run before it has learned of the bodies
+        // A run does not depend on what a run before it has learned of the bodies.
+        t->gap->count = 0;
     }
 }
 

@@ -1,7 +1,7 @@
 // Measures how long a round of each subsystem takes, for a cut of the scene by cost. Subsystems
 // with one model take the same time, so that each model is measured once, with up to 64 subsystems
-// that have it: what they show, bulk term, laws of their ports, and the next state with its
-// co-energies.
+// that have it. A round is what they show, the bulk term, the laws of their ports, and the next
+// state with its co-energies.
 #ifndef PM_SIM_ROUND_COST_H
 #define PM_SIM_ROUND_COST_H
 

@@ -7,10 +7,9 @@
 //   state_layout, attribute of /       names of the columns, separated by blanks; "f[0:180]" means
 //                                      f0 to f179 (names.h), and is used for more than 60 kB of
 //                                      names
-//   units, attribute of /              optional: units of the columns, separated by ';', each empty
-//   if
-//                                      it is not known. A scene must state the same text as the
-//                                      unit of the column's group
+//   units, attribute of /              optional: units of the columns, separated by ';'. An empty
+//                                      text is a unit that is not known. A scene must state the
+//                                      same text as the unit of the column's group
 // A file of measurements (pm_dataset_load_measured) may have times [trajectory][time], and NaN
 // where a sample is missing. Other text attributes of / are notes, such as title, source, command,
 // seed, or coordinates (scene/weights.h).

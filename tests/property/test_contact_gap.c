@@ -199,8 +199,9 @@ static void bodies_and_gap_agree(void **state) {
     }
 }
 
-// An energy with two wells: from any state to any other one the gap takes in what it stores and
-// what becomes heat, which is not negative, with forces that are sums of those at both ends.
+// The laws hold for an energy with two wells: from any state to any other one the gap takes in
+// what it stores and what becomes heat. The heat is not negative, and the forces are weighted sums
+// of those at both ends.
 static void laws_need_no_convex_energy(void **state) {
     (void)state;
     int without_heat = 0;

@@ -164,7 +164,7 @@ static void gradient_is_the_derivative_of_the_loss(void **state) {
 
 #define MOST_PENALTIES 80 // components of L dS and M dE after all steps
 #define ROWS (UNROLL * NZ + MOST_PENALTIES)
-// The residuals of all samples, whose squares sum to COUNT times the loss: [COUNT][ROWS]
+// A graph of the residuals [COUNT][ROWS] of all samples. Their squares sum to COUNT times the loss.
 typedef struct residuals {
     pm_graph *g;
     pm_program *program;

@@ -82,8 +82,8 @@ static void write_file(const char *path, const char *text) {
     assert_int_equal(fclose(file), 0);
 }
 
-// A training of two bodies, each with two dissipative variables and an entropy, and a port between
-// them, with constant factors.
+// Opens a training of two bodies and a port between them, with constant factors. Each body has two
+// dissipative variables and an entropy.
 static pm_training *open_training(void) {
     static const char scene_text[] =
         "scene: two\ntime: {dt: 0.1, steps: 19, integrator: rk4}\nsubsystems:\n"
@@ -116,7 +116,7 @@ static pm_training *open_training(void) {
     return t;
 }
 
-// The samples of smooth curves that no system has made.
+// Makes samples of smooth curves that solve no system's equations.
 static void make_samples(const pm_training *t, pm_residual residual, pm_samples *samples) {
     static const char *const columns[NZ] = {"p1", "e1", "s1", "p2", "e2", "s2"};
     pm_dataset *data = NULL;

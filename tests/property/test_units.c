@@ -103,7 +103,7 @@ static pm_training *load(const char *scene_text, const char *training_text) {
 #define STAGES \
     "stages: [{optimiser: gauss_newton, iterations: %d, batch: 60, residual: derivative}]\n"
 
-// A training of the two oscillators with these models.
+// Opens a training of the two oscillators with these models.
 static pm_training *two_oscillators(double time, const char *part, const char *port,
                                     const char *law) {
     char scene[4096], text[4096];
@@ -221,8 +221,9 @@ static void curves_do_not_depend_on_units(void **state) {
     check_curves(free_part, free_port, "exchange");
 }
 
-// One oscillator, for which the other one is a boundary input. The units of its velocity and of the
-// variable that has this velocity are those of the columns, and differ from those of the subsystem.
+// Opens a training of one oscillator, for which the other one is a boundary input. The units of the
+// other one's velocity and position are those of the columns, and differ from those of the
+// subsystem.
 static pm_training *one_driven(const char *part) {
     static const char scene[] =
         "scene: one\ntime: {dt: 0.1, steps: 20, integrator: rk4}\nsubsystems:\n"
@@ -418,7 +419,7 @@ static void no_start_is_dead(void **state) {
 }
 
 // A run of Gauss-Newton that ends before its last iteration has gained less than 2 % in ten
-// iterations. Of a slow fit the loss falls by a few percent for long, and then faster.
+// iterations. The loss of a slow fit falls by a few percent for long, and then faster.
 static void runs_end_when_they_gain_little(void **state) {
     (void)state;
     static const double unit[NZ] = {1, 1, 1, 1, 1, 1};

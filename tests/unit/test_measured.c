@@ -207,8 +207,8 @@ static void bands_hold_trajectories_that_differ(void **state) {
     pm_fit_close(&fit);
 }
 
-// Where the model is right, errors of predictions that come from badly estimated starts do not make
-// the bands wider.
+// Badly estimated starts lead to errors of predictions. The bands do not become wider by these
+// errors if the model is right.
 static void errors_of_starts_are_none_of_the_model(void **state) {
     for (uint64_t seed = 11; seed < 17; ++seed) {
         pm_fit fit;

@@ -15,7 +15,7 @@
 #include "modal/reduce.h"
 #include "tests/support/scratch.h"
 
-// Nodes at x = 0..5 on a line, clamped at x = 0.
+// The body has nodes at x = 0..5 on a line, and is clamped at x = 0.
 enum { NNODE = 6, NTRAJECTORY = 8, NLEARNED = 6, NTIME = 60, NMODE = 2, NBRANCH = 2 };
 static const double dt = 0.05, softness[NMODE] = {2e-3, 1e-3};
 static const double tau[NBRANCH] = {0.2, 0.5}, share[NBRANCH] = {0.3, 0.49};

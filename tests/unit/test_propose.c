@@ -41,7 +41,7 @@ static void units_are_powers_of_base_units(void **state) {
     assert_unit("-", "1", true);
 }
 
-// The forms in which people write units: without blanks, with raised dots and digits.
+// People write units without blanks, and with raised dots and digits.
 static void units_are_read_as_people_write_them(void **state) {
     (void)state;
     assert_unit("Nms", "J s", true);

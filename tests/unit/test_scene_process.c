@@ -117,7 +117,7 @@ static void a_chain_is_cut(void **state) {
     pm_scene_free(scene);
 }
 
-// A link that costs more than a process should leaves no process without links.
+// Every process has a link, even if one link costs more than a whole process should.
 static void every_process_gets_a_link(void **state) {
     (void)state;
     static const char *const counts[] = {"3", "4", "7", "8", "12", "23", "24"};

@@ -26,7 +26,7 @@ typedef struct drawn_body {
     pm_surface surface;
 } drawn_body;
 
-// The bodies that are drawn in one panel.
+// One panel, with the bodies that are drawn in it.
 typedef struct panel {
     const drawn_body *body;
     int count, first; // the first one in the picture

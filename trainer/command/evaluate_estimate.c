@@ -68,7 +68,7 @@ static pm_status choose(prediction *j) {
     return PM_OK;
 }
 
-// The length in s of the longest trajectory.
+// Returns the length of the longest trajectory, s.
 static double longest(const prediction *j) {
     double length = 0;
     for (int i = 0; i < j->count; ++i) {

@@ -50,7 +50,7 @@ static pm_status find_time(pm_table *table, const char *name, const char *path, 
                    path, name == NULL ? "t" : name, all == NULL ? "" : all);
 }
 
-// Converts the times of a table to s, by the unit of their column; without one they are in s.
+// Converts the times of a table to s, by the unit of their column. Times without a unit are in s.
 static pm_status convert_times(pm_table *table, int column, const char *path) {
     const char *text = table->unit[column];
     const pm_unit second = pm_unit_parse("s");
@@ -197,12 +197,11 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
         .summary =
             "Turns tables of measurements into a dataset, one trajectory from each. A table is a\n"
             "text file whose first line names the columns, with units in brackets if they are\n"
-            "known: t [s], theta [rad]. Times may be in s, ms or us, and need not be even. "
-            "Commas,\n"
-            "semicolons or tabs separate the numbers; an empty place or nan is a sample that is\n"
-            "missing. Lines that begin with # and columns without a number are left out. Real "
-            "vectors and matrices of a MATLAB file (.mat), also\n"
-            "in structs, are columns, too, if the program was built with libmatio.",
+            "known: t [s], theta [rad]. Times may be in s, ms or us, and need not be even.\n"
+            "Commas, semicolons or tabs separate the numbers; an empty place or nan is a sample\n"
+            "that is missing. Lines that begin with # and columns without a number are left out.\n"
+            "Real vectors and matrices of a MATLAB file (.mat), also in structs, are columns,\n"
+            "too, if the program was built with libmatio.",
         .positional_name = "TABLE",
         .positional = a->file,
         .least = 1,

@@ -16,7 +16,7 @@ typedef struct picture_arguments {
     bool error;
 } picture_arguments;
 
-// The fields of the picture, those of --beside last.
+// A list of the fields of the picture. Those of --beside come last.
 typedef struct field_list {
     int count, nbeside;
     const char *path[2 * MOST_FIELDS];

@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-// What a column holds beside numbers.
+// A text_column says which texts a column holds among its numbers.
 typedef struct text_column {
-    bool numbers; // some place holds a number
-    long line;    // of the first place that holds none; 0: there is no such place
-    char text[41];
+    bool numbers;  // some place holds a number
+    long line;     // number of the first line where the place holds another text; 0: none does
+    char text[41]; // this text, cut
 } text_column;
 
 typedef struct table_reader {
@@ -124,7 +124,7 @@ static pm_status read_names(table_reader *r) {
 
 // --- numbers ---
 
-// Reads a place, which is NAN if it is empty or holds no number.
+// Reads a place. The result is NAN if the place is empty or holds no number.
 static double take_number(const table_reader *r, const char *text, text_column *column) {
     char *end;
     const double value = *text == '\0' ? NAN : strtod(text, &end);

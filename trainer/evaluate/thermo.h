@@ -41,8 +41,7 @@ void pm_thermo_free(pm_thermo *thermo);
 
 // Summarises `count` rows of one kind. `sum` receives the median of their medians, the mean of
 // their means, the largest of their largest errors and the median of their typical values, under
-// the name
-// ""; `worst` receives the row with the largest median. PM_ENOMEM.
+// the name "". `worst` receives the row with the largest median. PM_ENOMEM.
 pm_status pm_thermo_summarise(const pm_thermo_row *row, int count, pm_thermo_row *sum,
                               pm_thermo_row *worst);
 

@@ -19,9 +19,9 @@
 #define DAMPING 1e-8    // of its first step: hardly any, as the fit ended near the minimum
 #define OUTLIER 6       // deviations of the noise between an outlier and its neighbours
 #define NORMAL 1.644854 // 95 % of a normal distribution lie below
-#define INSIDE 0.9      // of the measurements
+#define INSIDE 0.9      // share of the measurements that lie inside their bands
 #define GROW 1.02       // factor from one scale that is tried to the next
-#define LARGEST 1e8     // of the scales
+#define LARGEST 1e8     // scale that is tried
 
 // A measurement of a trajectory that is left out.
 typedef struct left_out {
@@ -229,10 +229,10 @@ static double student(double freedom) {
            (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * freedom * freedom * freedom);
 }
 
-// Returns by how much the weighted share of measurements inside their bands exceeds INSIDE at a
-// scale.
+// Returns by how much the weighted share of measurements inside their bands exceeds INSIDE if the
+// bands have this scale.
 static double surplus(const calibration *c, double scale) {
-    // The trajectory for which the covariance of the weights is right.
+    // The sum begins with one trajectory for which the covariance of the weights is right.
     double sum = erf(NORMAL * sqrt(scale / 2)) - INSIDE;
     for (int i = 0, k = 0; i < c->count; ++i) {
         const int first = k;

@@ -21,7 +21,7 @@ struct pm_fit_measured {
     // starts [nstart] of all windows; f->theta has its weights.
     double level[PM_FIT_MEASURED_LEVEL], *level_noise, *level_gap, *level_start;
     int nstart;
-    long used, samples; // of all trajectories: samples that the fit uses, and all
+    long used, samples; // number of samples that the fit uses, and of all samples
 };
 
 // Loads the measurements, and makes f->dataset: states at the steps of the scene, interpolated from

@@ -84,8 +84,8 @@ static void add_estimate(estimate *e, const pm_group_magnitude *driven,
     }
 }
 
-// Returns the coefficient of a given pair, of a learned constant the value at which training
-// starts; 0 if it depends on the state.
+// Returns the coefficient of a given pair, or 0 if it depends on the state. A learned constant has
+// the value at which training starts.
 static double coefficient_of(const pm_given_pair *pair) {
     const pm_constants *constants = pair->formula.constants;
     if (pair->formula.text == NULL) {

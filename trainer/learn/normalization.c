@@ -294,7 +294,7 @@ static void fix_along(const set *s, const double *value, int count, int cols) {
     }
 }
 
-// Whether the magnitude of some group is known.
+// Returns true if the magnitude of some group is known.
 static bool is_measured(const set *s) {
     bool measured = false;
     for (int k = 0; k < s->count; ++k) {

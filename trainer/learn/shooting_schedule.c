@@ -79,8 +79,8 @@ static pm_status update_noise(pm_shooting *s, const pm_shooting_course *course, 
     return PM_OK;
 }
 
-// The size of the changes of component c over all windows. As long as all windows start at the
-// guess, it is what the scene expects of it.
+// Returns the size of the changes of component c over all windows. As long as all windows start at
+// the guess, this is the size that the scene expects.
 static double size_of(const pm_shooting *s, const pm_shooting_course *course, int c) {
     double sum = 0, square = 0;
     for (int w = 0; w < s->nwindow; ++w) {

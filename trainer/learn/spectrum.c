@@ -18,10 +18,9 @@
 // Directions with eigenvalues below this are flat; the mean eigenvalue is 1.
 #define FLAT 1e-10
 #define MOST_NAMED 4
-#define WARMER 0.01 // relative
-// Parts of an effect that rounding decides, and below which other weights make up for it.
-#define NEGLIGIBLE 1e-5
-#define MATCHED 1e-3
+#define WARMER 0.01     // relative
+#define NEGLIGIBLE 1e-5 // part of an effect of which rounding decides
+#define MATCHED 1e-3    // part of an effect below which other weights make up for it
 
 // A block of weights, and the number of flat directions that it accounts for.
 typedef struct block {

@@ -15,8 +15,8 @@ static pm_status no_memory(void) {
 
 // --- samples ---
 
-// Whether the sample after sample j is nearer to the time `aim` than sample j. Beyond the last one
-// samples count as going on at its distance from the one before.
+// Returns true if the sample after sample j is at least as near to the time `aim` as sample j. The
+// last sample counts as followed by another one, at its own distance from the one before it.
 static bool later_is_nearer(const pm_dataset *d, int trajectory, int j, int end, double aim,
                             double dt) {
     const double t = pm_dataset_time(d, trajectory, j);

@@ -226,7 +226,8 @@ static pm_status clamp_by_name(const char *wanted, const int *number, size_t mos
                                path, wanted, names[0] != 0 ? names : "none");
 }
 
-// Reads a plane such as "x=0.5": its axis, 0 to 2, and place. Returns false if the text is none.
+// Reads a plane such as "x=0.5": its axis, 0 to 2, and its place. Returns false if the text names
+// no plane.
 static bool read_plane(const char *text, int *axis, double *place) {
     char *end = NULL;
     if (text[0] < 'x' || text[0] > 'z' || text[1] != '=' || text[2] == 0) {

@@ -18,9 +18,9 @@ static bool is_entropy_unit(const pm_group *group) {
     return pm_unit_equal(&entropy, &unit);
 }
 
-// Whether a variable of one end may move this one of the other end without loss: their units
-// differ, and one of them changes its sign when time runs backwards. A voltage at the end of a
-// resistor moves a charge by dissipation alone.
+// Returns true if a variable of one end may move this group of the other end without loss: their
+// units differ, and one of them changes its sign when time runs backwards. A voltage at the end of
+// a resistor moves a charge by dissipation alone.
 static bool may_move(const pm_layout *other, const pm_group *group) {
     const pm_unit unit = pm_unit_parse(group->unit);
     bool moves = false;
@@ -58,7 +58,7 @@ static void write_boundary_input_pairs(const pm_draft *d, int port) {
     fprintf(d->file, "}\n");
 }
 
-// A pair as it is written: the momentum, the position, and their units.
+// A pair as the file names it: the momentum, the position, and their units.
 typedef struct written_pair {
     const char *end[2], *name[2];
     const pm_unit *unit[2];
@@ -220,8 +220,9 @@ static void write_carried(const pm_draft *d, int port, const coupling *c) {
     fprintf(d->file, "], hidden: [%d], skip: linear}\n", CARRIED_WIDTH);
 }
 
-// Leaves the coefficients of pairs that are given, and sets the others to 0: those that the data
-// show, else the guessed ones if nothing else is to be learned. Returns whether any is left.
+// Keeps the coefficients of pairs that are to be given, and sets the others to 0. Given are those
+// that the data show, or else the guessed ones if nothing else is to be learned. Returns true if
+// any is left.
 static bool choose_given(pm_port_view *view, bool carries) {
     bool given = false, all = !carries;
     for (int i = 0; i < view->count; ++i) {

@@ -84,7 +84,7 @@ static pm_node rate(pm_graph *g, const pm_port_model *port, pm_end own, const pm
     pm_node residual = PM_NO_NODE;
     const pm_node from_energy = build(g, port, &L, end, &residual);
     const pm_node sum = pm_add_or(g, from_energy, build(g, port, &M, end, &residual));
-    // Both ends build the same residuals, which count once.
+    // Both ends build the same residuals. They count once.
     if (own == PM_END_A) {
         *degeneracy = pm_concat_or(g, *degeneracy, residual);
     }
