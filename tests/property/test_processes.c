@@ -16,7 +16,7 @@
 #include "learn/objective.h"
 #include "learn/processes.h"
 #include "learn/start.h"
-#include "learn/training.h"
+#include "tests/support/training.h"
 
 #define ROWS 7
 #define RANK 3
@@ -75,13 +75,6 @@ static void rotations_make_factors_simple(void **state) {
     }
 }
 
-static void write_file(const char *path, const char *text) {
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-}
-
 // Opens a training of two bodies and a port between them, with constant factors. Each body has two
 // dissipative variables and an entropy.
 static pm_training *open_training(void) {
@@ -100,20 +93,7 @@ static pm_training *open_training(void) {
         "  port:\n    law: bracket\n"
         "    irreversible: {learned: {acts_on: [a.p, a.s, b.p, b.s], rank: 3}}\n"
         "subsystems: {a: part, b: part}\nports: {j: port}\nstart: {tries: 2, iterations: 3}\n";
-    char folder[] = "/tmp/portmet-processes-XXXXXX", path[64], scene[64];
-    pm_training *t = NULL;
-    assert_non_null(mkdtemp(folder));
-    snprintf(scene, sizeof scene, "%s/scene.yaml", folder);
-    snprintf(path, sizeof path, "%s/train.yaml", folder);
-    write_file(scene, scene_text);
-    write_file(path, training_text);
-    if (pm_training_load(&t, path) != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-    remove(path);
-    remove(scene);
-    remove(folder);
-    return t;
+    return load_training(scene_text, training_text);
 }
 
 // Makes samples of smooth curves that solve no system's equations.

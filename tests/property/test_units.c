@@ -14,7 +14,7 @@
 #include "learn/normalization.h"
 #include "learn/objective.h"
 #include "learn/start.h"
-#include "learn/training.h"
+#include "tests/support/training.h"
 
 #define NTRAJECTORY 6
 #define NTIME 30
@@ -75,31 +75,6 @@ static pm_dataset *make_data(const double *unit, double time) {
     return data;
 }
 
-static void write_file(const char *path, const char *text) {
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-}
-
-static pm_training *load(const char *scene_text, const char *training_text) {
-    char folder[] = "/tmp/portmet-units-XXXXXX", path[64], scene[64];
-    pm_training *t = NULL;
-    assert_non_null(mkdtemp(folder));
-    snprintf(scene, sizeof scene, "%s/scene.yaml", folder);
-    snprintf(path, sizeof path, "%s/train.yaml", folder);
-    write_file(scene, scene_text);
-    write_file(path, training_text);
-    const pm_status status = pm_training_load(&t, path);
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-    remove(path);
-    remove(scene);
-    remove(folder);
-    return t;
-}
-
 #define STAGES \
     "stages: [{optimiser: gauss_newton, iterations: %d, batch: 60, residual: derivative}]\n"
 
@@ -120,7 +95,7 @@ static pm_training *two_oscillators(double time, const char *part, const char *p
              "scene: scene.yaml\nmodels:\n  part:\n%s  port:\n    law: %s\n%s"
              "subsystems: {a: part, b: part}\nports: {j: port}\n" STAGES,
              part, law, port, ITERATIONS);
-    return load(scene, text);
+    return load_training(scene, text);
 }
 
 typedef struct curve {
@@ -143,9 +118,9 @@ static curve train(pm_training *t, const pm_dataset *data, int iterations, doubl
     pm_objective *objective = NULL;
     assert_int_equal(
         pm_samples_make(&samples, t->scene, data, 0, NTRAJECTORY, PM_RESIDUAL_STEP, 1, 1), PM_OK);
-    double *scratch = calloc(100000, sizeof *scratch);
-    assert_non_null(scratch);
-    pm_start_draw(t, scratch);
+    double *work = calloc(100000, sizeof *work);
+    assert_non_null(work);
+    pm_start_draw(t, work);
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
     pm_samples_free(&samples);
     assert_int_equal(
@@ -156,8 +131,8 @@ static curve train(pm_training *t, const pm_dataset *data, int iterations, doubl
     *theta = calloc(2 * n, sizeof **theta);
     double *moment = calloc(2 * n, sizeof *moment);
     assert_true(*theta != NULL && moment != NULL && n > 1);
-    memcpy(*theta, scratch, n * sizeof **theta);
-    memcpy(*theta + n, scratch, n * sizeof **theta);
+    memcpy(*theta, work, n * sizeof **theta);
+    memcpy(*theta + n, work, n * sizeof **theta);
     pm_optimisation o = {.objective = objective,
                          .schedule = t->stage[0].schedule,
                          .seed = 7,
@@ -168,7 +143,7 @@ static curve train(pm_training *t, const pm_dataset *data, int iterations, doubl
     o.schedule.iterations = iterations;
     assert_int_equal(t->stage[0].optimiser->run(&o), PM_OK);
     free(moment);
-    free(scratch);
+    free(work);
     pm_objective_close(objective);
     pm_samples_free(&samples);
     return c;
@@ -195,6 +170,18 @@ static void assert_same_curve(const curve *c, const curve *first, int units) {
     }
 }
 
+// Trains on data in units number i, and compares the curve with that in units number 0. Frees the
+// training and the data.
+static void compare_curve(pm_training *t, pm_dataset *data, int i, curve *first) {
+    double *theta;
+    const curve c = train(t, data, ITERATIONS, &theta);
+    *first = i == 0 ? c : *first;
+    assert_same_curve(&c, first, i);
+    free(theta);
+    pm_dataset_free(data);
+    pm_training_free(t);
+}
+
 static void check_curves(const char *part, const char *port, const char *law) {
     static const double unit[4][NZ] = {{1, 1, 1, 1, 1, 1},
                                        {1000, 1, 1, 0.001, 1, 1},
@@ -203,15 +190,9 @@ static void check_curves(const char *part, const char *port, const char *law) {
     static const double time[4] = {1, 1, 1, 1000};
     curve first = {0};
     for (int i = 0; i < 4; ++i) {
-        double *theta;
         pm_training *t = two_oscillators(time[i], part, port, law);
         pm_dataset *data = make_data(unit[i], time[i]);
-        const curve c = train(t, data, ITERATIONS, &theta);
-        first = i == 0 ? c : first;
-        assert_same_curve(&c, &first, i);
-        free(theta);
-        pm_dataset_free(data);
-        pm_training_free(t);
+        compare_curve(t, data, i, &first);
     }
 }
 
@@ -240,7 +221,7 @@ static pm_training *one_driven(const char *part) {
              "    irreversible: {learned: {acts_on: [a.p, b.p, b.s], rank: 2}}\n"
              "subsystems: {a: part}\nports: {j: port}\n" STAGES,
              part, ITERATIONS);
-    return load(scene, text);
+    return load_training(scene, text);
 }
 
 static void curves_do_not_depend_on_units_of_inputs(void **state) {
@@ -249,15 +230,9 @@ static void curves_do_not_depend_on_units_of_inputs(void **state) {
         {1, 1, 1, 1, 1, 1}, {1, 1, 1, 1, 1e6, 1}, {1, 1, 1, 1000, 1e-6, 1}};
     curve first = {0};
     for (int i = 0; i < 3; ++i) {
-        double *theta;
         pm_training *t = one_driven(hard_part);
         pm_dataset *data = make_data(unit[i], 1);
-        const curve c = train(t, data, ITERATIONS, &theta);
-        first = i == 0 ? c : first;
-        assert_same_curve(&c, &first, i);
-        free(theta);
-        pm_dataset_free(data);
-        pm_training_free(t);
+        compare_curve(t, data, i, &first);
     }
 }
 

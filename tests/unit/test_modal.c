@@ -458,23 +458,19 @@ static void what_does_not_fit_is_told(void **state) {
 }
 
 int main(void) {
-    scratch folder;
-    scratch_open(&folder);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rounding_is_no_feature),
         cmocka_unit_test(modes_that_carry_the_energy_are_found),
         cmocka_unit_test(amplitudes_follow_the_loads),
-        cmocka_unit_test_prestate(fields_come_back, &folder),
-        cmocka_unit_test_prestate(spoiled_bases_are_refused, &folder),
-        cmocka_unit_test_prestate(bases_of_many_modes_are_refused, &folder),
+        cmocka_unit_test(fields_come_back),
+        cmocka_unit_test(spoiled_bases_are_refused),
+        cmocka_unit_test(bases_of_many_modes_are_refused),
         cmocka_unit_test(a_body_may_have_no_mesh),
         cmocka_unit_test(forces_of_contact_are_loads),
         cmocka_unit_test(contact_is_a_load),
         cmocka_unit_test(variables_are_found_by_name),
         cmocka_unit_test(only_like_fields_are_compared),
-        cmocka_unit_test_prestate(what_does_not_fit_is_told, &folder),
+        cmocka_unit_test(what_does_not_fit_is_told),
     };
-    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
-    scratch_close(&folder);
-    return failed;
+    return cmocka_run_group_tests(tests, scratch_setup, scratch_teardown);
 }

@@ -144,13 +144,9 @@ static void modes_outside_of_the_state_creep(void **state) {
 }
 
 int main(void) {
-    scratch folder;
-    scratch_open(&folder);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(retardation_times_follow_from_the_fields),
-        cmocka_unit_test_prestate(modes_outside_of_the_state_creep, &folder),
+        cmocka_unit_test(modes_outside_of_the_state_creep),
     };
-    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
-    scratch_close(&folder);
-    return failed;
+    return cmocka_run_group_tests(tests, scratch_setup, scratch_teardown);
 }

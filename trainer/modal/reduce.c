@@ -8,10 +8,6 @@
 #include "modal/reduce_modes.h"
 #include "modal/reduce_patterns.h"
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a reduction");
-}
-
 pm_status pm_reduce_fit(pm_basis **basis, const pm_field *field, int count, const int *trajectory,
                         const pm_reduce_settings *settings) {
     pm_reduction r = {
@@ -120,7 +116,7 @@ pm_status pm_reduce_project(pm_dataset **dataset, const pm_basis *basis, const p
     PM_TRY_DONE(pm_reduction_open(&r, basis->nmode, basis->nbranch, square, loads, false));
     const char **name = name_columns(basis, ncolumn, &r.arena);
     if (name == NULL) {
-        status = no_memory();
+        status = pm_reduction_no_memory();
         goto done;
     }
     PM_TRY_DONE(pm_dataset_new(&d, count * r.ncopy, field->ntime, ncolumn, field->dt, name));

@@ -14,10 +14,6 @@
 // fitted sum of shares of 1 would give an infinite time.
 #define REMAINS 0.01
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a reduction");
-}
-
 typedef struct share_fit {
     const pm_basis *b;
     pm_regression regression;
@@ -70,7 +66,7 @@ pm_status pm_reduce_creep(pm_reduction *r, pm_basis *basis) {
     share_fit x = {.b = basis,
                    .c = calloc(count * (size_t)basis->nbranch + 1, sizeof(double)),
                    .rest = calloc(count, sizeof(double))};
-    pm_status status = x.c == NULL || x.rest == NULL ? no_memory() : PM_OK;
+    pm_status status = x.c == NULL || x.rest == NULL ? pm_reduction_no_memory() : PM_OK;
     if (status != PM_OK || basis->nbranch == 0) {
         goto done;
     }

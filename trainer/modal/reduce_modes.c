@@ -21,10 +21,6 @@
 // regression finds a flexibility of zero or less.
 #define STIFFEST 1e-6
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a reduction");
-}
-
 // --- proper orthogonal decomposition ---
 
 typedef struct decomposition {
@@ -51,7 +47,8 @@ static pm_status decompose(pm_reduction *r, pm_basis *b) {
     decomposition d = {calloc(width * width, sizeof(double)),
                        calloc((size_t)r->modal.ntime * width, sizeof(double))};
     double *value = calloc((size_t)b->nmode, sizeof *value);
-    pm_status status = d.gram == NULL || d.row == NULL || value == NULL ? no_memory() : PM_OK;
+    pm_status status =
+        d.gram == NULL || d.row == NULL || value == NULL ? pm_reduction_no_memory() : PM_OK;
     if (status == PM_OK) {
         status = pm_reduction_for_each(r, add_snapshots, &d);
     }
@@ -130,7 +127,7 @@ static pm_status rotate_modes(pm_basis *b, const double *value, const double *ve
     const size_t width = 3 * (size_t)b->nnode, n = (size_t)b->nmode;
     double *turned = malloc(n * width * sizeof *turned);
     if (turned == NULL) {
-        return no_memory();
+        return pm_reduction_no_memory();
     }
     pm_gemm(false, false, b->nmode, (int)width, b->nmode, vector, b->mode, turned);
     for (size_t i = 0; i < n; ++i) {
@@ -198,7 +195,7 @@ static pm_status find_flexibility(pm_reduction *r, flexibility *x) {
     double *value = calloc((size_t)n, sizeof *value);
     pm_status status;
     if (square == NULL || vector == NULL || value == NULL) {
-        status = no_memory();
+        status = pm_reduction_no_memory();
         goto done;
     }
     PM_TRY_DONE(pm_reduction_for_each(r, find_lead_scale, x->b));
@@ -229,7 +226,7 @@ static pm_status open_flexibility(pm_reduction *r, flexibility *x, pm_basis *b) 
     x->amplitudes = pm_arena_array(&r->arena, (size_t)n, sizeof(double));
     if (x->all == NULL || x->feature == NULL || x->result == NULL || x->loads == NULL ||
         x->amplitudes == NULL) {
-        return no_memory();
+        return pm_reduction_no_memory();
     }
     return pm_regression_open(&x->regression, count - n, n);
 }

@@ -15,10 +15,6 @@
 // first round each still contains much of the other; after the fourth round little changes.
 #define ROUNDS 4
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a reduction");
-}
-
 // --- patterns ---
 
 // The regression of a field on the features.
@@ -112,7 +108,8 @@ static pm_status fit_pattern(pm_reduction *r, pm_basis *b, pm_reduction_visit *a
                        .feature = calloc(ntime * (size_t)count, sizeof(double)),
                        .rest = calloc(ntime * (size_t)width, sizeof(double)),
                        .work = calloc(pm_local_work(&b->local), sizeof(double))};
-    pm_status status = x.feature == NULL || x.rest == NULL || x.work == NULL ? no_memory() : PM_OK;
+    pm_status status =
+        x.feature == NULL || x.rest == NULL || x.work == NULL ? pm_reduction_no_memory() : PM_OK;
     PM_TRY_DONE(status);
     if (pattern->pattern == NULL) {
         PM_TRY_DONE(pm_basis_add_pattern(b, pattern, rank < most ? rank : most, width));
@@ -201,7 +198,7 @@ static pm_status open_local(pm_reduction *r, pm_basis *b, local_fit *x) {
     x->feature = pm_arena_array(&r->arena, (size_t)pm_basis_features(b), sizeof *x->feature);
     x->stress = pm_arena_array(&r->arena, PM_BASIS_TENSOR * nnode, sizeof *x->stress);
     if (x->carries == NULL || x->feature == NULL || x->stress == NULL) {
-        return no_memory();
+        return pm_reduction_no_memory();
     }
     PM_TRY(pm_local_find_sections(local, b->nnode, b->position, &b->arena));
     PM_TRY(pm_reduction_for_each(r, find_loaded, x));
@@ -209,7 +206,7 @@ static pm_status open_local(pm_reduction *r, pm_basis *b, local_fit *x) {
     const size_t count = (size_t)pm_local_features(local), nsection = (size_t)local->nsection;
     x->local_feature = pm_arena_array(&r->arena, nsection * count, sizeof *x->local_feature);
     x->local_rest = pm_arena_array(&r->arena, PM_LOCAL_TENSOR * nnode, sizeof *x->local_rest);
-    return x->local_feature == NULL || x->local_rest == NULL ? no_memory() : PM_OK;
+    return x->local_feature == NULL || x->local_rest == NULL ? pm_reduction_no_memory() : PM_OK;
 }
 
 static pm_status fit_kernel(pm_reduction *r, pm_basis *b, local_fit *x) {

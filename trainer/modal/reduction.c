@@ -25,6 +25,10 @@ pm_status pm_reduction_for_each(pm_reduction *r, pm_reduction_visit *visit, void
     return PM_OK;
 }
 
+pm_status pm_reduction_no_memory(void) {
+    return pm_fail(PM_ENOMEM, "out of memory for a reduction");
+}
+
 pm_status pm_reduction_open(pm_reduction *r, int nmode, int nbranch, bool square,
                             pm_load_kind loads, bool stress) {
     if (square) {

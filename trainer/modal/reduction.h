@@ -44,6 +44,9 @@ void pm_reduction_close(pm_reduction *r);
 typedef pm_status pm_reduction_visit(pm_reduction *r, double weight, void *context);
 pm_status pm_reduction_for_each(pm_reduction *r, pm_reduction_visit *visit, void *context);
 
+// Fails with PM_ENOMEM.
+pm_status pm_reduction_no_memory(void);
+
 // Returns the Euclidean norm of value [count].
 double pm_reduction_norm(size_t count, const double *value);
 
