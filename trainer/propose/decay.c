@@ -15,6 +15,8 @@ typedef struct regression {
     int nterm;
     int ngroup; // vectors, whose lengths are terms
     int first[PM_MAX_LOOK_STATES], size[PM_MAX_LOOK_STATES];
+    int ninput; // prescribed values of boundary inputs that are terms
+    int input[MOST_TERMS];
     double mean[MOST_TERMS], deviation[MOST_TERMS]; // of the terms
     double *matrix;                                 // [nterm][nterm] its factor, then its inverse
     double *solution;                               // [nterm][nz]
@@ -22,7 +24,8 @@ typedef struct regression {
     const char **unit;                              // [nz]
 } regression;
 
-// Writes the terms of one state: the components, their squares, and the logarithms of lengths.
+// Writes the terms of one state: the components, their squares, the logarithms of lengths, and the
+// boundary inputs.
 static void write_terms(const regression *r, int k, double *term) {
     const int nz = r->look->scene->nz;
     const double *z = r->look->z + (ptrdiff_t)k * nz;
@@ -37,6 +40,10 @@ static void write_terms(const regression *r, int k, double *term) {
             square += z[r->first[g] + c] * z[r->first[g] + c];
         }
         term[2 * nz + g] = log(square + 1e-300);
+    }
+    const pm_inputs *inputs = r->look->inputs;
+    for (int a = 0; a < r->ninput; ++a) {
+        term[2 * nz + r->ngroup + a] = inputs->value[(ptrdiff_t)k * inputs->input.n + r->input[a]];
     }
 }
 
@@ -155,6 +162,18 @@ static void list_groups(regression *r) {
     }
 }
 
+// Lists the boundary inputs that vary, as far as there is room for them.
+static void list_inputs(regression *r) {
+    const pm_inputs *inputs = r->look->inputs;
+    const int before = 2 * r->look->scene->nz + r->ngroup;
+    for (int i = 0; i < inputs->input.n; ++i) {
+        const bool varies = inputs->input.column[i] != PM_BOUNDARY_INPUT_CONSTANT;
+        if (varies && before + r->ninput < MOST_TERMS) {
+            r->input[r->ninput++] = i;
+        }
+    }
+}
+
 double pm_look_decay(const pm_look *look) {
     const int nz = look->scene->nz;
     if (nz > PM_MAX_LOOK_STATES || 5 * nz > 2 * MOST_TERMS) { // each vector has two components
@@ -169,7 +188,8 @@ double pm_look_decay(const pm_look *look) {
     double result = 0;
     if (r.unit != NULL && r.rest != NULL && r.solution != NULL && r.matrix != NULL) {
         list_groups(&r);
-        r.nterm = 2 * nz + r.ngroup;
+        list_inputs(&r);
+        r.nterm = 2 * nz + r.ngroup + r.ninput;
         find_means(&r);
         if (solve(&r)) {
             find_rest(&r);

@@ -1,5 +1,5 @@
-// Statistics of states and rates, linear regressions by normal equations, and a test for conserved
-// angular momentum.
+// Statistics of states and rates, and linear regressions by normal equations, which leave out what
+// boundary inputs contribute linearly.
 #include "propose/look.h"
 
 #include <math.h>
@@ -14,10 +14,9 @@
 #define MOST_COMPONENTS 16 // of groups whose rank is examined
 #define INDEPENDENT 1e-8   // eigenvalue of an independent process, relative to the largest
 #define EVEN_TERMS 64      // of a function that is even in time
-#define MOST_TERMS (EVEN_TERMS + PM_LOOK_SOURCES + 1) // of a regression
+#define MOST_TERMS (EVEN_TERMS + PM_LOOK_SOURCES + 2) // of a regression, and the rate
 #define SMALLEST_REST 1e-5 // unexplained fraction below which nothing is left to explain
 #define UPRIGHT 0.02       // relative to |x||x'|: largest part of a rate along a turning direction
-#define SAME 2e-3          // relative to |q||p|: the change below which q x p is conserved
 
 static void take_rate(const pm_look *look, int i, int j, double *rate) {
     const pm_dataset *d = look->dataset;
@@ -66,14 +65,20 @@ pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *d
     look->rate = pm_arena_array(&look->arena, count * (size_t)nz, sizeof *look->rate);
     double *work = pm_arena_array(&look->arena, 5 * (size_t)nz, sizeof *work);
     double *change = work == NULL ? NULL : work + 4 * nz;
+    look->inputs = pm_arena_array(&look->arena, 1, sizeof *look->inputs);
     pm_status status = pm_columns_bind(&look->columns, scene, dataset, &look->arena);
-    if (status == PM_OK && (look->z == NULL || look->rate == NULL || work == NULL)) {
+    if (status == PM_OK &&
+        (look->z == NULL || look->rate == NULL || work == NULL || look->inputs == NULL)) {
         status = pm_fail(PM_ENOMEM, "out of memory for a look at the data");
+    }
+    if (status == PM_OK) {
+        status = pm_inputs_bind(look->inputs, scene, dataset, (int)count, &look->arena);
     }
     for (long k = 0; k < all && status == PM_OK; k += stride) {
         const int i = (int)(k / per), j = MARGIN + (int)(k % per);
         const ptrdiff_t at = (ptrdiff_t)look->count++ * nz;
         pm_columns_to_state(&look->columns, pm_dataset_state(dataset, i, j), look->z + at);
+        pm_inputs_add(look->inputs, i, j);
         take_rate(look, i, j, work);
         memcpy(look->rate + at, work, (size_t)nz * sizeof *work);
         take_rate(look, i, j + 1, work);
@@ -84,7 +89,9 @@ pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *d
     }
     if (status == PM_OK) {
         find_fastest(look, change);
-    } else {
+        status = pm_inputs_find_bases(look->inputs, &look->arena);
+    }
+    if (status != PM_OK) {
         pm_look_free(look);
     }
     return status;
@@ -126,6 +133,19 @@ pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
     }
     g.zero = smallest < NEAR_ZERO * g.deviation;
     return g;
+}
+
+int pm_look_subsystem(const pm_look *look, int component) {
+    int i = 0;
+    while (i + 1 < look->scene->nsubsystem && look->scene->subsystem[i + 1].first <= component) {
+        ++i;
+    }
+    return i;
+}
+
+// Returns the functions by which inputs act on the subsystem of a component.
+static const pm_input_basis *inputs_of(const pm_look *look, int component) {
+    return &look->inputs->basis[pm_look_subsystem(look, component)];
 }
 
 // --- regression ---
@@ -186,31 +206,64 @@ static void powers(const pm_look *look, int k, int c, int count, const pm_look_g
     }
 }
 
-static double explain(const pm_look *look, const pm_look_group *target, int count,
-                      const pm_look_group *source, int degree, double *solution) {
-    sums s = {.n = count * degree};
-    double x[PM_LOOK_SOURCES], mean[PM_LOOK_SOURCES], middle[PM_LOOK_SOURCES];
-    for (int c = 0; c < target->group->size; ++c) {
-        const double y = mean_of(look, look->rate, target->first + c);
-        memset(middle, 0, sizeof middle);
-        for (int a = 0; a < count; ++a) {
-            mean[a] = mean_of(look, look->z, source[a].first + c);
-        }
-        for (int k = 0; k < look->count; ++k) {
-            powers(look, k, c, count, source, degree, mean, x);
-            for (int a = 0; a < s.n; ++a) {
-                middle[a] += x[a] / look->count;
+// Writes the powers of the sources and then the rate of component c of the target.
+static void regression_row(const pm_look *look, int k, const pm_look_group *target, int c,
+                           int count, const pm_look_group *source, int degree, const double *mean,
+                           double *x) {
+    powers(look, k, c, count, source, degree, mean, x);
+    x[count * degree] = look->rate[(ptrdiff_t)k * look->scene->nz + target->first + c];
+}
+
+// Adds the equations of component c, without what is linear in the functions of the basis. Returns
+// the squares of the rate before that.
+static double add_component(const pm_look *look, const pm_look_group *target, int c, int count,
+                            const pm_look_group *source, int degree, const pm_input_basis *basis,
+                            sums *s) {
+    enum { MOST = PM_LOOK_SOURCES + 1 };
+    double x[MOST], mean[PM_LOOK_SOURCES], middle[MOST] = {0};
+    double along[PM_MAX_INPUT_BASIS * MOST] = {0}, square = 0;
+    for (int a = 0; a < count; ++a) {
+        mean[a] = mean_of(look, look->z, source[a].first + c);
+    }
+    for (int pass = 0; pass < 3; ++pass) {
+        for (int k = 0; k < look->count && (pass != 1 || basis->count > 0); ++k) {
+            regression_row(look, k, target, c, count, source, degree, mean, x);
+            for (int a = 0; a < s->n; ++a) {
+                middle[a] += pass == 0 ? x[a] / look->count : 0;
             }
-        }
-        for (int k = 0; k < look->count; ++k) {
-            powers(look, k, c, count, source, degree, mean, x);
-            for (int a = 0; a < s.n; ++a) {
+            for (int a = 0; a <= s->n && pass > 0; ++a) {
                 x[a] -= middle[a];
             }
-            add_equation(&s, x, look->rate[(ptrdiff_t)k * look->scene->nz + target->first + c] - y);
+            if (pass == 1) {
+                pm_input_basis_project(basis, k, s->n + 1, x, along);
+            } else if (pass == 2) {
+                square += x[s->n] * x[s->n];
+                pm_input_basis_remove(basis, k, s->n + 1, along, x);
+                add_equation(s, x, x[s->n]);
+            }
         }
+        middle[s->n] = mean_of(look, look->rate, target->first + c);
     }
-    return solve(&s, solution);
+    return square;
+}
+
+// Where inputs alone explain a rate, such as those of a controller that follows the state, the
+// regression leaves them out.
+static double explain(const pm_look *look, const pm_look_group *target, int count,
+                      const pm_look_group *source, int degree, double *solution) {
+    static const pm_input_basis none = {0};
+    const pm_input_basis *basis = inputs_of(look, target->first);
+    for (;;) {
+        sums s = {.n = count * degree};
+        double square = 0;
+        for (int c = 0; c < target->group->size; ++c) {
+            square += add_component(look, target, c, count, source, degree, basis, &s);
+        }
+        if (basis->count == 0 || s.square > SMALLEST_REST * square) {
+            return solve(&s, solution);
+        }
+        basis = &none;
+    }
 }
 
 double pm_look_explain(const pm_look *look, const pm_look_group *target, int count,
@@ -270,15 +323,18 @@ static int odd_terms(const pm_look *look, const pm_parity *p, int k, int odd, co
 }
 
 // The regression of the rate of component `target` on the even terms and, if `with` >= 0, on
-// those that are linear in the component `with`. Returns the unexplained fraction of the squares.
+// those that are linear in the component `with`, without what is linear in inputs. Returns the
+// unexplained fraction of the squares.
 static double explain_even(const pm_look *look, const pm_parity *p, int target, int with,
                            const double *mean, const double *deviation) {
     const int nz = look->scene->nz;
+    const pm_input_basis *basis = inputs_of(look, target);
     double middle[MOST_TERMS] = {0}, term[MOST_TERMS], solution[MOST_TERMS];
+    double along[PM_MAX_INPUT_BASIS * MOST_TERMS] = {0};
     const double y = mean_of(look, look->rate, target);
     sums s = {0};
-    for (int pass = 0; pass < 2; ++pass) {
-        for (int k = 0; k < look->count; ++k) {
+    for (int pass = 0; pass < 3; ++pass) {
+        for (int k = 0; k < look->count && (pass != 1 || basis->count > 0); ++k) {
             int n = even_terms(look, p, k, mean, deviation, term);
             if (with >= 0) {
                 n = odd_terms(look, p, k, with, mean, deviation, n, term);
@@ -288,8 +344,12 @@ static double explain_even(const pm_look *look, const pm_parity *p, int target, 
                 term[a] -= pass == 0 ? 0 : middle[a];
             }
             s.n = n;
+            term[n] = look->rate[(ptrdiff_t)k * nz + target] - y;
             if (pass == 1) {
-                add_equation(&s, term, look->rate[(ptrdiff_t)k * nz + target] - y);
+                pm_input_basis_project(basis, k, n + 1, term, along);
+            } else if (pass == 2) {
+                pm_input_basis_remove(basis, k, n + 1, along, term);
+                add_equation(&s, term, term[n]);
             }
         }
     }
@@ -319,15 +379,28 @@ double pm_look_odd_part(const pm_look *look, const pm_parity *p, int target, int
 // --- rank ---
 
 // Writes the scalar products of all components over the examined states to product [n][n], each
-// component divided by its root mean square.
+// component divided by its root mean square. Where inputs act, the components are without their
+// means and without what is linear in the inputs.
 static void multiply_rates(const pm_look *look, int n, const int *component, double *product) {
-    const int nz = look->scene->nz;
+    const pm_input_basis *basis = inputs_of(look, component[0]);
+    double mean[MOST_COMPONENTS] = {0}, rate[MOST_COMPONENTS];
+    double along[PM_MAX_INPUT_BASIS * MOST_COMPONENTS] = {0};
     memset(product, 0, (size_t)n * (size_t)n * sizeof *product);
-    for (int k = 0; k < look->count; ++k) {
-        const double *rate = look->rate + (ptrdiff_t)k * nz;
-        for (int a = 0; a < n; ++a) {
-            for (int b = 0; b < n; ++b) {
-                product[a * n + b] += rate[component[a]] * rate[component[b]];
+    for (int a = 0; a < n && basis->count > 0; ++a) {
+        mean[a] = mean_of(look, look->rate, component[a]);
+    }
+    for (int pass = basis->count > 0 ? 0 : 1; pass < 2; ++pass) {
+        for (int k = 0; k < look->count; ++k) {
+            for (int a = 0; a < n; ++a) {
+                rate[a] = look->rate[(ptrdiff_t)k * look->scene->nz + component[a]] - mean[a];
+            }
+            if (pass == 0) {
+                pm_input_basis_project(basis, k, n, rate, along);
+                continue;
+            }
+            pm_input_basis_remove(basis, k, n, along, rate);
+            for (int a = 0; a < n * n; ++a) {
+                product[a] += rate[a / n] * rate[a % n];
             }
         }
     }
@@ -362,43 +435,7 @@ int pm_look_rank(const pm_look *look, int count, const pm_look_group *group) {
     return rank;
 }
 
-// --- rotation ---
-
-// Adds q x p of one state to J and returns |q||p|.
-static double moment(const pm_look *look, const double *row, const pm_look_group *q,
-                     const pm_look_group *p, double J[3]) {
-    double a[3] = {0}, b[3] = {0};
-    for (int c = 0; c < q->group->size; ++c) {
-        a[c] = row[look->columns.column[q->first + c]];
-        b[c] = row[look->columns.column[p->first + c]];
-    }
-    for (int c = 0; c < 3; ++c) {
-        J[c] += a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
-    }
-    return sqrt((a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) *
-                (b[0] * b[0] + b[1] * b[1] + b[2] * b[2]));
-}
-
-bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
-                            const pm_look_group *p) {
-    const pm_dataset *d = look->dataset;
-    double change = 0, size = 0;
-    for (int i = 0; i < d->ntrajectory; ++i) {
-        double first[3] = {0};
-        for (int j = 0; j < d->ntime; ++j) {
-            double J[3] = {0};
-            for (int k = 0; k < count; ++k) {
-                const double length = moment(look, pm_dataset_state(d, i, j), &q[k], &p[k], J);
-                size += length * length;
-            }
-            for (int c = 0; c < 3; ++c) {
-                first[c] = j == 0 ? J[c] : first[c];
-                change += (J[c] - first[c]) * (J[c] - first[c]);
-            }
-        }
-    }
-    return count > 0 && size > 0 && change < SAME * SAME * size;
-}
+// --- directions ---
 
 int pm_look_turns(const pm_look *look, const pm_look_group *target, const pm_look_group *spin) {
     double along = 0, size = 0, turn = 0;

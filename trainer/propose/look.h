@@ -1,9 +1,9 @@
 // Statistics of a dataset, computed before anything is learned: how large states and rates are, how
-// fast rates change, which rates depend linearly on which variables, and whether angular momentum
-// is conserved.
+// fast rates change, and which rates depend linearly on which variables.
 #ifndef PM_TRAINER_PROPOSE_LOOK_H
 #define PM_TRAINER_PROPOSE_LOOK_H
 
+#include "propose/input_basis.h"
 #include "scene/columns.h"
 
 // Statistics of one group of a subsystem.
@@ -23,12 +23,13 @@ typedef struct pm_look {
     const pm_scene *scene;     // borrowed
     const pm_dataset *dataset; // borrowed
     pm_columns columns;
-    int count;      // the number of examined states
-    double *z;      // [count][nz] states, in their units
-    double *rate;   // [count][nz] rates, in these units per s: those of the dataset if it has
-                    // rates, else central differences
-    double fastest; // 1/s: the largest rms(change of a rate per s)/rms(rate) of all components
-    int samples;    // the number of states in all trajectories
+    int count;         // the number of examined states
+    double *z;         // [count][nz] states, in their units
+    double *rate;      // [count][nz] rates, in these units per s: those of the dataset if it has
+                       // rates, else central differences
+    double fastest;    // 1/s: the largest rms(change of a rate per s)/rms(rate) of all components
+    int samples;       // the number of states in all trajectories
+    pm_inputs *inputs; // boundary inputs in the examined states, in the arena
 } pm_look;
 
 // Copies at most some thousand states, evenly chosen, with their rates. `scene` and `dataset` must
@@ -38,13 +39,18 @@ typedef struct pm_look {
 pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *dataset);
 void pm_look_free(pm_look *look);
 
+// Returns the subsystem to which a component of the state of the scene belongs.
+int pm_look_subsystem(const pm_look *look, int component);
+
 // Computes the statistics of group number `group` of a subsystem.
 pm_look_group pm_look_at(const pm_look *look, int subsystem, int group);
 
 // Performs a linear regression of the rate of `target` on source [count], groups of the same size
 // as `target`. Each group has one coefficient for all its components, and each component has a
-// constant term. Writes coefficient [count], in the unit of the rate divided by the unit of the
-// group, and returns the fraction of the rate's variance that stays unexplained, 0 to 1. Returns 1
+// constant term and terms that are linear in the boundary inputs of its subsystem, which count
+// neither as explained nor as unexplained. Writes coefficient [count], in the unit of the rate
+// divided by the unit of the group, and returns the fraction of the rate's variance, without what
+// is linear in the inputs, that stays unexplained, 0 to 1. Returns 1
 // and writes zeros if the rate does not vary or the regression is singular. Only the first
 // PM_LOOK_SOURCES groups are used; no other coefficient is written.
 #define PM_LOOK_SOURCES 16
@@ -52,8 +58,8 @@ double pm_look_explain(const pm_look *look, const pm_look_group *target, int cou
                        const pm_look_group *source, double *coefficient);
 // Performs a linear regression of the rate of `target` on the powers 1 to `degree` of the
 // components of source [count], groups of the same size as `target`. Each power of a group has one
-// coefficient for all components, and each component has a constant term. Returns the fraction of
-// the rate's variance that stays unexplained, as pm_look_explain does. Only the first
+// coefficient for all components. Constant terms, inputs and the returned fraction are those of
+// pm_look_explain. Only the first
 // PM_LOOK_SOURCES/degree groups are used.
 double pm_look_explain_powers(const pm_look *look, const pm_look_group *target, int count,
                               const pm_look_group *source, int degree);
@@ -78,13 +84,6 @@ double pm_look_odd_part(const pm_look *look, const pm_parity *parity, int target
 // It is smaller than the number of components if some linear combinations do not change, such as
 // the amounts of chemical elements. Returns the number of components if memory runs out.
 int pm_look_rank(const pm_look *look, int count, const pm_look_group *group);
-
-// Returns true if the angular momentum, the sum of q[i] x p[i] over `count` conjugate pairs of
-// groups of two or three components, is constant along each trajectory. This sum is taken in the
-// coordinates of the dataset's columns. The dynamics then do not depend on directions. Returns
-// false if there are no pairs or all their products vanish.
-bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
-                            const pm_look_group *p);
 
 // Returns 1 or -1 if `target`, of three components, keeps its length in the examined states and
 // turns like a direction in a body with the angular momentum `spin`, of three components: 1 if its

@@ -59,9 +59,11 @@ static void write_head(const pm_draft *d) {
                 : "MORE are needed, such that a substep changes a rate by at most 0.5, and that a "
                   "decay is at most 2 per substep");
     if (d->rotates) {
-        fprintf(f,
-                "# The sum of q x p is conserved. Nothing depends on directions, so that energies "
-                "depend on the lengths of vectors.\n");
+        fprintf(
+            f,
+            "# The sum of q x p is conserved%s. Nothing depends on directions, so that energies "
+            "depend on the lengths of vectors.\n",
+            d->p->scene->nboundary_input > 0 ? " but for the moments of boundary inputs" : "");
     }
     fprintf(f, "scene: %s\n", d->p->scene_path);
     fprintf(f, "data: {file: %s}   # every fifth trajectory is kept back for validation\n",

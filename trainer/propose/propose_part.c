@@ -86,6 +86,8 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
             break;
         }
         fprintf(f, "%s", v->gyroscopic[g] ? "; its components move each other" : "");
+        fprintf(f, "%s",
+                v->gyrates[g] ? "; it and a variable without a role drive each other" : "");
         fprintf(f, "%s%s\n",
                 v->geometric[g] && v->kind[g] == PM_VIEW_OTHER
                     ? "; other variables move it, friction does not act on it"
@@ -337,7 +339,7 @@ static bool moves_more(const pm_part_view *v, int momentum) {
 
 // Whether the lossless coupling of this group with others, or among its components, is learned.
 static bool is_coupled(const pm_part_view *v, int g) {
-    return is_free(v, g) || v->gyroscopic[g] || moves_more(v, g);
+    return is_free(v, g) || v->gyroscopic[g] || v->gyrates[g] || moves_more(v, g);
 }
 
 // Writes L = sign z x for an angular momentum, and with a direction for this direction. In other

@@ -5,11 +5,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "propose/gyration.h"
+#include "propose/rotation.h"
+
 #define EXACT 1e-3      // unexplained fraction of the variance below which a rate is linear
 #define DEGREE 8        // of the polynomials that represent any function
 #define TRACE 1e-4      // fraction that a coupling must explain
-#define GYROSCOPIC 1e-2 // the same between components of a momentum
-#define OPPOSITE 0.1    // symmetric part over skew part of opposite coefficients at most
 #define CARRIED 0.2     // of what is even in time leaves of the rate of an entropy, at least
 #define CLEAR 0.05      // unexplained fraction up to which a coefficient is trusted
 #define NEAR_WHOLE 0.15 // largest distance of a trusted coefficient from a whole number
@@ -105,59 +106,6 @@ static pairing try_pair(const pm_look *look, const pm_part_view *parts, int part
     return first ? (pairing){a, b, rest_a, of_a} : (pairing){b, a, rest_b, of_b};
 }
 
-// One component of a group as a group of its own.
-static pm_look_group component_of(const pm_look_group *g, const pm_group *scalar, int component) {
-    pm_look_group c = *g;
-    c.group = scalar;
-    c.first = g->first + component;
-    return c;
-}
-
-// Regression of the rate of component `c` of a momentum on all components of the pair. Writes the
-// coefficients of the momentum [size], and returns how much the other components explain.
-static double explain_component(const pm_look *look, const pm_look_group *position,
-                                const pm_look_group *momentum, int c, double *of_momentum) {
-    const int size = momentum->group->size;
-    const pm_group scalar = {.size = 1};
-    const pm_look_group target = component_of(momentum, &scalar, c);
-    pm_look_group source[PM_LOOK_SOURCES];
-    double coefficient[PM_LOOK_SOURCES];
-    int count = 0;
-    for (int k = 0; k < size; ++k) {
-        source[count++] = component_of(position, &scalar, k);
-    }
-    source[count++] = target;
-    const double without = pm_look_explain(look, &target, count, source, coefficient);
-    --count;
-    for (int k = 0; k < size; ++k) {
-        source[count++] = component_of(momentum, &scalar, k);
-    }
-    const double rest = pm_look_explain(look, &target, count, source, coefficient);
-    memcpy(of_momentum, coefficient + size, (size_t)size * sizeof *of_momentum);
-    return without - rest;
-}
-
-// Whether two components of a momentum move each other by opposite coefficients.
-static bool is_gyroscopic(const pm_look *look, const pm_look_group *position,
-                          const pm_look_group *momentum) {
-    enum { MOST = PM_LOOK_SOURCES / 2 };
-    const int size = momentum->group->size;
-    double matrix[MOST][MOST], gain[MOST];
-    for (int c = 0; c < size && size <= MOST; ++c) {
-        gain[c] = explain_component(look, position, momentum, c, matrix[c]);
-    }
-    for (int c = 0; c < size && size <= MOST; ++c) {
-        for (int k = 0; k < c; ++k) {
-            const double symmetric = fabs(matrix[c][k] + matrix[k][c]);
-            const double skew = fabs(matrix[c][k] - matrix[k][c]);
-            if (symmetric < OPPOSITE * skew && fmin(gain[c], gain[k]) > GYROSCOPIC) {
-                return true;
-            }
-        }
-    }
-    return false;
-}
-
 static void name_pair(const pm_look *look, pm_part_view *parts, int part, const pairing *pair) {
     pm_part_view *v = &parts[part];
     const int position = pair->position, momentum = pair->momentum;
@@ -167,11 +115,24 @@ static void name_pair(const pm_look *look, pm_part_view *parts, int part, const 
     v->kind[momentum] = PM_VIEW_MOMENTUM;
     v->sign[position] = pair->own < 0 ? -1 : 1;
     v->linear[position] = pair->rest < EXACT;
-    v->gyroscopic[momentum] = is_gyroscopic(look, &v->group[position], &v->group[momentum]);
+    v->gyroscopic[momentum] = pm_look_gyroscopic(look, &v->group[position], &v->group[momentum]);
     const sources s = find_sources(look, parts, part, position, &v->unit[momentum]);
     v->apart[position] = v->linear[position] ||
                          pm_look_explain_powers(look, &v->group[position],
                                                 s.count < 2 ? s.count : 2, s.group, DEGREE) < EXACT;
+}
+
+// Finds a variable without a role and a momentum that drive each other like a current and a torque.
+static void find_gyrators(const pm_look *look, pm_part_view *v) {
+    for (int p = 0; p < v->count; ++p) {
+        for (int g = 0; g < v->count && v->kind[p] == PM_VIEW_MOMENTUM; ++g) {
+            v->gyrates[p] =
+                v->gyrates[p] ||
+                (v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant &&
+                 v->group[g].group->size == v->group[p].group->size &&
+                 pm_look_gyrates(look, &v->group[v->mate[p]], &v->group[p], &v->group[g]));
+        }
+    }
 }
 
 static bool may_pair(const pm_part_view *v, int a, int b) {
@@ -290,6 +251,7 @@ void pm_view_parts(const pm_look *look, pm_part_view *view) {
     }
     for (int i = 0; i < n; ++i) {
         find_geometric(look, view, i);
+        find_gyrators(look, &view[i]);
     }
 }
 

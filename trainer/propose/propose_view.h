@@ -35,6 +35,9 @@ typedef struct pm_part_view {
     bool apart[PM_MAX_GROUPS];
     // Momenta: two components drive each other with opposite coefficients, as in a magnetic field.
     bool gyroscopic[PM_MAX_GROUPS];
+    // Momenta: a variable without a role drives it and is driven by it with the opposite sign, as
+    // the flux in the winding of a motor.
+    bool gyrates[PM_MAX_GROUPS];
     // The sign changes when time runs backwards, as that of momenta and fluxes does: the unit has
     // an odd power of s and A together. Without loss such a variable moves those that keep their
     // sign.
