@@ -59,11 +59,12 @@ static void write_head(const pm_draft *d) {
                 : "MORE are needed, such that a substep changes a rate by at most 0.5, and that a "
                   "decay is at most 2 per substep");
     if (d->rotates) {
-        fprintf(
-            f,
-            "# The sum of q x p is conserved%s. Nothing depends on directions, so that energies "
-            "depend on the lengths of vectors.\n",
-            d->p->scene->nboundary_input > 0 ? " but for the moments of boundary inputs" : "");
+        fprintf(f,
+                "# %s. Nothing depends on directions, so that energies "
+                "depend on the lengths of vectors.\n",
+                d->rotates == PM_ROTATION_CONSERVED
+                    ? "The sum of q x p is conserved"
+                    : "Friction and boundary inputs alone change the sum of q x p");
     }
     fprintf(f, "scene: %s\n", d->p->scene_path);
     fprintf(f, "data: {file: %s}   # every fifth trajectory is kept back for validation\n",
@@ -152,7 +153,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
     } else {
         d.decay = pm_look_decay(&d.look);
         pm_view_parts(&d.look, d.part);
-        d.rotates = pm_view_rotates(&d.look, d.part);
+        d.rotates = pm_view_rotation(&d.look, d.part);
         write_all(&d);
         const bool failed = ferror(d.file) != 0;
         status = fclose(d.file) == 0 && !failed ? PM_OK

@@ -11,10 +11,10 @@ typedef struct pm_draft {
     FILE *file;
     const pm_proposal *p;
     pm_look look;
-    pm_part_view *part; // [nsubsystem]
-    bool rotates;       // the dynamics do not depend on directions
-    double decay;       // 1/s: the fastest decay (propose/decay.h)
-    int width;          // number of units in each hidden layer
+    pm_part_view *part;  // [nsubsystem]
+    pm_rotation rotates; // if not PM_ROTATION_NONE, the dynamics do not depend on directions
+    double decay;        // 1/s: the fastest decay (propose/decay.h)
+    int width;           // number of units in each hidden layer
 } pm_draft;
 
 // Returns the name of a group of a subsystem.

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "propose/gyration.h"
-#include "propose/rotation.h"
 
 #define EXACT 1e-3      // unexplained fraction of the variance below which a rate is linear
 #define DEGREE 8        // of the polynomials that represent any function
@@ -255,7 +254,7 @@ void pm_view_parts(const pm_look *look, pm_part_view *view) {
     }
 }
 
-bool pm_view_rotates(const pm_look *look, const pm_part_view *parts) {
+pm_rotation pm_view_rotation(const pm_look *look, const pm_part_view *parts) {
     enum { MOST = 64 };
     pm_look_group q[MOST], p[MOST];
     int count = 0;
@@ -269,7 +268,7 @@ bool pm_view_rotates(const pm_look *look, const pm_part_view *parts) {
             }
         }
     }
-    return pm_look_keeps_rotation(look, count, q, p);
+    return pm_look_rotation(look, count, q, p);
 }
 
 // --- ports ---

@@ -5,6 +5,7 @@
 
 #include "base/unit.h"
 #include "propose/look.h"
+#include "propose/rotation.h"
 
 typedef enum pm_view_kind {
     PM_VIEW_OTHER,
@@ -87,9 +88,8 @@ double pm_view_coefficient_unit(const pm_unit *a, const pm_unit *b);
 // Returns true if end `end` (0: a, 1: b) of port number `port` exposes the group `group`.
 bool pm_view_exposes(const pm_scene *scene, int port, int end, const char *group);
 
-// Returns true if the dynamics do not depend on directions: some conjugate pairs q, p are vectors,
-// and the sum of their angular momenta q x p is conserved in the dataset. `parts` is the result of
-// pm_view_parts.
-bool pm_view_rotates(const pm_look *look, const pm_part_view *parts);
+// Returns how the sum of the angular momenta q x p of all conjugate pairs that are vectors behaves
+// in the dataset. `parts` is the result of pm_view_parts.
+pm_rotation pm_view_rotation(const pm_look *look, const pm_part_view *parts);
 
 #endif

@@ -1,5 +1,5 @@
 // Tests for conserved angular momentum, by its balance along each trajectory: its change less the
-// integrals of the moments that boundary inputs exert.
+// integrals of the moments that friction and boundary inputs exert.
 #include "propose/rotation.h"
 
 #include <math.h>
@@ -8,12 +8,13 @@
 #include "base/linalg.h"
 
 #define SAME 2e-3       // relative to |q||p|: the change below which q x p is conserved
-#define MOST_MOMENTS 16 // terms of the balance
+#define MOST_MOMENTS 32 // terms of the balance
 #define RIDGE 1e-10     // relative to the diagonal
 
-// The moment x x e of the co-energy e of a boundary input about a group x.
+// The moment x x e of a vector e about a group x.
 typedef struct moment {
     const pm_look_group *group; // x, of two or three components
+    const pm_look_group *drag;  // e is this group; NULL: the co-energy of a boundary input
     int input[3];               // components of e among the values of all boundary inputs
 } moment;
 
@@ -68,16 +69,20 @@ static void add_moment(balance *b, const pm_look_group *group, const pm_scene_po
         &b->look->scene->boundary_input[port->boundary_input[end]];
     if (b->nmoment < MOST_MOMENTS) {
         moment *m = &b->moment[b->nmoment++];
-        m->group = group;
+        *m = (moment){.group = group};
         for (int c = 0; c < input->size; ++c) {
             m->input[c] = owner->first + owner->layout.nz + port->component[end][input->first + c];
         }
     }
 }
 
-// Finds the boundary inputs that act on the subsystem of a pair and have as many components.
+// Finds the moments on a pair: friction, which is proportional to q x p, and those of boundary
+// inputs that act on its subsystem and have as many components.
 static void find_moments(balance *b, const pm_look_group *q, const pm_look_group *p) {
     const pm_scene *scene = b->look->scene;
+    if (b->nmoment < MOST_MOMENTS) {
+        b->moment[b->nmoment++] = (moment){.group = q, .drag = p};
+    }
     const int i = pm_look_subsystem(b->look, q->first);
     for (int e = scene->first_end[i]; e < scene->first_end[i + 1]; ++e) {
         const pm_scene_port *port = &scene->port[scene->end_at[e] / 2];
@@ -107,19 +112,31 @@ static void integrate(int ntime, double dt, int n, const double *rate, double *i
     }
 }
 
+// Writes the vector e of a moment in one state.
+static void take_drive(const balance *b, const moment *m, const double *row, const double *value,
+                       double e[3]) {
+    memset(e, 0, 3 * sizeof *e);
+    if (m->drag != NULL) {
+        take_vector(b->look, row, m->drag, e);
+        return;
+    }
+    for (int c = 0; c < m->group->group->size; ++c) {
+        e[c] = value[m->input[c]];
+    }
+}
+
 static void integrate_moments(balance *b, int i) {
     const pm_dataset *d = b->look->dataset;
     const int nvalue = b->look->scene->nprescribed, n = 3 * b->nmoment;
     memset(b->rate, 0, (size_t)d->ntime * (size_t)n * sizeof *b->rate);
-    for (int j = 0; j < d->ntime && n > 0; ++j) {
+    for (int j = 0; j < d->ntime; ++j) {
         double *value = b->input + (ptrdiff_t)j * nvalue;
         pm_inputs_at(b->look->inputs, i, j, value);
         for (int m = 0; m < b->nmoment; ++m) {
-            double x[3], e[3] = {0};
-            take_vector(b->look, pm_dataset_state(d, i, j), b->moment[m].group, x);
-            for (int c = 0; c < b->moment[m].group->group->size; ++c) {
-                e[c] = value[b->moment[m].input[c]];
-            }
+            const double *row = pm_dataset_state(d, i, j);
+            double x[3], e[3];
+            take_vector(b->look, row, b->moment[m].group, x);
+            take_drive(b, &b->moment[m], row, value, e);
             add_cross(x, e, b->rate + (ptrdiff_t)j * n + 3 * m);
         }
     }
@@ -142,7 +159,9 @@ static void add_equation(balance *b, const double *integral, double change) {
 static void follow(balance *b, int i, bool measure) {
     const pm_dataset *d = b->look->dataset;
     double first[3] = {0};
-    integrate_moments(b, i);
+    if (b->nmoment > 0) {
+        integrate_moments(b, i);
+    }
     for (int j = 0; j < d->ntime; ++j) {
         double J[3] = {0};
         const double *integral = b->integral + (ptrdiff_t)j * 3 * b->nmoment;
@@ -166,6 +185,8 @@ static void follow(balance *b, int i, bool measure) {
     }
 }
 
+// Computes the coefficients of the moments by least squares. Returns false if they are not
+// determined.
 static bool solve(balance *b) {
     for (int i = 0; i < b->look->dataset->ntrajectory; ++i) {
         follow(b, i, false);
@@ -177,23 +198,34 @@ static bool solve(balance *b) {
     return pm_cholesky_solve(b->nmoment, b->matrix, b->coefficient);
 }
 
-bool pm_look_keeps_rotation(const pm_look *look, int count, const pm_look_group *q,
-                            const pm_look_group *p) {
-    const pm_dataset *d = look->dataset;
+// Returns true if the moments explain all changes.
+static bool is_balanced(balance *b) {
+    b->change = b->size = 0;
+    if (b->nmoment > 0 && !solve(b)) {
+        return false;
+    }
+    for (int i = 0; i < b->look->dataset->ntrajectory; ++i) {
+        follow(b, i, true);
+    }
+    return b->size > 0 && b->change < SAME * SAME * b->size;
+}
+
+pm_rotation pm_look_rotation(const pm_look *look, int count, const pm_look_group *q,
+                             const pm_look_group *p) {
     balance b = {.look = look, .npair = count, .q = q, .p = p};
+    if (count == 0 || is_balanced(&b)) {
+        return count == 0 ? PM_ROTATION_NONE : PM_ROTATION_CONSERVED;
+    }
     for (int k = 0; k < count; ++k) {
         find_moments(&b, &q[k], &p[k]);
     }
     pm_arena arena = {0};
-    const size_t ntime = (size_t)d->ntime, n = 3 * (size_t)b.nmoment;
+    const size_t ntime = (size_t)look->dataset->ntime, n = 3 * (size_t)b.nmoment;
     b.input = pm_arena_array(&arena, ntime * (size_t)look->scene->nprescribed, sizeof *b.input);
     b.rate = pm_arena_array(&arena, ntime * n, sizeof *b.rate);
     b.integral = pm_arena_array(&arena, ntime * n, sizeof *b.integral);
-    bool solved = count > 0 && b.input != NULL && b.rate != NULL && b.integral != NULL;
-    solved = solved && (b.nmoment == 0 || solve(&b));
-    for (int i = 0; i < d->ntrajectory && solved; ++i) {
-        follow(&b, i, true);
-    }
+    const bool balanced =
+        b.input != NULL && b.rate != NULL && b.integral != NULL && is_balanced(&b);
     pm_arena_free(&arena);
-    return solved && b.size > 0 && b.change < SAME * SAME * b.size;
+    return balanced ? PM_ROTATION_BALANCED : PM_ROTATION_NONE;
 }
