@@ -1,4 +1,4 @@
-// Proposals of training files: directions that turn with a body, and boundary inputs.
+// Proposals of training files: directions that turn with a body, boundary inputs, and strings.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -219,6 +219,52 @@ static void momenta_do_not_warm_a_body(void **state) {
     assert_says(text, "- {features: [q, s], hidden");
 }
 
+#define STRING                                                                                    \
+    "scene: string\n"                                                                             \
+    "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 1}\n"                                 \
+    "subsystems:\n"                                                                               \
+    "  ball: {weights: a.h5, state: {q: {unit: m, columns: [x, y]}, p: {unit: kg m/s, columns: [" \
+    "u, v]}, s: {unit: J/K, columns: [s]}}}\n"
+
+// A ball of 1 kg in air, in a field of 10 m/s^2 along y. It begins at `length` (m) below the pivot
+// or at its side, on an elastic string of 1 m and 30 N/m, or if it begins nearer on one of no
+// length.
+static pm_dataset *hang(double length) {
+    static const char *const column[] = {"x", "y", "u", "v", "s"};
+    const double fine = 0.0005;
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 3, 60, 5, 0.05, column), PM_OK);
+    for (int k = 0; k < 3; ++k) {
+        double z[5] = {0.3 * k * length, -length, 0.2 * length, 0.1 * k * length, 0};
+        for (int i = 0; i < 60; ++i) {
+            memcpy(pm_dataset_state(d, k, i), z, sizeof z);
+            for (int t = 0; t < 100; ++t) {
+                const double r = hypot(z[0], z[1]), field = length > 0.5 ? 10 : 1;
+                const double pull = length > 0.5 ? 30 * (1 - 1 / r) : 30;
+                const double heat = 0.05 * (z[2] * z[2] + z[3] * z[3]) / 300;
+                const double rate[5] = {z[2], z[3], -pull * z[0] - 0.05 * z[2],
+                                        -pull * z[1] - 0.05 * z[3] - field, heat};
+                for (int c = 0; c < 5; ++c) {
+                    z[c] += fine * rate[c];
+                }
+            }
+        }
+    }
+    return d;
+}
+
+// A field breaks the symmetry of a string, whose energy depends on its length as before. Where the
+// ball passes the pivot, the length has no derivative.
+static void a_string_in_a_field_has_a_length(void **state) {
+    (void)state;
+    char text[PM_PROPOSAL_TEXT];
+    propose(STRING, hang(1.2), text);
+    assert_says(text, "- {features: [\"|q|\", q], hidden");
+    assert_says(text, "- {features: [\"|q|\", q, s], hidden");
+    propose(STRING, hang(0.1), text);
+    assert_says(text, "- {features: [q], hidden");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_direction_turns_with_its_body),
@@ -227,6 +273,7 @@ int main(void) {
         cmocka_unit_test(a_boundary_input_is_no_feature),
         cmocka_unit_test(a_length_and_a_momentum_are_conjugate_across_a_port),
         cmocka_unit_test(momenta_do_not_warm_a_body),
+        cmocka_unit_test(a_string_in_a_field_has_a_length),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

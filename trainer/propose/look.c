@@ -10,7 +10,6 @@
 #define MOST_STATES 6000   // the most examined states
 #define MARGIN 2           // states at either end, needed for central differences
 #define MOVES 1e-9         // relative change over one step below which a variable is constant
-#define NEAR_ZERO 0.02     // relative to the deviation
 #define MOST_COMPONENTS 16 // of groups whose rank is examined
 #define INDEPENDENT 1e-8   // eigenvalue of an independent process, relative to the largest
 #define EVEN_TERMS 64      // of a function that is even in time
@@ -131,7 +130,7 @@ pm_look_group pm_look_at(const pm_look *look, int subsystem, int group) {
         }
         smallest = fmin(smallest, length);
     }
-    g.zero = smallest < NEAR_ZERO * g.deviation;
+    g.shortest = smallest;
     return g;
 }
 

@@ -14,7 +14,7 @@ typedef struct pm_look_group {
     double rate;           // root mean square of its rate over states and components, unit per s
     bool constant;         // the group does not change
     bool positive;         // all components are positive in all examined states
-    bool zero;             // in some examined state its length is small compared with the deviation
+    double shortest;       // smallest length of the vector in the examined states, in its unit
 } pm_look_group;
 
 // The examined states of a dataset, from which all functions below compute their statistics.

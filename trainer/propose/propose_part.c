@@ -5,9 +5,11 @@
 #include "model/feature.h"
 #include "propose/propose_draft.h"
 
-#define STRENGTH_WIDTH 6 // hidden units of the strengths of dissipative processes
-#define HEAT_WIDTH 6     // and of the dependence of heat on other variables
-#define SOFT_WIDTH 8     // and of M in the form soft
+#define STRENGTH_WIDTH 6   // hidden units of the strengths of dissipative processes
+#define HEAT_WIDTH 6       // and of the dependence of heat on other variables
+#define SOFT_WIDTH 8       // and of M in the form soft
+#define NEAR_ZERO 0.02     // a vector that comes so near zero, relative to its deviation
+#define AWAY_FROM_ZERO 0.5 // a vector that stays so far from zero
 
 const char *pm_draft_name(const pm_part_view *v, int g) {
     return v->group[g].group->name;
@@ -114,14 +116,37 @@ static void add_entropies(pm_draft_list *l, const pm_part_view *v, bool changing
 static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v,
                         const char *before, int g) {
     const pm_unit volume = pm_unit_parse("m^3");
-    const bool length = d->rotates && v->group[g].group->size > 1 && v->mate[g] >= 0;
-    if (length || (v->group[g].positive && pm_unit_equal(&v->unit[g], &volume))) {
+    const pm_look_group *group = &v->group[g];
+    const bool length = d->rotates && group->group->size > 1 && v->mate[g] >= 0;
+    if (length || (group->positive && pm_unit_equal(&v->unit[g], &volume))) {
         char name[2 * PM_MAX_NAME];
         snprintf(name, sizeof name, "%s%s", before, pm_draft_name(v, g));
-        add_quoted(l, length && v->group[g].zero ? "|" : "ln|", name, "|");
+        const bool zero = group->shortest < NEAR_ZERO * group->deviation;
+        add_quoted(l, length && zero ? "|" : "ln|", name, "|");
     } else {
         pm_draft_add(l, before, pm_draft_name(v, g));
     }
+}
+
+// Returns true if the energy may depend on the length of a vector and on its direction, too, as
+// that of a spring in a field does. Near zero the length has no derivative.
+static bool has_length_too(const pm_draft *d, const pm_part_view *v, int g) {
+    const pm_unit metre = pm_unit_parse("m");
+    const pm_look_group *group = &v->group[g];
+    const int size = group->group->size;
+    return !d->rotates && v->kind[g] == PM_VIEW_POSITION && (size == 2 || size == 3) &&
+           pm_unit_equal(&v->unit[g], &metre) &&
+           group->shortest > AWAY_FROM_ZERO * group->deviation;
+}
+
+// Adds the groups on which a term of the energy depends. Returns the number of components.
+static int add_energy_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view *v, int g) {
+    const bool both = has_length_too(d, v, g);
+    if (both) {
+        add_quoted(l, "|", pm_draft_name(v, g), "|");
+    }
+    add_feature(d, l, v, "", g);
+    return d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size + both;
 }
 
 int pm_draft_count_odd(const pm_part_view *v, const pm_layout *shown) {
@@ -230,7 +255,7 @@ static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, co
     for (int g = 0; g < v->count; ++g) {
         const bool moves = v->odd[g] && v->unit[g].known;
         if (is_state(v, g) && !done[g] && !moves) {
-            add_feature(d, &l, v, "", g);
+            (void)add_energy_feature(d, &l, v, g);
         }
     }
     const bool coupled = l.count > 0;
@@ -256,8 +281,7 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         pm_draft_list l = pm_draft_open(f, "      - {features: ");
         for (int g = 0; g < v->count; ++g) {
             if (is_state(v, g) && !done[g]) {
-                add_feature(d, &l, v, "", g);
-                inputs += d->rotates && v->mate[g] >= 0 ? 1 : v->group[g].group->size;
+                inputs += add_energy_feature(d, &l, v, g);
             }
         }
         fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(inputs));
