@@ -41,12 +41,11 @@ finish() {
     exit 0
 }
 
-# wait_until SECONDS COMMAND...: looks every few milliseconds whether COMMAND succeeds; fails if it
-# has not after so many seconds, which only a fault takes.
+# wait_until COMMAND...: looks every few milliseconds whether COMMAND succeeds; fails if it has not after
+# 120 s, which only a fault takes, however busy the machine is.
 wait_until() {
     read -r limit _ </proc/uptime
-    limit=$((${limit%.*} + $1 + 1))
-    shift
+    limit=$((${limit%.*} + 120))
     until "$@"; do
         read -r clock _ </proc/uptime
         [ "${clock%.*}" -le "$limit" ] || return 1
@@ -79,7 +78,7 @@ says() {
 
 # awaits NAME PATTERN: waits until its errors have such a line.
 awaits() {
-    wait_until 30 says "$1" "$2" || fail "$1: never said \"$2\""
+    wait_until says "$1" "$2" || fail "$1: never said \"$2\""
 }
 
 # held NAME STEP: waits until the run is held there.
@@ -125,7 +124,7 @@ has_child() {
 
 # find_child PID NAME: waits until that process is there; its id in $victim.
 find_child() {
-    wait_until 30 has_child "$1" "$2" || fail "no process $2"
+    wait_until has_child "$1" "$2" || fail "no process $2"
     victim=$(child "$1" "$2")
 }
 
@@ -140,6 +139,24 @@ listens() {
         ls -l "/proc/$1/fd" | grep -q "socket:\[$socket\]" && return
     done
     return 1
+}
+
+# await_nodes PID...: waits until these nodes listen. What a coordinator that starts then tells them, also
+# as its last word, waits in their sockets.
+await_nodes() {
+    for node in "$@"; do
+        wait_until listens "$node" || fail "a node does not listen"
+    done
+}
+
+# misses SCENE NODE: whether a coordinator says that all nodes but this one have joined.
+misses() {
+    "$portmetd" status "$1" 2>/dev/null | grep -q "steps/s; $2 is missing"
+}
+
+# await_missing SCENE NODE: waits until all nodes but this one have joined.
+await_missing() {
+    wait_until misses "$1" "$2" || fail "no coordinator waits for $2 alone"
 }
 
 # processes SCENES: those that have an argument which begins like this in the test's folder.

@@ -52,14 +52,15 @@ start run run "$tea" --quiet --record "$folder/run.h5"
 ends run $pid 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/run.h5" || fail "run: other bits than in one process"
 
-# by_hand ROOM: a node for the cup, one for the room by the scene ROOM, and the coordinator.
+# by_hand ROOM: a node for the cup, the coordinator, and a node for the room by the scene ROOM.
 by_hand() {
     start cup node "$tea" cup
     cup=$pid
-    start room node "$1" room
-    room=$pid
     start coordinator coordinator "$tea" --quiet --record "$folder/hand.h5"
     coordinator=$pid
+    await_missing "$tea" room
+    start room node "$1" room
+    room=$pid
 }
 by_hand "$tea"
 ends coordinator $coordinator 0 ""

@@ -19,7 +19,7 @@ kill -STOP "$victim" || fail "no node to pause"
 open_gate paused 80
 
 # All processes stopped, as by Ctrl-Z or in a frozen container, held and on their way. Each goes on later.
-sed '/^time:/i lockstep: {patience: 2}' "$scene" >"$folder/frozen.yaml"
+sed '/^time:/i lockstep: {patience: 4}' "$scene" >"$folder/frozen.yaml"
 for gate in 50 1000000; do
     open_gate frozen$gate 50
     start frozen$gate run "$folder/frozen.yaml" --steps 1000000 --gate "$folder/frozen$gate.gate"
@@ -29,7 +29,7 @@ for gate in 50 1000000; do
     kill -STOP $pid $(children $pid) || fail "no run to stop"
     eval "frozen_processes$gate='$pid $(children $pid)'"
 done
-sleep 3
+sleep 6 # longer than their patience
 for gate in 50 1000000; do
     eval "kill -CONT \$frozen_processes$gate"
     eval "pid=\$frozen$gate"

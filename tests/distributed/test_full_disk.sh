@@ -55,7 +55,7 @@ keeps_its_promise "$folder/kept/run.h5" 200
 open_gate halfway 600
 start halfway run "$scene" --in-process --quiet --steps $forever --record "$folder/halfway.h5" --gate \
     "$folder/halfway.gate"
-wait_until 30 test -s "$folder/halfway.h5" || fail "halfway: no recording"
+wait_until test -s "$folder/halfway.h5" || fail "halfway: no recording"
 prlimit --fsize=1000 --pid $pid
 open_gate halfway $forever
 ends halfway $pid 4 "halfway.h5: cannot write.*(File too large)"

@@ -11,7 +11,7 @@ for i in 2 3; do
     unshare -n sleep 1000 &
     eval "host$i=$!"
     started="$started $!"
-    wait_until 30 has_own_network $! || fail "no host $i"
+    wait_until has_own_network $! || fail "no host $i"
 done
 on() {
     eval "namespace=/proc/\$host$1/ns/net"
@@ -83,7 +83,7 @@ for hosts in 2 3; do
     if cut 2; then
         open_gate $name 200
         for hook in input output; do
-            wait_until 30 has_lost 2 $hook || fail "nothing was lost: $hook"
+            wait_until has_lost 2 $hook || fail "nothing was lost: $hook"
         done
         awaits $name "the run pauses after step 100: no word from .*right"
         says $name "held after step 200" && fail "$name: steps were made across a cut cable"

@@ -69,7 +69,7 @@ survives() {
         case $choice in *:held:*) held "$scene_name" "$step" ;; esac
         kill -KILL "$victim" || fail "$scene_name: ${choice##*:} was gone before it was killed"
         deaths=$((deaths + 1))
-        wait_until 60 has_lost "$scene_name" $deaths || fail "$scene_name: expected $deaths deaths"
+        wait_until has_lost "$scene_name" $deaths || fail "$scene_name: expected $deaths deaths"
         [ $failures -eq 0 ] || finish
     done
     open_gate "$scene_name" "$steps"

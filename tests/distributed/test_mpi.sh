@@ -62,7 +62,7 @@ holds() {
 
 # has_ended NAME: no rank is left, and six samples can be read.
 has_ended() {
-    wait_until 30 has_no_processes "$1.yaml" || fail "$1: ranks are left"
+    wait_until has_no_processes "$1.yaml" || fail "$1: ranks are left"
     h5ls "$folder/$1.h5" | grep -q 'step .*{6/Inf}' || fail "$1: the recording is not sound"
 }
 
@@ -79,7 +79,7 @@ same two 3
 lcm-logger --quiet --lcm-url='udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304' "$folder/log" &
 logger=$!
 started="$started $logger"
-wait_until 30 listens $logger || fail "the logger does not listen"
+wait_until listens $logger || fail "the logger does not listen"
 chain eight '{a: "link[0:5]", b: "link[5:10]", c: "link[10:15]", d: "link[15:20]", e: "link[20:25]",
              f: "link[25:30]", g: "link[30:35]", h: "link[35:40]"}'
 same eight 9
@@ -103,7 +103,10 @@ ends node $pid 2 'node does not work at mpi://: .*"mpirun -n 3 portmetd run'
 
 # `status` hears the tap; an interrupt ends all ranks, and prints the tables of the steps done.
 holds interrupt
-"$portmetd" status "$folder/interrupt.yaml" | grep -q '^chain' || fail "status hears nothing"
+hears() {
+    "$portmetd" status "$folder/interrupt.yaml" 2>/dev/null | grep -q '^chain'
+}
+wait_until hears || fail "status hears nothing"
 kill -INT $pid
 wait $pid && fail "interrupt: expected a failure"
 has_ended interrupt
@@ -114,7 +117,7 @@ kill -KILL "$(one_rank $pid)"
 wait $pid && fail "death: expected a failure"
 has_ended death
 
-patience=3
+patience=6
 chain two '{a: "link[0:20]", b: "link[20:40]"}'
 holds stopped
 kill -STOP "$(one_rank $pid)"

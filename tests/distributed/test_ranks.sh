@@ -16,7 +16,7 @@ export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_
 ranks() {
     count=$1 out=$2 name=$3
     shift 3
-    timeout 100 mpirun -n "$count" "$train" fit "$folder/$name.yaml" --data "$folder/data.h5" -o "$folder/$out" \
+    timeout 500 mpirun -n "$count" "$train" fit "$folder/$name.yaml" --data "$folder/data.h5" -o "$folder/$out" \
         "$@" >"$folder/$out.out" 2>"$folder/$out.err" </dev/null
     code=$?
 }

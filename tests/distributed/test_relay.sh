@@ -11,7 +11,7 @@ echo "seed $seed"
 unshare -n sleep 1000 &
 host=$!
 started="$started $host"
-wait_until 30 has_own_network $host || fail "no other host"
+wait_until has_own_network $host || fail "no other host"
 there() {
     nsenter --net="/proc/$host/ns/net" "$@"
 }
@@ -34,7 +34,7 @@ start_there() {
 "$relay" $host 1000 "$seed" >"$folder/relay.out" &
 cable=$!
 started="$started $cable"
-wait_until 30 grep -q "^carries" "$folder/relay.out" || fail "no cable"
+wait_until grep -q "^carries" "$folder/relay.out" || fail "no cable"
 
 # kept NAME CHECKPOINTS: a run, left here and right there; CHECKPOINTS: options for all, in words, with which
 # right is killed twice: while the run is held, and on its way.

@@ -14,12 +14,14 @@ hears() {
     "$replayer" record "$folder/$1.bytes" "$1" >"$folder/$1.out" &
     ear=$!
     started="$started $ear"
-    wait_until 30 grep -q listening "$folder/$1.out" || fail "$1: nobody listens"
+    wait_until grep -q listening "$folder/$1.out" || fail "$1: nobody listens"
 }
 
-# repeats WORD SECONDS: sends it again; begins before this returns.
+# repeats WORD SECONDS: ends the recording once it has something, and sends that again; begins before this
+# returns.
 repeats() {
-    [ -s "$folder/$1.bytes" ] || fail "$1: nothing was sent"
+    wait_until test -s "$folder/$1.bytes" || fail "$1: nothing was sent"
+    kill $ear
     "$replayer" replay "$folder/$1.bytes" "$2" >"$folder/$1.sent" &
     mouth=$!
     started="$started $mouth"
@@ -35,7 +37,6 @@ held first 100
 kill -INT $first
 wait $first
 [ $? -eq 12 ] || fail "first: expected an interrupted run"
-kill $ear
 repeats COMMAND 6
 open_gate again 200
 start again run "$keyed" --steps $steps --checkpoint "$folder/saved" --gate "$folder/again.gate" \
@@ -69,7 +70,6 @@ hears TICK
 by_hand before
 nodes
 all_end before
-kill $ear
 nodes
 repeats TICK 4
 sleep 2

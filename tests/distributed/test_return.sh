@@ -121,7 +121,7 @@ killed() {
         says "$1" "held after step $step by" && at_gate=$((at_gate + 1))
         kill -KILL "$victim" || fail "$1: ${choice##*:} was gone before it was killed"
         kills_done=$((kills_done + 1))
-        wait_until 30 has_lost "$1" $kills_done || fail "$1: expected $kills_done deaths"
+        wait_until has_lost "$1" $kills_done || fail "$1: expected $kills_done deaths"
         [ $failures -eq 0 ] || return
     done
     open_gate "$1" $steps
@@ -172,7 +172,7 @@ held first $middle
 open_gate first $((steps - 1))
 kill -KILL $run
 wait $run
-wait_until 30 has_no_processes scene || fail "again: processes have outlived their run"
+wait_until has_no_processes scene || fail "again: processes have outlived their run"
 [ -n "$(ls "$folder/again")" ] || fail "again: no checkpoints"
 start again run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5"
 ends again $pid 0 ""

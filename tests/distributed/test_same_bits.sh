@@ -6,7 +6,7 @@
 "$portmetd" run "$scene" --in-process --quiet --record "$folder/plain.h5" || fail "in process"
 
 for window in 1 4; do
-    sed "/^time:/i lockstep: {window: $window, patience: 5}" "$scene" >"$folder/scene_$window.yaml"
+    sed "/^time:/i lockstep: {window: $window}" "$scene" >"$folder/scene_$window.yaml"
     record=$folder/window_$window.h5
     start run run "$folder/scene_$window.yaml" --quiet --record "$record"
     ends run $pid 0 ""
@@ -45,9 +45,7 @@ start left node "$scene" left
 left=$pid
 start right node "$scene" right
 right=$pid
-for node in $left $right; do
-    wait_until 30 listens "$node" || fail "by hand: a node does not listen"
-done
+await_nodes $left $right
 start coordinator coordinator "$scene" --quiet --record "$folder/hand.h5"
 ends coordinator $pid 0 ""
 ends left $left 0 ""

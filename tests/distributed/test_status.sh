@@ -13,7 +13,7 @@ shows() {
 
 # comes_to_show PATTERN
 comes_to_show() {
-    wait_until 30 shows "$1" || { cat "$folder/status.out"; fail "status: never \"$1\""; }
+    wait_until shows "$1" || { cat "$folder/status.out"; fail "status: never \"$1\""; }
 }
 
 # Nobody runs.
@@ -79,7 +79,7 @@ while True:
 ' "$folder/manager" >"$folder/manager.err" 2>/dev/null &
     manager=$!
     started="$started $manager"
-    wait_until 30 test -S "$folder/manager" || fail "no service manager"
+    wait_until test -S "$folder/manager" || fail "no service manager"
     export NOTIFY_SOCKET="$folder/manager"
     start managed coordinator "$folder/patient.yaml" --steps $forever
     managed=$pid
@@ -106,7 +106,7 @@ is_told() {
     sleep 0.2
     says told '"part":"left","message":"status of left","fields":{"step":[1-9]'
 }
-wait_until 30 is_told || fail "told: no status of left"
+wait_until is_told || fail "told: no status of left"
 kill -INT $told
 wait $told
 [ $? -eq 12 ] || fail "told: expected an interrupted run"

@@ -18,7 +18,7 @@ memory() { awk '/^VmRSS/ { print $2 }' "/proc/$1/status" 2>/dev/null; }
 descriptors() { ls "/proc/$1/fd" 2>/dev/null | wc -l; }
 size() { stat -c %s "$folder/soak.h5" 2>/dev/null || echo 0; }
 
-wait_until 60 test -s "$folder/soak.h5" || fail "no recording"
+wait_until test -s "$folder/soak.h5" || fail "no recording"
 echo "s,recording kB,run kB,run fds,coordinator kB,coordinator fds,left kB,left fds,right kB,right fds,kills" >"$table"
 kills=0 second=0
 while [ $second -lt "$seconds" ] && kill -0 "$run" 2>/dev/null; do
