@@ -199,7 +199,7 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
             "text file whose first line names the columns, with units in brackets if they are\n"
             "known: t [s], theta [rad]. Times may be in s, ms or us, and need not be even.\n"
             "Commas, semicolons or tabs separate the numbers; an empty place or nan is a sample\n"
-            "that is missing. Lines that begin with # and columns without a number are left out.\n"
+            "that is missing. Lines that begin with # and columns of texts are left out.\n"
             "Real vectors and matrices of a MATLAB file (.mat), also in structs, are columns,\n"
             "too, if the program was built with libmatio.",
         .positional_name = "TABLE",

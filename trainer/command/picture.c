@@ -38,8 +38,7 @@ static pm_status read_arguments(picture_arguments *a, int argc, char **argv, boo
          "s; draw the state nearest to it (default: the last)"},
         {"--error", NULL, NULL, &a->error, NULL, false,
          "draw the difference of the stresses of two fields, or of those of --beside and FIELDs, "
-         "in "
-         "a further panel"},
+         "in a further panel"},
     };
     const pm_options options = {
         .usage = "portmet-train picture FIELD [FIELD...] -o FILE [options]",

@@ -10,6 +10,7 @@
 #include "command/commands.h"
 #include "command/save_fields.h"
 #include "scene/weights.h"
+#include "sim/score.h"
 
 typedef struct respond_arguments {
     const char *fields, *weights, *trajectories, *plot, *output;
@@ -39,20 +40,9 @@ static pm_status read_arguments(respond_arguments *a, int argc, char **argv, boo
     return pm_options_output("--output", a->output);
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-// Returns the quantile of sorted [count] below which a share of the values lies, by interpolation.
-static double quantile(int count, const double *sorted, double share) {
-    const double at = share * (count - 1);
-    const int low = (int)at, high = low + 1 < count ? low + 1 : low;
-    return sorted[low] + (at - low) * (sorted[high] - sorted[low]);
-}
-
 // Prints the lower quartile, median, upper quartile and maximum of each of the first errors.
-static void print_errors(int nscore, int count, const pm_solid_response *r, double *sorted) {
+// `value` [count] is work space.
+static void print_errors(int nscore, int count, const pm_solid_response *r, double *value) {
     static const char *const name[PM_SOLID_NSCORE] = {"displacement", "stress, free nodes",
                                                       "stored energy", "dissipated energy"};
     printf("Relative L2 errors over %d trajectories, %%\n"
@@ -60,11 +50,11 @@ static void print_errors(int nscore, int count, const pm_solid_response *r, doub
            count);
     for (int k = 0; k < nscore; ++k) {
         for (int i = 0; i < count; ++i) {
-            sorted[i] = 100 * r[i].error[k];
+            value[i] = 100 * r[i].error[k];
         }
-        qsort(sorted, (size_t)count, sizeof *sorted, compare);
-        printf("  %-20s %8.3f %8.3f %8.3f %8.3f\n", name[k], quantile(count, sorted, 0.25),
-               quantile(count, sorted, 0.5), quantile(count, sorted, 0.75), sorted[count - 1]);
+        const pm_box box = pm_box_of(count, value);
+        printf("  %-20s %8.3f %8.3f %8.3f %8.3f\n", name[k], box.first_quartile, box.median,
+               box.third_quartile, box.largest);
     }
 }
 

@@ -18,8 +18,8 @@ typedef struct pm_table {
 // Reads a table. The first line that does not begin with # names the columns; a unit may follow in
 // brackets. A comma, semicolon or tab separates columns, whichever the first line has. The caller
 // frees. PM_EFILE: the file cannot be read; PM_EDATA, with the line: a line has another number of
-// columns, or a place among numbers holds none; PM_ENOMEM. A column without any number is left out,
-// and a line of the output names it.
+// columns, or a place among numbers holds none; PM_ENOMEM. A column of texts without any number is
+// left out, and a line of the output names it.
 pm_status pm_table_read(pm_table *table, const char *path);
 // Reads the real matrices of numbers of a MATLAB file (version 4 to 7.3) as a table, also those
 // that are fields of a struct. A vector becomes a column with the name of the variable or field; a

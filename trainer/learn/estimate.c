@@ -395,18 +395,13 @@ pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const p
     return box;
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
                                  const pm_dataset *dataset, const int *which, double seconds,
                                  int column) {
     const size_t most = (size_t)e->count * (size_t)e->ntime;
     double *y = malloc(2 * most * sizeof *y), *miss = y == NULL ? NULL : y + most;
     double error = NAN;
-    size_t n = 0;
+    int n = 0;
     for (int i = 0; y != NULL && i < e->count; ++i) {
         for (int k = 0; k < e->ntime; ++k) {
             const double value = later_sample(e, o, dataset, which[i], seconds, k, column);
@@ -417,14 +412,11 @@ double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
         }
     }
     if (n > 0) {
-        qsort(y, n, sizeof *y, compare);
-        const double middle = y[n / 2];
-        for (size_t k = 0; k < n; ++k) {
+        const double middle = pm_box_of(n, y).median;
+        for (int k = 0; k < n; ++k) {
             y[k] = fabs(y[k] - middle);
         }
-        qsort(y, n, sizeof *y, compare);
-        qsort(miss, n, sizeof *miss, compare);
-        error = miss[n / 2] / y[n / 2];
+        error = pm_box_of(n, miss).median / pm_box_of(n, y).median;
     }
     free(y);
     return error;

@@ -34,8 +34,7 @@ typedef struct set {
     pm_group_magnitude magnitude[PM_MAX_FEATURES]; // of a scale, where they are known, else 0
     bool heated[PM_MAX_FEATURES];                  // of a scale: takes up heat
     bool input[PM_MAX_FEATURES];                   // of a scale: a boundary input has it
-    pm_node
-        effort; // the co-energies of the groups of a boundary input, side by side, or PM_NO_NODE
+    pm_node effort; // co-energies of the groups of a boundary input, side by side, or PM_NO_NODE
 } set;
 
 typedef struct collection {
