@@ -1,6 +1,6 @@
 #!/bin/sh
-# test_mesh_cli.sh PORTMET_MESH PORTMET_TRAIN [WRITE_MESH_FILE]: meshes of other programs become meshes of portmet, and bodies of any shape
-# are simulated on them and follow the shipped material.
+# test_mesh_cli.sh PORTMET_MESH PORTMET_TRAIN [WRITE_MESH_FILE]: meshes of other programs become meshes of portmet, and
+# bodies of any shape are simulated on them and follow the shipped material.
 . "$(dirname "$0")/../support/setting.sh"
 mesh=$1
 train=$2
