@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define INDEPENDENT 1e-6 // length of what is new in an input, relative to its size
-#define SIGHT 3          // values of each variable of a boundary input: state, dE and dS
+#define KINDS 3          // values of each variable of a boundary input: state, dE and dS
 
 pm_status pm_inputs_bind(pm_inputs *inputs, const pm_scene *scene, const pm_dataset *dataset,
                          int capacity, pm_arena *arena) {
@@ -77,7 +77,7 @@ static void add_port(const pm_inputs *inputs, const pm_scene_port *port, int end
                      pm_input_basis *basis, double *work) {
     const pm_scene_boundary_input *owner =
         &inputs->input.scene->boundary_input[port->boundary_input[end]];
-    for (int kind = 0; kind < SIGHT; ++kind) {
+    for (int kind = 0; kind < KINDS; ++kind) {
         for (int c = 0; c < port->layout[end].nz && basis->count < PM_MAX_INPUT_BASIS; ++c) {
             add_function(inputs, owner->first + kind * owner->layout.nz + port->component[end][c],
                          basis, work + (ptrdiff_t)basis->count * inputs->count);
