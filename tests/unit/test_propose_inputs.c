@@ -108,6 +108,15 @@ static void free_rate(const double *z, const double *u, double *rate) {
     link_rate(z, u, 0, rate);
 }
 
+// A spring whose energy is quadratic in the logarithm of its length.
+static void stretched_rate(const double *z, const double *u, double *rate) {
+    const double length = hypot(z[0], z[1]);
+    link_rate(z, u, 0, rate);
+    for (int c = 0; c < 2; ++c) {
+        rate[2 + c] = -5 * log(length) * z[c] / (length * length) - u[2 + c];
+    }
+}
+
 // The mass slides on a viscous table.
 static void slowed_rate(const double *z, const double *u, double *rate) {
     link_rate(z, u, 0, rate);
@@ -161,7 +170,16 @@ static void a_driven_link_shows_its_kinetic_energy_and_its_symmetry(void **state
     assert_says(text, "its rate is linear in momenta");
     assert_says(text, "- {features: [\"|p|^2\"], skip: linear}");
     assert_says(text, "inputs alone change the sum of q x p");
+    assert_says(text, "- {features: [\"|q|\"], hidden");
+}
+
+// The force along the spring shows on which function of its length the energy depends.
+static void a_force_shows_a_logarithm(void **state) {
+    (void)state;
+    char text[PM_PROPOSAL_TEXT];
+    propose_link(stretched_rate, text);
     assert_says(text, "- {features: [\"ln|q|\"], hidden");
+    assert_says(text, "- {features: [\"ln|q|\", s], hidden");
 }
 
 static void friction_has_no_direction(void **state) {
@@ -279,6 +297,7 @@ static void a_missing_input_is_named(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_driven_link_shows_its_kinetic_energy_and_its_symmetry),
+        cmocka_unit_test(a_force_shows_a_logarithm),
         cmocka_unit_test(friction_has_no_direction),
         cmocka_unit_test(a_spring_along_one_axis_has_a_direction),
         cmocka_unit_test(a_fed_motor_shows_its_coupling_and_its_decay),

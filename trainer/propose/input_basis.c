@@ -109,6 +109,26 @@ pm_status pm_inputs_find_bases(pm_inputs *inputs, pm_arena *arena) {
     return PM_OK;
 }
 
+int pm_inputs_vectors(const pm_inputs *inputs, int subsystem, int size, int most,
+                      int (*component)[3]) {
+    const pm_scene *scene = inputs->input.scene;
+    int count = 0;
+    for (int e = scene->first_end[subsystem]; e < scene->first_end[subsystem + 1]; ++e) {
+        const pm_scene_port *port = &scene->port[scene->end_at[e] / 2];
+        const int other = 1 - scene->end_at[e] % 2, id = port->boundary_input[other];
+        for (int g = 0; id >= 0 && g < port->layout[other].ngroup; ++g) {
+            const pm_group *group = &port->layout[other].group[g];
+            const pm_scene_boundary_input *owner = &scene->boundary_input[id];
+            for (int c = 0; c < size && group->size == size && count < most; ++c) {
+                component[count][c] =
+                    owner->first + owner->layout.nz + port->component[other][group->first + c];
+            }
+            count += group->size == size && count < most;
+        }
+    }
+    return count;
+}
+
 void pm_input_basis_project(const pm_input_basis *basis, int k, int n, const double *variable,
                             double *along) {
     for (int b = 0; b < basis->count; ++b) {

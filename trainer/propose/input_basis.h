@@ -38,6 +38,12 @@ void pm_inputs_add(pm_inputs *inputs, int i, int j);
 // PM_ENOMEM.
 pm_status pm_inputs_find_bases(pm_inputs *inputs, pm_arena *arena);
 
+// Finds the co-energies of `size` components, 2 or 3, that boundary inputs show to a subsystem.
+// Writes the positions of their components among the values of all boundary inputs to component
+// [most][3], and returns how many there are, at most `most`.
+int pm_inputs_vectors(const pm_inputs *inputs, int subsystem, int size, int most,
+                      int (*component)[3]);
+
 // Adds what `n` variables have in common with each function of the basis in examined state k to
 // along [PM_MAX_INPUT_BASIS][n]; after all states, `along` holds the scalar products.
 void pm_input_basis_project(const pm_input_basis *basis, int k, int n, const double *variable,

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/linalg.h"
+#include "propose/least_squares.h"
 
 #define MOST_STATES 6000   // the most examined states
 #define MARGIN 2           // states at either end, needed for central differences
@@ -14,6 +15,7 @@
 #define INDEPENDENT 1e-8   // eigenvalue of an independent process, relative to the largest
 #define EVEN_TERMS 64      // of a function that is even in time
 #define MOST_TERMS (EVEN_TERMS + PM_LOOK_SOURCES + 2) // of a regression, and the rate
+_Static_assert(MOST_TERMS <= PM_MAX_TERMS, "a regression has room for all terms");
 #define SMALLEST_REST 1e-5 // unexplained fraction below which nothing is left to explain
 #define UPRIGHT 0.02       // relative to |x||x'|: largest part of a rate along a turning direction
 
@@ -158,40 +160,6 @@ static double mean_of(const pm_look *look, const double *values, int c) {
     return sum / look->count;
 }
 
-// The normal equations of a least-squares problem with n unknowns.
-typedef struct sums {
-    int n;
-    double matrix[MOST_TERMS * MOST_TERMS], right[MOST_TERMS], square;
-} sums;
-
-static void add_equation(sums *s, const double *x, double y) {
-    for (int a = 0; a < s->n; ++a) {
-        s->right[a] += x[a] * y;
-        for (int b = 0; b < s->n; ++b) {
-            s->matrix[a * s->n + b] += x[a] * x[b];
-        }
-    }
-    s->square += y * y;
-}
-
-// Solves the normal equations and returns the unexplained fraction of the squares; 1 if they are
-// singular.
-static double solve(sums *s, double *solution) {
-    for (int a = 0; a < s->n; ++a) {
-        s->matrix[a * s->n + a] = s->matrix[a * s->n + a] * (1 + 1e-10) + 1e-300;
-        solution[a] = s->right[a];
-    }
-    if (s->square == 0 || s->n == 0 || !pm_cholesky_solve(s->n, s->matrix, solution)) {
-        memset(solution, 0, sizeof(double) * (size_t)s->n);
-        return 1;
-    }
-    double explained = 0;
-    for (int a = 0; a < s->n; ++a) {
-        explained += solution[a] * s->right[a];
-    }
-    return fmax(1 - explained / s->square, 0);
-}
-
 // Writes the powers 1 to `degree` of component c of all sources, centred and divided by their
 // deviations.
 static void powers(const pm_look *look, int k, int c, int count, const pm_look_group *source,
@@ -217,7 +185,7 @@ static void regression_row(const pm_look *look, int k, const pm_look_group *targ
 // the squares of the rate before that.
 static double add_component(const pm_look *look, const pm_look_group *target, int c, int count,
                             const pm_look_group *source, int degree, const pm_input_basis *basis,
-                            sums *s) {
+                            pm_least_squares *s) {
     enum { MOST = PM_LOOK_SOURCES + 1 };
     double x[MOST], mean[PM_LOOK_SOURCES], middle[MOST] = {0};
     double along[PM_MAX_INPUT_BASIS * MOST] = {0}, square = 0;
@@ -238,7 +206,7 @@ static double add_component(const pm_look *look, const pm_look_group *target, in
             } else if (pass == 2) {
                 square += x[s->n] * x[s->n];
                 pm_input_basis_remove(basis, k, s->n + 1, along, x);
-                add_equation(s, x, x[s->n]);
+                pm_least_squares_add(s, x, x[s->n]);
             }
         }
         middle[s->n] = mean_of(look, look->rate, target->first + c);
@@ -253,13 +221,13 @@ static double explain(const pm_look *look, const pm_look_group *target, int coun
     static const pm_input_basis none = {0};
     const pm_input_basis *basis = inputs_of(look, target->first);
     for (;;) {
-        sums s = {.n = count * degree};
+        pm_least_squares s = {.n = count * degree};
         double square = 0;
         for (int c = 0; c < target->group->size; ++c) {
             square += add_component(look, target, c, count, source, degree, basis, &s);
         }
         if (basis->count == 0 || s.square > SMALLEST_REST * square) {
-            return solve(&s, solution);
+            return pm_least_squares_solve(&s, solution);
         }
         basis = &none;
     }
@@ -331,7 +299,7 @@ static double explain_even(const pm_look *look, const pm_parity *p, int target, 
     double middle[MOST_TERMS] = {0}, term[MOST_TERMS], solution[MOST_TERMS];
     double along[PM_MAX_INPUT_BASIS * MOST_TERMS] = {0};
     const double y = mean_of(look, look->rate, target);
-    sums s = {0};
+    pm_least_squares s = {0};
     for (int pass = 0; pass < 3; ++pass) {
         for (int k = 0; k < look->count && (pass != 1 || basis->count > 0); ++k) {
             int n = even_terms(look, p, k, mean, deviation, term);
@@ -348,11 +316,11 @@ static double explain_even(const pm_look *look, const pm_parity *p, int target, 
                 pm_input_basis_project(basis, k, n + 1, term, along);
             } else if (pass == 2) {
                 pm_input_basis_remove(basis, k, n + 1, along, term);
-                add_equation(&s, term, term[n]);
+                pm_least_squares_add(&s, term, term[n]);
             }
         }
     }
-    return solve(&s, solution);
+    return pm_least_squares_solve(&s, solution);
 }
 
 double pm_look_odd_part(const pm_look *look, const pm_parity *p, int target, int odd) {

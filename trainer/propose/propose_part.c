@@ -122,7 +122,7 @@ static void add_feature(const pm_draft *d, pm_draft_list *l, const pm_part_view 
         char name[2 * PM_MAX_NAME];
         snprintf(name, sizeof name, "%s%s", before, pm_draft_name(v, g));
         const bool zero = group->shortest < NEAR_ZERO * group->deviation;
-        add_quoted(l, length && zero ? "|" : "ln|", name, "|");
+        add_quoted(l, length && (zero || v->by_length[g]) ? "|" : "ln|", name, "|");
     } else {
         pm_draft_add(l, before, pm_draft_name(v, g));
     }

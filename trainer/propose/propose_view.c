@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "propose/gyration.h"
+#include "propose/radial.h"
 
 #define EXACT 1e-3      // unexplained fraction of the variance below which a rate is linear
 #define DEGREE 8        // of the polynomials that represent any function
@@ -119,6 +120,23 @@ static void name_pair(const pm_look *look, pm_part_view *parts, int part, const 
     v->apart[position] = v->linear[position] ||
                          pm_look_explain_powers(look, &v->group[position],
                                                 s.count < 2 ? s.count : 2, s.group, DEGREE) < EXACT;
+}
+
+// Finds vectors whose energy is a polynomial of their lengths.
+static void find_lengths(const pm_look *look, pm_part_view *v) {
+    pm_look_group entropy[PM_MAX_GROUPS];
+    int count = 0;
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_ENTROPY) {
+            entropy[count++] = v->group[g];
+        }
+    }
+    for (int g = 0; g < v->count; ++g) {
+        const int size = v->group[g].group->size;
+        v->by_length[g] =
+            v->kind[g] == PM_VIEW_POSITION && (size == 2 || size == 3) &&
+            pm_look_prefers_length(look, &v->group[g], &v->group[v->mate[g]], count, entropy);
+    }
 }
 
 // Finds a variable without a role and a momentum that drive each other like a current and a torque.
@@ -251,6 +269,7 @@ void pm_view_parts(const pm_look *look, pm_part_view *view) {
     for (int i = 0; i < n; ++i) {
         find_geometric(look, view, i);
         find_gyrators(look, &view[i]);
+        find_lengths(look, &view[i]);
     }
 }
 

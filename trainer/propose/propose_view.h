@@ -34,6 +34,9 @@ typedef struct pm_part_view {
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
     bool apart[PM_MAX_GROUPS];
+    // Positions of two or three components: their energy is rather a polynomial of the length than
+    // of its logarithm.
+    bool by_length[PM_MAX_GROUPS];
     // Momenta: two components drive each other with opposite coefficients, as in a magnetic field.
     bool gyroscopic[PM_MAX_GROUPS];
     // Momenta: a variable without a role drives it and is driven by it with the opposite sign, as

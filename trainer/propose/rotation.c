@@ -5,11 +5,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/linalg.h"
+#include "propose/least_squares.h"
 
 #define SAME 2e-3       // relative to |q||p|: the change below which q x p is conserved
 #define MOST_MOMENTS 32 // terms of the balance
-#define RIDGE 1e-10     // relative to the diagonal
 
 // The moment x x e of a vector e about a group x.
 typedef struct moment {
@@ -27,7 +26,7 @@ typedef struct balance {
     double *input;    // [ntime][nprescribed] of one trajectory
     double *rate;     // [ntime][3 nmoment] of one trajectory, the moments
     double *integral; // [ntime][3 nmoment] of one trajectory
-    double matrix[MOST_MOMENTS * MOST_MOMENTS], right[MOST_MOMENTS];
+    pm_least_squares equations;
     double coefficient[MOST_MOMENTS];
     double change, size; // squares of what remains, and of |q||p|
 } balance;
@@ -63,15 +62,13 @@ static double add_angular_momentum(const pm_look *look, const double *row, const
 
 // --- moments of boundary inputs ---
 
-static void add_moment(balance *b, const pm_look_group *group, const pm_scene_port *port, int end,
-                       const pm_group *input) {
-    const pm_scene_boundary_input *owner =
-        &b->look->scene->boundary_input[port->boundary_input[end]];
+static void add_moment(balance *b, const pm_look_group *group, const pm_look_group *drag,
+                       const int *input) {
     if (b->nmoment < MOST_MOMENTS) {
         moment *m = &b->moment[b->nmoment++];
-        *m = (moment){.group = group};
-        for (int c = 0; c < input->size; ++c) {
-            m->input[c] = owner->first + owner->layout.nz + port->component[end][input->first + c];
+        *m = (moment){.group = group, .drag = drag};
+        for (int c = 0; c < group->group->size && drag == NULL; ++c) {
+            m->input[c] = input[c];
         }
     }
 }
@@ -79,21 +76,13 @@ static void add_moment(balance *b, const pm_look_group *group, const pm_scene_po
 // Finds the moments on a pair: friction, which is proportional to q x p, and those of boundary
 // inputs that act on its subsystem and have as many components.
 static void find_moments(balance *b, const pm_look_group *q, const pm_look_group *p) {
-    const pm_scene *scene = b->look->scene;
-    if (b->nmoment < MOST_MOMENTS) {
-        b->moment[b->nmoment++] = (moment){.group = q, .drag = p};
-    }
-    const int i = pm_look_subsystem(b->look, q->first);
-    for (int e = scene->first_end[i]; e < scene->first_end[i + 1]; ++e) {
-        const pm_scene_port *port = &scene->port[scene->end_at[e] / 2];
-        const int other = 1 - scene->end_at[e] % 2;
-        for (int g = 0; port->boundary_input[other] >= 0 && g < port->layout[other].ngroup; ++g) {
-            const pm_group *input = &port->layout[other].group[g];
-            if (input->size == q->group->size) {
-                add_moment(b, q, port, other, input);
-                add_moment(b, p, port, other, input);
-            }
-        }
+    int input[MOST_MOMENTS][3];
+    const int count = pm_inputs_vectors(b->look->inputs, pm_look_subsystem(b->look, q->first),
+                                        q->group->size, MOST_MOMENTS, input);
+    add_moment(b, q, p, NULL);
+    for (int k = 0; k < count; ++k) {
+        add_moment(b, q, NULL, input[k]);
+        add_moment(b, p, NULL, input[k]);
     }
 }
 
@@ -145,14 +134,13 @@ static void integrate_moments(balance *b, int i) {
 
 // --- the balance ---
 
-// Adds the equations of one component in one state to the normal equations.
+// Adds the equation of one component in one state.
 static void add_equation(balance *b, const double *integral, double change) {
+    double x[MOST_MOMENTS];
     for (int m = 0; m < b->nmoment; ++m) {
-        b->right[m] += integral[3 * m] * change;
-        for (int k = 0; k < b->nmoment; ++k) {
-            b->matrix[m * b->nmoment + k] += integral[3 * m] * integral[3 * k];
-        }
+        x[m] = integral[3 * m];
     }
+    pm_least_squares_add(&b->equations, x, change);
 }
 
 // Goes through one trajectory: adds its equations, or with `measure` what the solution leaves.
@@ -185,24 +173,20 @@ static void follow(balance *b, int i, bool measure) {
     }
 }
 
-// Computes the coefficients of the moments by least squares. Returns false if they are not
-// determined.
-static bool solve(balance *b) {
+// Computes the coefficients of the moments.
+static void solve(balance *b) {
+    b->equations = (pm_least_squares){.n = b->nmoment};
     for (int i = 0; i < b->look->dataset->ntrajectory; ++i) {
         follow(b, i, false);
     }
-    for (int m = 0; m < b->nmoment; ++m) {
-        b->matrix[m * b->nmoment + m] = b->matrix[m * b->nmoment + m] * (1 + RIDGE) + 1e-300;
-        b->coefficient[m] = b->right[m];
-    }
-    return pm_cholesky_solve(b->nmoment, b->matrix, b->coefficient);
+    (void)pm_least_squares_solve(&b->equations, b->coefficient);
 }
 
 // Returns true if the moments explain all changes.
 static bool is_balanced(balance *b) {
     b->change = b->size = 0;
-    if (b->nmoment > 0 && !solve(b)) {
-        return false;
+    if (b->nmoment > 0) {
+        solve(b);
     }
     for (int i = 0; i < b->look->dataset->ntrajectory; ++i) {
         follow(b, i, true);
