@@ -10,7 +10,7 @@ make_scene=$2
 expect() {
     code=$1 text=$2
     shift 2
-    timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
+    timeout 200 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
     found=$?
     [ $found -eq "$code" ] || fail "portmetd $*: expected exit code $code, found $found"
     [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmetd $*: expected one line of error"
@@ -22,7 +22,7 @@ expect() {
 succeed() {
     text=$1
     shift
-    timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
+    timeout 200 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
         fail "portmetd $*: expected success"
     [ ! -s "$folder/err" ] || fail "portmetd $*: expected no error"
     grep -qF -e "$text" "$folder/out" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
@@ -32,7 +32,7 @@ succeed() {
 expect_json() {
     code=$1 part=$2 text=$3
     shift 3
-    timeout 60 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
+    timeout 200 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
     found=$?
     [ $found -eq "$code" ] || fail "portmetd $*: expected exit code $code, found $found"
     [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmetd $*: expected one line of error"

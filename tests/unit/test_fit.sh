@@ -59,7 +59,7 @@ config() {
 fit() {
     name=$1 out=$2
     shift 2
-    timeout 300 "$train" fit "$folder/$name.yaml" --data "$data" -o "$folder/$out" "$@" \
+    timeout 900 "$train" fit "$folder/$name.yaml" --data "$data" -o "$folder/$out" "$@" \
         >"$folder/out" 2>"$folder/err" </dev/null
     code=$?
     [ $code -eq 0 ] || [ $code -eq 13 ]
@@ -343,7 +343,7 @@ grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yam
 for text in 'form: soft' 'law: bracket' 'hidden: \[8\], skip: linear'; do
     grep -q -e "$text" "$folder/soft.yaml" || fail "soft.yaml: expected $text"
 done
-timeout 600 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
+timeout 1200 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
     >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
 says 'times (better than|WORSE than) the black box|the black box is not finite'
 [ "$(grep -n 'Best weights' "$folder/out" | head -n 1 | cut -d: -f1)" -lt \

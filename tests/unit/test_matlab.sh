@@ -13,7 +13,7 @@ column() {
 
 for version in 5 7.3; do
     "$write" "$folder/measured.mat" $version || fail "cannot write a file of version $version"
-    timeout 60 "$train" import "$folder/measured.mat" -o "$folder/out.h5" >"$folder/out" 2>&1 ||
+    timeout 200 "$train" import "$folder/measured.mat" -o "$folder/out.h5" >"$folder/out" 2>&1 ||
         fail "version $version: import fails"
     for name in rate gains note; do
         grep -q "leaves out $name" "$folder/out" || fail "version $version: expected $name to be left out"
@@ -27,7 +27,7 @@ done
 
 # --- files without columns, and files of another kind ---
 printf 'no MATLAB file' >"$folder/wrong.mat"
-timeout 60 "$train" import "$folder/wrong.mat" -o "$folder/no.h5" >"$folder/out" 2>&1
+timeout 200 "$train" import "$folder/wrong.mat" -o "$folder/no.h5" >"$folder/out" 2>&1
 [ $? -eq 4 ] || fail "a text file: expected exit code 4"
 grep -q "cannot be read as a MATLAB file" "$folder/out" || fail "a text file: expected a message"
 

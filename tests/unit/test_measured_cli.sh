@@ -8,7 +8,7 @@ train=$1 portmetd=$2
 succeed() {
     text=$1
     shift
-    timeout 100 "$train" "$@" >"$folder/out" 2>&1 </dev/null || fail "portmet-train $*: expected success"
+    timeout 300 "$train" "$@" >"$folder/out" 2>&1 </dev/null || fail "portmet-train $*: expected success"
     grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
 }
 
@@ -16,7 +16,7 @@ succeed() {
 refuse() {
     code=$1 text=$2
     shift 2
-    timeout 100 "$train" "$@" >"$folder/out" 2>&1 </dev/null
+    timeout 300 "$train" "$@" >"$folder/out" 2>&1 </dev/null
     found=$?
     [ $found -eq "$code" ] || fail "portmet-train $*: expected exit code $code, found $found"
     grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
@@ -171,7 +171,7 @@ grep -q "Verdict: poor" "$folder/out" && fail "fit with outliers: the model is r
 
 # --- interrupted and resumed: the same bits ---
 # The signal comes as soon as the program catches it.
-for wait in 0.05 0.1 0.15 0.2 0.3 0.4 0.6 0.8 1.2 1.6 2.5 4; do
+for wait in 0.05 0.1 0.15 0.2 0.3 0.4 0.6 0.8 1.2 1.6 2.5 4 8 16; do
     rm -rf "$folder/again"
     timeout -s INT $wait "$train" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/again" >"$folder/out" 2>&1
     grep -q -e "continue with --resume" "$folder/out" && break
@@ -191,13 +191,13 @@ states=$(h5dump -H -d /z "$folder/states.h5" | sed -n 's/.*SIMPLE { ( 1, \([0-9]
 h5dump -a /state_layout "$folder/states.h5" | grep -q '"arm.q arm.p arm.s"' || fail "states: expected hidden columns"
 
 sed -e '/^observations/i reference: {file: swing.h5, trajectory: 3, estimate: 1.5}' "$folder/pendulum.yaml" >"$folder/from_record.yaml"
-PATH="$(dirname "$train"):$PATH" timeout 100 "$portmetd" run "$folder/from_record.yaml" --weights "$folder/weights" --in-process \
+PATH="$(dirname "$train"):$PATH" timeout 300 "$portmetd" run "$folder/from_record.yaml" --weights "$folder/weights" --in-process \
     --steps 20 --record "$folder/run.h5" >"$folder/out" 2>&1 || fail "run: expected a start from an estimate"
 h5dump -d /subsystems/arm/z -s 0,0 -c 1,3 "$folder/run.h5" | grep '(0,' | sed 's/.*: //' >"$folder/start_run"
 h5dump -d /z -s 0,0,0 -c 1,1,3 "$folder/states.h5" | grep '(0,' | sed 's/.*: //' >"$folder/start_states"
 cmp -s "$folder/start_run" "$folder/start_states" || fail "run: expected the start that evaluate --states writes"
 sed 's/estimate: 1.5/estimate: 1000/' "$folder/from_record.yaml" >"$folder/too_long.yaml"
-PATH="$(dirname "$train"):$PATH" timeout 100 "$portmetd" run "$folder/too_long.yaml" --weights "$folder/weights" --in-process \
+PATH="$(dirname "$train"):$PATH" timeout 300 "$portmetd" run "$folder/too_long.yaml" --weights "$folder/weights" --in-process \
     >"$folder/out" 2>&1 && fail "run: expected a record that is too short to be refused"
 grep -qF "nothing is left to predict after 1000 s" "$folder/out" || fail "run: expected the reason"
 

@@ -10,7 +10,7 @@ writer=${3:-}
 says() {
     code=$1 text=$2
     shift 2
-    timeout 200 "$@" >"$folder/out" 2>&1 </dev/null
+    timeout 400 "$@" >"$folder/out" 2>&1 </dev/null
     found=$?
     [ $found -eq "$code" ] || fail "$*: expected exit code $code, found $found"
     grep -qF -e "$text" "$folder/out" || fail "$*: expected \"$text\""

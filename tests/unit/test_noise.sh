@@ -21,9 +21,9 @@ score() {
     name=$1 training=$2 scene=$3 seconds=$4
     shift 4
     sed -e "s|^scene: \\.\\./|scene: $configs/|" -e 's/"0:40"/"0:4"/' "$configs/train/$training.yaml" >"$folder/training.yaml"
-    timeout 300 "$train" fit "$folder/training.yaml" --data "$folder/$name.h5" -o "$folder/weights" >"$folder/out" 2>&1 ||
+    timeout 900 "$train" fit "$folder/training.yaml" --data "$folder/$name.h5" -o "$folder/weights" >"$folder/out" 2>&1 ||
         fail "fit of $training to $name"
-    timeout 100 "$train" evaluate "$configs/$scene.yaml" --weights "$folder/weights" --data "$folder/$name.h5" \
+    timeout 300 "$train" evaluate "$configs/$scene.yaml" --weights "$folder/weights" --data "$folder/$name.h5" \
         --trajectories 4:6 --estimate "$seconds" --truth "$folder/clean.h5" >"$folder/out" 2>&1 || fail "evaluate $name"
     for group in q p s; do
         [ $# -gt 0 ] || break
@@ -50,7 +50,7 @@ sed -e 's/^trajectories: .*/trajectories: 4/' "$configs/truth/double_pendulum.ya
 "$train" truth "$folder/truth.yaml" -o "$folder/long.h5" >"$folder/out" 2>&1 || fail "truth of four trajectories"
 sed -e "s|^scene: \\.\\./|scene: $configs/|" -e 's/"0:40"/"0:4"/' -e 's/capacity: 5.08/capacity: {learned: 4.0, positive: true}/' \
     "$configs/train/double_pendulum_hidden.yaml" >"$folder/training.yaml"
-timeout 600 "$train" fit "$folder/training.yaml" --data "$folder/long.h5" -o "$folder/weights" >"$folder/out" 2>&1 ||
+timeout 1200 "$train" fit "$folder/training.yaml" --data "$folder/long.h5" -o "$folder/weights" >"$folder/out" 2>&1 ||
     fail "fit of heat capacities"
 for name in upper.capacity lower.capacity; do
     awk -v name=$name '$1 == name { found = 1; bad = !($3 + 0 > 4.95 && $3 + 0 < 5.25) } END { exit bad || !found }' "$folder/out" ||

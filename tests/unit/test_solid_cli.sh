@@ -6,7 +6,7 @@ train=$1
 
 # succeed ARGUMENT...
 succeed() {
-    timeout 200 "$train" "$@" >"$folder/out" 2>&1 </dev/null || fail "portmet-train $*: expected success"
+    timeout 400 "$train" "$@" >"$folder/out" 2>&1 </dev/null || fail "portmet-train $*: expected success"
 }
 
 # body NAME SEED SIZE ELEMENTS
@@ -42,9 +42,9 @@ below 0.5 "displacement"
 below 0.5 "stress, free nodes"
 below 1 "dissipated energy"
 
-timeout 100 "$train" respond "$folder/other.h5" --weights configs/weights/beam/body.h5 >"$folder/out" 2>&1
+timeout 300 "$train" respond "$folder/other.h5" --weights configs/weights/beam/body.h5 >"$folder/out" 2>&1
 [ $? -eq 6 ] && grep -qF "expected weights of a solid" "$folder/out" || fail "weights of another kind: expected code 6"
-timeout 100 "$train" solid "$folder/small.h5" --branches 9 -o "$folder/none.h5" >"$folder/out" 2>&1
+timeout 300 "$train" solid "$folder/small.h5" --branches 9 -o "$folder/none.h5" >"$folder/out" 2>&1
 [ $? -eq 2 ] && grep -qF -e "--branches: expected 0 to 4" "$folder/out" || fail "--branches 9: expected code 2"
 
 finish

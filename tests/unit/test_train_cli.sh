@@ -9,7 +9,7 @@ make_scene=$2
 expect() {
     code=$1 text=$2
     shift 2
-    timeout 60 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null
+    timeout 400 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null
     found=$?
     [ $found -eq "$code" ] || fail "portmet-train $*: expected exit code $code, found $found"
     [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmet-train $*: expected one line of error"
@@ -21,7 +21,7 @@ expect() {
 succeed() {
     text=$1
     shift
-    timeout 60 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
+    timeout 400 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
         fail "portmet-train $*: expected success"
     [ ! -s "$folder/err" ] || fail "portmet-train $*: expected no error"
     grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
@@ -276,7 +276,7 @@ expect 6 "scene.yaml:5:14: subsystem left: weights $folder/nowhere/left.h5: " ev
 expect 4 "/nowhere/new.h5" evaluate "$scene" --data "$data" --record /nowhere/new.h5
 expect 4 "/nowhere/plots" evaluate "$scene" --data "$data" --plot /nowhere/plots
 if command -v gnuplot >/dev/null; then
-    timeout 60 "$train" evaluate "$scene" --data "$data" --trained 0 --plot "$folder/plots" \
+    timeout 200 "$train" evaluate "$scene" --data "$data" --trained 0 --plot "$folder/plots" \
         >"$folder/out" 2>"$folder/err" || fail "--plot"
     grep -q '^Trajectories that training saw: 0 to 0' "$folder/out" || fail "--trained"
     grep -q trained_snapshots.txt "$folder/plots/errors.gp" || fail "errors.gp without training"
