@@ -353,7 +353,7 @@ static void take_steps(const shipped *s, int steps) {
 // look for other defects, which show in the first steps.
 static int steps_of(const pm_scene *scene) {
 #ifdef PM_SANITIZED
-    return scene->steps < 20 ? scene->steps : 20;
+    return scene->steps < 3 ? scene->steps : 3;
 #else
     return scene->steps;
 #endif
