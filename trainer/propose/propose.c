@@ -6,6 +6,7 @@
 
 #include "propose/decay.h"
 #include "propose/propose_draft.h"
+#include "propose/temperature.h"
 
 // Bounds on the substep times the fastest rate of change: in the last stage, and in a scene that
 // resolves its dynamics.
@@ -146,14 +147,17 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
     PM_TRY(pm_look_make(&d.look, p->scene, p->dataset));
     pm_status status = PM_OK;
     d.part = pm_arena_array(&d.look.arena, (size_t)p->scene->nsubsystem, sizeof *d.part);
-    d.file = d.part == NULL ? NULL : fopen(path, "w");
+    d.temperature = pm_arena_array(&d.look.arena, (size_t)p->scene->nz, sizeof *d.temperature);
+    const bool memory = d.part != NULL && d.temperature != NULL;
+    d.file = memory ? fopen(path, "w") : NULL;
     if (d.file == NULL) {
-        status = d.part == NULL ? pm_fail(PM_ENOMEM, "out of memory for a proposal")
-                                : pm_fail(PM_EFILE, "%s: cannot be written", path);
+        status = !memory ? pm_fail(PM_ENOMEM, "out of memory for a proposal")
+                         : pm_fail(PM_EFILE, "%s: cannot be written", path);
     } else {
         d.decay = pm_look_decay(&d.look);
         pm_view_parts(&d.look, d.part);
         d.rotates = pm_view_rotation(&d.look, d.part);
+        pm_look_temperatures(&d.look, d.part, d.temperature);
         write_all(&d);
         const bool failed = ferror(d.file) != 0;
         status = fclose(d.file) == 0 && !failed ? PM_OK

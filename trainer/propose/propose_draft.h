@@ -14,6 +14,7 @@ typedef struct pm_draft {
     pm_part_view *part;  // [nsubsystem]
     pm_rotation rotates; // if not PM_ROTATION_NONE, the dynamics do not depend on directions
     double decay;        // 1/s: the fastest decay (propose/decay.h)
+    double *temperature; // [nz] K: of entropies (propose/temperature.h); 0: not known
     int width;           // number of units in each hidden layer
 } pm_draft;
 

@@ -10,6 +10,7 @@
 #define SOFT_WIDTH 8       // and of M in the form soft
 #define NEAR_ZERO 0.02     // a vector that comes so near zero, relative to its deviation
 #define AWAY_FROM_ZERO 0.5 // a vector that stays so far from zero
+#define NEAR_ROOM 2.0      // ratio to 300 K up to which a temperature need not be given
 
 const char *pm_draft_name(const pm_part_view *v, int g) {
     return v->group[g].group->name;
@@ -53,6 +54,16 @@ void pm_draft_coefficient(FILE *file, double coefficient, const pm_unit *a, cons
 
 // --- comments ---
 
+// Returns the mean temperature in K of the components of an entropy; 0 if it is not known.
+static double temperature_of(const pm_draft *d, const pm_part_view *v, int g) {
+    const int size = v->group[g].group->size;
+    double sum = 0;
+    for (int c = 0; c < size; ++c) {
+        sum += d->temperature[v->group[g].first + c] / size;
+    }
+    return sum;
+}
+
 static void explain_part(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
     for (int g = 0; g < v->count; ++g) {
@@ -63,6 +74,9 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
         switch (v->kind[g]) {
         case PM_VIEW_ENTROPY:
             fprintf(f, "; an entropy by its unit");
+            if (temperature_of(d, v, g) > 0) {
+                fprintf(f, "; about %.3g K by conservation of energy", temperature_of(d, v, g));
+            }
             break;
         case PM_VIEW_HEAT:
             fprintf(f, "; takes up heat by its unit, since there is no entropy");
@@ -247,6 +261,14 @@ static int count_rest(const pm_part_view *v, const bool *done) {
     return count;
 }
 
+// Writes the temperature with which training starts where it is far from that of a room.
+static void write_temperature(const pm_draft *d, const pm_part_view *v, int entropy) {
+    const double kelvin = temperature_of(d, v, entropy), room = PM_DEFAULT_TEMPERATURE;
+    if (kelvin > 0 && fmax(kelvin, room) > NEAR_ROOM * fmin(kelvin, room)) {
+        fprintf(d->file, ", temperature: %.3g", kelvin * v->unit[entropy].factor);
+    }
+}
+
 // Writes the thermal energy of one entropy, and its dependence on the rest of the state. The energy
 // of motion and of currents, which is even in momenta and fluxes, does not depend on the
 // temperature. If it could, a large heat content would take the place of a small kinetic energy.
@@ -260,14 +282,14 @@ static void write_heat(const pm_draft *d, const pm_part_view *v, int entropy, co
     }
     const bool coupled = l.count > 0;
     pm_draft_add(&l, "", pm_draft_name(v, entropy));
+    fprintf(d->file, "]");
     if (coupled) {
-        fprintf(d->file,
-                "], hidden: [%d], skip: quartic}   # heat, and its dependence on the rest: "
-                "temperatures are positive\n",
-                HEAT_WIDTH);
-    } else {
-        fprintf(d->file, "]}   # heat: temperatures are positive by construction\n");
+        fprintf(d->file, ", hidden: [%d], skip: quartic", HEAT_WIDTH);
     }
+    write_temperature(d, v, entropy);
+    fprintf(d->file, coupled ? "}   # heat, and its dependence on the rest: temperatures are "
+                               "positive\n"
+                             : "}   # heat: temperatures are positive by construction\n");
 }
 
 static void write_energy(const pm_draft *d, const pm_part_view *v) {
