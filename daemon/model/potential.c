@@ -80,7 +80,8 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
     for (int i = 0; i < spec->nterm; ++i) {
         term_prefix term;
         if (spec->term[i].nthermal == 0 &&
-            (spec->term[i].exponentials > 0 || spec->term[i].temperature > 0)) {
+            (spec->term[i].exponentials > 0 || spec->term[i].temperature > 0 ||
+             spec->term[i].separate)) {
             return pm_spec_locate(spec->term[i].at,
                                   pm_fail(PM_ECONFIG, "only the energy of an entropy variable has "
                                                       "a temperature and exponentials"));

@@ -125,6 +125,7 @@ typedef struct pm_network_spec {
     // rises with them and is convex in them for all weights (thermal.h). 0: it is not.
     int nthermal;
     int exponentials;   // of a thermal energy: number of summands
+    bool separate;      // of a thermal energy: each component has summands of its own
     double temperature; // K, of a thermal energy: the temperature with which training starts
     bool scaled;        // the output is multiplied by the constant ".unit", which training fixes
     double spread;      // standard deviation of the initial values; 0: the default. Not in files

@@ -29,6 +29,11 @@ static pm_network_spec body_of(const pm_network_spec *spec) {
     return body;
 }
 
+// Returns the number of rows of exponentials for n entropies. The shares in a row have the sum 1.
+static int rows_of(const pm_network_spec *spec, int n) {
+    return spec->separate ? n : 1;
+}
+
 pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symbols,
                              pm_params *params, const char *prefix) {
     const pm_network_spec body = body_of(spec);
@@ -39,13 +44,13 @@ pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symb
     PM_TRY(pm_params_add(params, join(name, prefix, "mean"), 1, n, false, 0, 0));
     PM_TRY(pm_params_add(params, join(name, prefix, "deviation"), 1, n, false, 0, 1));
     PM_TRY(pm_params_add(params, join(name, prefix, "unit"), 1, 1, false, 0, 1));
-    const double start[1 + PM_MAX_EXPONENTIALS] = {0};
+    const int rows = rows_of(spec, n);
     if (spec->exponentials > 1) {
-        PM_TRY(pm_params_add(params, join(name, prefix, "amplitude"), 1, spec->exponentials, true,
-                             0, 0));
+        PM_TRY(pm_params_add(params, join(name, prefix, "amplitude"), rows, spec->exponentials,
+                             true, 0, 0));
     }
     PM_TRY(pm_params_add_shared(params, PM_WARMTH, 0));
-    PM_TRY(pm_network_declare(&body, symbols, 1 + spec->exponentials, start, params,
+    PM_TRY(pm_network_declare(&body, symbols, 1 + rows * spec->exponentials, NULL, params,
                               join(name, prefix, "body")));
     PM_TRY(pm_params_add(params, join(name, prefix, "exponent"), n, spec->exponentials, true,
                          EXPONENT_SPREAD, log(FIRST_EXPONENT)));
@@ -69,16 +74,34 @@ pm_node pm_thermal_deviation(pm_graph *g, const pm_network_spec *spec, const pm_
 }
 
 // Returns the logarithms of the shares of the exponentials in the temperature at s = mean, h = 0
-// [1][count].
-static pm_node build_shares(pm_graph *g, const pm_network_spec *spec, const pm_params *params,
-                            const char *prefix) {
+// [rows][count].
+static pm_node build_shares(pm_graph *g, const pm_network_spec *spec, int rows,
+                            const pm_params *params, const char *prefix) {
     if (spec->exponentials == 1) {
-        return pm_constant(g, 0, 1, 1);
+        return pm_constant(g, 0, rows, 1);
     }
     const pm_node amplitude = pm_network_param(g, params, prefix, "amplitude");
-    const pm_node one = pm_constant(g, 1, 1, spec->exponentials);
+    const pm_node one = pm_constant(g, 1, rows, spec->exponentials);
     const pm_node sum = pm_dot(g, pm_exp(g, amplitude), one);
     return pm_sub(g, amplitude, pm_log(g, sum));
+}
+
+// The forms [rows][count] of the exponentials before h is added, and beta and B of them.
+typedef struct rises {
+    pm_node form, beta, height;
+} rises;
+
+// Returns the forms of the normalised entropies s [1][n] with the exponents b [n][count].
+static rises build_rises(pm_graph *g, const pm_network_spec *spec, pm_node s, pm_node b,
+                         pm_node deviation) {
+    const int n = pm_graph_shape(g, b).rows;
+    if (spec->separate) {
+        return (rises){pm_mul(g, pm_reshape(g, s, n, 1), b), b,
+                       pm_div(g, b, pm_reshape(g, deviation, n, 1))};
+    }
+    const pm_node mean = pm_constant(g, 1.0 / n, 1, n);
+    return (rises){pm_matmul(g, s, false, b, false), pm_matmul(g, mean, false, b, false),
+                   pm_matmul(g, pm_div(g, mean, deviation), false, b, false)};
 }
 
 pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features,
@@ -88,30 +111,29 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     thermal_name name;
     join(name, prefix, "body");
     const pm_node warmth = pm_warmth(g, params);
-    const pm_node size =
-        pm_add(g, build_shares(g, spec, params, prefix), warmth); // ln A w [1][count]
     const pm_node rise = pm_sub(g, pm_network_param(g, params, prefix, "exponent"), warmth);
     const pm_node exponent = pm_offset(g, pm_exp(g, rise), SMALLEST_EXPONENT); // b [n][count]
     const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
-    const int n = pm_graph_shape(g, exponent).rows;
+    const int n = pm_graph_shape(g, exponent).rows, rows = rows_of(spec, n);
     const int nx = pm_graph_shape(g, features).cols - n;
+    const pm_node size = pm_add(g, build_shares(g, spec, rows, params, prefix),
+                                warmth); // ln A w [rows][count]
     const pm_node out = body.nfeature == 0
                             ? pm_network_param(g, params, name, "constant")
                             : pm_network_build_from(g, &body, pm_slice(g, features, 0, nx),
-                                                    1 + count, params, name);
+                                                    1 + rows * count, params, name);
     const pm_node s = pm_div(
         g, pm_sub(g, pm_slice(g, features, nx, n), pm_network_param(g, params, prefix, "mean")),
         deviation);
-    const pm_node mean = pm_constant(g, 1.0 / n, 1, n);
-    const pm_node shift =
-        pm_mul(g, pm_slice(g, out, 1, count), pm_matmul(g, mean, false, exponent, false));
-    const pm_node form = pm_add(g, pm_matmul(g, s, false, exponent, false), shift);
+    const rises r = build_rises(g, spec, s, exponent, deviation);
+    const pm_node h = pm_reshape(g, pm_slice(g, out, 1, rows * count), rows, count);
+    const pm_node shift = pm_mul(g, h, r.beta);
     // The part of the heat at s = mean that f can stand for.
     const pm_node own = pm_add(g, shift, pm_scale(g, pm_square(g, shift), 0.5));
-    const pm_node stored = pm_sub(g, pm_offset(g, pm_exp(g, form), -1), own);
-    const pm_node height = pm_div(g, pm_exp(g, size),
-                                  pm_matmul(g, pm_div(g, mean, deviation), false, exponent, false));
-    const pm_node heat = pm_scale(g, pm_dot(g, height, stored), spec->temperature);
+    const pm_node stored = pm_sub(g, pm_offset(g, pm_exp(g, pm_add(g, r.form, shift)), -1), own);
+    const pm_node heats = pm_dot(g, pm_div(g, pm_exp(g, size), r.height), stored);
+    const pm_node heat =
+        pm_scale(g, pm_sum_to(g, heats, (pm_shape){true, 1, 1}), spec->temperature);
     return pm_add(g, heat,
                   pm_mul(g, pm_slice(g, out, 0, 1), pm_network_param(g, params, prefix, "unit")));
 }

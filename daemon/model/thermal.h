@@ -14,6 +14,14 @@
 // have exactly this form. Since h is multiplied by beta, it shifts the entropy by an amount that
 // does not depend on the heat capacity.
 //
+// With `separate` of the spec every component of the entropies has exponentials of its own, and E
+// is the sum over the components k of
+//     Theta w sum_i A_ik H_ik/B_ik,   H_ik as above with b_ik (s_k - mean_k)/deviation_k + y_ik,
+//     beta_ik = b_ik,   B_ik = b_ik/deviation_k,   sum_i A_ik = 1
+// These are bodies that have nothing but x in common, such as the segments of a rod. Each has a
+// temperature and a heat capacity of its own, and at s = mean and h = 0 all have the temperature
+// Theta w.
+//
 // The data of bodies that are coupled by conduction and by reversible forces determine their
 // temperatures only up to a common offset: E + c S with one c for all bodies has the same L dE, and
 // conduction depends on the ratios of temperatures. Therefore w is one weight of the whole system

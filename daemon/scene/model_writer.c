@@ -39,6 +39,7 @@ static void write_term(FILE *file, const pm_network_spec *term) {
         pm_model_write_names(file, "thermal", term->nthermal, term->feature + others.nfeature);
         fprintf(file, ", exponentials: %d, temperature: ", term->exponentials);
         pm_model_write_number(file, term->temperature);
+        fputs(term->separate ? ", separate: true" : "", file);
     } else if (term->scaled) {
         fputs(", scaled: true", file);
     }

@@ -45,7 +45,8 @@ static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *p
 static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *term) {
     const pm_yaml thermal = pm_yaml_get(item, "thermal"), scaled = pm_yaml_get(item, "scaled");
     const pm_yaml count = pm_yaml_get(item, "exponentials"),
-                  start = pm_yaml_get(item, "temperature");
+                  start = pm_yaml_get(item, "temperature"),
+                  separate = pm_yaml_get(item, "separate");
     if (pm_yaml_exists(scaled)) {
         PM_TRY(pm_yaml_bool(scaled, &term->scaled));
     }
@@ -55,6 +56,9 @@ static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *te
     }
     if (pm_yaml_exists(start)) {
         PM_TRY(pm_yaml_double(start, 1e-300, 1e300, &term->temperature));
+    }
+    if (pm_yaml_exists(separate)) {
+        PM_TRY(pm_yaml_bool(separate, &term->separate));
     }
     if (!pm_yaml_exists(thermal)) {
         return PM_OK;
@@ -74,8 +78,9 @@ static pm_status read_thermal(pm_yaml item, pm_arena *arena, pm_network_spec *te
 // Reads a network. With `zero_at_origin` the output and its slope vanish where all features are
 // zero.
 static pm_status read_term(pm_yaml item, const pm_model_context *r, pm_network_spec *term) {
-    static const char *const keys[] = {PM_NETWORK_KEYS, "zero_at_origin", "thermal", "exponentials",
-                                       "temperature",   "scaled",         NULL};
+    static const char *const keys[] = {
+        PM_NETWORK_KEYS, "zero_at_origin", "thermal",  "exponentials",
+        "temperature",   "scaled",         "separate", NULL};
     const pm_yaml zero_at_origin = pm_yaml_get(item, "zero_at_origin");
     PM_TRY(pm_yaml_allow(item, keys));
     PM_TRY(pm_network_read(item, r->arena, term));

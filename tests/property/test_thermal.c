@@ -16,7 +16,8 @@
 
 #define TRIALS 200
 
-// For all weights dE/ds > 0 for every entropy, and E is convex in s.
+// For all weights dE/ds > 0 for every entropy, and E is convex in s. The temperature of a separate
+// entropy does not depend on the others.
 static void temperatures_and_heat_capacities_are_positive(void **state) {
     (void)state;
     static const char *const features[] = {"x", "s", "r"};
@@ -35,6 +36,7 @@ static void temperatures_and_heat_capacities_are_positive(void **state) {
                                       .skip = (pm_skip)(trial % 3),
                                       .nthermal = 2,
                                       .exponentials = 1 + trial % 3,
+                                      .separate = trial % 2 == 1,
                                       .temperature = 300,
                                       .scaled = true};
         assert_int_equal(pm_graph_open(&g), PM_OK);
@@ -66,6 +68,7 @@ static void temperatures_and_heat_capacities_are_positive(void **state) {
                      c = pm_program_value(program, out[2])[2];
         assert_true(T[0] > 0 && T[1] > 0);
         assert_true(a > 0 && c > 0 && a * c - b * b >= -1e-12 * a * c);
+        assert_true(!spec.separate || (b <= 0 && b >= 0));
         pm_program_close(program);
         pm_graph_close(g);
         pm_params_free(&params);

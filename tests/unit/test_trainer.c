@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
+#include "learn/defaults.h"
 #include "learn/fit.h"
 #include "learn/fold_tangent.h"
 #include "learn/normalization.h"
@@ -407,8 +408,27 @@ static void a_bad_group_spoils_the_verdict(void **state) {
     assert_string_equal(pm_fit_grade(0.4, 0.5), "poor");
 }
 
+// The components of an entropy have a temperature each, a scalar needs no separate summands.
+static void components_of_an_entropy_are_bodies_of_their_own(void **state) {
+    (void)state;
+    static const char *const feature[] = {"s"};
+    for (int size = 1; size <= 5; size += 4) {
+        pm_group group = {.name = "s", .unit = "J/K", .size = size};
+        const pm_layout layout = {.ngroup = 1, .group = &group, .nz = size};
+        const pm_network_spec term = {.nfeature = 1, .feature = feature};
+        pm_part_spec spec = {.energy = {.nterm = 1, .term = &term},
+                             .entropy = {.ngiven = 1, .given = feature}};
+        pm_arena arena = {0};
+        assert_int_equal(pm_default_part(&spec, &layout, &arena), PM_OK);
+        assert_int_equal(spec.energy.term[0].nthermal, 1);
+        assert_int_equal(spec.energy.term[0].separate, size > 1);
+        pm_arena_free(&arena);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(components_of_an_entropy_are_bodies_of_their_own),
         cmocka_unit_test(windows_are_cut_in_order),
         cmocka_unit_test(derivatives_of_polynomials_are_exact),
         cmocka_unit_test(short_trajectories_have_rates),

@@ -43,8 +43,9 @@ static bool is_entropy(const pm_potential_spec *entropy, const char *group) {
 // --- energies ---
 
 // Moves the entropies among the features of a term to the end and makes the term thermal in them.
+// The components of an entropy are bodies of their own.
 static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *entropy,
-                              pm_arena *arena) {
+                              const pm_layout *layout, pm_arena *arena) {
     const char **feature = pm_arena_array(arena, (size_t)term->nfeature + 1, sizeof *feature);
     if (feature == NULL) {
         return no_memory();
@@ -58,6 +59,8 @@ static pm_status make_thermal(pm_network_spec *term, const pm_potential_spec *en
                 feature[count++] = term->feature[i];
                 term->nthermal += pass;
                 dS += own;
+                term->separate = term->separate ||
+                                 (own > 0 && pm_layout_find(layout, term->feature[i])->size > 1);
             }
         }
     }
@@ -111,7 +114,7 @@ static pm_status absorb_given(pm_potential_spec *energy, pm_network_spec *term, 
     return PM_OK;
 }
 
-static pm_status default_energy(pm_part_spec *spec, pm_arena *arena) {
+static pm_status default_energy(pm_part_spec *spec, const pm_layout *layout, pm_arena *arena) {
     pm_potential_spec *energy = &spec->energy;
     pm_network_spec *term = pm_arena_array(arena, (size_t)energy->nterm + 1, sizeof *term);
     if (term == NULL) {
@@ -122,7 +125,7 @@ static pm_status default_energy(pm_part_spec *spec, pm_arena *arena) {
         term[i].scaled = true;
         term[i].spread = ENERGY_SPREAD;
         if (term[i].nthermal == 0 && !term[i].zero_at_origin) {
-            PM_TRY(make_thermal(&term[i], &spec->entropy, arena));
+            PM_TRY(make_thermal(&term[i], &spec->entropy, layout, arena));
         }
     }
     energy->term = term;
@@ -174,7 +177,7 @@ pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena 
             components += layout->group[i].size;
         }
     }
-    PM_TRY(default_energy(spec, arena));
+    PM_TRY(default_energy(spec, layout, arena));
     PM_TRY(scale_terms(&spec->entropy, arena));
     default_spread(&spec->reversible);
     default_spread(&spec->irreversible);

@@ -11,9 +11,10 @@
 
 // Rewrites the model of a subsystem with the state `layout`. In a subsystem with a given entropy s,
 // energy networks that have s among their features become thermal (model/thermal.h): they start at
-// the temperature that a linear form of s in the energy names, and the linear form is removed. A
-// learned irreversible operator heats s (model/dissipation.h). All energies get a unit that
-// learn/normalization.h fixes from the data. New arrays of `spec` live in the arena. PM_ENOMEM.
+// the temperature that a linear form of s in the energy names, and the linear form is removed. They
+// are separate if an entropy among their features has several components. A learned irreversible
+// operator heats s (model/dissipation.h). All energies get a unit that learn/normalization.h fixes
+// from the data. New arrays of `spec` live in the arena. PM_ENOMEM.
 pm_status pm_default_part(pm_part_spec *spec, const pm_layout *layout, pm_arena *arena);
 
 // Rewrites the model of port number `port`. The models of the subsystems at both ends must have
