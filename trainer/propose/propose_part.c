@@ -94,7 +94,9 @@ static void explain_part(const pm_draft *d, const pm_part_view *v) {
                     v->sign[g] < 0 ? "-" : "");
             break;
         case PM_VIEW_DIRECTION:
-            fprintf(f, "; a direction, which turns with %s", pm_draft_name(v, v->mate[g]));
+            fprintf(f, "; a %s, which turns with %s",
+                    v->quaternion[g].turns != 0 ? "quaternion" : "direction",
+                    pm_draft_name(v, v->mate[g]));
             break;
         default:
             fprintf(f, "%s",
@@ -388,6 +390,18 @@ static bool is_coupled(const pm_part_view *v, int g) {
     return is_free(v, g) || v->gyroscopic[g] || v->gyrates[g] || moves_more(v, g);
 }
 
+// Writes the coupling of an angular momentum with a quaternion.
+static void write_quaternion(const pm_draft *d, const char *before, const pm_part_view *v, int g) {
+    const double half = 0.5 / v->unit[v->mate[g]].factor;
+    const char *name = pm_draft_name(v, g), *m = pm_draft_name(v, v->mate[g]);
+    for (int k = 0; k < 12; ++k) {
+        int column;
+        const int sign = pm_quaternion_term(v->quaternion[g], k / 3, k % 3, &column);
+        fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]", k == 0 ? before : ", ",
+                name, k / 3, m, k % 3, sign * half, name, column);
+    }
+}
+
 // Writes L = sign z x for an angular momentum, and with a direction for this direction. In other
 // units than kg m^2/s the cross product has a factor.
 static void write_cross(const pm_draft *d, const char *before, const pm_part_view *v, int g) {
@@ -423,7 +437,8 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
             fputc(']', f);
             ++given;
         } else if (turns) {
-            write_cross(d, before, v, g);
+            const bool quaternion = v->quaternion[g].turns != 0;
+            (quaternion ? write_quaternion : write_cross)(d, before, v, g);
             ++given;
         }
         others += is_coupled(v, g) ? v->group[g].group->size : 0;

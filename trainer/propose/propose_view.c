@@ -166,13 +166,24 @@ static bool is_spin(const pm_part_view *v, int g) {
     return v->group[g].group->size == 3 && pm_unit_equal(&v->unit[g], &action);
 }
 
-// Finds vectors that turn with an angular momentum of the same subsystem, such as the direction of
-// gravity as a top sees it. Friction does not act on them.
+// Returns 1 or -1 if group g turns with the angular momentum m, as sign says; 0 if it does not.
+static int turns_with(const pm_look *look, pm_part_view *v, int g, int m) {
+    if (v->group[g].group->size == 3) {
+        return pm_look_turns(look, &v->group[g], &v->group[m]);
+    }
+    v->quaternion[g] = pm_look_at_quaternion(look, &v->group[g], &v->group[m]);
+    return v->quaternion[g].turns;
+}
+
+// Finds vectors and quaternions that turn with an angular momentum of the same subsystem, such as
+// the direction of gravity as a top sees it. Friction does not act on them.
 static void find_directions(const pm_look *look, pm_part_view *v) {
     for (int g = 0; g < v->count; ++g) {
-        const bool vector = v->group[g].group->size == 3 && !is_spin(v, g) && is_nonentropy(v, g);
-        for (int m = 0; m < v->count && vector && !v->group[g].constant; ++m) {
-            const int turns = is_spin(v, m) ? pm_look_turns(look, &v->group[g], &v->group[m]) : 0;
+        const int size = v->group[g].group->size;
+        const bool may =
+            (size == 3 || size == 4) && !is_spin(v, g) && is_nonentropy(v, g) && v->mate[g] < 0;
+        for (int m = 0; m < v->count && may && !v->group[g].constant; ++m) {
+            const int turns = is_spin(v, m) ? turns_with(look, v, g, m) : 0;
             if (turns != 0) {
                 v->kind[g] = PM_VIEW_DIRECTION;
                 v->kind[m] = PM_VIEW_SPIN;

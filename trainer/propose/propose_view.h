@@ -5,6 +5,7 @@
 
 #include "base/unit.h"
 #include "propose/look.h"
+#include "propose/quaternion.h"
 #include "propose/rotation.h"
 
 typedef enum pm_view_kind {
@@ -14,7 +15,7 @@ typedef enum pm_view_kind {
     PM_VIEW_POSITION, // of a conjugate pair, the variable whose rate the other one explains better
     PM_VIEW_MOMENTUM, // of a conjugate pair, the other variable
     PM_VIEW_SPIN,     // an angular momentum of three components without a conjugate variable
-    PM_VIEW_DIRECTION // three components of constant length, which a spin turns
+    PM_VIEW_DIRECTION // three components of constant length, or a quaternion, which a spin turns
 } pm_view_kind;
 
 // The roles of the variables of one subsystem, with one entry for each of its groups.
@@ -30,6 +31,8 @@ typedef struct pm_part_view {
     // 1 or -1. Positions: dposition/dt = sign dE/dmomentum in SI units. Directions and spins: L(z)
     // e = sign z x e; -1 where the components are those seen from outside the body.
     double sign[PM_MAX_GROUPS];
+    // Directions of four components: how the spin turns the quaternion.
+    pm_quaternion quaternion[PM_MAX_GROUPS];
     // Positions: momenta explain the rate linearly, but for 0.1 % of its variance.
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
