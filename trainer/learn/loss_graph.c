@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "learn/energy_balance.h"
 #include "learn/step_graph.h"
 
 int pm_loss_input_order(const pm_loss *loss) {
@@ -18,14 +19,32 @@ int pm_loss_input_order(const pm_loss *loss) {
     return later ? PM_BOUNDARY_INPUT_ORDER : 1;
 }
 
+bool pm_loss_balances(const pm_loss *loss, const pm_system *system) {
+    return loss->balance > 0 && loss->residual == PM_RESIDUAL_DERIVATIVE &&
+           pm_energy_balance_exists(system);
+}
+
 // Work space while building; all arrays are [nsubsystem] or [unroll].
 typedef struct scratch {
     pm_node *z, *residual;
     pm_step_work work;
 } scratch;
 
-static void build(pm_graph *g, const pm_system *system, const pm_samples *samples,
-                  const pm_loss *loss, const scratch *s, pm_loss_nodes *nodes) {
+// Appends the energy balance to the residuals of rates. The work space holds the co-energies at the
+// first state of the window, where the only stage of an Euler step was evaluated.
+static pm_status append_balance(pm_graph *g, const pm_system *system, const pm_samples *samples,
+                                const pm_loss *loss, const scratch *s, pm_loss_nodes *nodes) {
+    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+        s->z[i] = s->work.state[i].dE;
+    }
+    pm_node balance;
+    PM_TRY(pm_energy_balance_build(g, system, samples, nodes->input, s->z, &balance));
+    nodes->residual = pm_concat_or(g, nodes->residual, pm_scale(g, balance, sqrt(loss->balance)));
+    return PM_OK;
+}
+
+static pm_status build(pm_graph *g, const pm_system *system, const pm_samples *samples,
+                       const pm_loss *loss, const scratch *s, pm_loss_nodes *nodes) {
     const pm_scene *scene = system->scene;
     const int nz = samples->nz, unroll = samples->unroll;
     const bool derivative = loss->residual == PM_RESIDUAL_DERIVATIVE;
@@ -57,6 +76,8 @@ static void build(pm_graph *g, const pm_system *system, const pm_samples *sample
     if (nodes->degeneracy != PM_NO_NODE) {
         nodes->degeneracy = pm_scale(g, nodes->degeneracy, 1.0 / sqrt(unroll));
     }
+    return pm_loss_balances(loss, system) ? append_balance(g, system, samples, loss, s, nodes)
+                                          : PM_OK;
 }
 
 pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_samples *samples,
@@ -76,7 +97,7 @@ pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_sam
         s.work.last == NULL || s.work.responding == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a loss");
     } else {
-        build(g, system, samples, loss, &s, nodes);
+        status = build(g, system, samples, loss, &s, nodes);
     }
     free(s.z);
     free(s.residual);

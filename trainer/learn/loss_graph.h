@@ -15,15 +15,21 @@ typedef struct pm_loss {
     const pm_integrator *integrator; // borrowed
     int substeps;                    // steps of the integrator in one dt
     double degeneracy;               // weight of the degeneracy penalty in the soft form
+    double balance; // weight of the energy balance beside rates (learn/energy_balance.h); 0: none
     const double *scale; // [nz] replaces the scale of the samples where it is > 0; or NULL
     double robust;       // d, in units of the root of the median squared residual; 0: not robust
     const pm_team *team; // the processes that evaluate it together, borrowed; NULL: this one alone
 } pm_loss;
 
+// Returns true if the residuals contain the error of the energy balance.
+bool pm_loss_balances(const pm_loss *loss, const pm_system *system);
+
 // The nodes that pm_loss_graph_build makes.
 typedef struct pm_loss_nodes {
-    pm_node input;    // [1][pm_samples_width] batched: a window (learn/samples.h)
-    pm_node residual; // [1][unroll nz]: (z - z_data) weight / scale after each step
+    pm_node input; // [1][pm_samples_width] batched: a window (learn/samples.h)
+    // [1][unroll nz]: (z - z_data) weight / scale after each step. Beside rates the error of the
+    // energy balance times the root of its weight follows, where the system has a balance.
+    pm_node residual;
     // [1][...]: the components of L dS and M dE of every subsystem and port at the first state of
     // each step, in scaled coordinates, divided by the root of `unroll`. The sum of their squares
     // is the mean of the penalty over the steps. PM_NO_NODE in the hard form.

@@ -5,8 +5,8 @@
 #include <stddef.h>
 
 int pm_residuals_count(const pm_objective *objective) {
-    const pm_samples *samples = pm_objective_context(objective).samples;
-    return samples->nz * samples->unroll;
+    const pm_loss_context c = pm_objective_context(objective);
+    return c.samples->nz * c.samples->unroll + pm_loss_balances(c.loss, c.system);
 }
 
 pm_status pm_residuals_build(pm_graph *g, const pm_loss_context *context, pm_node *input,

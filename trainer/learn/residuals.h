@@ -7,8 +7,8 @@
 #include "graph/graph.h"
 #include "learn/objective.h"
 
-// Returns the number of differences to the data in one sample: the number of variables times the
-// number of steps of a window.
+// Returns the number of residuals of one sample without the penalty of the soft form: the number of
+// variables times the number of steps of a window, and one more for the energy balance.
 int pm_residuals_count(const pm_objective *objective);
 
 // Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the

@@ -182,6 +182,7 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
                           .integrator = training->stage[0].loss.integrator,
                           .substeps = 1,
                           .degeneracy = training->stage[0].loss.degeneracy,
+                          .balance = training->stage[0].loss.balance,
                           .team = training->stage[0].loss.team};
     if (s.count <= 1) {
         return PM_OK;

@@ -8,7 +8,12 @@
 #include "base/digest.h"
 #include "learn/stages.h"
 
-#define LOSS_KEYS "residual", "integrator", "substeps", "unroll", "degeneracy", "robust", "scale"
+#define LOSS_KEYS \
+    "residual", "integrator", "substeps", "unroll", "degeneracy", "balance", "robust", "scale"
+// The default weight of the energy balance. It is enough to leave minima in which energies are
+// wrong by far, where the error of the balance is of order 1 and those of the rates are of order
+// 0.01. Larger weights were better on some systems and worse where few trajectories were given.
+#define BALANCE 0.01
 
 static pm_status no_memory(void) {
     return pm_fail(PM_ENOMEM, "out of memory while reading a training file");
@@ -121,6 +126,9 @@ static pm_status read_loss(pm_yaml block, pm_training *t, pm_loss *loss, int *un
     if (pm_yaml_exists(value = pm_yaml_get(block, "degeneracy"))) {
         PM_TRY(pm_yaml_double(value, 0, 1e12, &loss->degeneracy));
     }
+    if (pm_yaml_exists(value = pm_yaml_get(block, "balance"))) {
+        PM_TRY(pm_yaml_double(value, 0, 1e6, &loss->balance));
+    }
     if (pm_yaml_exists(value = pm_yaml_get(block, "robust"))) {
         PM_TRY(pm_yaml_double(value, 0, 1e6, &loss->robust));
     }
@@ -192,7 +200,8 @@ pm_status pm_training_read_stages(pm_training *t, pm_yaml root) {
     pm_stage common = {.loss = {.residual = PM_RESIDUAL_STEP,
                                 .integrator = t->scene->integrator,
                                 .substeps = t->scene->substeps,
-                                .degeneracy = 1},
+                                .degeneracy = 1,
+                                .balance = t->plain ? 0 : BALANCE},
                        .unroll = 1};
     const pm_yaml loss = pm_yaml_get(root, "loss");
     if (pm_yaml_exists(loss)) {
@@ -226,7 +235,8 @@ pm_status pm_training_read_stages(pm_training *t, pm_yaml root) {
 
 static uint32_t digest_stage(const pm_training *t, const pm_stage *s) {
     const double number[] = {s->schedule.first_rate, s->schedule.last_rate, s->schedule.beta2,
-                             s->schedule.decay,      s->loss.degeneracy,    s->loss.robust};
+                             s->schedule.decay,      s->loss.degeneracy,    s->loss.balance,
+                             s->loss.robust};
     const int integer[] = {s->schedule.batch, s->schedule.memory, s->unroll, s->loss.substeps,
                            (int)s->loss.residual};
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, s->optimiser->name);
