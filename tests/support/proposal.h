@@ -8,6 +8,7 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -35,6 +36,20 @@ static inline void propose_text(const char *scene_text, const pm_dataset *d,
     fclose(file);
     remove(path);
     pm_scene_free(scene);
+}
+
+// Fails if the text of a proposal does not contain these words.
+static inline void assert_proposal_says(const char *text, const char *expected) {
+    if (strstr(text, expected) == NULL) {
+        fail_msg("expected \"%s\" in:\n%s", expected, text);
+    }
+}
+
+// Fails if the text of a proposal contains these words.
+static inline void assert_proposal_omits(const char *text, const char *unexpected) {
+    if (strstr(text, unexpected) != NULL) {
+        fail_msg("did not expect \"%s\" in:\n%s", unexpected, text);
+    }
 }
 
 #endif

@@ -209,25 +209,19 @@ static void data_say_what_moves_with_what(void **state) {
     pm_scene_free(scene);
 }
 
-static void assert_says(const char *text, const char *expected) {
-    if (strstr(text, expected) == NULL) {
-        fail_msg("expected \"%s\" in:\n%s", expected, text);
-    }
-}
-
 static void a_proposal_names_them(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     pm_dataset *d = make_data();
     propose_text(scene_text, d, text);
-    assert_says(text, "given: [[v, u, 1.0]]");
-    assert_says(text, "given: [[a.u, b.v, 1.0]]");
-    assert_says(text, "entropy: {given: [w]}");
-    assert_says(text,
-                "acts_on: [u, w], rank: 1, strength: {features: [\"|u|\", v, w], hidden: [6]}");
-    assert_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 3");
-    assert_says(text, "strength: {features: [a.u, a.v, a.w, b.v, b.u, b.w], hidden: [6]}");
-    assert_says(text, "stages:");
+    assert_proposal_says(text, "given: [[v, u, 1.0]]");
+    assert_proposal_says(text, "given: [[a.u, b.v, 1.0]]");
+    assert_proposal_says(text, "entropy: {given: [w]}");
+    assert_proposal_says(
+        text, "acts_on: [u, w], rank: 1, strength: {features: [\"|u|\", v, w], hidden: [6]}");
+    assert_proposal_says(text, "acts_on: [a.u, b.u, a.w, b.w], rank: 3");
+    assert_proposal_says(text, "strength: {features: [a.u, a.v, a.w, b.v, b.u, b.w], hidden: [6]}");
+    assert_proposal_says(text, "stages:");
     pm_dataset_free(d);
 }
 
@@ -239,14 +233,14 @@ static void little_data_have_more_iterations(void **state) {
     char text[PM_PROPOSAL_TEXT];
     pm_dataset *little = make_data(), *much = NULL;
     propose_text(scene_text, little, text);
-    assert_says(text, "iterations: 960, batch: 8192, residual: derivative");
+    assert_proposal_says(text, "iterations: 960, batch: 8192, residual: derivative");
     assert_int_equal(pm_dataset_new(&much, 5 * COPIES, 60, 6, 0.05, column), PM_OK);
     for (int i = 0; i < 5 * COPIES; ++i) {
         memcpy(pm_dataset_state(much, i, 0), pm_dataset_state(little, i % 5, 0),
                (size_t)60 * 6 * sizeof(double));
     }
     propose_text(scene_text, much, text);
-    assert_says(text, "iterations: 240, batch: 8192, residual: derivative");
+    assert_proposal_says(text, "iterations: 240, batch: 8192, residual: derivative");
     pm_dataset_free(much);
     pm_dataset_free(little);
 }
@@ -261,10 +255,10 @@ static void units_with_prefixes_give_coefficients(void **state) {
         d->z[i] *= factor[i % 6];
     }
     propose_text(PAIR("mm", "kJ/K"), d, text);
-    assert_says(text, "given: [[v, u, 1000.0]]");
-    assert_says(text, "given: [[a.u, b.v, 1000.0]]");
-    assert_says(text, "entropy: {given: [w]}");
-    assert_says(text, "entropy: {given: {w: 1000.0}}");
+    assert_proposal_says(text, "given: [[v, u, 1000.0]]");
+    assert_proposal_says(text, "given: [[a.u, b.v, 1000.0]]");
+    assert_proposal_says(text, "entropy: {given: [w]}");
+    assert_proposal_says(text, "entropy: {given: {w: 1000.0}}");
     pm_dataset_free(d);
 }
 
@@ -289,8 +283,8 @@ static void a_rotor_shares_the_energy_of_its_body(void **state) {
         d->z[i] = sin(0.37 * i + i % 5);
     }
     propose_text(body, d, text);
-    assert_says(text, "{features: [M, h], hidden");
-    assert_says(text, "given: [[M, M, cross]]");
+    assert_proposal_says(text, "{features: [M, h], hidden");
+    assert_proposal_says(text, "given: [[M, M, cross]]");
     pm_dataset_free(d);
 }
 
@@ -326,8 +320,8 @@ static void a_flux_moves_two_charges(void **state) {
         }
     }
     propose_text(loop, d, text);
-    assert_says(text, "given: [[q, phi, 1.0]]");
-    assert_says(text, "learned: {acts_on: [q1, phi]}");
+    assert_proposal_says(text, "given: [[q, phi, 1.0]]");
+    assert_proposal_says(text, "learned: {acts_on: [q1, phi]}");
     pm_dataset_free(d);
 }
 
@@ -352,8 +346,8 @@ static void amounts_are_not_coupled_without_loss(void **state) {
         d->z[i] = 1 + exp(-0.01 * i) * (i % 3 == 0 ? 1 : -0.5);
     }
     propose_text(cell, d, text);
-    assert_says(text, "irreversible: {learned: {acts_on: [A, B, s], rank: 1, strength: "
-                      "{features: [A, B, s]");
+    assert_proposal_says(text, "irreversible: {learned: {acts_on: [A, B, s], rank: 1, strength: "
+                               "{features: [A, B, s]");
     assert_null(strstr(text, "    reversible"));
     pm_dataset_free(d);
 }
@@ -405,9 +399,11 @@ static void a_current_may_carry_entropy(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose_couple(0.01, text);
-    assert_says(text, "learned: {acts_on: [a.phi], against: [a.s, b.s], features: [a.s, b.s]");
+    assert_proposal_says(text,
+                         "learned: {acts_on: [a.phi], against: [a.s, b.s], features: [a.s, b.s]");
     propose_couple(0, text);
-    assert_says(text, "# No variable of one end moves a variable of the other end without loss");
+    assert_proposal_says(text,
+                         "# No variable of one end moves a variable of the other end without loss");
     assert_null(strstr(text, "against"));
 }
 

@@ -15,18 +15,6 @@
 #include "propose/decay.h"
 #include "tests/support/proposal.h"
 
-static void assert_says(const char *text, const char *expected) {
-    if (strstr(text, expected) == NULL) {
-        fail_msg("expected \"%s\" in:\n%s", expected, text);
-    }
-}
-
-static void assert_omits(const char *text, const char *unexpected) {
-    if (strstr(text, unexpected) != NULL) {
-        fail_msg("did not expect \"%s\" in:\n%s", unexpected, text);
-    }
-}
-
 // --- driven systems ---
 
 #define MOST 8 // variables and inputs of a system
@@ -167,10 +155,10 @@ static void a_driven_link_shows_its_kinetic_energy_and_its_symmetry(void **state
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose_link(free_rate, text);
-    assert_says(text, "its rate is linear in momenta");
-    assert_says(text, "- {features: [\"|p|^2\"], skip: linear}");
-    assert_says(text, "inputs alone change the sum of q x p");
-    assert_says(text, "- {features: [\"|q|\"], hidden");
+    assert_proposal_says(text, "its rate is linear in momenta");
+    assert_proposal_says(text, "- {features: [\"|p|^2\"], skip: linear}");
+    assert_proposal_says(text, "inputs alone change the sum of q x p");
+    assert_proposal_says(text, "- {features: [\"|q|\"], hidden");
 }
 
 // The force along the spring shows on which function of its length the energy depends.
@@ -178,24 +166,24 @@ static void a_force_shows_a_logarithm(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose_link(stretched_rate, text);
-    assert_says(text, "- {features: [\"ln|q|\"], hidden");
-    assert_says(text, "- {features: [\"ln|q|\", s], hidden");
+    assert_proposal_says(text, "- {features: [\"ln|q|\"], hidden");
+    assert_proposal_says(text, "- {features: [\"ln|q|\", s], hidden");
 }
 
 static void friction_has_no_direction(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose_link(slowed_rate, text);
-    assert_says(text, "# Friction and boundary inputs alone change the sum of q x p");
+    assert_proposal_says(text, "# Friction and boundary inputs alone change the sum of q x p");
 }
 
 static void a_spring_along_one_axis_has_a_direction(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose_link(sided_rate, text);
-    assert_says(text, "- {features: [\"|p|^2\"], skip: linear}");
-    assert_omits(text, "the sum of q x p");
-    assert_says(text, "- {features: [q], hidden");
+    assert_proposal_says(text, "- {features: [\"|p|^2\"], skip: linear}");
+    assert_proposal_omits(text, "the sum of q x p");
+    assert_proposal_says(text, "- {features: [q], hidden");
 }
 
 // --- a motor with a prescribed voltage ---
@@ -252,8 +240,8 @@ static void a_fed_motor_shows_its_coupling_and_its_decay(void **state) {
     const driven system = {4, 5, motor_column, motor_input, motor_rate, motor_start};
     pm_dataset *d = simulate(&system, 0.03);
     propose_text(MOTOR, d, text);
-    assert_says(text, "- {features: [\"|L|^2\"], skip: linear}");
-    assert_says(text, "learned: {acts_on: [L, phi]}");
+    assert_proposal_says(text, "- {features: [\"|L|^2\"], skip: linear}");
+    assert_proposal_says(text, "learned: {acts_on: [L, phi]}");
     pm_scene *scene = NULL;
     pm_look look;
     assert_int_equal(pm_scene_parse(&scene, MOTOR, "motor.yaml"), PM_OK);
@@ -275,7 +263,7 @@ static void an_input_that_follows_the_state_hides_nothing(void **state) {
     const driven system = {4, 5, motor_column, braked_input, motor_rate, motor_start};
     pm_dataset *d = simulate(&system, 0.03);
     propose_text(MOTOR, d, text);
-    assert_says(text, "- {features: [\"|L|^2\"], skip: linear}");
+    assert_proposal_says(text, "- {features: [\"|L|^2\"], skip: linear}");
     pm_dataset_free(d);
 }
 
@@ -289,7 +277,7 @@ static void a_missing_input_is_named(void **state) {
     pm_look look;
     assert_int_equal(pm_scene_parse(&scene, MOTOR, "motor.yaml"), PM_OK);
     assert_int_equal(pm_look_make(&look, scene, d), PM_EDATA);
-    assert_says(pm_error(), "column \"V\" is not in the dataset");
+    assert_proposal_says(pm_error(), "column \"V\" is not in the dataset");
     pm_scene_free(scene);
     pm_dataset_free(d);
 }

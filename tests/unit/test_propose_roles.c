@@ -13,18 +13,6 @@
 
 #include "tests/support/proposal.h"
 
-static void assert_says(const char *text, const char *expected) {
-    if (strstr(text, expected) == NULL) {
-        fail_msg("expected \"%s\" in:\n%s", expected, text);
-    }
-}
-
-static void assert_omits(const char *text, const char *unexpected) {
-    if (strstr(text, unexpected) != NULL) {
-        fail_msg("did not expect \"%s\" in:\n%s", unexpected, text);
-    }
-}
-
 // Proposes a training file for the dataset, which is freed, and returns its text.
 static void propose(const char *scene_text, pm_dataset *d, char text[PM_PROPOSAL_TEXT]) {
     propose_text(scene_text, d, text);
@@ -82,11 +70,12 @@ static void a_direction_turns_with_its_body(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose(TOP("kg m^2/s"), spin_top(1, 1), text);
-    assert_says(text, "given: [[M, M, cross], [M, g, cross]]");
-    assert_says(text, "acts_on: [M, s], rank: 3");
-    assert_says(text, "{features: [M], hidden");
+    assert_proposal_says(text, "given: [[M, M, cross], [M, g, cross]]");
+    assert_proposal_says(text, "acts_on: [M, s], rank: 3");
+    assert_proposal_says(text, "{features: [M], hidden");
     propose(TOP("g m^2/s"), spin_top(1, 1000), text);
-    assert_says(text, "[\"M[0]\", \"g[1]\", \"-1000*g[2]\"], [\"M[0]\", \"g[2]\", \"1000*g[1]\"]");
+    assert_proposal_says(
+        text, "[\"M[0]\", \"g[1]\", \"-1000*g[2]\"], [\"M[0]\", \"g[2]\", \"1000*g[1]\"]");
 }
 
 // Seen from outside, the products have the other sign, and the energy of rotation depends on the
@@ -95,8 +84,8 @@ static void a_direction_may_be_seen_from_outside(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose(TOP("kg m^2/s"), spin_top(-1, 1), text);
-    assert_says(text, "[\"M[0]\", \"g[1]\", \"1*g[2]\"]");
-    assert_says(text, "{features: [M, g], hidden");
+    assert_proposal_says(text, "[\"M[0]\", \"g[1]\", \"1*g[2]\"]");
+    assert_proposal_says(text, "{features: [M, g], hidden");
 }
 
 #define FED(input)                                                \
@@ -132,11 +121,11 @@ static void a_boundary_input_acts_as_its_unit_says(void **state) {
     char text[PM_PROPOSAL_TEXT];
     propose(FED("    u: {unit: C, dE: [3.0], dS: [0]}\n    s: {unit: J/K, dE: [300.0], dS: [1]}\n"),
             charge(), text);
-    assert_omits(text, "against: [b.Q]");
-    assert_says(text, "acts_on: [a.u, b.Q, a.s, b.s]");
+    assert_proposal_omits(text, "against: [b.Q]");
+    assert_proposal_says(text, "acts_on: [a.u, b.Q, a.s, b.s]");
     propose(FED("    u: {unit: Wb, dE: [3.0]}\n    s: {unit: J/K, dE: [300.0], dS: [1]}\n"),
             charge(), text);
-    assert_says(text, "learned: {acts_on: [a.u], against: [b.Q]}");
+    assert_proposal_says(text, "learned: {acts_on: [a.u], against: [b.Q]}");
 }
 
 #define WARMED                                                            \
@@ -158,7 +147,7 @@ static void a_boundary_input_is_no_feature(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose(WARMED, charge(), text);
-    assert_says(text, "acts_on: [a.s, b.s], rank: 1, features: [a.s], hidden: [4]");
+    assert_proposal_says(text, "acts_on: [a.s, b.s], rank: 1, features: [a.s], hidden: [4]");
 }
 
 #define APART(length)                                                    \
@@ -197,10 +186,10 @@ static void a_length_and_a_momentum_are_conjugate_across_a_port(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose(APART("um"), swing(1e6, 1e3), text);
-    assert_says(text, "constants: {lever1: {learned: -1.0}}");
-    assert_says(text, "given: [[b.p, a.x, \"1000000000.0*lever1\"]]");
+    assert_proposal_says(text, "constants: {lever1: {learned: -1.0}}");
+    assert_proposal_says(text, "given: [[b.p, a.x, \"1000000000.0*lever1\"]]");
     propose(APART("m^3"), swing(1, 1e3), text); // a piston, whose area is to be learned
-    assert_says(text, "learned: {acts_on: [a.x], against: [b.p]}");
+    assert_proposal_says(text, "learned: {acts_on: [a.x], against: [b.p]}");
 }
 
 #define FLYWHEEL                                                                                 \
@@ -215,8 +204,8 @@ static void momenta_do_not_warm_a_body(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose(FLYWHEEL, swing(1, 1), text);
-    assert_says(text, "- {features: [L, q], hidden");
-    assert_says(text, "- {features: [q, s], hidden");
+    assert_proposal_says(text, "- {features: [L, q], hidden");
+    assert_proposal_says(text, "- {features: [q, s], hidden");
 }
 
 #define STRING                                                                                    \
@@ -259,10 +248,10 @@ static void a_string_in_a_field_has_a_length(void **state) {
     (void)state;
     char text[PM_PROPOSAL_TEXT];
     propose(STRING, hang(1.2), text);
-    assert_says(text, "- {features: [\"|q|\", q], hidden");
-    assert_says(text, "- {features: [\"|q|\", q, s], hidden");
+    assert_proposal_says(text, "- {features: [\"|q|\", q], hidden");
+    assert_proposal_says(text, "- {features: [\"|q|\", q, s], hidden");
     propose(STRING, hang(0.1), text);
-    assert_says(text, "- {features: [q], hidden");
+    assert_proposal_says(text, "- {features: [q], hidden");
 }
 
 int main(void) {

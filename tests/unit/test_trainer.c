@@ -150,8 +150,9 @@ static void short_trajectories_have_rates(void **state) {
     bench_close(&b);
 }
 
-// A jump in one variable of a trajectory makes its rates there uncertain, and no others. The central
-// difference is more accurate than one-sided ones, and the weight of the same error is larger.
+// A jump in one variable of a trajectory makes its rates there uncertain, and no others. The
+// central difference is more accurate than one-sided ones, and the weight of the same error is
+// larger.
 static void uncertain_rates_have_small_weights(void **state) {
     (void)state;
     bench b;

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define MOST_LISTED 64 // subsystems that are named one by one
-#define MOST_ROWS 8   // ports or subsystems whose quantities of one kind have a line each
+#define MOST_ROWS 8    // ports or subsystems whose quantities of one kind have a line each
 
 // The extremes of the laws over all rollouts.
 typedef struct summary {

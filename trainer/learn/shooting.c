@@ -23,9 +23,9 @@ static pm_status open_arrays(pm_shooting *s) {
     s->matrix = pm_arena_array(&s->arena, border * border, sizeof *s->matrix);
     s->reduced = pm_arena_array(&s->arena, border * border, sizeof *s->reduced);
     s->residual = pm_arena_array(&s->arena, (size_t)s->tracks->count, sizeof *s->residual);
-    if (s->noise == NULL || s->gap == NULL || s->prior == NULL || s->later == NULL || s->first_weight == NULL ||
-        s->reach == NULL || s->early_reach == NULL || s->matrix == NULL || s->reduced == NULL ||
-        s->residual == NULL) {
+    if (s->noise == NULL || s->gap == NULL || s->prior == NULL || s->later == NULL ||
+        s->first_weight == NULL || s->reach == NULL || s->early_reach == NULL ||
+        s->matrix == NULL || s->reduced == NULL || s->residual == NULL) {
         return no_memory();
     }
     for (int i = 0; i < s->tracks->count; ++i) {

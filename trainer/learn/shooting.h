@@ -48,7 +48,7 @@ typedef struct pm_shooting {
     double *first_weight, *reach;
     double *early_reach; // [nweight] `reach` while `early` is true
     bool early;
-    double huber;                            // residuals beyond this many deviations count less
+    double huber; // residuals beyond this many deviations count less
     int nwindow;
     pm_window *window; // [nwindow], by track and time
     double *z;         // [nwindow][nz] the starts

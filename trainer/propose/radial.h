@@ -1,4 +1,4 @@
-// On which function of its length the energy of a vector depends.
+// Finds on which function of its length the energy of a vector depends.
 #ifndef PM_TRAINER_PROPOSE_RADIAL_H
 #define PM_TRAINER_PROPOSE_RADIAL_H
 
