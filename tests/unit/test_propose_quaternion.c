@@ -50,10 +50,12 @@ static pm_dataset *spin(bool scalar_last, bool outside) {
     static const double inertia[3] = {1, 1.1, 1.25};
     const double fine = 0.0005;
     pm_dataset *d = NULL;
-    assert_int_equal(pm_dataset_new(&d, 4, 80, 8, 0.05, column), PM_OK);
-    for (int k = 0; k < 4; ++k) {
-        double q[4] = {0.5, 0.5, -0.5, 0.5}, M[3] = {1 - 0.3 * k, 0.5 * k - 0.4, 0.7}, s = 0;
-        for (int i = 0; i < 80; ++i) {
+    assert_int_equal(pm_dataset_new(&d, 12, 40, 8, 0.05, column), PM_OK);
+    for (int k = 0; k < 12; ++k) {
+        const double across = sin(k) * sin(3 * k);
+        double q[4] = {cos(k), sin(k) * cos(3 * k), across * cos(2 * k), across * sin(2 * k)};
+        double M[3] = {1 - 0.2 * k, cos(2 * k), 0.7}, s = 0;
+        for (int i = 0; i < 40; ++i) {
             double seen[3];
             memcpy(seen, M, sizeof seen);
             if (outside) {

@@ -49,8 +49,9 @@ int pm_draft_count_odd(const pm_part_view *part, const pm_layout *shown);
 pm_draft_list pm_draft_open_strength(const pm_draft *draft);
 void pm_draft_close_strength(const pm_draft *draft);
 
-// These functions write the model of a subsystem, and of a port, under the key `models`.
+// These functions write the model of a subsystem, its key `reversible`, and the model of a port.
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
+void pm_draft_reversible(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
 
 #endif

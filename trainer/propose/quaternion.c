@@ -1,10 +1,14 @@
 // The angular velocity that moves a quaternion, and its regression on an angular momentum.
 #include "propose/quaternion.h"
 
+#include <math.h>
+
 #include "propose/least_squares.h"
 
 #define UPRIGHT 0.02    // relative to |q||q'|: largest part of the rate along the quaternion
-#define UNEXPLAINED 0.1 // of the squares of the angular velocity, at most
+#define UNEXPLAINED 0.1 // of the variance of the angular velocity, at most
+#define ALIKE 1e-6      // relative difference of unexplained fractions that are the same
+#define EXACT 1e-9      // and the difference, where nearly all is explained
 #define TERMS 4         // of a regression: three components and a constant
 
 // Returns the position of part `i` of a quaternion, whose scalar part is part 0.
@@ -42,10 +46,17 @@ static void velocity_of(pm_quaternion order, const double *q, const double *rate
     }
 }
 
-// Returns the fraction of the squares of w that a linear function of the angular momentum leaves.
-static double unexplained(const pm_look *look, pm_quaternion order, const pm_look_group *target,
-                          const pm_look_group *spin) {
+// How well one order and one frame agree with the angular momentum m.
+typedef struct agreement {
+    double rest;  // fraction of the variance of w that a linear function of m leaves
+    double along; // sum of w . m over the states
+} agreement;
+
+static agreement examine(const pm_look *look, pm_quaternion order, const pm_look_group *target,
+                         const pm_look_group *spin) {
     pm_least_squares sums[3] = {{.n = TERMS}, {.n = TERMS}, {.n = TERMS}};
+    agreement a = {0, 0};
+    double mean[3] = {0}, all = 0;
     for (int k = 0; k < look->count; ++k) {
         const double *z = look->z + (ptrdiff_t)k * look->scene->nz;
         const double *rate = look->rate + (ptrdiff_t)k * look->scene->nz + target->first;
@@ -55,16 +66,18 @@ static double unexplained(const pm_look *look, pm_quaternion order, const pm_loo
         velocity_of(order, z + target->first, rate, w);
         for (int c = 0; c < 3; ++c) {
             pm_least_squares_add(&sums[c], term, w[c]);
+            mean[c] += w[c] / look->count;
+            a.along += w[c] * m[c];
         }
     }
-    double rest = 0, all = 0;
     for (int c = 0; c < 3; ++c) {
         double solution[TERMS];
         const double square = sums[c].square;
-        rest += square * pm_least_squares_solve(&sums[c], solution);
-        all += square;
+        a.rest += square * pm_least_squares_solve(&sums[c], solution);
+        all += square - look->count * mean[c] * mean[c];
     }
-    return all > 0 ? rest / all : 1;
+    a.rest = all > 0 ? a.rest / all : 1;
+    return a;
 }
 
 static bool keeps_length(const pm_look *look, const pm_look_group *target) {
@@ -83,17 +96,21 @@ static bool keeps_length(const pm_look *look, const pm_look_group *target) {
     return along < UPRIGHT * UPRIGHT * size;
 }
 
+// With the other order and the other frame w has the same components in another sequence, and some
+// with the other sign, so that a linear function explains it as well. The energy of rotation,
+// w . m/2, tells these apart.
 pm_quaternion pm_look_at_quaternion(const pm_look *look, const pm_look_group *target,
                                     const pm_look_group *spin) {
     pm_quaternion best = {0};
-    double least = UNEXPLAINED;
+    agreement of_best = {UNEXPLAINED, 0};
     for (int k = 0; k < 4 && keeps_length(look, target); ++k) {
         const pm_quaternion order = {k % 2 == 0 ? 1 : -1, k / 2 == 1};
-        const double rest = unexplained(look, order, target, spin);
-        if (rest < least) {
-            least = rest;
+        const agreement a = examine(look, order, target, spin);
+        const bool alike = fabs(a.rest - of_best.rest) <= ALIKE * (a.rest + of_best.rest) + EXACT;
+        if (alike && best.turns != 0 ? a.along > of_best.along : a.rest < of_best.rest) {
+            of_best = a;
             best = order;
         }
     }
-    return best;
+    return of_best.along > 0 ? best : (pm_quaternion){0};
 }
