@@ -229,6 +229,31 @@ static void errors_of_starts_are_none_of_the_model(void **state) {
     }
 }
 
+// The typical error is a median, in which predictions that are not finite have the largest errors.
+static void typical_errors_are_medians(void **state) {
+    (void)state;
+    static const double measured[8] = {9, 1, 2, 3, 4, 5, 6, 7};
+    static const double error[8] = {0, NAN, 0.3, NAN, 0.1, 0.4, NAN, 0.2};
+    static const char *const name[] = {"y"};
+    const int which = 0;
+    int column = 0;
+    double y[8];
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 1, 8, 1, 1, name), PM_OK);
+    for (int k = 0; k < 8; ++k) {
+        *pm_dataset_state(d, 0, k) = measured[k];
+        y[k] = measured[k] + error[k];
+    }
+    const pm_estimate e = {.count = 1, .ntime = 8, .ny = 1, .until = 100, .y = y};
+    const pm_observation o = {.count = 1, .column = &column};
+    // Beyond the first sample the median of the measurements is 4, and their median distance 2.
+    const double typical = pm_estimate_typical_error(&e, &o, d, &which, 0.5, 0);
+    if (!(fabs(typical - 0.4 / 2) < 1e-12)) {
+        fail_msg("a typical error of %g, expected 0.2", typical);
+    }
+    pm_dataset_free(d);
+}
+
 static void missing_columns_are_told(void **state) {
     scratch *folder = *state;
     static const volatile sig_atomic_t stop = 0;
@@ -262,6 +287,7 @@ int main(void) {
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(errors_of_starts_are_none_of_the_model, scratch_setup,
                                         scratch_teardown),
+        cmocka_unit_test(typical_errors_are_medians),
         cmocka_unit_test_setup_teardown(missing_columns_are_told, scratch_setup, scratch_teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
