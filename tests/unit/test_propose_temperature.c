@@ -166,11 +166,41 @@ static void without_motion_there_is_no_temperature(void **state) {
     pm_dataset_free(d);
 }
 
+// x' = p/m and p' = p^2 m'/(2 m^2) - x - d x' with the mass m = 1 + x^2/4, and the same
+// body.
+static void a_mass_may_depend_on_the_position(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "p", "s"};
+    const double cold = 3, friction = 0.2, h = 0.1 / FINE;
+    char text[1024];
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, 30, STATES, 3, 0.1, column), PM_OK);
+    for (int i = 0; i < 30; ++i) {
+        double z[] = {0.8 + i * 7 % 30 / 30.0, 0.3 * (i % 3), i * 11 % 30 / 30.0 / cold};
+        for (int j = 0; j < STATES; ++j) {
+            memcpy(pm_dataset_state(d, i, j), z, sizeof z);
+            for (int k = 0; k < 10 * FINE; ++k) {
+                const double m = 1 + z[0] * z[0] / 4, v = z[1] / m;
+                z[1] += h / 10 * (v * v * z[0] / 4 - z[0] - friction * v);
+                z[0] += h / 10 * v;
+                z[2] += h / 10 * friction * v * v / (cold * exp(z[2] * cold / 3));
+            }
+        }
+    }
+    write_scene(text, "m", "kg m/s", "J/K");
+    const double found = show(text, d, 2);
+    if (!(found > 1.1 * cold && found < 1.5 * cold)) {
+        fail_msg("%g K, expected 1.1 to 1.5 times %g", found, cold);
+    }
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_power_of_motion_shows_the_temperature),
         cmocka_unit_test(units_do_not_matter),
         cmocka_unit_test(a_proposal_begins_with_it_far_from_that_of_a_room),
+        cmocka_unit_test(a_mass_may_depend_on_the_position),
         cmocka_unit_test(without_motion_there_is_no_temperature),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -9,14 +9,17 @@
 #define MOST_DEGREE 4   // of the polynomial
 #define MOST_FACTORS 40 // terms of one subsystem
 #define MOST_TERMS 160  // terms of all subsystems
+#define BLOCKS 20       // of states, which belong to both halves in turn
 #define RIDGE 1e-10     // relative to the diagonal
 #define UNEXPLAINED 0.3 // largest fraction of the squared power of the other half
 #define AGREE 2.0       // largest ratio of the temperatures of both halves
 
-// A product of powers of centred and scaled variables of one subsystem.
+// A product of scaled variables of one subsystem. It is a part of U, or, with `moved`, the factor
+// of the rate of this component in the power of a mass that depends on positions.
 typedef struct term {
+    int moved; // position in the state of the scene; -1: a part of U
     int degree;
-    int component[MOST_DEGREE]; // [degree] positions in the state of the scene, ascending
+    int component[2 + MOST_DEGREE]; // [degree] positions in the state of the scene
 } term;
 
 typedef struct energy_balance {
@@ -32,11 +35,6 @@ typedef struct energy_balance {
     double size[MOST_TERMS];        // root mean squares of the rates of the terms
 } energy_balance;
 
-// Whether the momentum of this pair moves the position alone, so that x' p' is its kinetic power.
-static bool is_known(const pm_part_view *v, int position) {
-    return v->kind[position] == PM_VIEW_POSITION && v->apart[position];
-}
-
 // Returns the power of motion in state k, in W.
 static double power_of(const energy_balance *b, int k) {
     const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->nz;
@@ -45,7 +43,8 @@ static double power_of(const energy_balance *b, int k) {
         const pm_part_view *v = &b->parts[i];
         for (int g = 0; g < v->count; ++g) {
             const int m = v->mate[g];
-            for (int c = 0; is_known(v, g) && c < v->group[g].group->size; ++c) {
+            const int size = v->kind[g] == PM_VIEW_POSITION ? v->group[g].group->size : 0;
+            for (int c = 0; c < size; ++c) {
                 power += v->sign[g] * v->unit[g].factor * v->unit[m].factor *
                          rate[v->group[g].first + c] * rate[v->group[m].first + c];
             }
@@ -54,68 +53,68 @@ static double power_of(const energy_balance *b, int k) {
     return power;
 }
 
-// Returns the rate of a term in state k.
-static double rate_of(const energy_balance *b, const term *t, int k) {
+// Returns the product of the variables of a term but for number `without` in state k.
+static double product_of(const energy_balance *b, const term *t, int without, int k) {
     const double *z = b->look->z + (ptrdiff_t)k * b->look->scene->nz;
+    double product = 1;
+    for (int j = 0; j < t->degree; ++j) {
+        const int c = t->component[j];
+        product *= j == without ? 1 : (z[c] - b->mean[c]) / b->deviation[c];
+    }
+    return product;
+}
+
+// Returns the power of a term in state k: the rate of a part of U.
+static double rate_of(const energy_balance *b, const term *t, int k) {
     const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->nz;
+    if (t->moved >= 0) {
+        return rate[t->moved] / b->deviation[t->moved] * product_of(b, t, -1, k);
+    }
     double sum = 0;
     for (int i = 0; i < t->degree; ++i) {
-        double product = rate[t->component[i]] / b->deviation[t->component[i]];
-        for (int j = 0; j < t->degree; ++j) {
-            const int c = t->component[j];
-            product *= j == i ? 1 : (z[c] - b->mean[c]) / b->deviation[c];
-        }
-        sum += product;
+        sum += rate[t->component[i]] / b->deviation[t->component[i]] * product_of(b, t, i, k);
     }
     return sum;
 }
 
-// Returns the derivative of a term by the scaled component c in state k.
+// Returns the derivative of a term of U by the scaled component c in state k.
 static double slope_of(const energy_balance *b, const term *t, int c, int k) {
-    const double *z = b->look->z + (ptrdiff_t)k * b->look->scene->nz;
     double sum = 0;
-    for (int i = 0; i < t->degree; ++i) {
-        double product = t->component[i] == c;
-        for (int j = 0; j < t->degree; ++j) {
-            const int d = t->component[j];
-            product *= j == i ? 1 : (z[d] - b->mean[d]) / b->deviation[d];
-        }
-        sum += product;
+    for (int i = 0; i < t->degree && t->moved < 0; ++i) {
+        sum += t->component[i] == c ? product_of(b, t, i, k) : 0;
     }
     return sum;
 }
 
 // --- the terms ---
 
-// Writes the components of a subsystem that change, but for momenta whose energy is known. Returns
-// their number.
-static int list_components(const pm_part_view *v, int most, int *component) {
-    int n = 0;
-    for (int g = 0; g < v->count; ++g) {
-        const bool known = v->kind[g] == PM_VIEW_MOMENTUM && is_known(v, v->mate[g]);
-        for (int c = 0; c < v->group[g].group->size && !known && !v->group[g].constant; ++c) {
-            if (n < most) {
-                component[n] = v->group[g].first + c;
-            }
-            ++n;
-        }
+// Components of the variables of one subsystem that change.
+typedef struct components {
+    int n;
+    int at[MOST_FACTORS + 1]; // positions in the state of the scene
+} components;
+
+static void add_components(components *list, const pm_look_group *g) {
+    for (int c = 0; c < g->group->size && !g->constant && list->n <= MOST_FACTORS; ++c) {
+        list->at[list->n++] = g->first + c;
     }
-    return n;
 }
 
-// Adds all products of `degree` of n components to the terms. Returns false if there is no room.
-static bool add_products(energy_balance *b, int degree, int n, const int *component) {
+// Adds all products of `degree` of the components, times the components of `before`, to the terms.
+// Returns false if there is no room.
+static bool add_products(energy_balance *b, const term *before, int degree,
+                         const components *list) {
     int choice[MOST_DEGREE] = {0};
     for (int last = 0; last >= 0;) {
         if (b->nterm == MOST_TERMS) {
             return false;
         }
         term *t = &b->term[b->nterm++];
-        t->degree = degree;
+        *t = *before;
         for (int i = 0; i < degree; ++i) {
-            t->component[i] = component[choice[i]];
+            t->component[t->degree++] = list->at[choice[i]];
         }
-        for (last = degree - 1; last >= 0 && choice[last] == n - 1; --last) {
+        for (last = degree - 1; last >= 0 && choice[last] == list->n - 1; --last) {
         }
         for (int i = degree - 1; i >= last && last >= 0; --i) {
             choice[i] = choice[last] + 1;
@@ -124,27 +123,74 @@ static bool add_products(energy_balance *b, int degree, int n, const int *compon
     return true;
 }
 
-// Lists the products of one subsystem up to the highest degree for which there are few.
-static bool add_part(energy_balance *b, const pm_part_view *v) {
-    int component[MOST_FACTORS];
-    const int n = list_components(v, MOST_FACTORS, component);
+// Adds all products up to the highest degree, at most `most`, for which there are at most `room`.
+// Returns false if there is no room for the first degree.
+static bool add_polynomial(energy_balance *b, const term *before, int most, double room,
+                           const components *list) {
     double count = 1;
-    for (int degree = 1; degree <= MOST_DEGREE && n > 0; ++degree) {
-        count *= (double)(n + degree) / degree; // binomial coefficient: products up to this degree
-        if (count - 1 > MOST_FACTORS) {
+    for (int degree = 1; degree <= most && list->n > 0; ++degree) {
+        count *= (double)(list->n + degree) / degree; // products up to this degree, and 1
+        if (count - 1 > room) {
             return degree > 1;
         }
-        if (!add_products(b, degree, n, component)) {
+        if (!add_products(b, before, degree, list)) {
             return false;
         }
     }
     return true;
 }
 
+// Adds the terms p p x' and their products with powers of the components x, which may be those
+// of dK/dx of a kinetic energy K that is quadratic in the momenta p.
+static bool add_masses(energy_balance *b, const components *x, const components *p) {
+    const double room = p->n > 0 ? 2.0 * MOST_FACTORS / (p->n * (p->n + 1) * x->n) - 1 : 0;
+    bool added = true;
+    for (int i = 0; i < x->n && added; ++i) {
+        for (int k = 0; k < p->n * p->n && added; ++k) {
+            const term mass = {x->at[i], 2, {p->at[k / p->n], p->at[k % p->n]}};
+            if (k % p->n <= k / p->n) {
+                added = add_products(b, &mass, 0, x) &&
+                        (room < x->n || add_polynomial(b, &mass, MOST_DEGREE, room, x));
+            }
+        }
+    }
+    return added;
+}
+
+static bool add_part(energy_balance *b, const pm_part_view *v) {
+    components all = {0}, x = {0}, p = {0};
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] != PM_VIEW_MOMENTUM) {
+            add_components(&all, &v->group[g]);
+        } else if (!v->apart[v->mate[g]]) {
+            add_components(&p, &v->group[g]);
+        }
+        if (v->kind[g] != PM_VIEW_MOMENTUM && v->kind[g] != PM_VIEW_ENTROPY) {
+            add_components(&x, &v->group[g]);
+        }
+    }
+    const term none = {.moved = -1};
+    return add_polynomial(b, &none, MOST_DEGREE, MOST_FACTORS, &all) && add_masses(b, &x, &p);
+}
+
+// Returns true for momenta, which are not centred, since their energy is quadratic in them.
+static bool is_momentum(const energy_balance *b, int c) {
+    for (int i = 0; i < b->look->scene->nsubsystem; ++i) {
+        const pm_part_view *v = &b->parts[i];
+        for (int g = 0; g < v->count; ++g) {
+            if (v->kind[g] == PM_VIEW_MOMENTUM && c >= v->group[g].first &&
+                c < v->group[g].first + v->group[g].group->size) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
 static void find_units(energy_balance *b) {
     const int nz = b->look->scene->nz, count = b->look->count;
     for (int c = 0; c < nz; ++c) {
-        for (int k = 0; k < count; ++k) {
+        for (int k = 0; k < count && !is_momentum(b, c); ++k) {
             b->mean[c] += b->look->z[(ptrdiff_t)k * nz + c] / count;
         }
         for (int k = 0; k < count; ++k) {
@@ -173,6 +219,12 @@ static void find_units(energy_balance *b) {
 
 // --- the fits ---
 
+// Returns the half that state k belongs to, 0 or 1. The states are in the order of trajectories,
+// which may be sorted by their size.
+static int half_of(const energy_balance *b, int k) {
+    return (int)((long)k * BLOCKS / b->look->count % 2);
+}
+
 // Writes the rates of the scaled terms in state k to x [nterm].
 static void write_row(const energy_balance *b, int k, double *x) {
     for (int a = 0; a < b->nterm; ++a) {
@@ -185,7 +237,10 @@ static bool fit(energy_balance *b, int half) {
     const int n = b->nterm, count = b->look->count;
     double x[MOST_TERMS], *solution = b->solution[half];
     memset(b->matrix, 0, (size_t)n * (size_t)n * sizeof *b->matrix);
-    for (int k = half * (count / 2); k < (half == 0 ? count / 2 : count); ++k) {
+    for (int k = 0; k < count; ++k) {
+        if (half_of(b, k) != half) {
+            continue;
+        }
         const double power = power_of(b, k);
         write_row(b, k, x);
         pm_gram_add(1, n, x, b->matrix);
@@ -201,9 +256,12 @@ static bool fit(energy_balance *b, int half) {
 
 // Returns the fraction of the squared power of the other half that the fit does not explain.
 static double unexplained(const energy_balance *b, int half) {
-    const int count = b->look->count, other = 1 - half;
+    const int count = b->look->count;
     double x[MOST_TERMS], rest = 0, square = 0;
-    for (int k = other * (count / 2); k < (other == 0 ? count / 2 : count); ++k) {
+    for (int k = 0; k < count; ++k) {
+        if (half_of(b, k) == half) {
+            continue;
+        }
         const double power = power_of(b, k);
         double sum = power;
         write_row(b, k, x);

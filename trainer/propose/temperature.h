@@ -5,9 +5,11 @@
 // holds along every trajectory of a closed system. A polynomial U is fitted to this equation, and
 // its slopes dU/ds are the temperatures.
 //
-// Only pairs count whose x' depends on momenta alone. Angular momenta without a conjugate variable,
-// and masses that depend on positions, would need other terms. Where no coefficient of L is known,
-// the scale of energy is free, and with it that of temperatures.
+// Where x' depends on more than momenta, such as the lengths of a linkage, the kinetic energy K is
+// taken for quadratic in the momenta. Its part x' dK/dx of the sum then has terms p p x' with
+// factors that depend on positions. Angular momenta without a conjugate variable would need other
+// terms. Where no coefficient of L is known, the scale of energy is free, and with it that of
+// temperatures.
 #ifndef PM_TRAINER_PROPOSE_TEMPERATURE_H
 #define PM_TRAINER_PROPOSE_TEMPERATURE_H
 
