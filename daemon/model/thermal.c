@@ -91,17 +91,23 @@ typedef struct rises {
     pm_node form, beta, height;
 } rises;
 
-// Returns the forms of the normalised entropies s [1][n] with the exponents b [n][count].
+// Returns the forms of the normalised entropies s [1][n] with the exponents b [n][count]. The order
+// in which nodes are made decides the order of sums in gradients.
 static rises build_rises(pm_graph *g, const pm_network_spec *spec, pm_node s, pm_node b,
                          pm_node deviation) {
     const int n = pm_graph_shape(g, b).rows;
+    rises r;
     if (spec->separate) {
-        return (rises){pm_mul(g, pm_reshape(g, s, n, 1), b), b,
-                       pm_div(g, b, pm_reshape(g, deviation, n, 1))};
+        r.beta = b;
+        r.form = pm_mul(g, pm_reshape(g, s, n, 1), b);
+        r.height = pm_div(g, b, pm_reshape(g, deviation, n, 1));
+    } else {
+        const pm_node mean = pm_constant(g, 1.0 / n, 1, n);
+        r.beta = pm_matmul(g, mean, false, b, false);
+        r.form = pm_matmul(g, s, false, b, false);
+        r.height = pm_matmul(g, pm_div(g, mean, deviation), false, b, false);
     }
-    const pm_node mean = pm_constant(g, 1.0 / n, 1, n);
-    return (rises){pm_matmul(g, s, false, b, false), pm_matmul(g, mean, false, b, false),
-                   pm_matmul(g, pm_div(g, mean, deviation), false, b, false)};
+    return r;
 }
 
 pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features,
@@ -111,13 +117,13 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     thermal_name name;
     join(name, prefix, "body");
     const pm_node warmth = pm_warmth(g, params);
-    const pm_node rise = pm_sub(g, pm_network_param(g, params, prefix, "exponent"), warmth);
-    const pm_node exponent = pm_offset(g, pm_exp(g, rise), SMALLEST_EXPONENT); // b [n][count]
     const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
-    const int n = pm_graph_shape(g, exponent).rows, rows = rows_of(spec, n);
-    const int nx = pm_graph_shape(g, features).cols - n;
+    const int n = pm_graph_shape(g, deviation).cols, rows = rows_of(spec, n);
     const pm_node size = pm_add(g, build_shares(g, spec, rows, params, prefix),
                                 warmth); // ln A w [rows][count]
+    const pm_node rise = pm_sub(g, pm_network_param(g, params, prefix, "exponent"), warmth);
+    const pm_node exponent = pm_offset(g, pm_exp(g, rise), SMALLEST_EXPONENT); // b [n][count]
+    const int nx = pm_graph_shape(g, features).cols - n;
     const pm_node out = body.nfeature == 0
                             ? pm_network_param(g, params, name, "constant")
                             : pm_network_build_from(g, &body, pm_slice(g, features, 0, nx),
