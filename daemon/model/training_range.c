@@ -4,6 +4,10 @@
 #include <float.h>
 #include <math.h>
 
+// A vector may be longer or shorter than all that training saw by this part of its length: that of
+// a direction is constant, but for the error of the integrator.
+#define SLACK 1e-3
+
 static const char low_name[] = "training_range.low", high_name[] = "training_range.high";
 
 // The bounds of the empty range are finite, since weights files hold finite numbers only. The first
@@ -46,8 +50,9 @@ pm_departure pm_training_range_departure(pm_training_range range, const double *
     for (int i = 0; range.low != NULL && i < range.layout->ngroup; ++i) {
         const pm_group *group = &range.layout->group[i];
         const double low = range.low[i], high = range.high[i];
-        const double value = measure(group, z), width = high - low;
-        const double beyond = fmax(low - value, value - high);
+        const double slack = group->size > 1 ? SLACK * high : 0;
+        const double value = measure(group, z), width = fmax(high - low, slack);
+        const double beyond = fmax(low - value, value - high) - slack;
         const double widths = width > 0 ? beyond / width : beyond > 0 ? INFINITY : 0;
         if (widths > worst.widths) {
             worst = (pm_departure){group, value, low, high, widths};

@@ -1,8 +1,10 @@
 // The training range: the region of states on which the weights of a part were trained. For each
 // group of variables it is the range of the group's length, or of its value if it has one
-// component. A rotated state therefore stays within the range. The range is kept among the part's
-// constants as "training_range.low" and "training_range.high" [1][ngroup], in the units of the
-// groups. Weights without these constants have no range, and no state is outside.
+// component. A rotated state therefore stays within the range. The length of a vector may leave it
+// by a thousandth, since the length of a direction or of a quaternion is constant, but for the
+// error of the integrator. The range is kept among the part's constants as "training_range.low" and
+// "training_range.high" [1][ngroup], in the units of the groups. Weights without these constants
+// have no range, and no state is outside.
 #ifndef PM_MODEL_TRAINING_RANGE_H
 #define PM_MODEL_TRAINING_RANGE_H
 
@@ -24,7 +26,8 @@ pm_training_range pm_training_range_of(const pm_part *part);
 typedef struct pm_departure {
     const pm_group *group;   // NULL: no group is outside
     double value, low, high; // of the group, in its unit
-    double widths;           // distance to the range, in widths of the range
+    double widths;           // distance to the range, in widths of the range; for a vector beyond
+                             // the thousandth of its length, which counts as a width at least
 } pm_departure;
 // Returns the group of the state z [nz] that is furthest outside its range.
 pm_departure pm_training_range_departure(pm_training_range range, const double *z);

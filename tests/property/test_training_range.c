@@ -42,6 +42,24 @@ static void widened_states_are_inside_whichever_way_they_are_turned(void **state
     }
 }
 
+// A vector of constant length, such as a direction, drifts by the error of the integrator.
+static void a_direction_may_drift(void **state) {
+    (void)state;
+    random_system w;
+    random_system_of_text(&w, 1, random_system_scene, random_system_part, random_system_port);
+    pm_part *part = w.system->part[0];
+    assert_int_equal(pm_training_range_declare(part), PM_OK);
+    double z[] = {0.6, 0.8, 1, 1, 0};
+    pm_training_range_widen(part, z);
+    z[0] *= 1 + 1e-6;
+    assert_null(pm_training_range_departure(pm_training_range_of(part), z).group);
+    z[0] *= 1.1;
+    const pm_departure d = pm_training_range_departure(pm_training_range_of(part), z);
+    assert_string_equal(d.group->name, "q");
+    assert_true(d.widths > 10 && d.widths < 100);
+    random_system_close(&w);
+}
+
 // Both parts know the start alone, so that every step leads outside of it.
 static void a_run_counts_departures_and_ends_where_the_scene_says(void **state) {
     (void)state;
@@ -72,6 +90,7 @@ static void a_run_counts_departures_and_ends_where_the_scene_says(void **state) 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(widened_states_are_inside_whichever_way_they_are_turned),
+        cmocka_unit_test(a_direction_may_drift),
         cmocka_unit_test(a_run_counts_departures_and_ends_where_the_scene_says),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -47,7 +47,7 @@ static void turn(const double q[4], const double m[3], double turned[3]) {
 // comes first or last, and the angular momentum is seen from the body or from outside.
 static pm_dataset *spin(bool scalar_last, bool outside) {
     static const char *const column[] = {"a", "b", "c", "d", "x", "y", "z", "s"};
-    static const double inertia[3] = {1, 1.1, 1.25};
+    static const double inertia[3] = {0.5, 1, 2};
     const double fine = 0.0005;
     pm_dataset *d = NULL;
     assert_int_equal(pm_dataset_new(&d, 12, 40, 8, 0.05, column), PM_OK);

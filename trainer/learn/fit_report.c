@@ -65,6 +65,9 @@ static void print_cells(const report *r) {
         }
         printf("\n");
     }
+    if (r->training.ncell > 0 && isnan(r->training.cell[0].one_step)) {
+        printf("Errors of one step are not measured where boundary inputs act.\n");
+    }
 }
 
 static void print_production(const char *where, const pm_measure *m) {

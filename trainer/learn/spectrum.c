@@ -108,12 +108,19 @@ static double unmatched_part(int n, const double *scaled, int at) {
 // determine the temperatures.
 static void report_warmth(int n, const double *scaled, int at, double effect, FILE *out) {
     fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n", effect);
-    if (n <= MOST_DECOMPOSED && unmatched_part(n, scaled, at) < MATCHED) {
-        fprintf(
-            out,
-            "temperatures are not determined: other weights can make up for a common factor. If no "
-            "coefficient of L is given, the scale of all energies is free, and parts fit together "
-            "by the learned couplings alone; give a coefficient that is known.\n");
+    if (n > MOST_DECOMPOSED) {
+        fprintf(out, "flat directions: not examined, since there are more than %d weights\n",
+                MOST_DECOMPOSED);
+        return;
+    }
+    const double part = unmatched_part(n, scaled, at);
+    if (part < MATCHED) {
+        fprintf(out,
+                "temperatures are hardly determined: other weights can make up for all but %.2g %% "
+                "of this change. Where no coefficient of L is given, the scale of all energies is "
+                "free, and parts fit together by the learned couplings alone; give a coefficient "
+                "that is known.\n",
+                100 * part);
     }
 }
 

@@ -1,14 +1,10 @@
 // The angular velocity that moves a quaternion, and its regression on an angular momentum.
 #include "propose/quaternion.h"
 
-#include <math.h>
-
 #include "propose/least_squares.h"
 
 #define UPRIGHT 0.02    // relative to |q||q'|: largest part of the rate along the quaternion
 #define UNEXPLAINED 0.1 // of the variance of the angular velocity, at most
-#define ALIKE 1e-6      // relative difference of unexplained fractions that are the same
-#define EXACT 1e-9      // and the difference, where nearly all is explained
 #define TERMS 4         // of a regression: three components and a constant
 
 // Returns the position of part `i` of a quaternion, whose scalar part is part 0.
@@ -46,38 +42,48 @@ static void velocity_of(pm_quaternion order, const double *q, const double *rate
     }
 }
 
-// How well one order and one frame agree with the angular momentum m.
-typedef struct agreement {
-    double rest;  // fraction of the variance of w that a linear function of m leaves
-    double along; // sum of w . m over the states
-} agreement;
+// Writes an angular momentum m [3] as the body sees it. If it is seen from outside, the rate that
+// it would cause as an angular velocity is also caused by its components in the body.
+static void see_from_body(pm_quaternion order, const double *q, const double *m, double *seen) {
+    const pm_quaternion body = {1, order.scalar_last};
+    double rate[4] = {0};
+    for (int row = 0; row < 4; ++row) {
+        for (int axis = 0; axis < 3; ++axis) {
+            int column;
+            const int sign = pm_quaternion_term(order, row, axis, &column);
+            rate[row] += sign * q[column] * m[axis] / 2;
+        }
+    }
+    velocity_of(body, q, rate, seen);
+}
 
-static agreement examine(const pm_look *look, pm_quaternion order, const pm_look_group *target,
-                         const pm_look_group *spin) {
+// Returns the fraction of the variance of w that a linear function of the angular momentum leaves,
+// both as the body sees them; 1 if they point in opposite directions.
+static double unexplained(const pm_look *look, pm_quaternion order, const pm_look_group *target,
+                          const pm_look_group *spin) {
+    const pm_quaternion body = {1, order.scalar_last};
     pm_least_squares sums[3] = {{.n = TERMS}, {.n = TERMS}, {.n = TERMS}};
-    agreement a = {0, 0};
-    double mean[3] = {0}, all = 0;
+    double mean[3] = {0}, along = 0, rest = 0, all = 0;
     for (int k = 0; k < look->count; ++k) {
         const double *z = look->z + (ptrdiff_t)k * look->scene->nz;
         const double *rate = look->rate + (ptrdiff_t)k * look->scene->nz + target->first;
-        const double *m = z + spin->first;
+        double w[3], m[3];
+        velocity_of(body, z + target->first, rate, w);
+        see_from_body(order, z + target->first, z + spin->first, m);
         const double term[TERMS] = {m[0], m[1], m[2], spin->deviation};
-        double w[3];
-        velocity_of(order, z + target->first, rate, w);
         for (int c = 0; c < 3; ++c) {
             pm_least_squares_add(&sums[c], term, w[c]);
             mean[c] += w[c] / look->count;
-            a.along += w[c] * m[c];
+            along += w[c] * m[c];
         }
     }
     for (int c = 0; c < 3; ++c) {
         double solution[TERMS];
         const double square = sums[c].square;
-        a.rest += square * pm_least_squares_solve(&sums[c], solution);
+        rest += square * pm_least_squares_solve(&sums[c], solution);
         all += square - look->count * mean[c] * mean[c];
     }
-    a.rest = all > 0 ? a.rest / all : 1;
-    return a;
+    return all > 0 && along > 0 ? rest / all : 1;
 }
 
 static bool keeps_length(const pm_look *look, const pm_look_group *target) {
@@ -96,21 +102,17 @@ static bool keeps_length(const pm_look *look, const pm_look_group *target) {
     return along < UPRIGHT * UPRIGHT * size;
 }
 
-// With the other order and the other frame w has the same components in another sequence, and some
-// with the other sign, so that a linear function explains it as well. The energy of rotation,
-// w . m/2, tells these apart.
 pm_quaternion pm_look_at_quaternion(const pm_look *look, const pm_look_group *target,
                                     const pm_look_group *spin) {
     pm_quaternion best = {0};
-    agreement of_best = {UNEXPLAINED, 0};
+    double least = UNEXPLAINED;
     for (int k = 0; k < 4 && keeps_length(look, target); ++k) {
         const pm_quaternion order = {k % 2 == 0 ? 1 : -1, k / 2 == 1};
-        const agreement a = examine(look, order, target, spin);
-        const bool alike = fabs(a.rest - of_best.rest) <= ALIKE * (a.rest + of_best.rest) + EXACT;
-        if (alike && best.turns != 0 ? a.along > of_best.along : a.rest < of_best.rest) {
-            of_best = a;
+        const double rest = unexplained(look, order, target, spin);
+        if (rest < least) {
+            least = rest;
             best = order;
         }
     }
-    return of_best.along > 0 ? best : (pm_quaternion){0};
+    return best;
 }

@@ -14,7 +14,8 @@ typedef struct pm_quaternion {
 
 // Examines a group of four components and an angular momentum of three components. The group is a
 // quaternion if it keeps its length in the examined states and if, for one order and one frame, its
-// angular velocity is a linear function of the angular momentum, but for a tenth of its variance.
+// angular velocity is a linear function of the angular momentum, as the body sees both, but for a
+// tenth of its variance.
 pm_quaternion pm_look_at_quaternion(const pm_look *look, const pm_look_group *target,
                                     const pm_look_group *spin);
 
