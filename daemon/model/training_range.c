@@ -52,8 +52,8 @@ pm_departure pm_training_range_departure(pm_training_range range, const double *
         const double low = range.low[i], high = range.high[i];
         const double slack = group->size > 1 ? SLACK * high : 0;
         const double value = measure(group, z), width = fmax(high - low, slack);
-        const double beyond = fmax(low - value, value - high) - slack;
-        const double widths = width > 0 ? beyond / width : beyond > 0 ? INFINITY : 0;
+        const double beyond = fmax(low - value, value - high);
+        const double widths = beyond <= slack ? 0 : width > 0 ? beyond / width : INFINITY;
         if (widths > worst.widths) {
             worst = (pm_departure){group, value, low, high, widths};
         }

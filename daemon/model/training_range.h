@@ -26,8 +26,8 @@ pm_training_range pm_training_range_of(const pm_part *part);
 typedef struct pm_departure {
     const pm_group *group;   // NULL: no group is outside
     double value, low, high; // of the group, in its unit
-    double widths;           // distance to the range, in widths of the range; for a vector beyond
-                             // the thousandth of its length, which counts as a width at least
+    double widths;           // distance to the range, in widths of the range, of which that of a
+                             // vector counts as a thousandth of its length at least
 } pm_departure;
 // Returns the group of the state z [nz] that is furthest outside its range.
 pm_departure pm_training_range_departure(pm_training_range range, const double *z);
