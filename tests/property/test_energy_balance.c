@@ -17,6 +17,7 @@
 #include "learn/objective.h"
 #include "learn/residuals.h"
 #include "learn/start.h"
+#include "tests/support/runge_kutta.h"
 #include "tests/support/training.h"
 
 #define NZ 3
@@ -41,20 +42,6 @@ static void rates(const double *z, double *rate) {
     rate[2] = (current * (V1 - V2) + leak * V1) / T;
 }
 
-static void step(double *z, double h) {
-    double k[4][NZ], at[NZ];
-    for (int stage = 0; stage < 4; ++stage) {
-        const double part = stage == 0 ? 0 : stage == 3 ? h : h / 2;
-        for (int c = 0; c < NZ; ++c) {
-            at[c] = z[c] + (stage == 0 ? 0 : part * k[stage - 1][c]);
-        }
-        rates(at, k[stage]);
-    }
-    for (int c = 0; c < NZ; ++c) {
-        z[c] += h / 6 * (k[0][c] + 2 * k[1][c] + 2 * k[2][c] + k[3][c]);
-    }
-}
-
 static pm_dataset *make_data(void) {
     pm_dataset *data = NULL;
     assert_int_equal(pm_dataset_new(&data, NTRAJECTORY, NTIME, NZ, DT, columns), PM_OK);
@@ -66,7 +53,7 @@ static pm_dataset *make_data(void) {
         for (int j = 0; j < NTIME; ++j) {
             memcpy(pm_dataset_state(data, i, j), z, sizeof z);
             for (int k = 0; k < 20; ++k) {
-                step(z, DT / 20);
+                runge_kutta_step(NZ, rates, DT / 20, z);
             }
         }
     }

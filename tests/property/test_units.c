@@ -14,6 +14,7 @@
 #include "learn/normalization.h"
 #include "learn/objective.h"
 #include "learn/start.h"
+#include "tests/support/runge_kutta.h"
 #include "tests/support/training.h"
 
 #define NTRAJECTORY 6
@@ -39,20 +40,6 @@ static void rates(const double *z, double *rate) {
     rate[5] = (0.2 * z[4] * z[4] / 0.49 - heat) / T2;
 }
 
-static void step(double *z, double h) {
-    double k[4][NZ], at[NZ];
-    for (int stage = 0; stage < 4; ++stage) {
-        const double part = stage == 0 ? 0 : stage == 3 ? h : h / 2;
-        for (int c = 0; c < NZ; ++c) {
-            at[c] = z[c] + (stage == 0 ? 0 : part * k[stage - 1][c]);
-        }
-        rates(at, k[stage]);
-    }
-    for (int c = 0; c < NZ; ++c) {
-        z[c] += h / 6 * (k[0][c] + 2 * k[1][c] + 2 * k[2][c] + k[3][c]);
-    }
-}
-
 static pm_dataset *make_data(const double *unit, double time) {
     pm_dataset *data = NULL;
     assert_int_equal(pm_dataset_new(&data, NTRAJECTORY, NTIME, NZ, DT * time, columns), PM_OK);
@@ -68,7 +55,7 @@ static pm_dataset *make_data(const double *unit, double time) {
                 pm_dataset_state(data, i, j)[c] = unit[c] * z[c];
             }
             for (int k = 0; k < 10; ++k) {
-                step(z, DT / 10);
+                runge_kutta_step(NZ, rates, DT / 10, z);
             }
         }
     }

@@ -328,6 +328,21 @@ fit known known
 grep -q "temperatures: all higher" "$folder/out" || fail "fit: expected a line about temperatures"
 grep -q "temperatures are hardly determined" "$folder/out" && fail "fit: the given pair fixes the scale of energy"
 
+# --- what is not examined is said ---
+sed -e 's/exponentials: 1,/exponentials: 1, hidden: [24, 24],/' -e 's/iterations: 2, batch: 50/iterations: 1, batch: 5/' \
+    "$folder/known.yaml" >"$folder/large.yaml"
+fit large large
+grep -q "flat directions: not examined, since .* weights are more than 500" "$folder/out" ||
+    fail "fit: expected a word on what was not examined"
+sed -e 's/^trajectories: .*/trajectories: 4/' -e 's/^states: .*/states: 20/' "$PWD/configs/truth/driven_lower.yaml" \
+    >"$folder/driven_truth.yaml"
+"$train" truth "$folder/driven_truth.yaml" -o "$folder/driven.h5" >"$folder/out" 2>"$folder/err" || fail "truth of a driven link"
+sed -e "s|^scene: \.\./|scene: $PWD/configs/|" -e 's/iterations: [0-9]*/iterations: 1/' -e '/^data:/d' \
+    "$PWD/configs/train/driven_lower.yaml" >"$folder/driven.yaml"
+"$train" fit "$folder/driven.yaml" --data "$folder/driven.h5" -o "$folder/driven" >"$folder/out" 2>"$folder/err"
+grep -q "Errors of one step are not measured where boundary inputs act" "$folder/out" ||
+    fail "fit: expected a word on errors of one step"
+
 # --- a scene alone: propose, and a black box beside ---
 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/proposed.yaml" >"$folder/out" 2>"$folder/err" ||
     fail propose

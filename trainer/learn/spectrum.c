@@ -108,12 +108,7 @@ static double unmatched_part(int n, const double *scaled, int at) {
 // determine the temperatures.
 static void report_warmth(int n, const double *scaled, int at, double effect, FILE *out) {
     fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n", effect);
-    if (n > MOST_DECOMPOSED) {
-        fprintf(out, "flat directions: not examined, since there are more than %d weights\n",
-                MOST_DECOMPOSED);
-        return;
-    }
-    const double part = unmatched_part(n, scaled, at);
+    const double part = n <= MOST_DECOMPOSED ? unmatched_part(n, scaled, at) : 1;
     if (part < MATCHED) {
         fprintf(out,
                 "temperatures are hardly determined: other weights can make up for all but %.2g %% "
@@ -161,6 +156,11 @@ done:
     return status;
 }
 
+static void report_unexamined(int n, FILE *out) {
+    fprintf(out, "flat directions: not examined, since %d weights are more than %d\n", n,
+            MOST_DECOMPOSED);
+}
+
 static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal, FILE *out) {
     const int n = pm_objective_size(objective), all = pm_objective_samples(objective);
     const pm_system *system = pm_objective_context(objective).system;
@@ -184,7 +184,11 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
     if (warmth >= 0) {
         report_warmth(n, hessian, warmth, WARMER * gradient[warmth], out);
     }
-    status = n <= MOST_DECOMPOSED ? report_flat(n, hessian, nblock, list, out) : PM_OK;
+    if (n <= MOST_DECOMPOSED) {
+        status = report_flat(n, hessian, nblock, list, out);
+    } else {
+        report_unexamined(n, out);
+    }
     fflush(out);
 done:
     free(hessian);
@@ -196,6 +200,9 @@ done:
 pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
     const int n = pm_objective_size(objective);
     pm_gauss_newton_matrix *normal = NULL;
+    if (n > MOST_WEIGHTS) {
+        report_unexamined(n, out);
+    }
     if (n == 0 || n > MOST_WEIGHTS || pm_residuals_count(objective) > MOST_RESIDUALS) {
         return PM_OK;
     }
